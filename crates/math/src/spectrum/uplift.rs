@@ -24,8 +24,6 @@ const DARKEST: f32 = 0.5;
 const PALEST: f32 = 0.75;
 /// How much closer the ratios of the grid are towards 0 and 1, in `[0, 1]`.
 const CROWDING: f32 = 0.7;
-/// Largest absolute value of the argument of the sigmoid for a grey: `1 - S` is 1e-7 there.
-const STEEPEST_GREY: f32 = 2e3;
 
 /// The spectrum that stands for a colour: a scaled smooth reflectance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,7 +54,7 @@ impl RgbSpectrum {
         }
         let scale = largest / value;
         if r == g && g == b {
-            return Self { coefficients: [0.0, 0.0, inverse_sigmoid(value)], scale, offset: 0.0 };
+            return Self { coefficients: [0.0; 3], scale: 0.0, offset: largest };
         }
         // Near white the coefficients run away: such a colour is a mixture of white and a colour farther away.
         let smallest = r.min(g).min(b) / scale;
@@ -88,10 +86,6 @@ impl RgbSpectrum {
 #[inline]
 fn sigmoid(x: f32) -> f32 {
     0.5 + 0.5 * x / (1.0 + x * x).sqrt()
-}
-
-fn inverse_sigmoid(y: f32) -> f32 {
-    ((y - 0.5) / (y * (1.0 - y)).sqrt()).clamp(-STEEPEST_GREY, STEEPEST_GREY)
 }
 
 /// Coefficients of colours on a grid: which channel is largest, its value, the ratios of the next two channels (in the order red,

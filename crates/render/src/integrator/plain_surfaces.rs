@@ -9,9 +9,10 @@ use crate::light_sampler::Receiver;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
 use snell_intersect::{GeometryId, TrianglePoints};
 use snell_math::simd::marked_vector;
-use snell_math::{Frame, at_level};
-use snell_scene::bsdf::{Bsdf, Lobes, ManyBsdf};
-use snell_scene::material::{Bend, FrameNeeds, ShadingBsdf};
+use snell_math::{ColorMode, Frame, at_level};
+use snell_scene::Material;
+use snell_scene::bsdf::{Bsdf, Lobes, ManyBsdf, ManyPoint};
+use snell_scene::material::{Bend, FrameNeeds, Prepared, ShadingBsdf};
 use std::borrow::Cow;
 
 /// A mesh or shape that does not shine, of one BSDF that is the same everywhere.
@@ -20,7 +21,9 @@ pub struct PlainSurface<'a> {
     /// `None` for other shapes, whose points [`VertexLanes::gather_shape`] knows.
     pub mesh: Option<PlainMesh<'a>>,
     bsdf: &'a Bsdf,
-    pub many: Option<&'a ManyBsdf>,
+    material: &'a Material,
+    prepared: &'a Prepared,
+    many: Option<&'a ManyBsdf>,
     pub needs: FrameNeeds,
     is_opaque: bool,
     /// It may stand for a smooth surface.
@@ -34,13 +37,15 @@ impl<'a> PlainSurface<'a> {
         let mesh = scene.world.plain_mesh(GeometryId(geometry));
         let id = scene.only_material(geometry).filter(|&id| !scene.material(id).is_emissive())?;
         let material = scene.material(id);
-        let bsdf = scene.prepared(id).plain(material)?;
+        let prepared = scene.prepared(id);
+        let bsdf = prepared.plain(material)?;
         // (What a field has learnt is asked one by one.)
-        let many = scene.prepared(id).plain_many(material).filter(|_| context.field.is_none());
+        let many = prepared.plain_many(material).filter(|_| context.field.is_none());
         let is_opaque = bsdf.is_opaque();
         let is_lifted = is_opaque && !bsdf.is_delta() && may_be_lifted(context, material);
         let needs = FrameNeeds::of(bsdf);
-        (mesh.is_some() || !needs.has_tangent).then_some(Self { mesh, bsdf, many, needs, is_opaque, is_lifted })
+        let surface = Self { mesh, bsdf, material, prepared, many, needs, is_opaque, is_lifted };
+        (mesh.is_some() || !needs.has_tangent).then_some(surface)
     }
 
     /// As [`Receiver::transmits`].
@@ -48,12 +53,25 @@ impl<'a> PlainSurface<'a> {
         !self.is_opaque
     }
 
+    /// Its BSDF and what it is in this mode, if it is asked for many directions at once.
+    pub fn many_in(&self, mode: ColorMode) -> Option<(&'a ManyBsdf, ManyPoint)> {
+        let many = self.many?;
+        match mode {
+            ColorMode::Rgb => Some((many, many.point())),
+            ColorMode::Spectral(_) => self.prepared.plain_many_in(self.material, mode),
+        }
+    }
+
     /// What scatters in a lane that is on it.
     pub fn scatterer(&self, lanes: &VertexLanes, frames: &Frames, lane: usize) -> Scatterer<'a> {
         let (wo, frame, lift) = (at(&lanes.wo, lane), frames.at(lane), at(&lanes.lift, lane));
         let arrival = lanes.arrival(lane);
         let flat = at(&lanes.points.geometric_normal, lane);
-        let shading = ShadingBsdf::seen_from(wo, Cow::Borrowed(self.bsdf), frame, horizon(flat, frame.z, lift));
+        let bsdf = match lanes.modes[lane] {
+            ColorMode::Rgb => Cow::Borrowed(self.bsdf),
+            mode => self.prepared.plain_in(self.material, mode),
+        };
+        let shading = ShadingBsdf::seen_from(wo, bsdf, frame, horizon(flat, frame.z, lift));
         let receiver = Receiver {
             position: arrival.position,
             normal: if frame.z.dot(wo) < 0.0 { -frame.z } else { frame.z },

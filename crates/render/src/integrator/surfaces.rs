@@ -102,12 +102,7 @@ impl<'a> SurfaceVertices<'a> {
         let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct);
         let wide = scene.world.simd().wide().filter(|_| is_for)?;
         let number = [0.0; LANES];
-        // What is known ahead is known in this colour.
-        let geometries = match settings.color {
-            ColorModel::Rgb => scene.world.geometry_count() as u32,
-            ColorModel::Spectral => 0,
-        };
-        let plain = (0..geometries).map(|id| PlainSurface::of(context, id)).collect();
+        let plain = (0..scene.world.geometry_count() as u32).map(|id| PlainSurface::of(context, id)).collect();
         Some(Self {
             lanes: VertexLanes::new(sampler, Some(wide)),
             color: settings.color,
@@ -116,7 +111,7 @@ impl<'a> SurfaceVertices<'a> {
             told: 0,
             scatterers: Vec::with_capacity(LANES),
             scatterer_of: [NONE; LANES],
-            together: Together::default(),
+            together: Together::new(settings.color),
             turned: Vec::with_capacity(LANES),
             turns: false,
             bends: Bends::default(),
@@ -200,8 +195,8 @@ impl<'a> SurfaceVertices<'a> {
             if !surface.is_lifted {
                 put(&mut self.lanes.lift, lane, Vec3::ZERO);
             }
-            if let Some(many) = surface.many {
-                self.together.put(lane, many, &many.point());
+            if let Some((many, at)) = surface.many_in(self.lanes.modes[lane]) {
+                self.together.put(lane, many, &at);
                 self.transmits[lane] = many.transmits();
                 continue;
             }
@@ -297,7 +292,8 @@ impl<'a> SurfaceVertices<'a> {
         self.draw_alone(context, &light, count);
         let (frames, wi) = (&self.frames, self.lit.arrivals.directions());
         self.together.scatter(frames, wi, (&choice, &bounce), wide);
-        self.together.tell((frames, wi), &self.lanes.carried, &mut self.scattered, &mut self.bounces, wide);
+        let to = (&mut self.scattered, &mut self.bounces);
+        self.together.tell((frames, wi), &self.lanes.carried, to, wide);
         let known = Known {
             carried: &self.lanes.carried,
             skins: Skins { points: &self.lanes.points, lift: &self.lanes.lift },

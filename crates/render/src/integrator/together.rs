@@ -1,17 +1,18 @@
 //! How plain surfaces scatter light, asked for all vertices of one material together: the same bits as [`super::surfaces`] finds one by one.
 
-use super::lanes::{CarriedLanes, LANES, ZERO, at, put, put_color};
+use super::lanes::{BLACK, CarriedLanes, HitColors, LANES, ZERO, at, at_level_by_color, put, put_color};
 use super::lights::horizon;
 use super::plain_surfaces::Frames;
 use super::surfaces::{Bounces, Scattered};
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::at_level;
 use snell_math::simd::{Bits, Wide, marked, marked_vector};
+use snell_math::{ColorModel, at_level};
 use snell_scene::bsdf::{MANY, ManyAnswers, ManyBsdf, ManyPoint, ManyQuestions};
 
 /// Vertices that are worked on together. Arrays are by lane; those of other lanes hold anything.
 #[derive(Debug)]
 pub struct Together<'a> {
+    color: ColorModel,
     /// How each scatters; `None` for other lanes.
     bsdfs: [Option<&'a ManyBsdf>; LANES],
     is_any: bool,
@@ -20,8 +21,8 @@ pub struct Together<'a> {
     /// The normal of the plane that light is reflected above or refracted below, and its cosine with where the path comes from.
     horizon: HitVectors,
     side: HitLanes,
-    /// As [`ManyPoint`]; the body by channel.
-    body: HitVectors,
+    /// As [`ManyPoint`].
+    palette: [HitColors; 3],
     alpha: HitLanes,
     metalness: HitLanes,
     /// In the frames of the surfaces: where the path comes from, and where the light comes from.
@@ -33,9 +34,9 @@ pub struct Together<'a> {
 /// As [`ManyAnswers`], by lane.
 #[derive(Debug)]
 struct Found {
-    value: HitVectors,
+    value: HitColors,
     pdf: HitLanes,
-    weight: HitVectors,
+    weight: HitColors,
     drawn: HitVectors,
     drawn_pdf: HitLanes,
     is_delta: [u32; LANES],
@@ -56,24 +57,26 @@ pub struct Seen<'a> {
     pub lift: &'a HitVectors,
 }
 
-impl Default for Together<'_> {
-    fn default() -> Self {
+impl Together<'_> {
+    /// No lanes, for paths of this model of colour.
+    pub fn new(color: ColorModel) -> Self {
         let (number, mark) = ([0.0; LANES], [0; LANES]);
         Self {
+            color,
             bsdfs: [None; LANES],
             is_any: false,
             has: mark,
             horizon: ZERO,
             side: number,
-            body: ZERO,
+            palette: [BLACK; 3],
             alpha: number,
             metalness: number,
             wo: ZERO,
             wi: ZERO,
             found: Box::new(Found {
-                value: ZERO,
+                value: BLACK,
                 pdf: number,
-                weight: ZERO,
+                weight: BLACK,
                 drawn: ZERO,
                 drawn_pdf: number,
                 is_delta: mark,
@@ -93,7 +96,10 @@ impl<'a> Together<'a> {
 
     /// Takes a lane that scatters like this, and is this at its point.
     pub fn put(&mut self, lane: usize, bsdf: &'a ManyBsdf, at: &ManyPoint) {
-        put_color(&mut self.body, lane, at.body);
+        let spectra = if self.color == ColorModel::Rgb { 1 } else { at.palette.len() };
+        for (to, color) in self.palette.iter_mut().zip(at.palette).take(spectra) {
+            put_color(to, lane, color);
+        }
         (self.alpha[lane], self.metalness[lane]) = (at.alpha, at.metalness);
         (self.bsdfs[lane], self.is_any, self.has[lane]) = (Some(bsdf), true, 1);
     }
@@ -128,7 +134,8 @@ impl<'a> Together<'a> {
         for block in 0..LANES / MANY {
             let questions = ManyQuestions {
                 is_asked: &[0; MANY],
-                body: blocks(&self.body, block),
+                palette: self.palette.each_ref().map(|colors| colors.each_ref().map(|channel| many(channel, block))),
+                color: self.color,
                 alpha: many(&self.alpha, block),
                 metalness: many(&self.metalness, block),
                 wo: blocks(&self.wo, block),
@@ -147,7 +154,7 @@ impl<'a> Together<'a> {
                     }
                 }
                 bsdf.answer(&ManyQuestions { is_asked: &of, ..questions }, &mut answers, wide);
-                self.found.take(block, &of, &answers, wide);
+                self.found.take(block, &of, &answers, (self.color, wide));
             }
         }
     }
@@ -157,15 +164,15 @@ impl<'a> Together<'a> {
         &self,
         (frames, wi): (&Frames, &HitVectors),
         carried: &CarriedLanes,
-        scattered: &mut Scattered,
-        bounces: &mut Bounces,
+        (scattered, bounces): (&mut Scattered, &mut Bounces),
         wide: Option<Wide>,
     ) {
         if !self.is_any {
             return;
         }
-        at_level!(
+        at_level_by_color!(
             wide,
+            self.color,
             tell,
             (
                 from: &Together<'_> = self,
@@ -181,9 +188,16 @@ impl<'a> Together<'a> {
 
 impl Found {
     /// Takes what was answered for the lanes of a block that are marked.
-    fn take(&mut self, block: usize, of: &[u32; MANY], answers: &ManyAnswers, wide: Option<Wide>) {
-        at_level!(
+    fn take(
+        &mut self,
+        block: usize,
+        of: &[u32; MANY],
+        answers: &ManyAnswers,
+        (color, wide): (ColorModel, Option<Wide>),
+    ) {
+        at_level_by_color!(
             wide,
+            color,
             take,
             (block: usize = block, of: &[u32; MANY] = of, answers: &ManyAnswers = answers, to: &mut Found = self)
         );
@@ -229,12 +243,13 @@ fn turn(frames: &Frames, from: &HitVectors, to: &mut HitVectors) {
 }
 
 #[inline(always)]
-fn take(block: usize, of: &[u32; MANY], answers: &ManyAnswers, to: &mut Found) {
-    let vectors = [(&answers.value, &mut to.value), (&answers.weight, &mut to.weight), (&answers.drawn, &mut to.drawn)];
-    for (from, to) in vectors {
-        for (from, to) in from.iter().zip(to) {
-            take_marked(of, from, many_mut(to, block));
-        }
+fn take<const CHANNELS: usize>(block: usize, of: &[u32; MANY], answers: &ManyAnswers, to: &mut Found) {
+    for channel in 0..CHANNELS {
+        take_marked(of, &answers.value[channel], many_mut(&mut to.value[channel], block));
+        take_marked(of, &answers.weight[channel], many_mut(&mut to.weight[channel], block));
+    }
+    for axis in 0..3 {
+        take_marked(of, &answers.drawn[axis], many_mut(&mut to.drawn[axis], block));
     }
     take_marked(of, &answers.pdf, many_mut(&mut to.pdf, block));
     take_marked(of, &answers.drawn_pdf, many_mut(&mut to.drawn_pdf, block));
@@ -252,7 +267,7 @@ fn take_marked<T: Bits>(of: &[u32; MANY], from: &[T; MANY], to: &mut [T; MANY]) 
 }
 
 #[inline(always)]
-fn tell(
+fn tell<const CHANNELS: usize>(
     from: &Together,
     frames: &Frames,
     wi: &HitVectors,
@@ -276,10 +291,12 @@ fn tell(
         let agrees = (is_transmission & (sides < 0.0)) | (!is_transmission & (sides > 0.0));
         let exists = (scale > 0.0) & (scale < f32::INFINITY) & agrees;
         for axis in 0..3 {
-            let value = marked(is_seen, found.value[axis][i], 0.0);
-            scattered.value[axis][i] = marked(has, value, scattered.value[axis][i]);
             bounces.wi[axis][i] = marked(has, next[axis], bounces.wi[axis][i]);
-            bounces.weight[axis][i] = marked(has, found.weight[axis][i], bounces.weight[axis][i]);
+        }
+        for channel in 0..CHANNELS {
+            let value = marked(is_seen, found.value[channel][i], 0.0);
+            scattered.value[channel][i] = marked(has, value, scattered.value[channel][i]);
+            bounces.weight[channel][i] = marked(has, found.weight[channel][i], bounces.weight[channel][i]);
         }
         let pdf = marked(is_seen, found.pdf[i], 0.0);
         scattered.pdf[i] = marked(has, pdf, scattered.pdf[i]);

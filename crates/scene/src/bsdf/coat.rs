@@ -62,6 +62,11 @@ impl CoatLobe {
         Self { coat, albedo: DielectricReflection::new(coat.ggx.into(), ior), frame, base_albedo, diffuse_reflection }
     }
 
+    /// True if it has no colour, in the lanes in use: those where `unit` is not 0.
+    pub(super) fn is_clear(&self, unit: SampledSpectrum) -> bool {
+        self.coat.color.zip(unit, |c, unit| if unit == 0.0 { 1.0 } else { c }).0.iter().all(|&c| c >= 1.0)
+    }
+
     /// As [`Ggx::has_tangent`].
     pub(super) fn has_tangent(&self) -> bool {
         self.coat.ggx.has_tangent()

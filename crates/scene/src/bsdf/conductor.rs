@@ -6,6 +6,7 @@ pub(super) use many::ManyMetal;
 
 use super::energy::{BouncedLobe, FacetLoss};
 use super::film::ThinFilm;
+use super::many::Palette;
 use super::mirror::mirror_branch;
 use super::{Choice, Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
@@ -39,6 +40,16 @@ const DIP: f32 = EDGE * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * 
 #[inline(always)]
 fn complex(cos: f32, eta: SampledSpectrum, k: SampledSpectrum) -> SampledSpectrum {
     eta.zip(k, |eta, k| fresnel::conductor(cos, eta, k))
+}
+
+/// The mean of [`complex`] over directions weighted by the cosine.
+#[inline(always)]
+fn complex_average(eta: SampledSpectrum, k: SampledSpectrum) -> SampledSpectrum {
+    // Gauss's points for the weight `2 mu` on [0, 1].
+    const POINTS: [(f32, f32); 3] =
+        [(0.212_340_54, 0.139_653_96), (0.590_533_14, 0.458_482_21), (0.911_412_04, 0.401_863_83)];
+    let [a, b, c] = POINTS.map(|(mu, weight)| complex(mu, eta, k) * weight);
+    a + b + c
 }
 
 /// [`FacetReflectance::F82`] at this cosine.
@@ -82,12 +93,7 @@ impl FacetReflectance {
     fn average(&self) -> SampledSpectrum {
         match *self {
             Self::F82 { f0, edge } => f82_average(f0, edge),
-            Self::Complex { .. } => {
-                // Gauss's points for the weight `2 mu` on [0, 1].
-                const POINTS: [(f32, f32); 3] =
-                    [(0.212_340_54, 0.139_653_96), (0.590_533_14, 0.458_482_21), (0.911_412_04, 0.401_863_83)];
-                POINTS.iter().map(|&(mu, weight)| self.at(mu) * weight).sum()
-            }
+            Self::Complex { eta, k } => complex_average(eta, k),
         }
     }
 }
@@ -136,9 +142,17 @@ impl ConductorBsdf {
         let microfacets = microfacets.into();
         let loss = FacetLoss::new(microfacets);
         let lost = loss.average();
-        let bounced = if lost > 0.0 { bounced(facets.average(), unit, lost) } else { SampledSpectrum::ZERO };
+        let bounced = bounced(facets.average(), unit, lost);
         let (lobe, f0) = (BouncedLobe::new(microfacets.widths()), facets.at(1.0));
         Self { facets, unit, microfacets, loss, lobe, mean_loss: lost, film: None, f0, bounced }
+    }
+
+    /// Its spectra, as [`ManyMetal`] is told them.
+    pub(super) fn palette(&self) -> Palette {
+        match self.facets {
+            FacetReflectance::Complex { eta, k } => [eta, k, self.unit],
+            FacetReflectance::F82 { f0, edge } => [f0, edge, self.unit],
+        }
     }
 
     /// The same metal under a film.

@@ -9,6 +9,7 @@ mod many;
 
 use super::energy::{BouncedLobe, DielectricLoss};
 use super::film::ThinFilm;
+use super::many::Palette;
 use super::mirror::mirror_branch;
 use super::{Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
@@ -169,6 +170,11 @@ impl DielectricBsdf {
         let outside = eta == self.ior;
         let cos = if outside { cos } else { (1.0 - (1.0 - cos * cos) / (eta * eta)).max(0.0).sqrt() };
         (plain, film.reflectance(cos, SampledSpectrum::splat(fresnel::f0_from_ior(self.ior)), f))
+    }
+
+    /// Its spectra, as [`ManyGlass`] is told them.
+    pub(super) fn palette(&self) -> Palette {
+        [self.tint, self.mirror_tint(self.ior), self.unit]
     }
 
     /// Factor on what is reflected on the side with this relative index.

@@ -11,6 +11,7 @@ pub(super) use many::ManyGloss;
 
 use super::energy::DielectricReflection;
 use super::film::ThinFilm;
+use super::many::Palette;
 use super::mirror::mirror_branch;
 use super::{Choice, DiffuseBsdf, Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
@@ -122,6 +123,11 @@ impl GlossyBsdf {
     /// The albedo of its gloss, but for the tint, at another roughness.
     pub(super) fn albedo_at(&self, microfacets: Microfacets) -> DielectricReflection {
         self.albedo.again(microfacets, self.gloss.ior)
+    }
+
+    /// Its spectra, as [`ManyGloss`] is told them.
+    pub(super) fn palette(&self) -> Palette {
+        [self.body.diffuse.directional_albedo(1.0), self.gloss.tint, SampledSpectrum::ZERO]
     }
 
     fn mean_of_passed(&self) -> SampledSpectrum {

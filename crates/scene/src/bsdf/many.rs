@@ -7,23 +7,31 @@ use super::glossy::ManyGloss;
 use super::open_pbr::{ManyMixed, OnlySlab};
 use super::{Bsdf, ConductorBsdf, GlossyBsdf, Lobes};
 use snell_math::simd::Wide;
-use snell_math::{ColorMode, SampledSpectrum, Vec2, Vec3, at_level};
+use snell_math::{ColorMode, ColorModel, SampledSpectrum, Vec2, Vec3, at_level};
 
 /// How many are asked together.
 pub const MANY: usize = 16;
 
 /// A number for each.
 type Numbers = [f32; MANY];
-/// A vector for each, or a spectrum of [`snell_math::ColorMode::Rgb`].
+/// A vector for each.
 type Vectors = [Numbers; 3];
+/// A spectrum for each.
+type Spectra = [Numbers; 4];
+
+/// Spectra that a BSDF asks for: of a gloss, the reflectance of the body and the tint; of a metal, as in [`super::FacetReflectance`] and a factor on all of it (a
+/// mixture of both has the first two in common); of glass, the tint, and factors on what is reflected on the outer and the inner side.
+pub type Palette = [SampledSpectrum; 3];
 
 /// What is asked of a BSDF, in its frame.
 #[derive(Clone, Copy, Debug)]
 pub struct ManyQuestions<'a> {
     /// 0 for those of which nothing is asked: what is answered for them means nothing.
     pub is_asked: &'a [u32; MANY],
-    /// As [`ManyPoint::body`].
-    pub body: [&'a Numbers; 3],
+    /// As [`ManyPoint::palette`]: in [`snell_math::ColorMode::Rgb`] only the first three channels of the first are looked at.
+    pub palette: [[&'a Numbers; 4]; 3],
+    /// Whether spectra are colours.
+    pub color: ColorModel,
     /// As [`ManyPoint::alpha`].
     pub alpha: &'a Numbers,
     /// As [`ManyPoint::metalness`].
@@ -41,8 +49,9 @@ pub struct ManyQuestions<'a> {
 /// What may differ from point to point of a surface. A BSDF looks only at what it has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ManyPoint {
-    /// Reflectance of the body below a gloss, and at normal incidence of the metal that is mixed with it.
-    pub body: SampledSpectrum,
+    /// In [`snell_math::ColorMode::Rgb`] only the first of them, where that is the reflectance of a body below a gloss, and at normal incidence of the metal
+    /// that is mixed with it. In spectral colour all.
+    pub palette: Palette,
     /// How wide the facets of such a mixture are distributed, see [`super::Widths`].
     pub alpha: f32,
     /// Share of the metal.
@@ -52,7 +61,7 @@ pub struct ManyPoint {
 impl ManyPoint {
     /// With a body of this reflectance, where nothing else counts.
     pub fn with_body(body: SampledSpectrum) -> Self {
-        Self { body, alpha: 0.0, metalness: 0.0 }
+        Self { palette: [body, SampledSpectrum::ZERO, SampledSpectrum::ZERO], alpha: 0.0, metalness: 0.0 }
     }
 }
 
@@ -60,13 +69,13 @@ impl ManyPoint {
 #[derive(Clone, Debug, Default)]
 pub struct ManyAnswers {
     /// As [`Lobes::value_and_pdf_from`].
-    pub value: Vectors,
+    pub value: Spectra,
     /// As [`Lobes::value_and_pdf_from`].
     pub pdf: Numbers,
     /// The direction that was drawn.
     pub drawn: Vectors,
     /// As [`super::BsdfSample::weight`].
-    pub weight: Vectors,
+    pub weight: Spectra,
     /// As [`super::BsdfSample::pdf`].
     pub drawn_pdf: Numbers,
     /// As [`super::BsdfSample::is_delta`]: 0 if not.
@@ -79,7 +88,7 @@ pub struct ManyAnswers {
     pub exists: [u32; MANY],
 }
 
-/// A BSDF in [`snell_math::ColorMode::Rgb`] that can be asked so.
+/// A BSDF that can be asked so, as it is in [`snell_math::ColorMode::Rgb`]; in spectral colour by the [`Palette`] of each lane.
 #[derive(Clone, Debug)]
 pub struct ManyBsdf(Kind);
 
@@ -146,13 +155,24 @@ impl ManyBsdf {
     /// What it is where it does not differ from point to point.
     pub fn point(&self) -> ManyPoint {
         ManyPoint::with_body(match &self.0 {
-            Kind::RoughGloss(gloss) => gloss.reflectance,
-            Kind::SmoothGloss(gloss) => gloss.reflectance,
-            Kind::CoatedGloss(coated) => coated.base.reflectance,
-            Kind::LacqueredGloss(coated) => coated.base.reflectance,
+            Kind::RoughGloss(gloss) => gloss.own.body,
+            Kind::SmoothGloss(gloss) => gloss.own.body,
+            Kind::CoatedGloss(coated) => coated.base.own.body,
+            Kind::LacqueredGloss(coated) => coated.base.own.body,
             Kind::Mixed(mixed) => return mixed.point,
             _ => SampledSpectrum::ZERO,
         })
+    }
+
+    /// The spectra of this BSDF in another mode of colour; `None` if it can only be asked one by one there.
+    pub fn palette_of(bsdf: &Bsdf) -> Option<Palette> {
+        match bsdf {
+            Bsdf::Glossy(gloss) => Some(gloss.palette()),
+            Bsdf::Conductor(metal) => Some(metal.palette()),
+            Bsdf::Dielectric(glass) => Some(glass.palette()),
+            Bsdf::OpenPbr(layers) => layers.palette(),
+            _ => None,
+        }
     }
 
     /// True if there is a coat, in the frame of what lies below.
@@ -180,7 +200,10 @@ impl ManyBsdf {
     pub fn answer(&self, asked: &ManyQuestions, answers: &mut ManyAnswers, wide: Option<Wide>) {
         macro_rules! answer_by {
             ($type:ty, $bsdf:expr) => {
-                answer_by!($type, $bsdf, answer)
+                match asked.color {
+                    ColorModel::Rgb => answer_by!($type, $bsdf, answer::<3, $type>),
+                    ColorModel::Spectral => answer_by!($type, $bsdf, answer::<4, $type>),
+                }
             };
             ($type:ty, $bsdf:expr, $answer:path) => {
                 at_level!(
@@ -200,7 +223,10 @@ impl ManyBsdf {
             Kind::LacqueredGloss(bsdf) => answer_by!(ManyCoated<ManyGloss<false>, true>, bsdf),
             Kind::CoatedMetal(bsdf) => answer_by!(ManyCoated<ManyMetal<false>, false>, bsdf),
             Kind::LacqueredMetal(bsdf) => answer_by!(ManyCoated<ManyMetal<false>, true>, bsdf),
-            Kind::Mixed(bsdf) => answer_by!(ManyMixed, bsdf, ManyMixed::answer),
+            Kind::Mixed(bsdf) => match asked.color {
+                ColorModel::Rgb => answer_by!(ManyMixed, bsdf, ManyMixed::answer::<3>),
+                ColorModel::Spectral => answer_by!(ManyMixed, bsdf, ManyMixed::answer::<4>),
+            },
         }
     }
 }
@@ -209,9 +235,17 @@ impl ManyBsdf {
 pub(super) trait ManyLobes {
     /// What is known of `wo`.
     type Seen;
+    /// Spectra and what follows from them.
+    type Colors: Copy;
 
-    /// As [`Lobes::seen`], over a body of this reflectance.
-    fn seen(&self, wo: Vec3, body: SampledSpectrum) -> Self::Seen;
+    /// Those of this BSDF, over a body of this reflectance.
+    fn own_colors(&self, body: SampledSpectrum) -> Self::Colors;
+
+    /// Those of a lane.
+    fn colors_of(&self, palette: &Palette) -> Self::Colors;
+
+    /// As [`Lobes::seen`], in these colours.
+    fn seen(&self, wo: Vec3, colors: Self::Colors) -> Self::Seen;
 
     fn value_and_pdf_from(&self, seen: &Self::Seen, wi: Vec3) -> (SampledSpectrum, f32);
 
@@ -242,13 +276,17 @@ impl ManyDrawn {
 }
 
 #[inline(always)]
-fn answer(bsdf: &impl ManyLobes, asked: &ManyQuestions, answers: &mut ManyAnswers) {
+fn answer<const CHANNELS: usize, B: ManyLobes>(bsdf: &B, asked: &ManyQuestions, answers: &mut ManyAnswers) {
     for i in 0..MANY {
-        let seen = bsdf.seen(asked.wo(i), asked.body(i));
-        answers.take_value(i, bsdf.value_and_pdf_from(&seen, asked.wi(i)));
+        let colors = match CHANNELS {
+            4 => bsdf.colors_of(&asked.palette(i)),
+            _ => bsdf.own_colors(asked.body(i)),
+        };
+        let seen = bsdf.seen(asked.wo(i), colors);
+        answers.take_value::<CHANNELS>(i, bsdf.value_and_pdf_from(&seen, asked.wi(i)));
         let drawn = bsdf.draw_from(&seen, asked.u_lobe[i], asked.u(i));
         let found = bsdf.value_and_pdf_from(&seen, drawn.wi);
-        answers.take_drawn(i, &drawn, found);
+        answers.take_drawn::<CHANNELS>(i, &drawn, found);
     }
 }
 
@@ -265,7 +303,13 @@ impl ManyQuestions<'_> {
 
     #[inline(always)]
     pub(super) fn body(&self, i: usize) -> SampledSpectrum {
-        SampledSpectrum([self.body[0][i], self.body[1][i], self.body[2][i], 0.0])
+        let [r, g, b, _] = self.palette[0];
+        SampledSpectrum([r[i], g[i], b[i], 0.0])
+    }
+
+    #[inline(always)]
+    pub(super) fn palette(&self, i: usize) -> Palette {
+        self.palette.map(|channels| SampledSpectrum(channels.map(|channel| channel[i])))
     }
 
     #[inline(always)]
@@ -277,17 +321,22 @@ impl ManyQuestions<'_> {
 impl ManyAnswers {
     /// Value and density of the direction that was asked about.
     #[inline(always)]
-    pub(super) fn take_value(&mut self, i: usize, (value, pdf): (SampledSpectrum, f32)) {
-        put(&mut self.value, i, value);
+    pub(super) fn take_value<const CHANNELS: usize>(&mut self, i: usize, (value, pdf): (SampledSpectrum, f32)) {
+        put::<CHANNELS>(&mut self.value, i, value);
         self.pdf[i] = pdf;
     }
 
     /// A direction that was drawn, with value and density.
     #[inline(always)]
-    pub(super) fn take_drawn(&mut self, i: usize, drawn: &ManyDrawn, (value, pdf): (SampledSpectrum, f32)) {
+    pub(super) fn take_drawn<const CHANNELS: usize>(
+        &mut self,
+        i: usize,
+        drawn: &ManyDrawn,
+        (value, pdf): (SampledSpectrum, f32),
+    ) {
         let scattered = value / pdf;
         let pick = |delta: f32, other: f32| if drawn.is_delta { delta } else { other };
-        put(&mut self.weight, i, drawn.delta.zip(scattered, pick));
+        put::<CHANNELS>(&mut self.weight, i, drawn.delta.zip(scattered, pick));
         (self.drawn[0][i], self.drawn[1][i], self.drawn[2][i]) = (drawn.wi.x, drawn.wi.y, drawn.wi.z);
         self.drawn_pdf[i] = pick(0.0, pdf);
         self.is_delta[i] = u32::from(drawn.is_delta);
@@ -303,15 +352,17 @@ fn at(v: [&Numbers; 3], i: usize) -> Vec3 {
 }
 
 #[inline(always)]
-fn put(v: &mut Vectors, i: usize, to: SampledSpectrum) {
-    (v[0][i], v[1][i], v[2][i]) = (to.0[0], to.0[1], to.0[2]);
+fn put<const CHANNELS: usize>(v: &mut Spectra, i: usize, to: SampledSpectrum) {
+    for channel in 0..CHANNELS {
+        v[channel][i] = to.0[channel];
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bsdf::tests::bsdf;
-    use crate::material::{CoatedDiffuse, Conductor, Dielectric, MaterialKind, OpenPbr};
+    use crate::bsdf::tests::{bsdf, bsdf_in};
+    use crate::material::{CoatedDiffuse, Conductor, Dielectric, Material, MaterialKind, OpenPbr};
     use snell_math::simd::Level;
     use snell_math::{Rgb, rng, sampling};
 
@@ -339,14 +390,60 @@ mod tests {
                 let asked = Asked::new([number as u32, round], &points);
                 for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
                     let mut answers = ManyAnswers::default();
-                    many.answer(&asked.questions(), &mut answers, level.wide());
+                    many.answer(&asked.questions(ColorModel::Rgb), &mut answers, level.wide());
                     for i in 0..MANY {
-                        check(&bsdf, &asked.questions(), &answers, i, &format!("{kind:?} {level} {round} {i}"));
+                        check(
+                            &bsdf,
+                            &asked.questions(ColorModel::Rgb),
+                            &answers,
+                            i,
+                            &format!("{kind:?} {level} {round} {i}"),
+                        );
                     }
                 }
             }
         }
         assert!(asked_of >= 21, "{asked_of}");
+    }
+
+    #[test]
+    fn many_of_different_wavelengths_get_the_bits_of_one_by_one() {
+        let coated = [0.0, 0.3].map(|rough| CoatedDiffuse::new(Rgb::new(0.8, 0.3, 0.0), rough).into());
+        let metals = [0.05, 0.4].map(|rough| Conductor::copper(rough).into());
+        let surface = |metal: f32, rough: f32, coat: f32| -> MaterialKind {
+            let (base, tint) = (Rgb::new(0.9, 0.2, 0.0).into(), Rgb::new(0.9, 0.7, 0.5).into());
+            let surface = OpenPbr { base_color: base, specular_color: tint, ..OpenPbr::default() };
+            let surface = OpenPbr { base_metalness: metal.into(), specular_roughness: rough.into(), ..surface };
+            OpenPbr { coat_weight: coat.into(), specular_weight: 0.6.into(), ..surface }.into()
+        };
+        let layers = [(0.0, 0.4, 0.0), (0.0, 0.0, 0.7), (1.0, 0.4, 0.7), (0.3, 0.4, 0.0), (1.0, 0.5, 0.0)];
+        let layers = layers.map(|(metal, rough, coat)| surface(metal, rough, coat));
+        let kinds: [&[MaterialKind]; 4] = [&coated, &metals, &layers, &MaterialKind::examples()];
+        let mut asked_of = 0;
+        for (number, kind) in kinds.into_iter().flatten().enumerate() {
+            let Some(many) = ManyBsdf::of(&bsdf(kind)) else { continue };
+            let modes: [_; MANY] =
+                std::array::from_fn(|i| ColorModel::Spectral.mode(|| rng::uniform2([number as u32, i as u32, 1, 9]).x));
+            let bsdfs = modes.map(|mode| bsdf_in(mode, kind));
+            if Material::new("", kind.clone()).is_dispersive() {
+                continue;
+            }
+            let Some(palettes) = bsdfs.iter().map(ManyBsdf::palette_of).collect::<Option<Vec<_>>>() else { continue };
+            asked_of += 1;
+            let points: [_; MANY] = std::array::from_fn(|i| ManyPoint { palette: palettes[i], ..many.point() });
+            for round in 0..100 {
+                let asked = Asked::new([number as u32, round], &points);
+                for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+                    let mut answers = ManyAnswers::default();
+                    many.answer(&asked.questions(ColorModel::Spectral), &mut answers, level.wide());
+                    for (i, bsdf) in bsdfs.iter().enumerate() {
+                        let what = format!("{kind:?} {level} {round} {i}");
+                        check(bsdf, &asked.questions(ColorModel::Spectral), &answers, i, &what);
+                    }
+                }
+            }
+        }
+        assert!(asked_of >= 20, "{asked_of}");
     }
 
     #[test]
@@ -365,17 +462,23 @@ mod tests {
                 (metal, rough, Rgb::new(b.x, b.y, if i == 7 { 0.0 } else { b.x * b.y }))
             });
             let points = kinds.map(|(metalness, rough, color)| ManyPoint {
-                body: ColorMode::Rgb.reflectance(color),
                 alpha: rough * rough,
                 metalness,
+                ..ManyPoint::with_body(ColorMode::Rgb.reflectance(color))
             });
             let asked = Asked::new([100, round], &points);
             for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
                 let mut answers = ManyAnswers::default();
-                many.answer(&asked.questions(), &mut answers, level.wide());
+                many.answer(&asked.questions(ColorModel::Rgb), &mut answers, level.wide());
                 for (i, &(metal, rough, color)) in kinds.iter().enumerate() {
                     let kind = mixture(metal, rough, color);
-                    check(&bsdf(&kind), &asked.questions(), &answers, i, &format!("{kind:?} {level} {round} {i}"));
+                    check(
+                        &bsdf(&kind),
+                        &asked.questions(ColorModel::Rgb),
+                        &answers,
+                        i,
+                        &format!("{kind:?} {level} {round} {i}"),
+                    );
                 }
             }
         }
@@ -383,7 +486,7 @@ mod tests {
 
     /// Questions of each kind.
     struct Asked {
-        body: Vectors,
+        palette: [Spectra; 3],
         alpha: Numbers,
         metalness: Numbers,
         wo: Vectors,
@@ -414,7 +517,7 @@ mod tests {
                 (u_lobe[i], u[0][i], u[1][i]) = (number(3).x, number(4).x, number(4).y);
             }
             Self {
-                body: [0, 1, 2].map(|channel| points.map(|point| point.body[channel])),
+                palette: [0, 1, 2].map(|i| [0, 1, 2, 3].map(|channel| points.map(|point| point.palette[i][channel]))),
                 alpha: points.map(|point| point.alpha),
                 metalness: points.map(|point| point.metalness),
                 wo: wos,
@@ -424,10 +527,11 @@ mod tests {
             }
         }
 
-        fn questions(&self) -> ManyQuestions<'_> {
+        fn questions(&self, color: ColorModel) -> ManyQuestions<'_> {
             ManyQuestions {
                 is_asked: &[1; MANY],
-                body: self.body.each_ref(),
+                palette: self.palette.each_ref().map(|channels| channels.each_ref()),
+                color,
                 alpha: &self.alpha,
                 metalness: &self.metalness,
                 wo: self.wo.each_ref(),
@@ -439,16 +543,16 @@ mod tests {
     }
 
     fn check(bsdf: &Bsdf, asked: &ManyQuestions, answers: &ManyAnswers, i: usize, what: &str) {
-        let bits = |v: [f32; 3], x: f32| [v[0], v[1], v[2], x].map(|x| (x + 0.0).to_bits());
+        let lanes = if asked.color == ColorModel::Rgb { 3 } else { 4 };
+        let bits = |v: [f32; 4], x: f32| (v.map(|x| (x + 0.0).to_bits()), x.to_bits());
+        let spectrum = |v: &Spectra| std::array::from_fn(|k| if k < lanes { v[k][i] } else { 0.0 });
         let seen = bsdf.seen(at(asked.wo, i));
         let (value, pdf) = bsdf.value_and_pdf_from(&seen, at(asked.wi, i));
-        let answer = bits(at(answers.value.each_ref(), i).to_array(), answers.pdf[i]);
-        assert_eq!(answer, bits([value[0], value[1], value[2]], pdf), "{what}");
+        assert_eq!(bits(spectrum(&answers.value), answers.pdf[i]), bits(value.0, pdf), "{what}");
         let sample = bsdf.sample_from(&seen, asked.u_lobe[i], Vec2::new(asked.u[0][i], asked.u[1][i]));
         assert_eq!(answers.exists[i] != 0, sample.is_some(), "{what}");
         let Some(sample) = sample else { return };
-        let answer = bits(at(answers.weight.each_ref(), i).to_array(), answers.drawn_pdf[i]);
-        assert_eq!(answer, bits([sample.weight[0], sample.weight[1], sample.weight[2]], sample.pdf), "{what}");
+        assert_eq!(bits(spectrum(&answers.weight), answers.drawn_pdf[i]), bits(sample.weight.0, sample.pdf), "{what}");
         assert_eq!(at(answers.drawn.each_ref(), i), sample.wi, "{what}");
         let is = [answers.is_delta[i] != 0, answers.is_transmission[i] != 0];
         assert_eq!(is, [sample.is_delta, sample.is_transmission], "{what}");

@@ -36,7 +36,7 @@ pub use film::ThinFilm;
 pub use ggx::Ggx;
 pub use glossy::{Body, Gloss, GlossyBsdf, GlossySeen};
 pub use hair::{HairBsdf, HairFiber, HairSeen};
-pub use many::{MANY, ManyAnswers, ManyBsdf, ManyPoint, ManyQuestions};
+pub use many::{MANY, ManyAnswers, ManyBsdf, ManyPoint, ManyQuestions, Palette};
 pub use microfacets::{MicrofacetShape, Microfacets};
 pub use mirror::MirrorBsdf;
 pub use open_pbr::{Fuzz, OpenPbrBsdf, OpenPbrSeen, Slabs, Translucent, TranslucentSeen};

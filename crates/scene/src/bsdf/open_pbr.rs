@@ -10,6 +10,7 @@ pub(super) use many::ManyMixed;
 
 use super::coat::{Coat, CoatLobe, CoatSeen};
 use super::fuzz::FuzzLobe;
+use super::many::Palette;
 use super::{
     BsdfSample, Choice, ConductorBsdf, ConductorSeen, DielectricBsdf, DielectricSeen, Drawn, GlossyBsdf, GlossySeen,
     Lobes, SheetBsdf, SheetSeen, SpecularBranch, bsdfs, lift, lower_like,
@@ -137,6 +138,14 @@ impl OpenPbrBsdf {
             _ => return None,
         };
         Some((slab, self.coat.as_ref()))
+    }
+
+    /// The spectra of its metal or opaque slab, or of both, under a clear coat or none.
+    pub(super) fn palette(&self) -> Option<Palette> {
+        let is_clear = self.coat.as_ref().is_none_or(|coat| coat.is_clear(self.unit));
+        let of_metal = self.slabs.metal.as_ref().map(|(_, metal)| metal.palette());
+        let of_opaque = self.slabs.opaque.as_ref().map(|(_, opaque)| opaque.palette());
+        of_metal.or(of_opaque).filter(|_| is_clear)
     }
 
     /// Metal and opaque dielectric where these are all there is, in [`snell_math::ColorMode::Rgb`].

@@ -12,14 +12,12 @@ fn surface() -> SurfaceInteraction {
 }
 
 pub(super) fn bsdf(kind: &MaterialKind) -> Bsdf {
+    bsdf_in(ColorMode::Rgb, kind)
+}
+
+pub(super) fn bsdf_in(mode: ColorMode, kind: &MaterialKind) -> Bsdf {
     let textures = TextureSet::default();
-    kind.bsdf(&ShadingPoint {
-        surface: &surface(),
-        footprint: 0.0,
-        textures: &textures,
-        mode: ColorMode::Rgb,
-        outside_ior: 1.0,
-    })
+    kind.bsdf(&ShadingPoint { surface: &surface(), footprint: 0.0, textures: &textures, mode, outside_ior: 1.0 })
 }
 
 /// Directions to look from: both sides, straight and grazing.

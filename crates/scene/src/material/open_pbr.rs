@@ -4,7 +4,8 @@ use super::prepared::anywhere;
 use super::{ColorParam, FrameNeeds, Material, NormalMap, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{
     Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf, FacetReflectance, Fuzz, Ggx, Gloss, GlossyBsdf,
-    ManyBsdf, ManyPoint, OpenPbrBsdf, RoughLosses, SheetBsdf, Slabs, ThinFilm, Translucent, Widths, bounded, fresnel,
+    ManyBsdf, ManyPoint, OpenPbrBsdf, Palette, RoughLosses, SheetBsdf, Slabs, ThinFilm, Translucent, Widths, bounded,
+    fresnel,
 };
 use crate::graph::TextureId;
 use crate::medium::{HenyeyGreenstein, MediumProperties};
@@ -406,9 +407,17 @@ impl OpenPbr {
     pub(super) fn mixed_at(&self, point: &ShadingPoint) -> Option<(ManyPoint, FrameNeeds)> {
         let [metalness, roughness] = self.metalness_and_roughness(point);
         let widths = Widths::from_roughness(roughness);
-        let at = ManyPoint { body: self.base(point), alpha: widths.alpha(), metalness };
+        let at = ManyPoint { alpha: widths.alpha(), metalness, ..ManyPoint::with_body(self.base(point)) };
         let needs = FrameNeeds { mirrors: metalness == 1.0, has_tangent: false };
         (!widths.is_smooth()).then_some((at, needs))
+    }
+
+    /// The spectra of its metal or opaque base at a point; `None` if they are not all that counts, for what lies above has some too.
+    pub(super) fn palette(&self, point: &ShadingPoint) -> Option<Palette> {
+        let has_coat = bounded(self.coat_weight.at(point), 1.0) > 0.0;
+        let is_clear = !has_coat || point.reflectance(self.coat_color.at(point)).0.iter().all(|&c| c >= 1.0);
+        let unit = point.mode.unit() * bounded(self.specular_weight.at(point), 1e3).min(1.0);
+        is_clear.then(|| [self.base(point), point.reflectance(self.specular_color.at(point)), unit])
     }
 
     fn body(&self, point: &ShadingPoint, base: SampledSpectrum, subsurface: f32) -> Body {

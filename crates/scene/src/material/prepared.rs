@@ -77,18 +77,28 @@ impl Prepared {
     /// frame.
     pub fn many_at(&self, material: &Material, point: &ShadingPoint) -> Option<(&ManyBsdf, ManyPoint, FrameNeeds)> {
         let follows = |many: &&ManyBsdf| !many.has_coat() || material.coat_map(point).is_none();
-        let many = self.many.as_ref().filter(|_| point.is_plain()).filter(follows)?;
-        match (&self.surface, self.differs) {
-            (Some(surface), Differs::All) => {
-                let (at, needs) = surface.mixed_at(point)?;
-                Some((many, at, needs))
-            }
-            (Some(surface), Differs::Body) => {
-                let at = ManyPoint { body: surface.base(point), ..many.point() };
-                Some((many, at, FrameNeeds::of(&self.bsdf)))
-            }
-            _ => Some((many, many.point(), FrameNeeds::of(&self.bsdf))),
+        let many = self.many.as_ref().filter(|_| point.is_in_air()).filter(follows)?;
+        let (mut at, needs) = match (&self.surface, self.differs) {
+            (Some(surface), Differs::All) => surface.mixed_at(point)?,
+            _ => (many.point(), FrameNeeds::of(&self.bsdf)),
+        };
+        match (&self.surface, point.mode) {
+            (Some(surface), ColorMode::Rgb) if self.differs == Differs::Body => at.palette[0] = surface.base(point),
+            (_, ColorMode::Rgb) => {}
+            (Some(surface), ColorMode::Spectral(_)) => at.palette = surface.palette(point)?,
+            (None, ColorMode::Spectral(_)) => at.palette = ManyBsdf::palette_of(&self.bsdf(material, point))?,
         }
+        Some((many, at, needs))
+    }
+
+    /// [`Self::many_at`] any plain point, in any mode, of a material that has [`Self::plain_many`].
+    pub fn plain_many_in(&self, material: &Material, mode: ColorMode) -> Option<(&ManyBsdf, ManyPoint)> {
+        at_plain_point(mode, |point| self.many_at(material, point).map(|(many, at, _)| (many, at)))
+    }
+
+    /// The BSDF at any plain point, in any mode, of a material that has [`Self::plain`].
+    pub fn plain_in(&self, material: &Material, mode: ColorMode) -> Cow<'_, Bsdf> {
+        at_plain_point(mode, |point| self.bsdf(material, point))
     }
 
     /// The BSDF of the material at a point.
@@ -106,16 +116,24 @@ impl Prepared {
 
 /// The BSDF at a point like any other without textures, and true if it would have looked some up.
 pub(super) fn anywhere(kind: &MaterialKind) -> (Bsdf, bool) {
-    let surface = SurfaceInteraction::plain(Vec3::ZERO, Vec3::Z);
-    let (mode, textures) = (ColorMode::Rgb, &TextureSet::default());
-    let bsdf = kind.bsdf(&ShadingPoint { surface: &surface, footprint: 0.0, textures, mode, outside_ior: 1.0 });
+    let bsdf = at_plain_point(ColorMode::Rgb, |point| kind.bsdf(point));
     (bsdf, !Material::new("", kind.clone()).textures().is_empty())
+}
+
+fn at_plain_point<T>(mode: ColorMode, ask: impl FnOnce(&ShadingPoint) -> T) -> T {
+    let (surface, textures) = (SurfaceInteraction::plain(Vec3::ZERO, Vec3::Z), TextureSet::default());
+    ask(&ShadingPoint { surface: &surface, footprint: 0.0, textures: &textures, mode, outside_ior: 1.0 })
 }
 
 impl ShadingPoint<'_> {
     /// True in [`ColorMode::Rgb`], in air, and without a vertex colour.
     pub fn is_plain(&self) -> bool {
+        matches!(self.mode, ColorMode::Rgb) && self.is_in_air()
+    }
+
+    /// True in air and without a vertex colour.
+    fn is_in_air(&self) -> bool {
         let [r, g, b, _] = self.surface.color;
-        matches!(self.mode, ColorMode::Rgb) && self.outside_ior == 1.0 && [r, g, b] == [1.0; 3]
+        self.outside_ior == 1.0 && [r, g, b] == [1.0; 3]
     }
 }

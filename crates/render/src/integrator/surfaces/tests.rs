@@ -2,7 +2,7 @@ use super::super::twins::{assert_alike_at_every_level, every_second_node};
 use crate::compile::Moving;
 use crate::sampler::SamplerKind;
 use crate::{Guiding, IntegratorKind, LightStrategy, Settings};
-use snell_math::ColorModel;
+use snell_math::{ColorModel, Rgb};
 use snell_scene::Texture;
 use snell_scene::builtin::builtin;
 use snell_scene::material::{AlphaMode, MaterialKind, NormalMap, OpenPbr};
@@ -67,6 +67,36 @@ fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
                     assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn every_material_gives_the_same_bits_by_its_spectra() {
+    let mut kinds = MaterialKind::examples();
+    let (base, tint) = (Rgb::new(0.9, 0.2, 0.1), Rgb::new(0.9, 0.7, 0.5));
+    for (metal, rough, coat, color) in [
+        (0.0, 0.0, 0.0, Rgb::WHITE),
+        (0.0, 0.4, 0.7, Rgb::WHITE),
+        (1.0, 0.4, 0.7, Rgb::WHITE),
+        (1.0, 0.3, 0.7, tint),
+        (0.3, 0.5, 0.0, Rgb::WHITE),
+        (1.0, 0.5, 0.0, Rgb::WHITE),
+    ] {
+        let slab =
+            OpenPbr { base_metalness: f32::into(metal), specular_roughness: f32::into(rough), ..Default::default() };
+        let slab =
+            OpenPbr { base_color: base.into(), specular_color: tint.into(), specular_weight: 0.6.into(), ..slab };
+        kinds.push(OpenPbr { coat_weight: f32::into(coat), coat_color: color.into(), ..slab }.into());
+    }
+    for name in ["spheres", "teapot"] {
+        let scene = builtin(name).expect("the scene is built in");
+        for kind in &kinds {
+            let mut scene = scene.clone();
+            scene.materials.iter_mut().filter(|m| !m.is_emissive()).for_each(|m| m.kind = kind.clone());
+            let how = Settings { max_depth: 4, color: ColorModel::Spectral, ..Settings::default() };
+            let settings = Settings { size: [24, 16], spp: 2, ..how };
+            assert_alike_at_every_level(&scene, &Moving::default(), &settings);
         }
     }
 }

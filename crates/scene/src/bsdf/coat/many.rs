@@ -1,7 +1,7 @@
 //! A clear coat over one slab, for many directions at once.
 
 use super::super::energy::{DielectricReflectionBy, Line};
-use super::super::many::{ManyDrawn, ManyLobes};
+use super::super::many::{ManyDrawn, ManyLobes, Palette};
 use super::super::{Choice, Ggx, fresnel, lift, lower_like};
 use super::CoatLobe;
 use snell_math::simd::choose;
@@ -11,21 +11,30 @@ use snell_math::{SampledSpectrum, Vec2, Vec3};
 #[derive(Clone, Debug)]
 pub struct ManyCoated<B, const SMOOTH: bool> {
     pub base: B,
-    /// 1 in every lane in use, 0 elsewhere.
-    unit: SampledSpectrum,
     weight: f32,
     ggx: Ggx,
     ior: f32,
     darkening: f32,
     base_roughness: f32,
     albedo: DielectricReflectionBy<Line>,
-    base_albedo: SampledSpectrum,
     diffuse_reflection: f32,
+    /// Where they are the same everywhere, and without the base.
+    own: Colors<()>,
+}
+
+/// Spectra of a lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Colors<C> {
+    base: C,
+    /// 1 in every lane in use, 0 elsewhere.
+    unit: SampledSpectrum,
+    base_albedo: SampledSpectrum,
 }
 
 /// As [`super::super::OpenPbrSeen`].
 pub struct Seen<S> {
     wo: Vec3,
+    unit: SampledSpectrum,
     base: S,
     /// As in [`super::CoatSeen`].
     reflected: f32,
@@ -37,19 +46,17 @@ impl<B, const SMOOTH: bool> ManyCoated<B, SMOOTH> {
     /// `None` if it is no such coat.
     pub fn of(lobe: &CoatLobe, unit: SampledSpectrum, base: B) -> Option<Self> {
         let CoatLobe { coat, albedo, frame, base_albedo, diffuse_reflection } = lobe;
-        let is_clear = coat.color.zip(unit, |c, unit| if unit == 0.0 { 1.0 } else { c }).0.iter().all(|&c| c >= 1.0);
         let has_frame = [frame.x, frame.y, frame.z] == [Vec3::X, Vec3::Y, Vec3::Z];
-        (is_clear && has_frame && coat.ggx.is_smooth() == SMOOTH).then(|| Self {
+        (lobe.is_clear(unit) && has_frame && coat.ggx.is_smooth() == SMOOTH).then(|| Self {
             base,
-            unit,
             weight: coat.weight,
             ggx: coat.ggx,
             ior: coat.ior,
             darkening: coat.darkening,
             base_roughness: coat.base_roughness,
             albedo: albedo.line(),
-            base_albedo: *base_albedo,
             diffuse_reflection: *diffuse_reflection,
+            own: Colors { base: (), unit, base_albedo: *base_albedo },
         })
     }
 
@@ -62,26 +69,42 @@ impl<B, const SMOOTH: bool> ManyCoated<B, SMOOTH> {
 
 impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
     type Seen = Seen<B::Seen>;
+    type Colors = Colors<B::Colors>;
 
     #[inline(always)]
-    fn seen(&self, wo: Vec3, body: SampledSpectrum) -> Seen<B::Seen> {
+    fn own_colors(&self, body: SampledSpectrum) -> Self::Colors {
+        let Colors { base: (), unit, base_albedo } = self.own;
+        Colors { base: self.base.own_colors(body), unit, base_albedo }
+    }
+
+    #[inline(always)]
+    fn colors_of(&self, palette: &Palette) -> Self::Colors {
+        let base = self.base.colors_of(palette);
+        // As the layers are put together: what the base reflects straight up.
+        let base_albedo = self.base.albedo_from(&self.base.seen(Vec3::Z, base));
+        Colors { base, unit: SampledSpectrum::ONE, base_albedo }
+    }
+
+    #[inline(always)]
+    fn seen(&self, wo: Vec3, colors: Self::Colors) -> Seen<B::Seen> {
         let up = lift(wo);
         let smooth = fresnel::dielectric(up.z, self.ior);
         let k = smooth + (self.diffuse_reflection - smooth) * self.base_roughness;
-        let darkened = self.base_albedo.map(|e| (1.0 - k) / (1.0 - e.min(1.0) * k).max(1e-4));
+        let Colors { base, unit, base_albedo } = colors;
+        let darkened = base_albedo.map(|e| (1.0 - k) / (1.0 - e.min(1.0) * k).max(1e-4));
         let darkened = SampledSpectrum::ONE.lerp(darkened, self.weight * self.darkening);
         let reflected = if SMOOTH { smooth } else { self.albedo.towards(up) };
-        let base = self.base.seen(wo, body);
-        let below = self.base.albedo_from(&base) * self.unit * self.passed(reflected, darkened);
-        let choice = Choice::new([below, self.unit * (reflected * self.weight)]);
-        Seen { wo, base, reflected, darkened, choice }
+        let base = self.base.seen(wo, base);
+        let below = self.base.albedo_from(&base) * unit * self.passed(reflected, darkened);
+        let choice = Choice::new([below, unit * (reflected * self.weight)]);
+        Seen { wo, unit, base, reflected, darkened, choice }
     }
 
     #[inline(always)]
     fn value_and_pdf_from(&self, seen: &Seen<B::Seen>, wi: Vec3) -> (SampledSpectrum, f32) {
         let [below, coat] = seen.choice.probabilities;
         let (value, density) = self.base.value_and_pdf_from(&seen.base, wi);
-        let value = value * self.unit * self.passed(seen.reflected, seen.darkened);
+        let value = value * seen.unit * self.passed(seen.reflected, seen.darkened);
         let pdf = if below > 0.0 { below * density } else { 0.0 };
         if SMOOTH {
             return (value, pdf);
@@ -92,7 +115,7 @@ impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
         let exists = exists & is_seen;
         let reflection = if exists { fresnel::dielectric(o.dot(m), self.ior) * reflection } else { 0.0 };
         let density = if exists { density } else { 0.0 };
-        (value + self.unit * (reflection * self.weight), pdf + coat * density)
+        (value + seen.unit * (reflection * self.weight), pdf + coat * density)
     }
 
     #[inline(always)]
@@ -104,7 +127,7 @@ impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
         let exists = exists & (wo.z != 0.0);
         if SMOOTH {
             let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
-            let delta = self.unit * (fresnel::dielectric(wo.z.abs(), self.ior) * self.weight) / coat;
+            let delta = seen.unit * (fresnel::dielectric(wo.z.abs(), self.ior) * self.weight) / coat;
             let wi = choose(is_below, base.wi, mirror);
             return ManyDrawn::reflected(wi, exists & (base.exists | !is_below), Some((!is_below, delta)));
         }
@@ -116,7 +139,7 @@ impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
 
     #[inline(always)]
     fn albedo_from(&self, seen: &Seen<B::Seen>) -> SampledSpectrum {
-        let below = self.base.albedo_from(&seen.base) * self.unit;
-        below * self.passed(seen.reflected, seen.darkened) + self.unit * (seen.reflected * self.weight)
+        let below = self.base.albedo_from(&seen.base) * seen.unit;
+        below * self.passed(seen.reflected, seen.darkened) + seen.unit * (seen.reflected * self.weight)
     }
 }

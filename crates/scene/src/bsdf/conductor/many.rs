@@ -1,9 +1,9 @@
 //! Rough metals, for many directions at once.
 
 use super::super::energy::{BouncedLobe, FacetLossBy, Line, Nodes};
-use super::super::many::{ManyDrawn, ManyLobes};
+use super::super::many::{ManyDrawn, ManyLobes, Palette};
 use super::super::{Choice, Ggx, Widths, lift, lower_like};
-use super::{ConductorBsdf, FacetReflectance, bounced, complex, f82, f82_average};
+use super::{ConductorBsdf, FacetReflectance, bounced, complex, complex_average, f82, f82_average};
 use snell_math::simd::choose;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
@@ -11,19 +11,37 @@ use std::f32::consts::FRAC_1_PI;
 /// A metal of [`Ggx`] without a film: by its complex index of refraction, or by colours.
 #[derive(Clone, Debug)]
 pub struct ManyMetal<const COMPLEX: bool, N = Line> {
-    /// As in [`FacetReflectance`].
-    facets: [SampledSpectrum; 2],
-    unit: SampledSpectrum,
     ggx: Ggx,
     loss: FacetLossBy<N>,
     lobe: BouncedLobe,
     mean_loss: f32,
+    /// Where they are the same everywhere.
+    own: Colors,
+}
+
+/// Spectra of a lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Colors {
+    /// As in [`FacetReflectance`].
+    facets: [SampledSpectrum; 2],
+    /// As in [`ConductorBsdf`].
+    unit: SampledSpectrum,
     bounced: SampledSpectrum,
+}
+
+impl Colors {
+    #[inline(always)]
+    fn new<const COMPLEX: bool>(facets: [SampledSpectrum; 2], unit: SampledSpectrum, mean_loss: f32) -> Self {
+        let [a, b] = facets;
+        let average = if COMPLEX { complex_average(a, b) } else { f82_average(a, b) };
+        Self { facets, unit, bounced: bounced(average, unit, mean_loss) }
+    }
 }
 
 /// As [`super::ConductorSeen`].
 pub struct Seen {
     wo: Vec3,
+    colors: Colors,
     lost: f32,
     albedos: [SampledSpectrum; 2],
     choice: Choice<2>,
@@ -32,30 +50,23 @@ pub struct Seen {
 impl<const COMPLEX: bool> ManyMetal<COMPLEX> {
     /// `None` if it is no such metal.
     pub fn of(bsdf: &ConductorBsdf) -> Option<Self> {
-        let &ConductorBsdf { facets, unit, microfacets, ref loss, lobe, mean_loss, film, bounced, .. } = bsdf;
+        let &ConductorBsdf { facets, unit, microfacets, ref loss, lobe, mean_loss, film, .. } = bsdf;
         let ggx = microfacets.ggx()?;
         let (facets, is_complex) = match facets {
             FacetReflectance::Complex { eta, k } => ([eta, k], true),
             FacetReflectance::F82 { f0, edge } => ([f0, edge], false),
         };
         let is_such = is_complex == COMPLEX && film.is_none() && !ggx.is_smooth();
-        is_such.then(|| Self { facets, unit, ggx, loss: loss.line(), lobe, mean_loss, bounced })
+        let own = Colors::new::<COMPLEX>(facets, unit, mean_loss);
+        is_such.then(|| Self { ggx, loss: loss.line(), lobe, mean_loss, own })
     }
 }
 
 impl ManyMetal<false> {
-    /// The same law of reflection with another reflectance at normal incidence, of another roughness: with what is known of that.
+    /// The same of another roughness: with what is known of that. What it is in its own colours is to be worked out.
     #[inline(always)]
-    pub fn with<N>(
-        &self,
-        f0: SampledSpectrum,
-        loss: FacetLossBy<N>,
-        lobe: BouncedLobe,
-        mean_loss: f32,
-    ) -> ManyMetal<false, N> {
-        let (unit, edge) = (self.unit, self.facets[1]);
-        let bounced = bounced(f82_average(f0, edge), unit, mean_loss);
-        ManyMetal { facets: [f0, edge], unit, ggx: loss.widths.into(), loss, lobe, mean_loss, bounced }
+    pub fn with<N>(&self, loss: FacetLossBy<N>, lobe: BouncedLobe, mean_loss: f32) -> ManyMetal<false, N> {
+        ManyMetal { ggx: loss.widths.into(), loss, lobe, mean_loss, own: self.own }
     }
 
     /// How wide its facets are distributed.
@@ -65,22 +76,39 @@ impl ManyMetal<false> {
 }
 
 impl<const COMPLEX: bool, N> ManyMetal<COMPLEX, N> {
+    /// Its own spectra, with this reflectance at normal incidence.
     #[inline(always)]
-    fn reflectance(&self, cos: f32) -> SampledSpectrum {
-        let [a, b] = self.facets;
-        self.unit * if COMPLEX { complex(cos, a, b) } else { f82(cos, a, b) }
+    pub fn palette(&self, f0: SampledSpectrum) -> Palette {
+        [f0, self.own.facets[1], self.own.unit]
+    }
+
+    #[inline(always)]
+    fn reflectance(colors: &Colors, cos: f32) -> SampledSpectrum {
+        let [a, b] = colors.facets;
+        colors.unit * if COMPLEX { complex(cos, a, b) } else { f82(cos, a, b) }
     }
 }
 
 impl<const COMPLEX: bool, N: Nodes> ManyLobes for ManyMetal<COMPLEX, N> {
     type Seen = Seen;
+    type Colors = Colors;
 
     #[inline(always)]
-    fn seen(&self, wo: Vec3, _body: SampledSpectrum) -> Seen {
+    fn own_colors(&self, _body: SampledSpectrum) -> Colors {
+        self.own
+    }
+
+    #[inline(always)]
+    fn colors_of(&self, &[a, b, unit]: &Palette) -> Colors {
+        Colors::new::<COMPLEX>([a, b], unit, self.mean_loss)
+    }
+
+    #[inline(always)]
+    fn seen(&self, wo: Vec3, colors: Colors) -> Seen {
         let up = lift(wo);
-        let (reflectance, lost) = (self.reflectance(up.z), self.loss.towards(up));
-        let albedos = [reflectance * (1.0 - lost), self.bounced * self.mean_loss * lost];
-        Seen { wo, lost, albedos, choice: Choice::new(albedos) }
+        let (reflectance, lost) = (Self::reflectance(&colors, up.z), self.loss.towards(up));
+        let albedos = [reflectance * (1.0 - lost), colors.bounced * self.mean_loss * lost];
+        Seen { wo, colors, lost, albedos, choice: Choice::new(albedos) }
     }
 
     #[inline(always)]
@@ -89,8 +117,8 @@ impl<const COMPLEX: bool, N: Nodes> ManyLobes for ManyMetal<COMPLEX, N> {
         let (wo, wi) = (lift(seen.wo), lift(wi));
         let [facets, diffuse] = seen.choice.probabilities;
         let (m, value, pdf, exists) = self.ggx.reflected(wo, wi);
-        let once = (self.reflectance(wo.dot(m)) * value).map(|x| if exists { x } else { 0.0 });
-        let value = once + self.bounced * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
+        let once = (Self::reflectance(&seen.colors, wo.dot(m)) * value).map(|x| if exists { x } else { 0.0 });
+        let value = once + seen.colors.bounced * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
         let pdf = facets * if exists { pdf } else { 0.0 } + diffuse * self.lobe.pdf(wi.z);
         (value.map(|x| if is_seen { x } else { 0.0 }), if is_seen { pdf } else { 0.0 })
     }

@@ -1,7 +1,7 @@
 //! Rough glass, for many directions at once.
 
 use super::super::energy::{BouncedLobe, DielectricLossLines};
-use super::super::many::{ManyDrawn, ManyLobes};
+use super::super::many::{ManyDrawn, ManyLobes, Palette};
 use super::super::{Ggx, fresnel, lift, lower_like};
 use super::{DielectricBsdf, Split};
 use snell_math::simd::choose;
@@ -16,16 +16,33 @@ pub struct ManyGlass {
     /// Of all that follows, as seen from the outer side and from the inner one.
     losses: DielectricLossLines,
     eta: [f32; 2],
+    average: [f32; 2],
+    transmitted: [f32; 2],
+    /// Where they are the same everywhere.
+    own: Colors,
+}
+
+/// Spectra of a lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Colors {
     tint: SampledSpectrum,
     mirror_tint: [SampledSpectrum; 2],
     crossing: [SampledSpectrum; 2],
-    average: [f32; 2],
-    transmitted: [f32; 2],
+}
+
+impl Colors {
+    #[inline(always)]
+    fn new(&[tint, outer, inner]: &Palette, eta: [f32; 2]) -> Self {
+        // (Where nothing is refracted, both sides are the outer one.)
+        let inner = outer.zip(inner, |outer, inner| if eta[1] == eta[0] { outer } else { inner });
+        Self { tint, mirror_tint: [outer, inner], crossing: eta.map(|eta| tint * Split::compression(eta)) }
+    }
 }
 
 /// As [`super::DielectricSeen`].
 pub struct Seen {
     wo: Vec3,
+    colors: Colors,
     /// On which side that is.
     is_inside: bool,
     eta: f32,
@@ -45,9 +62,7 @@ impl ManyGlass {
             lobe: losses.lobe,
             losses: DielectricLossLines::new(&outer.loss, &inner.loss),
             eta,
-            tint: bsdf.tint,
-            mirror_tint: eta.map(|eta| bsdf.mirror_tint(eta)),
-            crossing: eta.map(|eta| bsdf.tint * Split::compression(eta)),
+            own: Colors::new(&bsdf.palette(), eta),
             average: [outer.average, inner.average],
             transmitted: [outer.transmitted, inner.transmitted],
         })
@@ -73,8 +88,8 @@ impl ManyGlass {
         let around = wo.z + self.ggx.root(wo);
         let reflected_pdf = density * 0.5 / around * reflectance;
         let refracted_pdf = density * cos_o.max(0.0) * 2.0 / around * jacobian * (1.0 - reflectance);
-        let mirror_tint = self.of_side(&self.mirror_tint, seen);
-        let crossing = self.of_side(&self.crossing, seen);
+        let mirror_tint = of_side(&seen.colors.mirror_tint, seen);
+        let crossing = of_side(&seen.colors.crossing, seen);
         let reflected = mirror_tint * reflectance * (density * visibility * up.z);
         let refracted = crossing * (1.0 - reflectance) * flux;
         let value = reflected.zip(refracted, |reflected, refracted| {
@@ -84,22 +99,33 @@ impl ManyGlass {
         let pdf = if is_transmission { refracted_pdf } else { reflected_pdf };
         (value, if exists { pdf } else { 0.0 })
     }
+}
 
-    #[inline(always)]
-    fn of_side(&self, of: &[SampledSpectrum; 2], seen: &Seen) -> SampledSpectrum {
-        of[0].zip(of[1], |outer, inner| if seen.is_inside { inner } else { outer })
-    }
+#[inline(always)]
+fn of_side(of: &[SampledSpectrum; 2], seen: &Seen) -> SampledSpectrum {
+    of[0].zip(of[1], |outer, inner| if seen.is_inside { inner } else { outer })
 }
 
 impl ManyLobes for ManyGlass {
     type Seen = Seen;
+    type Colors = Colors;
 
     #[inline(always)]
-    fn seen(&self, wo: Vec3, _: SampledSpectrum) -> Seen {
+    fn own_colors(&self, _body: SampledSpectrum) -> Colors {
+        self.own
+    }
+
+    #[inline(always)]
+    fn colors_of(&self, palette: &Palette) -> Colors {
+        Colors::new(palette, self.eta)
+    }
+
+    #[inline(always)]
+    fn seen(&self, wo: Vec3, colors: Colors) -> Seen {
         let is_inside = wo.z <= 0.0;
         let pick = |[outer, inner]: [f32; 2]| if is_inside { inner } else { outer };
         let lost = self.losses.towards(is_inside, lift(wo));
-        Seen { wo, is_inside, eta: pick(self.eta), lost, transmitted: pick(self.transmitted) }
+        Seen { wo, colors, is_inside, eta: pick(self.eta), lost, transmitted: pick(self.transmitted) }
     }
 
     #[inline(always)]
@@ -112,7 +138,7 @@ impl ManyLobes for ManyGlass {
         let average = if to_inside { self.average[1] } else { self.average[0] };
         let loss = self.losses.towards(to_inside, lift(wi));
         let diffuse = seen.lost * loss / average * wi.z.abs() * FRAC_1_PI;
-        let (mirror_tint, crossing) = (self.of_side(&self.mirror_tint, seen), self.of_side(&self.crossing, seen));
+        let (mirror_tint, crossing) = (of_side(&seen.colors.mirror_tint, seen), of_side(&seen.colors.crossing, seen));
         let side = if is_transmission { seen.transmitted } else { 1.0 - seen.transmitted };
         let tint = mirror_tint.zip(crossing, |mirror, crossing| if is_transmission { crossing } else { mirror });
         let bounced = tint * (diffuse * side);
@@ -152,6 +178,6 @@ impl ManyLobes for ManyGlass {
     #[inline(always)]
     fn albedo_from(&self, seen: &Seen) -> SampledSpectrum {
         let reflectance = fresnel::dielectric(seen.wo.z.abs(), seen.eta);
-        self.of_side(&self.mirror_tint, seen) * reflectance + self.tint * (1.0 - reflectance)
+        of_side(&seen.colors.mirror_tint, seen) * reflectance + seen.colors.tint * (1.0 - reflectance)
     }
 }

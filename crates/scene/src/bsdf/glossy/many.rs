@@ -1,7 +1,7 @@
 //! The gloss over an opaque Lambertian body, for many directions at once.
 
 use super::super::energy::{DielectricReflectionBy, Line, Nodes};
-use super::super::many::{ManyDrawn, ManyLobes};
+use super::super::many::{ManyDrawn, ManyLobes, Palette};
 use super::super::{Choice, Ggx, fresnel, lift, lower_like};
 use super::GlossyBsdf;
 use snell_math::simd::choose;
@@ -12,20 +12,36 @@ use std::f32::consts::FRAC_1_PI;
 #[derive(Clone, Debug)]
 pub struct ManyGloss<const SMOOTH: bool, N = Line> {
     ior: f32,
-    tint: SampledSpectrum,
     ggx: Ggx,
     albedo: DielectricReflectionBy<N>,
-    /// Of the body where it is the same everywhere.
-    pub reflectance: SampledSpectrum,
+    /// The mean of that.
+    mean: f32,
+    /// Where they are the same everywhere.
+    pub own: Colors,
+}
+
+/// Spectra of a lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Colors {
+    /// Reflectance of the body.
+    pub body: SampledSpectrum,
+    tint: SampledSpectrum,
+    /// As in [`GlossyBsdf`].
     passed_average: SampledSpectrum,
+}
+
+impl Colors {
+    #[inline(always)]
+    fn new(body: SampledSpectrum, tint: SampledSpectrum, mean: f32) -> Self {
+        Self { body, tint, passed_average: SampledSpectrum::ONE - tint * mean }
+    }
 }
 
 /// As [`super::GlossySeen`].
 pub struct Seen {
     wo: Vec3,
+    colors: Colors,
     gloss: SampledSpectrum,
-    /// Reflectance of the body.
-    body: SampledSpectrum,
     passed: SampledSpectrum,
     choice: Choice<2>,
 }
@@ -33,16 +49,16 @@ pub struct Seen {
 impl<const SMOOTH: bool> ManyGloss<SMOOTH> {
     /// `None` if it is no such gloss.
     pub fn of(bsdf: &GlossyBsdf) -> Option<Self> {
-        let GlossyBsdf { gloss, body, albedo, passed_average, .. } = bsdf;
+        let GlossyBsdf { gloss, body, albedo, .. } = bsdf;
+        let mean = albedo.average();
         let ggx = gloss.microfacets.ggx()?;
         let is_matte = body.diffuse.is_lambertian() && body.through.is_black() && body.walk.is_black();
         (is_matte && gloss.film.is_none() && ggx.is_smooth() == SMOOTH).then(|| Self {
             ior: gloss.ior,
-            tint: gloss.tint,
             ggx,
             albedo: albedo.line(),
-            reflectance: body.diffuse.directional_albedo(1.0),
-            passed_average: *passed_average,
+            mean,
+            own: Colors::new(body.diffuse.directional_albedo(1.0), gloss.tint, mean),
         })
     }
 }
@@ -57,41 +73,52 @@ impl ManyGloss<false> {
     /// The same gloss of another roughness: with what is known of that, and its mean albedo, but for the tint.
     #[inline(always)]
     pub fn with<N>(&self, albedo: DielectricReflectionBy<N>, mean: f32) -> ManyGloss<false, N> {
-        let Self { ior, tint, reflectance, .. } = *self;
-        let passed_average = SampledSpectrum::ONE - tint * mean;
-        ManyGloss { ior, tint, ggx: albedo.widths.into(), albedo, reflectance, passed_average }
+        let own = Colors::new(self.own.body, self.own.tint, mean);
+        ManyGloss { ior: self.ior, ggx: albedo.widths.into(), albedo, mean, own }
     }
 }
 
 impl<const SMOOTH: bool, N: Nodes> ManyGloss<SMOOTH, N> {
     /// As [`GlossyBsdf::gloss_albedo`].
     #[inline(always)]
-    fn gloss_albedo(&self, w: Vec3) -> SampledSpectrum {
-        self.tint * if SMOOTH { fresnel::dielectric(w.z, self.ior) } else { self.albedo.towards(w) }
+    fn gloss_albedo(&self, colors: &Colors, w: Vec3) -> SampledSpectrum {
+        colors.tint * if SMOOTH { fresnel::dielectric(w.z, self.ior) } else { self.albedo.towards(w) }
     }
 
     #[inline(always)]
-    fn fresnel(&self, cos: f32) -> SampledSpectrum {
-        SampledSpectrum::splat(fresnel::dielectric(cos, self.ior)) * self.tint
+    fn fresnel(&self, colors: &Colors, cos: f32) -> SampledSpectrum {
+        SampledSpectrum::splat(fresnel::dielectric(cos, self.ior)) * colors.tint
     }
 
     /// As [`GlossyBsdf::body_value`].
     #[inline(always)]
     fn body_value(&self, seen: &Seen, wi: Vec3) -> SampledSpectrum {
-        let passed = seen.passed * (SampledSpectrum::ONE - self.gloss_albedo(wi));
-        let coupling = passed.zip(self.passed_average, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 });
-        seen.body * coupling * (wi.z * FRAC_1_PI)
+        let colors = &seen.colors;
+        let passed = seen.passed * (SampledSpectrum::ONE - self.gloss_albedo(colors, wi));
+        let coupling = passed.zip(colors.passed_average, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 });
+        colors.body * coupling * (wi.z * FRAC_1_PI)
     }
 }
 
 impl<const SMOOTH: bool, N: Nodes> ManyLobes for ManyGloss<SMOOTH, N> {
     type Seen = Seen;
+    type Colors = Colors;
 
     #[inline(always)]
-    fn seen(&self, wo: Vec3, body: SampledSpectrum) -> Seen {
-        let gloss = self.gloss_albedo(lift(wo));
+    fn own_colors(&self, body: SampledSpectrum) -> Colors {
+        Colors { body, ..self.own }
+    }
+
+    #[inline(always)]
+    fn colors_of(&self, &[body, tint, _]: &Palette) -> Colors {
+        Colors::new(body, tint, self.mean)
+    }
+
+    #[inline(always)]
+    fn seen(&self, wo: Vec3, colors: Colors) -> Seen {
+        let gloss = self.gloss_albedo(&colors, lift(wo));
         let passed = SampledSpectrum::ONE - gloss;
-        Seen { wo, gloss, body, passed, choice: Choice::new([gloss, body * passed]) }
+        Seen { wo, colors, gloss, passed, choice: Choice::new([gloss, colors.body * passed]) }
     }
 
     #[inline(always)]
@@ -105,7 +132,7 @@ impl<const SMOOTH: bool, N: Nodes> ManyLobes for ManyGloss<SMOOTH, N> {
         } else {
             let wo = lift(seen.wo);
             let (m, value, pdf, exists) = self.ggx.reflected(wo, wi);
-            let facets = self.fresnel(wo.dot(m)) * value;
+            let facets = self.fresnel(&seen.colors, wo.dot(m)) * value;
             let facets = facets.map(|x| if exists { x } else { 0.0 });
             (facets + body, gloss * if exists { pdf } else { 0.0 } + diffuse * cosine)
         };
@@ -119,7 +146,7 @@ impl<const SMOOTH: bool, N: Nodes> ManyLobes for ManyGloss<SMOOTH, N> {
         let exists = exists & (wo.z != 0.0);
         let body = lower_like(sampling::cosine_hemisphere(u), wo);
         if SMOOTH {
-            let delta = self.fresnel(wo.z.abs()) / seen.choice.probabilities[0];
+            let delta = self.fresnel(&seen.colors, wo.z.abs()) / seen.choice.probabilities[0];
             let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
             return ManyDrawn::reflected(choose(is_gloss, mirror, body), exists, Some((is_gloss, delta)));
         }
@@ -130,6 +157,6 @@ impl<const SMOOTH: bool, N: Nodes> ManyLobes for ManyGloss<SMOOTH, N> {
 
     #[inline(always)]
     fn albedo_from(&self, seen: &Seen) -> SampledSpectrum {
-        seen.gloss + seen.body * seen.passed
+        seen.gloss + seen.colors.body * seen.passed
     }
 }

@@ -7,7 +7,7 @@
 use super::super::energy::{
     BouncedLobe, DielectricReflection, DielectricReflectionBy, FacetLoss, FacetLossBy, Near, first_node,
 };
-use super::super::many::{ManyDrawn, ManyLobes, ManyPoint};
+use super::super::many::{ManyDrawn, ManyLobes, ManyPoint, Palette};
 use super::super::{
     Choice, ConductorBsdf, Ggx, GlossyBsdf, MANY, ManyAnswers, ManyQuestions, Microfacets, Widths, lift,
 };
@@ -60,32 +60,34 @@ impl ManyMixed {
         let (metal, of_gloss) = (ManyMetal::of(metal)?, ManyGloss::of(gloss)?);
         let widths = metal.widths();
         let is_such = !widths.has_tangent() && gloss.microfacets() == Microfacets::Ggx(widths.into());
-        let point = ManyPoint { body: of_gloss.reflectance, alpha: widths.alpha(), metalness: *metalness };
+        let point =
+            ManyPoint { alpha: widths.alpha(), metalness: *metalness, ..ManyPoint::with_body(of_gloss.own.body) };
         is_such.then_some(Self { metal, gloss: of_gloss, dielectric: *gloss, point })
     }
 
     /// Answers all questions.
     #[inline(always)]
     #[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
-    pub fn answer(&self, asked: &ManyQuestions, answers: &mut ManyAnswers) {
+    pub fn answer<const CHANNELS: usize>(&self, asked: &ManyQuestions, answers: &mut ManyAnswers) {
         let rough = Rough::of(asked, &self.dielectric);
         let (around_wo, around_wi) = (rough.around(asked, asked.wo), rough.around(asked, asked.wi));
         let mut exists = [false; MANY];
         for i in 0..MANY {
             let mixture = self.at(asked, &rough, &around_wo, i);
-            let seen = mixture.seen(asked.wo(i), asked.body(i));
+            let seen = mixture.seen(asked.wo(i), self.colors::<CHANNELS>(&mixture, asked, i));
             let drawn = mixture.draw_from(&seen, asked.u_lobe[i], asked.u(i));
             (answers.drawn[0][i], answers.drawn[1][i], answers.drawn[2][i]) = (drawn.wi.x, drawn.wi.y, drawn.wi.z);
             exists[i] = drawn.exists;
             let mixture = self.at(asked, &rough, &around_wi, i);
-            answers.take_value(i, mixture.value_and_pdf_from(&seen, asked.wi(i)));
+            answers.take_value::<CHANNELS>(i, mixture.value_and_pdf_from(&seen, asked.wi(i)));
         }
         let around_drawn = rough.around(asked, answers.drawn.each_ref());
         for i in 0..MANY {
-            let seen = self.at(asked, &rough, &around_wo, i).seen(asked.wo(i), asked.body(i));
+            let mixture = self.at(asked, &rough, &around_wo, i);
+            let seen = mixture.seen(asked.wo(i), self.colors::<CHANNELS>(&mixture, asked, i));
             let wi = Vec3::new(answers.drawn[0][i], answers.drawn[1][i], answers.drawn[2][i]);
             let found = self.at(asked, &rough, &around_drawn, i).value_and_pdf_from(&seen, wi);
-            answers.take_drawn(i, &ManyDrawn::reflected(wi, exists[i], None), found);
+            answers.take_drawn::<CHANNELS>(i, &ManyDrawn::reflected(wi, exists[i], None), found);
         }
     }
 
@@ -97,8 +99,24 @@ impl ManyMixed {
         let albedo = DielectricReflectionBy { widths, ior: self.gloss.ior(), reflected: reflected[i] };
         Mixture {
             metalness: asked.metalness[i],
-            metal: self.metal.with(asked.body(i), loss, rough.lobe[i], rough.lost[i]),
+            metal: self.metal.with(loss, rough.lobe[i], rough.lost[i]),
             gloss: self.gloss.with(albedo, rough.reflected[i]),
+        }
+    }
+}
+
+impl ManyMixed {
+    /// The spectra of a lane.
+    #[inline(always)]
+    fn colors<const CHANNELS: usize>(
+        &self,
+        mixture: &Mixture,
+        asked: &ManyQuestions,
+        i: usize,
+    ) -> <Mixture as ManyLobes>::Colors {
+        match CHANNELS {
+            4 => mixture.colors_of(&asked.palette(i)),
+            _ => mixture.own_colors(asked.body(i)),
         }
     }
 }
@@ -160,10 +178,21 @@ impl Rough {
 
 impl ManyLobes for Mixture {
     type Seen = Seen<<ManyMetal<false, Near> as ManyLobes>::Seen, <ManyGloss<false, Near> as ManyLobes>::Seen>;
+    type Colors = (<ManyMetal<false, Near> as ManyLobes>::Colors, <ManyGloss<false, Near> as ManyLobes>::Colors);
 
     #[inline(always)]
-    fn seen(&self, wo: Vec3, body: SampledSpectrum) -> Self::Seen {
-        let (metal, gloss) = (self.metal.seen(wo, body), self.gloss.seen(wo, body));
+    fn own_colors(&self, body: SampledSpectrum) -> Self::Colors {
+        (self.metal.colors_of(&self.metal.palette(body)), self.gloss.own_colors(body))
+    }
+
+    #[inline(always)]
+    fn colors_of(&self, palette: &Palette) -> Self::Colors {
+        (self.metal.colors_of(palette), self.gloss.colors_of(palette))
+    }
+
+    #[inline(always)]
+    fn seen(&self, wo: Vec3, (metal, gloss): Self::Colors) -> Self::Seen {
+        let (metal, gloss) = (self.metal.seen(wo, metal), self.gloss.seen(wo, gloss));
         let [of_metal, of_gloss] = self.shares(self.metal.albedo_from(&metal), self.gloss.albedo_from(&gloss));
         Seen { metal, gloss, choice: Choice::new([of_metal, of_gloss]) }
     }
