@@ -12,6 +12,7 @@ use super::cie::{LAMBDA_MAX, LAMBDA_MIN};
 use super::response::{rgb_response, white_light};
 use super::{LANES, Rgb, SampledSpectrum, SampledWavelengths};
 use glam::{DMat3, DVec3};
+use std::cell::Cell;
 use std::sync::LazyLock;
 
 /// Nodes of the grid in the ratios of the two smaller channels to the largest.
@@ -34,10 +35,24 @@ pub struct RgbSpectrum {
 }
 
 impl RgbSpectrum {
+    /// Nothing.
+    const BLACK: Self = Self { coefficients: [0.0; 3], scale: 0.0, offset: 0.0 };
+
     /// The spectrum of a factor. Those of colours within `[0, 1]` are within `[0, 1]` too, those of greys are constant. Channels
     /// below 0 count as 0; what exceeds 1 scales the spectrum.
     pub fn of_factor(color: Rgb) -> Self {
-        Self::new(color, color.max_element().clamp(DARKEST, 1.0))
+        let bits = color.to_array().map(f32::to_bits);
+        let place = bits.iter().fold(0u32, |hash, bits| (hash ^ bits).wrapping_mul(0x9e37_79b1)) >> (32 - RECENT_BITS);
+        RECENT.with(|recent| {
+            let recent = &recent[place as usize];
+            let (known, spectrum) = recent.get();
+            if known == bits {
+                return spectrum;
+            }
+            let spectrum = Self::new(color, color.max_element().clamp(DARKEST, 1.0));
+            recent.set((bits, spectrum));
+            spectrum
+        })
     }
 
     /// The spectrum by which white light is multiplied to give light of this colour, of whatever brightness.
@@ -50,7 +65,7 @@ impl RgbSpectrum {
         let [r, g, b] = color.to_array().map(|x| if x > 0.0 { x } else { 0.0 });
         let largest = r.max(g).max(b);
         if largest == 0.0 || !largest.is_finite() {
-            return Self { coefficients: [0.0; 3], scale: 0.0, offset: 0.0 };
+            return Self::BLACK;
         }
         let scale = largest / value;
         if r == g && g == b {
@@ -96,6 +111,15 @@ struct Grid {
 }
 
 static GRID: LazyLock<Grid> = LazyLock::new(Grid::new);
+
+/// Binary logarithm of the number of factors that are kept: scenes have few, which are asked for at every vertex.
+const RECENT_BITS: u32 = 6;
+
+thread_local! {
+    /// The last factors by the bits of their colours, each at a place that follows from these. At first, black is everywhere.
+    static RECENT: [Cell<([u32; 3], RgbSpectrum)>; 1 << RECENT_BITS] =
+        const { [const { Cell::new(([0; 3], RgbSpectrum::BLACK)) }; 1 << RECENT_BITS] };
+}
 
 /// The value of a node, from [`DARKEST`] to 1 and denser towards 1.
 fn node_value(i: usize) -> f32 {

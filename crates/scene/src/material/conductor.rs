@@ -1,7 +1,7 @@
 //! Metals by their measured index of refraction, or by their colour.
 
 use super::{ColorParam, ScalarParam, ShadingPoint};
-use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, MicrofacetShape, Widths};
+use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, MicrofacetShape, Palette, Widths};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -140,8 +140,24 @@ impl Conductor {
 
     /// The metal under something of this index of refraction.
     pub(super) fn lobe(&self, point: &ShadingPoint, outside_ior: f32) -> ConductorBsdf {
+        let (roughness, anisotropy) = (self.roughness.at(point), self.anisotropy.at(point));
+        let is_even = anisotropy == 0.0;
+        let widths = if is_even { Widths::from_roughness(roughness) } else { Widths::stretched(roughness, anisotropy) };
+        let microfacets = self.microfacets.of_widths(widths);
+        ConductorBsdf::new(self.facets(point, outside_ior), self.factor(point), microfacets)
+    }
+
+    /// The spectra of [`Self::bsdf`].
+    pub(super) fn palette(&self, point: &ShadingPoint) -> Palette {
+        match self.facets(point, 1.0) {
+            FacetReflectance::Complex { eta, k } => [eta, k, self.factor(point)],
+            FacetReflectance::F82 { f0, edge } => [f0, edge, self.factor(point)],
+        }
+    }
+
+    fn facets(&self, point: &ShadingPoint, outside_ior: f32) -> FacetReflectance {
         let over = 1.0 / outside_ior;
-        let facets = match self.spectrum {
+        match self.spectrum {
             ConductorSpectrum::Metal(metal) => {
                 let [eta, k] = metal.indices(point.mode);
                 FacetReflectance::Complex { eta: eta * over, k: k * over }
@@ -152,15 +168,13 @@ impl Conductor {
             ConductorSpectrum::Color(color) => {
                 FacetReflectance::F82 { f0: point.reflectance(color.at(point)), edge: SampledSpectrum::ONE }
             }
-        };
-        let (roughness, anisotropy) = (self.roughness.at(point), self.anisotropy.at(point));
-        let is_even = anisotropy == 0.0;
-        let widths = if is_even { Widths::from_roughness(roughness) } else { Widths::stretched(roughness, anisotropy) };
-        let microfacets = self.microfacets.of_widths(widths);
+        }
+    }
+
+    /// The factor on all that it reflects.
+    fn factor(&self, point: &ShadingPoint) -> SampledSpectrum {
         let unit = point.mode.unit();
-        // (What is white is so exactly.)
         let is_white = self.tint == Rgb::WHITE.into();
-        let factor = if is_white { unit } else { unit * point.reflectance(self.tint.at(point)) };
-        ConductorBsdf::new(facets, factor, microfacets)
+        if is_white { unit } else { unit * point.reflectance(self.tint.at(point)) }
     }
 }

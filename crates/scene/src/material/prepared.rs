@@ -86,7 +86,12 @@ impl Prepared {
             (Some(surface), ColorMode::Rgb) if self.differs == Differs::Body => at.palette[0] = surface.base(point),
             (_, ColorMode::Rgb) => {}
             (Some(surface), ColorMode::Spectral(_)) => at.palette = surface.palette(point)?,
-            (None, ColorMode::Spectral(_)) => at.palette = ManyBsdf::palette_of(&self.bsdf(material, point))?,
+            (None, ColorMode::Spectral(_)) => {
+                at.palette = match &material.kind {
+                    MaterialKind::Conductor(metal) => metal.palette(point),
+                    _ => ManyBsdf::palette_of(&self.bsdf(material, point))?,
+                }
+            }
         }
         Some((many, at, needs))
     }
