@@ -145,6 +145,12 @@ pub fn white_light(lambda: f32) -> f32 {
 #[inline]
 pub fn rgb_response(lambda: f32) -> [f32; 3] {
     let (i, t) = place(lambda);
+    response_at(i, t)
+}
+
+/// The same a part of a nm above a whole number of them from [`LAMBDA_MIN`] on.
+#[inline(always)]
+fn response_at(i: usize, t: f32) -> [f32; 3] {
     std::array::from_fn(|c| RESPONSE[i][c] * (1.0 - t) + RESPONSE[i + 1][c] * t)
 }
 
@@ -152,8 +158,9 @@ pub fn rgb_response(lambda: f32) -> [f32; 3] {
 pub fn rgb_of_samples(spectrum: SampledSpectrum, wavelengths: &SampledWavelengths) -> Rgb {
     let mut rgb = [0.0; 3];
     for (value, lambda) in spectrum.0.into_iter().zip(wavelengths.lambda()) {
-        let weight = value / (LANES as f32 * SampledWavelengths::pdf(lambda));
-        rgb.iter_mut().zip(rgb_response(lambda)).for_each(|(sum, response)| *sum += weight * response);
+        let (whole, rest) = place(lambda);
+        let weight = value * (1.0 / LANES as f32) * SampledWavelengths::inverse_pdf(whole, rest);
+        rgb.iter_mut().zip(response_at(whole, rest)).for_each(|(sum, response)| *sum += weight * response);
     }
     rgb.into()
 }

@@ -1,7 +1,7 @@
 //! Which wavelengths a path carries.
 
 use super::LANES;
-use super::cie::{LAMBDA_MAX, LAMBDA_MIN};
+use super::cie::{LAMBDA_COUNT, LAMBDA_MAX, LAMBDA_MIN};
 use crate::exponentials::{exp, ln};
 use crate::simd::{least, most};
 
@@ -24,6 +24,34 @@ const PEAK: f32 = 538.0;
 /// `tanh(STEEPNESS (PEAK - LAMBDA_MIN))`, and the same of `LAMBDA_MAX` added.
 const TANH_MIN: f32 = 0.856_910_6;
 const TANH_RANGE: f32 = 1.827_495;
+
+/// `e^x` and `e^-x` for twice the argument of the density at each whole nm.
+static EXPONENTIALS: [[f64; 2]; LAMBDA_COUNT] = {
+    let mut all = [[0.0; 2]; LAMBDA_COUNT];
+    let mut i = 0;
+    while i < LAMBDA_COUNT {
+        let x = 2.0 * STEEPNESS as f64 * (LAMBDA_MIN as f64 + i as f64 - PEAK as f64);
+        all[i] = [series(x), series(-x)];
+        i += 1;
+    }
+    all
+};
+
+/// `e^x` for small numbers, by Taylor's series of a fraction of them.
+const fn series(x: f64) -> f64 {
+    let (x, mut sum, mut term, mut n) = (x / 16.0, 1.0, 1.0, 1);
+    while n < 20 {
+        term *= x / n as f64;
+        sum += term;
+        n += 1;
+    }
+    let mut squared = 0;
+    while squared < 4 {
+        sum *= sum;
+        squared += 1;
+    }
+    sum
+}
 
 impl SampledWavelengths {
     /// The wavelengths that a number in `[0, 1)` stands for.
@@ -51,6 +79,18 @@ impl SampledWavelengths {
         (4.0 * f64::from(STEEPNESS) / (f64::from(TANH_RANGE) * (e + 2.0 + 1.0 / e))) as f32
     }
 
+    /// One over [`Self::pdf`] of a wavelength that is so much above a whole number of nm from [`LAMBDA_MIN`] on, without an exponential.
+    #[inline(always)]
+    pub(super) fn inverse_pdf(whole: usize, rest: f32) -> f32 {
+        const FACTOR: f64 = TANH_RANGE as f64 / (4.0 * STEEPNESS as f64);
+        let x = 2.0 * f64::from(STEEPNESS) * f64::from(rest);
+        // Taylor's series; the argument is below 0.0145, and what is left out below 1e-14.
+        let (even, odd) =
+            (1.0 + x * x * (0.5 + x * x * (1.0 / 24.0)), x * (1.0 + x * x * (1.0 / 6.0 + x * x * (1.0 / 120.0))));
+        let [growth, decay] = EXPONENTIALS[whole.min(LAMBDA_COUNT - 1)];
+        (FACTOR * (growth * (even + odd) + 2.0 + decay * (even - odd))) as f32
+    }
+
     /// True if only the hero's lane carries light.
     #[inline]
     pub fn is_hero_only(&self) -> bool {
@@ -76,6 +116,17 @@ fn wavelength(u: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_inverse_of_the_density_is_that() {
+        for i in 0..10_000 {
+            let lambda = LAMBDA_MIN + (LAMBDA_MAX - LAMBDA_MIN) * (i as f32 / 1e4);
+            let whole = lambda - LAMBDA_MIN;
+            let found = SampledWavelengths::inverse_pdf(whole as usize, whole - (whole as usize) as f32);
+            let product = f64::from(found) * f64::from(SampledWavelengths::pdf(lambda));
+            assert!((product - 1.0).abs() < 1e-6, "{lambda} {product}");
+        }
+    }
 
     #[test]
     fn wavelengths_follow_their_density_and_cover_the_visible_range() {
