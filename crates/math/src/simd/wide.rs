@@ -29,18 +29,26 @@ impl Level {
 }
 
 /// Calls `function`, which must be `#[inline(always)]`, compiled for wide registers if the first argument is `Some(Wide)`:
-/// `at_level!(wide, function, (a: A = value, b: B = value) -> C)`.
+/// `at_level!(wide, function, (a: A = value, b: B = value) -> C)`. If types depend on a parameter of the caller, that is named again:
+/// `at_level!(wide, <A: Bound> function::<A>, (a: A = value))`.
 #[macro_export]
 macro_rules! at_level {
-    ($wide:expr, $function:path, ($($argument:ident : $type:ty = $value:expr),* $(,)?) $(-> $result:ty)?) => {{
+    ($wide:expr, $function:path, $($rest:tt)*) => {
+        $crate::at_level!($wide, <> $function, $($rest)*)
+    };
+    (
+        $wide:expr,
+        <$($parameter:ident : $bound:path)?> $function:path,
+        ($($argument:ident : $type:ty = $value:expr),* $(,)?) $(-> $result:ty)?
+    ) => {{
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-        fn in_wide_registers($($argument: $type),*) $(-> $result)? {
+        fn in_wide_registers$(<$parameter: $bound>)?($($argument: $type),*) $(-> $result)? {
             $function($($argument),*)
         }
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-        fn in_widest_registers($($argument: $type),*) $(-> $result)? {
+        fn in_widest_registers$(<$parameter: $bound>)?($($argument: $type),*) $(-> $result)? {
             $function($($argument),*)
         }
         let wide: Option<$crate::simd::Wide> = $wide;

@@ -118,105 +118,6 @@ pub trait Scatterers {
 
     /// Where a ray of this direction starts that leaves the vertex of a lane.
     fn ray_origin(&self, lane: usize, direction: Vec3) -> Vec3;
-
-    /// See [`LightSamples::arrivals`]. `with_near` if there are samples of near lights.
-    fn arrive(
-        &self,
-        with_near: bool,
-        lights: &LightSamples,
-        u: &[HitLanes; 2],
-        wide: Option<Wide>,
-        arrivals: &mut LightArrivals,
-    );
-
-    /// See [`arrive_from_sky`].
-    fn arrive_from_sky(
-        &self,
-        from: &SkySamples,
-        probability: &HitLanes,
-        places: &mut SkyPlaces,
-        wide: Option<Wide>,
-        arrivals: &mut LightArrivals,
-    );
-
-    /// See [`arrive_from_delta`].
-    fn arrive_from_delta(
-        &self,
-        from: &DeltaSamples,
-        probability: &HitLanes,
-        wide: Option<Wide>,
-        arrivals: &mut LightArrivals,
-    );
-}
-
-/// [`Scatterers::arrive`] and its like compiled for wide registers.
-macro_rules! arrive_at_level {
-    ($scatterers:ty) => {
-        fn arrive(
-            &self,
-            with_near: bool,
-            lights: &LightSamples,
-            u: &[HitLanes; 2],
-            wide: Option<Wide>,
-            arrivals: &mut LightArrivals,
-        ) {
-            arrive_at_level!(with_near, wide, $scatterers, self, lights, u, arrivals, [true, false])
-        }
-
-        fn arrive_from_sky(
-            &self,
-            from: &SkySamples,
-            probability: &HitLanes,
-            places: &mut SkyPlaces,
-            wide: Option<Wide>,
-            arrivals: &mut LightArrivals,
-        ) {
-            at_level!(
-                wide,
-                arrive_from_sky::<$scatterers>,
-                (
-                    from: &SkySamples = from,
-                    probability: &HitLanes = probability,
-                    to: &$scatterers = self,
-                    places: &mut SkyPlaces = places,
-                    arrivals: &mut LightArrivals = arrivals,
-                )
-            );
-        }
-
-        fn arrive_from_delta(
-            &self,
-            from: &DeltaSamples,
-            probability: &HitLanes,
-            wide: Option<Wide>,
-            arrivals: &mut LightArrivals,
-        ) {
-            at_level!(
-                wide,
-                arrive_from_delta::<$scatterers>,
-                (
-                    from: &DeltaSamples = from,
-                    probability: &HitLanes = probability,
-                    to: &$scatterers = self,
-                    arrivals: &mut LightArrivals = arrivals,
-                )
-            );
-        }
-    };
-    ($with_near:ident, $wide:ident, $scatterers:ty, $to:ident, $lights:ident, $u:ident, $arrivals:ident, [$($with:literal),*]) => {
-        match $with_near {
-            $($with => at_level!(
-                $wide,
-                arrive::<$with, $scatterers>,
-                (
-                    lights: &LightSamples = $lights,
-                    to: &$scatterers = $to,
-                    u: &[HitLanes; 2] = $u,
-                    arrivals: &mut LightArrivals = $arrivals,
-                )
-            ),)*
-        }
-    };
 }
 
 impl Scatterers for Surfaces<'_> {
@@ -236,8 +137,6 @@ impl Scatterers for Surfaces<'_> {
     fn ray_origin(&self, lane: usize, direction: Vec3) -> Vec3 {
         ray_origin(self.points, self.lift, lane, direction)
     }
-
-    arrive_at_level!(Surfaces);
 }
 
 /// Surfaces of which no more is known here than where they are: how they scatter must be asked one by one, and the density with which
@@ -263,8 +162,6 @@ impl Scatterers for Skins<'_> {
     fn ray_origin(&self, lane: usize, direction: Vec3) -> Vec3 {
         ray_origin(self.points, self.lift, lane, direction)
     }
-
-    arrive_at_level!(Skins);
 }
 
 /// Where a ray of this direction starts that leaves the surface of a lane.
@@ -298,8 +195,6 @@ impl Scatterers for MediumPoints<'_> {
     fn ray_origin(&self, lane: usize, _: Vec3) -> Vec3 {
         at(self.position, lane)
     }
-
-    arrive_at_level!(MediumPoints);
 }
 
 impl Default for LightSamples {
@@ -535,10 +430,10 @@ impl LightSamples {
     }
 
     /// Samples the lights of the first lanes, so many, for paths of these modes, weighted against the directions that a path would take by itself.
-    pub fn arrivals(
+    pub fn arrivals<S: Scatterers>(
         &mut self,
         scene: &CompiledScene,
-        (to, modes): (&impl Scatterers, &[ColorMode; LANES]),
+        (to, modes): (&S, &[ColorMode; LANES]),
         u: &[HitLanes; 2],
         count: usize,
         wide: Option<Wide>,
@@ -565,18 +460,46 @@ impl LightSamples {
             let parts = NearParts { positions: to.position(), u, kind, corner, edges };
             near.sample(&parts, near_part, [normal, error], wide);
         }
-        match are_parts {
-            true => to.arrive(with_near, self, u, wide, arrivals),
-            false => arrivals.exists = [0; LANES],
+        match (are_parts, with_near) {
+            (true, true) => at_level!(
+                wide,
+                <S: Scatterers> arrive::<true, S>,
+                (lights: &LightSamples = self, to: &S = to, u: &[HitLanes; 2] = u, all: &mut LightArrivals = arrivals)
+            ),
+            (true, false) => at_level!(
+                wide,
+                <S: Scatterers> arrive::<false, S>,
+                (lights: &LightSamples = self, to: &S = to, u: &[HitLanes; 2] = u, all: &mut LightArrivals = arrivals)
+            ),
+            (false, _) => arrivals.exists = [0; LANES],
         }
         if let Some(sky) = scene.environment.as_ref().filter(|_| !self.sky_lanes.is_empty()) {
             self.sky.draw(sky, &self.sky_lanes, u);
-            to.arrive_from_sky(&self.sky, &self.chosen.probability, &mut self.sky_places, wide, arrivals);
+            at_level!(
+                wide,
+                <S: Scatterers> arrive_from_sky::<S>,
+                (
+                    sky: &SkySamples = &self.sky,
+                    probability: &HitLanes = &self.chosen.probability,
+                    to: &S = to,
+                    places: &mut SkyPlaces = &mut self.sky_places,
+                    all: &mut LightArrivals = arrivals,
+                )
+            );
         }
         if !self.delta_lanes.is_empty() {
             let Self { delta, delta_lanes, light, radiance, .. } = self;
             delta.sample(delta_lanes, |lane| bare_light(scene, light[lane]), (to.position(), modes), u, radiance, wide);
-            to.arrive_from_delta(&self.delta, &self.chosen.probability, wide, arrivals);
+            at_level!(
+                wide,
+                <S: Scatterers> arrive_from_delta::<S>,
+                (
+                    delta: &DeltaSamples = &self.delta,
+                    probability: &HitLanes = &self.chosen.probability,
+                    to: &S = to,
+                    all: &mut LightArrivals = arrivals,
+                )
+            );
         }
     }
 }
