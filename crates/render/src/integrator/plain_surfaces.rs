@@ -23,7 +23,7 @@ pub struct PlainSurface<'a> {
     bsdf: &'a Bsdf,
     material: &'a Material,
     prepared: &'a Prepared,
-    many: Option<&'a ManyBsdf>,
+    pub many: Option<&'a ManyBsdf>,
     pub needs: FrameNeeds,
     is_opaque: bool,
     /// It may stand for a smooth surface.
@@ -55,11 +55,7 @@ impl<'a> PlainSurface<'a> {
 
     /// Its BSDF and what it is in this mode, if it is asked for many directions at once.
     pub fn many_in(&self, mode: ColorMode) -> Option<(&'a ManyBsdf, ManyPoint)> {
-        let many = self.many?;
-        match mode {
-            ColorMode::Rgb => Some((many, many.point())),
-            ColorMode::Spectral(_) => self.prepared.plain_many_in(self.material, mode),
-        }
+        self.many.and_then(|_| self.prepared.plain_many_in(self.material, mode))
     }
 
     /// What scatters in a lane that is on it.
