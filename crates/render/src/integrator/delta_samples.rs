@@ -144,6 +144,7 @@ impl PunctualLights {
 
 /// See [`PunctualLight::sample`].
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn sample_punctual(positions: &HitVectors, to: &mut DeltaSamples, radiance: &mut HitColors) {
     for i in 0..LANES {
         let light = to.lights.get(i);

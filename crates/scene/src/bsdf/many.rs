@@ -352,6 +352,7 @@ fn at(v: [&Numbers; 3], i: usize) -> Vec3 {
 }
 
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn put<const CHANNELS: usize>(v: &mut Spectra, i: usize, to: SampledSpectrum) {
     for channel in 0..CHANNELS {
         v[channel][i] = to.0[channel];
