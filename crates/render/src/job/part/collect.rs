@@ -12,9 +12,9 @@ impl PartRenderer<'_> {
         let (is_branched, throughput, time) = (carried.stream != 0, carried.throughput, self.paths.rest(path).time);
         self.outputs.radiance = self.dimmed(depth > 1, self.outputs.radiance);
         self.take_dimmed(path, depth, self.outputs.radiance);
-        let mut light = std::mem::take(&mut self.outputs.light_rays);
-        light.iter_mut().for_each(|(_, value)| *value = self.dimmed(depth > 0, *value));
-        self.outputs.light_rays = light;
+        for i in 0..self.outputs.light_rays.len() {
+            self.outputs.light_rays[i].1 = self.dimmed(depth > 0, self.outputs.light_rays[i].1);
+        }
         if !self.light_parts.is_empty() {
             let source = self.outputs.light_source.unwrap_or_else(|| self.source_found(path));
             let tag = self.tag(self.outputs.light_lobe, depth + 1, source);
