@@ -200,6 +200,14 @@ impl Objects {
         ObjectRef::Primitive(bulk, number as u32 - bulk.first)
     }
 
+    /// Tells what will be tested soon.
+    #[inline(always)]
+    pub fn fetch(&self, number: usize) {
+        if let ObjectRef::Primitive(Bulk { contents: BulkContents::Set(set), .. }, primitive) = self.get(number) {
+            set.fetch(primitive as usize);
+        }
+    }
+
     /// Memory of the list, without the geometries.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(self.placed.as_slice()) + size_of_val(self.sets.as_slice())
@@ -294,14 +302,17 @@ fn test_primitive<G: Goal>(search: &mut Search<'_, G>, set: &dyn PrimitiveSet, i
     let [t_min, t_max] = G::Precision::interval(search.ray).map(Into::into);
     let mut ray = DRay { t_min, t_max, ..*ray };
     for _ in 0..MAX_CROSSINGS {
-        let Some(found) = set.closest(number, &ray, time) else { return false };
+        let Some((found, bounds)) = set.closest_within(number, &ray, time) else { return false };
         if found.t.is_nan() || found.t <= ray.t_min {
             return false;
         }
-        if let Some(t) = within_bounds(&set.bounds(number), &ray, found.t) {
-            match search.offer(G::Precision::hit(t, found.uv, ids)) {
+        if let Some(t) = within_bounds(&bounds, &ray, found.t) {
+            let hit = G::Precision::hit(t, found.uv, ids);
+            match search.offer(hit) {
                 Verdict::Finished => return true,
                 Verdict::Behind => return false,
+                // What follows is not nearer, also where it is moved into the bounds.
+                Verdict::Taken if search.goal.limit() <= G::Precision::t(&hit) => return false,
                 Verdict::Taken | Verdict::Rejected => {}
             }
         }

@@ -3,9 +3,10 @@
 use super::cubic::Tube;
 use super::sweep::{derivatives, halves};
 use super::{CubicCurves, CurveBasis, LinearCurves, PrimitiveHit, PrimitiveSet};
+use crate::kernel::interleave::fetch;
 use crate::shape::{Metric, ShapeSurface};
 use serde::{Deserialize, Serialize};
-use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec4};
+use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec3, Vec4};
 
 /// How the points of a strand define it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -94,7 +95,55 @@ pub struct Curves {
     first_segments: Vec<u32>,
     /// How often segments are halved.
     halvings: u32,
+    /// Around each piece of cubic segments.
+    capsules: Vec<Capsule>,
 }
+
+/// All points within a distance of a line from point to point: around a piece, so that most rays that come near it are told at once that
+/// they pass by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Capsule {
+    start: Vec3,
+    along: Vec3,
+    /// Below 0 where there is nothing to hit.
+    radius: f32,
+}
+
+impl Capsule {
+    const NOTHING: Self = Self { start: Vec3::ZERO, along: Vec3::ZERO, radius: -1.0 };
+
+    /// Around a tube: its balls are means of those at its control points, so that they are no farther out.
+    fn around(tube: &Tube) -> Self {
+        let [a, b, c, d] = tube.0;
+        let (start, end) = (a.truncate().as_vec3(), d.truncate().as_vec3());
+        let along = end - start;
+        let (from, chord) = (start.as_dvec3(), along.as_dvec3());
+        let reach = [a, b, c, d].map(|ball| {
+            let seen = ball.truncate() - from;
+            let at = (seen.dot(chord) / chord.length_squared()).clamp(0.0, 1.0);
+            (seen - if at.is_nan() { DVec3::ZERO } else { chord * at }).length() + ball.w
+        });
+        Self { start, along, radius: (reach.into_iter().fold(0.0, f64::max) * (1.0 + 1e-6)) as f32 }
+    }
+
+    /// True if the line of a ray passes by, for certain: by the distance of the line from the nearest point of the middle line, which is
+    /// off by rounding only.
+    #[inline]
+    fn is_missed(&self, ray: &DRay) -> bool {
+        let (start, along, radius) = (self.start.as_dvec3(), self.along.as_dvec3(), f64::from(self.radius));
+        let seen = start - ray.origin;
+        let per_length2 = 1.0 / ray.direction.length_squared();
+        let (from, to) = (seen.dot(ray.direction) * per_length2, along.dot(ray.direction) * per_length2);
+        let (seen_across, across) = (seen - ray.direction * from, along - ray.direction * to);
+        let at = (-seen_across.dot(across) / across.length_squared()).clamp(0.0, 1.0);
+        let nearest = seen_across + across * if at.is_nan() { 0.0 } else { at };
+        // (Not so for what is no number, and for directions whose squares are none.)
+        self.radius < 0.0 || nearest.length_squared() > radius * radius + ROUNDING * seen.length_squared()
+    }
+}
+
+/// What squared distances from lines may be off by, relative to those from their origins: with far more than enough room.
+const ROUNDING: f64 = 1e-12;
 
 #[derive(Clone, Debug, PartialEq)]
 enum Segments {
@@ -142,10 +191,14 @@ impl Curves {
             StrandBasis::BSpline => cubic(CurveBasis::BSpline, points, starts),
             StrandBasis::CatmullRom => cubic(CurveBasis::CatmullRom, points, starts),
         };
-        let mut curves = Self { basis, segments, strands, first_segments, halvings: 0 };
+        let mut curves = Self { basis, segments, strands, first_segments, halvings: 0, capsules: Vec::new() };
         curves.halvings = curves.best_halvings();
         if curves.segment_count() << curves.halvings > u32::MAX as usize {
             curves.halvings = 0;
+        }
+        if let Segments::Cubic(_) = curves.segments {
+            let capsule = |piece| curves.tube(piece).map_or(Capsule::NOTHING, |(tube, _)| Capsule::around(&tube));
+            curves.capsules = (0..curves.len()).map(capsule).collect();
         }
         Ok(curves)
     }
@@ -262,15 +315,35 @@ impl PrimitiveSet for Curves {
         }
     }
 
-    fn closest(&self, piece: usize, ray: &DRay, _time: f32) -> Option<PrimitiveHit> {
+    fn closest(&self, piece: usize, ray: &DRay, time: f32) -> Option<PrimitiveHit> {
+        self.closest_within(piece, ray, time).map(|(hit, _)| hit)
+    }
+
+    fn closest_within(&self, piece: usize, ray: &DRay, _time: f32) -> Option<(PrimitiveHit, Bounds3d)> {
+        if self.capsules.get(piece).is_some_and(|capsule| capsule.is_missed(ray)) {
+            return None;
+        }
         let is_seen = |hit: &PrimitiveHit| {
             let at_end = hit.uv.x == 0.0 || hit.uv.x == 1.0;
             ray.contains(hit.t) && !(at_end && self.is_within_next(piece, hit.uv.x, ray.at(hit.t)))
         };
         match &self.segments {
-            Segments::Linear(curves) => curves.entry(piece, ray).filter(is_seen),
-            // Where the ray goes in: every other crossing.
-            Segments::Cubic(_) => self.tube(piece)?.0.crossings(ray)?.step_by(2).find(is_seen),
+            Segments::Linear(curves) => {
+                let hit = curves.entry(piece, ray).filter(is_seen)?;
+                Some((hit, curves.bounds(piece)))
+            }
+            Segments::Cubic(_) => {
+                let (tube, _) = self.tube(piece)?;
+                // Where the ray goes in: every other crossing.
+                let hit = tube.crossings(ray)?.step_by(2).find(is_seen)?;
+                Some((hit, tube.bounds()))
+            }
+        }
+    }
+
+    fn fetch(&self, piece: usize) {
+        if let Some(capsule) = self.capsules.get(piece) {
+            fetch(capsule);
         }
     }
 
@@ -418,6 +491,33 @@ mod tests {
             }
             assert!(last > 0.9);
         }
+    }
+
+    #[test]
+    fn only_rays_that_miss_are_told_at_once_to_pass_by() {
+        let mut random = Random(77);
+        let (mut told, mut met) = (0, 0);
+        for scale in [1.0f32, 1e-5, 1e6] {
+            for _ in 0..3000 {
+                let points = (0..4).map(|_| random.point(scale).extend(0.1 * scale * random.unit())).collect();
+                let curves = Curves::new(StrandBasis::Bezier, points, vec![4]).expect("four points");
+                let direction = random.direction().as_dvec3();
+                let target = random.point(scale).as_dvec3();
+                // From near and from far: there squares of distances have few digits left.
+                let origin = target - direction * f64::from(scale) * if random.unit() < 0.5 { 0.5 } else { 1e5 };
+                let ray = DRay::new(origin, direction);
+                for piece in 0..curves.len() {
+                    let is_met = curves.tube(piece).is_some_and(|(tube, _)| {
+                        tube.crossings(&ray).is_some_and(|mut crossings| crossings.next().is_some())
+                    });
+                    let is_told = curves.capsules[piece].is_missed(&ray);
+                    assert!(!(is_met && is_told), "{ray:?} {:?}", curves.capsules[piece]);
+                    told += u32::from(is_told);
+                    met += u32::from(is_met);
+                }
+            }
+        }
+        assert!(met > 300 && told > 10 * met, "{met} {told}");
     }
 
     #[test]

@@ -57,6 +57,15 @@ pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
     /// that of the ray, from 0 to 1.
     fn closest(&self, primitive: usize, ray: &DRay, time: f32) -> Option<PrimitiveHit>;
 
+    /// [`Self::closest`] and [`Self::bounds`] together, which may be less work than one after the other.
+    fn closest_within(&self, primitive: usize, ray: &DRay, time: f32) -> Option<(PrimitiveHit, Bounds3d)> {
+        self.closest(primitive, ray, time).map(|hit| (hit, self.bounds(primitive)))
+    }
+
+    /// Told some time before [`Self::closest`] is asked about a primitive, so that it can ask for the memory it reads first.
+    /// Does nothing, unless a set says otherwise.
+    fn fetch(&self, _primitive: usize) {}
+
     /// The surface of a primitive at `position`, a point on it (or within single-precision rounding of it), which was hit with
     /// this `uv` at this `time`.
     fn surface(&self, primitive: usize, position: DVec3, uv: Vec2, time: f32) -> ShapeSurface;

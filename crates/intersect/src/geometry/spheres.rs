@@ -3,6 +3,7 @@
 use super::nearest::on_ball;
 use super::rounded_cone::{Ball, UnitRay};
 use super::{PrimitiveHit, PrimitiveSet};
+use crate::kernel::interleave::fetch;
 use crate::shape::{Metric, Shape, ShapeSurface, Sphere};
 use snell_math::{Bounds3d, DRay, DVec3, Vec2, Vec4};
 
@@ -36,6 +37,10 @@ impl PrimitiveSet for Spheres {
     fn closest(&self, primitive: usize, ray: &DRay, _time: f32) -> Option<PrimitiveHit> {
         let t = UnitRay::new(ray)?.ball_span(&self.ball(primitive)?)?.into_iter().find(|&t| ray.contains(t))?;
         Some(PrimitiveHit { t, uv: Vec2::ZERO })
+    }
+
+    fn fetch(&self, primitive: usize) {
+        fetch(&raw const self.spheres[primitive]);
     }
 
     fn surface(&self, primitive: usize, position: DVec3, _uv: Vec2, _time: f32) -> ShapeSurface {

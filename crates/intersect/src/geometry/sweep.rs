@@ -164,15 +164,13 @@ impl Sweep {
     }
 
     /// Where the ray goes in and out, ascending, as ray parameter and curve parameter.
-    pub fn crossings(&self) -> impl Iterator<Item = (f64, f64)> + use<> {
+    pub fn crossings(self) -> impl Iterator<Item = (f64, f64)> {
         let depth = self.depth();
         let whole = Part { controls: self.controls, u: 0.0, width: 1.0, depth };
-        let mut stretches = if whole.is_missed() { Stretches::default() } else { Self::stretches(whole) };
+        let stretches = if whole.is_missed() { Stretches::default() } else { Self::stretches(whole) };
         let piece = 1.0 / f64::from(1 << depth);
-        stretches.improve(|end| self.improved(end, piece));
         let (start, scale) = (self.start, self.scale);
-        let ends = stretches.list.into_iter().take(stretches.count).flat_map(|s| [s.enter, s.exit]);
-        ends.map(move |(z, u)| ((start + z) * scale, u))
+        stretches.improved(move |end| self.improved(end, piece)).map(move |(z, u)| ((start + z) * scale, u))
     }
 
     fn stretches(whole: Part) -> Stretches {
@@ -285,16 +283,20 @@ impl Stretches {
         *self = kept;
     }
 
-    /// Moves the ends; those of a stretch stay where they were if they would get out of order.
-    fn improve(&mut self, moved: impl Fn((f64, f64)) -> Option<(f64, f64)>) {
-        let mut after = f64::NEG_INFINITY;
-        for i in 0..self.count {
-            let before = if i + 1 < self.count { self.list[i + 1].enter.0 } else { f64::INFINITY };
-            let old = self.list[i];
-            let enter = moved(old.enter).filter(|e| e.0 > after && e.0 < old.exit.0).unwrap_or(old.enter);
-            let exit = moved(old.exit).filter(|e| e.0 > enter.0 && e.0 < before).unwrap_or(old.exit);
-            self.list[i] = Stretch { enter, exit };
-            after = exit.0;
-        }
+    /// Their ends, moved; those of a stretch stay where they were if they would get out of order. Each is moved when it is asked for.
+    fn improved(self, moved: impl Fn((f64, f64)) -> Option<(f64, f64)>) -> impl Iterator<Item = (f64, f64)> {
+        let mut last = f64::NEG_INFINITY;
+        (0..2 * self.count).map(move |i| {
+            let Stretch { enter, exit } = self.list[i / 2];
+            let before = match self.list[..self.count].get(i / 2 + 1) {
+                _ if i % 2 == 0 => exit.0,
+                Some(next) => next.enter.0,
+                None => f64::INFINITY,
+            };
+            let old = if i % 2 == 0 { enter } else { exit };
+            let new = moved(old).filter(|new| new.0 > last && new.0 < before).unwrap_or(old);
+            last = new.0;
+            new
+        })
     }
 }

@@ -208,6 +208,9 @@ unsafe fn run<L: Lanes8, G: Goal>(
                 queues.put(slot, (*slot).current);
             }
             for i in 0..objects {
+                (*object_slots.get_unchecked(i).assume_init()).fetch_object(forest);
+            }
+            for i in 0..objects {
                 let slot = object_slots.get_unchecked(i).assume_init();
                 (*slot).object_step::<L>(forest, &mut below, enter);
                 if prefetch {

@@ -271,6 +271,17 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
     }
 
+    /// Asks for the memory of the current object.
+    ///
+    /// # Safety
+    /// The current reference must be an object of the group.
+    #[inline(always)]
+    pub unsafe fn fetch_object(&self, forest: &Forest) {
+        // SAFETY: as promised by the caller.
+        let tree = unsafe { forest.trees.get_unchecked(self.place.group as usize) };
+        tree.objects.fetch(self.current.index());
+    }
+
     /// Tests the shape that is the current object and goes on to the next entry, or goes into an instance.
     ///
     /// # Safety
