@@ -123,7 +123,8 @@ impl Capsule {
             let at = (seen.dot(chord) / chord.length_squared()).clamp(0.0, 1.0);
             (seen - if at.is_nan() { DVec3::ZERO } else { chord * at }).length() + ball.w
         });
-        Self { start, along, radius: (reach.into_iter().fold(0.0, f64::max) * (1.0 + 1e-6)) as f32 }
+        let radius = reach.into_iter().fold(0.0, f64::max) as f32;
+        Self { start, along, radius: radius.next_up() }
     }
 
     /// True if the line of a ray passes by, for certain: by the distance of the line from the nearest point of the middle line, which is

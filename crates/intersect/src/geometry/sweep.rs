@@ -256,31 +256,22 @@ impl Default for Stretches {
 impl Stretches {
     /// Adds a stretch, joined with those it overlaps.
     fn add(&mut self, mut new: Stretch) {
-        if self.count == 0 {
-            (self.list[0], self.count) = (new, 1);
+        let old = &self.list[..self.count];
+        let first = old.iter().take_while(|old| old.exit.0 < new.enter.0).count();
+        let overlapped = old[first..].iter().take_while(|old| old.enter.0 <= new.exit.0).count();
+        for old in &old[first..first + overlapped] {
+            new.enter = if old.enter.0 < new.enter.0 { old.enter } else { new.enter };
+            new.exit = if old.exit.0 > new.exit.0 { old.exit } else { new.exit };
+        }
+        if overlapped == 0 && self.count == MAX_STRETCHES {
+            let last = &mut self.list[MAX_STRETCHES - 1];
+            last.exit = if new.exit.0 > last.exit.0 { new.exit } else { last.exit };
             return;
         }
-        let mut kept = Self::default();
-        let mut place = 0;
-        for old in &self.list[..self.count] {
-            if old.exit.0 < new.enter.0 || old.enter.0 > new.exit.0 {
-                place += usize::from(old.exit.0 < new.enter.0);
-                kept.list[kept.count] = *old;
-                kept.count += 1;
-            } else {
-                new.enter = if old.enter.0 < new.enter.0 { old.enter } else { new.enter };
-                new.exit = if old.exit.0 > new.exit.0 { old.exit } else { new.exit };
-            }
-        }
-        if kept.count == MAX_STRETCHES {
-            let last = &mut kept.list[MAX_STRETCHES - 1];
-            last.exit = if new.exit.0 > last.exit.0 { new.exit } else { last.exit };
-        } else {
-            kept.list.copy_within(place..kept.count, place + 1);
-            kept.list[place] = new;
-            kept.count += 1;
-        }
-        *self = kept;
+        // Those behind move up or down to where they follow it.
+        self.list.copy_within(first + overlapped..self.count, first + 1);
+        self.list[first] = new;
+        self.count = self.count + 1 - overlapped;
     }
 
     /// Their ends, moved; those of a stretch stay where they were if they would get out of order. Each is moved when it is asked for.
