@@ -3,7 +3,7 @@
 //!
 //! Nodes and blocks are in preorder: those of a subtree are next to each other, and children come after their parents.
 
-use super::binary::{Cursor, Part, Tree};
+use super::binary::{Cursor, Part, Tree, WideChildren};
 use super::primitive::{Numbered, OBJECT, Triangles};
 use super::storage::Storage;
 use crate::kernel::node::{ChildRef, WideNode};
@@ -39,24 +39,23 @@ enum Step<'t, P> {
 
 /// What a step will write.
 #[derive(Default)]
-struct Outline {
+struct Contents {
     size: Place,
-    /// For each wide node of a piece, in preorder, the places of its children in the part, and how many they are.
-    children: Vec<([u32; 8], u32)>,
+    /// The children of each wide node of a piece, in preorder, by their places in the part.
+    children: Vec<WideChildren<u32>>,
 }
 
-impl Outline {
+impl Contents {
     /// Adds a subtree of a part.
     fn add<P: Numbered>(&mut self, part: &Part<P>, place: u32) {
-        let cursor = Cursor::Part(part, place);
-        if let Some(leaf) = cursor.leaf() {
+        if let Some(leaf) = Cursor::Part(part, place).leaf() {
             self.size.blocks += usize::from(leaf[0].id() & OBJECT == 0);
             return;
         }
-        let (places, count) = cursor.wide_children().places();
+        let children = part.wide_children(place);
         self.size.nodes += 1;
-        self.children.push((places, count));
-        for &child in &places[..count as usize] {
+        self.children.push(children);
+        for &child in children.as_slice() {
             self.add(part, child);
         }
     }
@@ -70,21 +69,21 @@ pub(super) fn write<P: Numbered>(
 ) -> Result<Wide, String> {
     let mut steps = Vec::new();
     plan(tree.root(), &mut steps);
-    let outlines: Vec<Outline> = steps
+    let contents: Vec<Contents> = steps
         .par_iter()
         .map(|step| match step {
-            Step::Node(_) => Outline { size: Place { nodes: 1, blocks: 0 }, children: Vec::new() },
+            Step::Node(_) => Contents { size: Place { nodes: 1, blocks: 0 }, children: Vec::new() },
             Step::Piece(part, place) => {
-                let mut outline = Outline::default();
-                outline.add(part, *place);
-                outline
+                let mut piece = Contents::default();
+                piece.add(part, *place);
+                piece
             }
         })
         .collect();
     let mut end = Place::default();
-    let places: Vec<Place> = outlines
+    let places: Vec<Place> = contents
         .iter()
-        .map(|Outline { size, .. }| {
+        .map(|Contents { size, .. }| {
             let start = end;
             end = Place { nodes: end.nodes + size.nodes, blocks: end.blocks + size.blocks };
             start
@@ -108,7 +107,7 @@ pub(super) fn write<P: Numbered>(
     };
     let mut jobs = Vec::with_capacity(steps.len());
     let (mut nodes_left, mut blocks_left) = (&mut nodes[..], &mut blocks[..]);
-    for ((step, Outline { size, children }), &start) in steps.iter().zip(&outlines).zip(&places) {
+    for ((step, Contents { size, children }), &start) in steps.iter().zip(&contents).zip(&places) {
         let (nodes, others) = nodes_left.split_at_mut(size.nodes);
         nodes_left = others;
         let (blocks, others) = blocks_left.split_at_mut(size.blocks);
@@ -160,8 +159,8 @@ fn leaf_reference<P: Numbered>(leaf: &[P], block: usize) -> ChildRef {
 struct Writer<'a> {
     triangles: &'a Triangles<'a>,
     write_blocks: bool,
-    /// As [`Outline::children`].
-    children: &'a [([u32; 8], u32)],
+    /// As [`Contents::children`].
+    children: &'a [WideChildren<u32>],
     nodes: &'a mut [WideNode],
     blocks: &'a mut [TriangleBlock],
     /// Where the piece starts in the tree.
@@ -178,10 +177,10 @@ impl Writer<'_> {
         }
         let index = self.used.nodes;
         self.used.nodes += 1;
-        let (places, count) = self.children[index];
+        let children = self.children[index];
         let mut node = WideNode::EMPTY;
         let mut depth = 0;
-        for (slot, &child) in places[..count as usize].iter().enumerate() {
+        for (slot, &child) in children.as_slice().iter().enumerate() {
             let (reference, below) = self.subtree(part, child);
             node.set(slot, &Cursor::Part(part, child).bounds(), reference);
             depth = depth.max(below);
