@@ -21,13 +21,10 @@ impl Choices {
     /// One slot for the first child, the others for the second. (With a bit more than [`Self::best`] has.)
     const ONE: Self = Self(0o1_111_111_100);
 
-    /// How many of at most so many slots are best given to each of the two children; `None` if the node itself takes one.
+    /// How the slots are best shared.
     #[inline(always)]
-    fn shares(self, slots: usize) -> Option<[usize; 2]> {
-        (2..=slots).rev().find_map(|slots| {
-            let first = (self.0 >> (3 * slots)) as usize & 7;
-            (first > 0).then_some([first, slots - first])
-        })
+    fn first(self, slots: usize) -> usize {
+        (self.0 >> (3 * slots)) as usize & 7
     }
 
     /// Works out the best choices of an inner node, and its costs.
@@ -82,28 +79,6 @@ pub(super) struct Part<'a, P> {
     nodes: Vec<BinaryNode>,
     primitives: &'a [P],
     costs: Costs,
-}
-
-impl<P> Part<'_, P> {
-    /// The places of the children of an inner node that becomes a wide node: two to eight of them, in order.
-    #[inline]
-    pub fn wide_children(&self, place: u32) -> WideChildren<u32> {
-        let mut found = WideChildren::new(place);
-        self.share(place, 8, &mut |child| found.push(child));
-        found
-    }
-
-    /// Gives `to` the places of what represents a subtree in so many slots.
-    fn share(&self, place: u32, slots: usize, to: &mut impl FnMut(u32)) {
-        let BinaryNode { link, kind, .. } = self.nodes[place as usize];
-        match Choices(kind).shares(slots).filter(|_| kind & LEAF == 0) {
-            None => to(place),
-            Some([first, second]) => {
-                self.share(place + 1, first, to);
-                self.share(link, second, to);
-            }
-        }
-    }
 }
 
 /// Nodes of a part in the making.
@@ -282,50 +257,66 @@ impl<'t, P> Cursor<'t, P> {
         (node.kind & LEAF != 0).then(|| &part.primitives[range])
     }
 
+    #[inline(always)]
+    fn choices(self) -> Choices {
+        match self {
+            Self::Inner(inner) => inner.choices,
+            Self::Part(part, i) => Choices(part.nodes[i as usize].kind),
+        }
+    }
+
+    #[inline(always)]
+    fn children(self) -> [Self; 2] {
+        match self {
+            Self::Inner(inner) => [inner.children[0].root(), inner.children[1].root()],
+            Self::Part(part, i) => [Self::Part(part, i + 1), Self::Part(part, part.nodes[i as usize].link)],
+        }
+    }
+
     /// The children of an inner node that becomes a wide node: two to eight of them, in order.
     #[inline]
-    pub fn wide_children(self) -> WideChildren<Self> {
-        let mut found = WideChildren::new(self);
+    pub fn wide_children(self) -> WideChildren<'t, P> {
+        let mut found = WideChildren { items: [self; 8], count: 0 };
         self.share(8, &mut found);
         found
     }
 
     /// Adds what represents this subtree in so many slots.
-    fn share(self, slots: usize, to: &mut WideChildren<Self>) {
-        match self {
-            Self::Part(part, place) => part.share(place, slots, &mut |place| to.push(Self::Part(part, place))),
-            Self::Inner(inner) => match inner.choices.shares(slots) {
-                None => to.push(self),
-                Some([first, second]) => {
-                    inner.children[0].root().share(first, to);
-                    inner.children[1].root().share(second, to);
+    fn share(self, mut slots: usize, to: &mut WideChildren<'t, P>) {
+        if self.leaf().is_none() {
+            while slots > 1 {
+                let first = self.choices().first(slots);
+                if first > 0 {
+                    let [a, b] = self.children();
+                    a.share(first, to);
+                    b.share(slots - first, to);
+                    return;
                 }
-            },
+                slots -= 1;
+            }
         }
+        to.items[to.count] = self;
+        to.count += 1;
     }
 }
 
 /// Two to eight nodes.
-#[derive(Clone, Copy)]
-pub(super) struct WideChildren<T> {
-    items: [T; 8],
-    count: u32,
+pub(super) struct WideChildren<'t, P> {
+    items: [Cursor<'t, P>; 8],
+    count: usize,
 }
 
-impl<T: Copy> WideChildren<T> {
-    /// None yet; `any` stands where nothing is.
-    #[inline(always)]
-    fn new(any: T) -> Self {
-        Self { items: [any; 8], count: 0 }
+impl<'t, P> WideChildren<'t, P> {
+    pub fn as_slice(&self) -> &[Cursor<'t, P>] {
+        &self.items[..self.count]
     }
 
-    #[inline(always)]
-    fn push(&mut self, child: T) {
-        self.items[self.count as usize] = child;
-        self.count += 1;
-    }
-
-    pub fn as_slice(&self) -> &[T] {
-        &self.items[..self.count as usize]
+    /// The places in their part of nodes that are all in one, and how many they are.
+    pub fn places(&self) -> ([u32; 8], u32) {
+        let place = |cursor: Cursor<P>| match cursor {
+            Cursor::Part(_, place) => place,
+            Cursor::Inner(_) => 0,
+        };
+        (self.items.map(place), self.count as u32)
     }
 }

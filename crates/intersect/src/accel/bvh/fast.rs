@@ -35,7 +35,7 @@ impl Numbered for Key {
     }
 }
 
-/// Spreads 11 bits of each number so that two zeros follow each. (In 32 bits, and four numbers at once, so that they may be the lanes of a vector.)
+/// Spreads 11 bits of each number so that two zeros follow each. (In 32 bits, and four numbers at once: one instruction does for all.)
 #[inline(always)]
 fn spread(x: [u32; 4]) -> [u32; 4] {
     let x = x.map(|x| (x | x << 16) & 0x0700_00ff);

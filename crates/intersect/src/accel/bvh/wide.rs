@@ -3,7 +3,7 @@
 //!
 //! Nodes and blocks are in preorder: those of a subtree are next to each other, and children come after their parents.
 
-use super::binary::{Cursor, Part, Tree, WideChildren};
+use super::binary::{Cursor, Part, Tree};
 use super::primitive::{Numbered, OBJECT, Triangles};
 use super::storage::Storage;
 use crate::kernel::node::{ChildRef, WideNode};
@@ -39,23 +39,24 @@ enum Step<'t, P> {
 
 /// What a step will write.
 #[derive(Default)]
-struct Contents {
+struct Outline {
     size: Place,
-    /// The children of each wide node of a piece, in preorder, by their places in the part.
-    children: Vec<WideChildren<u32>>,
+    /// For each wide node of a piece, in preorder, the places of its children in the part, and how many they are.
+    children: Vec<([u32; 8], u32)>,
 }
 
-impl Contents {
+impl Outline {
     /// Adds a subtree of a part.
     fn add<P: Numbered>(&mut self, part: &Part<P>, place: u32) {
-        if let Some(leaf) = Cursor::Part(part, place).leaf() {
+        let cursor = Cursor::Part(part, place);
+        if let Some(leaf) = cursor.leaf() {
             self.size.blocks += usize::from(leaf[0].id() & OBJECT == 0);
             return;
         }
-        let children = part.wide_children(place);
+        let (places, count) = cursor.wide_children().places();
         self.size.nodes += 1;
-        self.children.push(children);
-        for &child in children.as_slice() {
+        self.children.push((places, count));
+        for &child in &places[..count as usize] {
             self.add(part, child);
         }
     }
@@ -69,21 +70,21 @@ pub(super) fn write<P: Numbered>(
 ) -> Result<Wide, String> {
     let mut steps = Vec::new();
     plan(tree.root(), &mut steps);
-    let contents: Vec<Contents> = steps
+    let outlines: Vec<Outline> = steps
         .par_iter()
         .map(|step| match step {
-            Step::Node(_) => Contents { size: Place { nodes: 1, blocks: 0 }, children: Vec::new() },
+            Step::Node(_) => Outline { size: Place { nodes: 1, blocks: 0 }, children: Vec::new() },
             Step::Piece(part, place) => {
-                let mut piece = Contents::default();
-                piece.add(part, *place);
-                piece
+                let mut outline = Outline::default();
+                outline.add(part, *place);
+                outline
             }
         })
         .collect();
     let mut end = Place::default();
-    let places: Vec<Place> = contents
+    let places: Vec<Place> = outlines
         .iter()
-        .map(|Contents { size, .. }| {
+        .map(|Outline { size, .. }| {
             let start = end;
             end = Place { nodes: end.nodes + size.nodes, blocks: end.blocks + size.blocks };
             start
@@ -107,7 +108,7 @@ pub(super) fn write<P: Numbered>(
     };
     let mut jobs = Vec::with_capacity(steps.len());
     let (mut nodes_left, mut blocks_left) = (&mut nodes[..], &mut blocks[..]);
-    for ((step, Contents { size, children }), &start) in steps.iter().zip(&contents).zip(&places) {
+    for ((step, Outline { size, children }), &start) in steps.iter().zip(&outlines).zip(&places) {
         let (nodes, others) = nodes_left.split_at_mut(size.nodes);
         nodes_left = others;
         let (blocks, others) = blocks_left.split_at_mut(size.blocks);
@@ -159,8 +160,8 @@ fn leaf_reference<P: Numbered>(leaf: &[P], block: usize) -> ChildRef {
 struct Writer<'a> {
     triangles: &'a Triangles<'a>,
     write_blocks: bool,
-    /// As [`Contents::children`].
-    children: &'a [WideChildren<u32>],
+    /// As [`Outline::children`].
+    children: &'a [([u32; 8], u32)],
     nodes: &'a mut [WideNode],
     blocks: &'a mut [TriangleBlock],
     /// Where the piece starts in the tree.
@@ -177,10 +178,10 @@ impl Writer<'_> {
         }
         let index = self.used.nodes;
         self.used.nodes += 1;
-        let children = self.children[index];
+        let (places, count) = self.children[index];
         let mut node = WideNode::EMPTY;
         let mut depth = 0;
-        for (slot, &child) in children.as_slice().iter().enumerate() {
+        for (slot, &child) in places[..count as usize].iter().enumerate() {
             let (reference, below) = self.subtree(part, child);
             node.set(slot, &Cursor::Part(part, child).bounds(), reference);
             depth = depth.max(below);
