@@ -310,13 +310,4 @@ impl<'t, P> WideChildren<'t, P> {
     pub fn as_slice(&self) -> &[Cursor<'t, P>] {
         &self.items[..self.count]
     }
-
-    /// The places in their part of nodes that are all in one, and how many they are.
-    pub fn places(&self) -> ([u32; 8], u32) {
-        let place = |cursor: Cursor<P>| match cursor {
-            Cursor::Part(_, place) => place,
-            Cursor::Inner(_) => 0,
-        };
-        (self.items.map(place), self.count as u32)
-    }
 }

@@ -123,10 +123,10 @@ impl<'a> Triangles<'a> {
 }
 
 /// How many triangles are looked at to estimate where all are.
-const SAMPLES: usize = 1 << 14;
+const SAMPLES: usize = 1 << 16;
 
 /// How many of them one thread looks at together.
-const SAMPLES_AT_ONCE: usize = 1 << 11;
+const SAMPLES_AT_ONCE: usize = 1 << 12;
 
 /// Most triangles that are handled at once by one thread, and least of those.
 pub(super) const CHUNK: usize = 1 << 14;

@@ -1,9 +1,9 @@
-//! From a binary tree to the 8-wide nodes and blocks of triangles that rays walk: first it is found what each part will hold, then
+//! From a binary tree to the 8-wide nodes and blocks of triangles that rays walk: first it is counted what each part needs, then
 //! all threads write, each into its own piece.
 //!
 //! Nodes and blocks are in preorder: those of a subtree are next to each other, and children come after their parents.
 
-use super::binary::{Cursor, Part, Tree};
+use super::binary::{Cursor, Tree};
 use super::primitive::{Numbered, OBJECT, Triangles};
 use super::storage::Storage;
 use crate::kernel::node::{ChildRef, WideNode};
@@ -33,33 +33,8 @@ struct Place {
 enum Step<'t, P> {
     /// A wide node above the parts, with its children and the steps that write them.
     Node(Vec<(Cursor<'t, P>, usize)>),
-    /// A subtree in one part, by the part and the place of its top there.
-    Piece(&'t Part<'t, P>, u32),
-}
-
-/// What a step will write.
-#[derive(Default)]
-struct Outline {
-    size: Place,
-    /// For each wide node of a piece, in preorder, the places of its children in the part, and how many they are.
-    children: Vec<([u32; 8], u32)>,
-}
-
-impl Outline {
-    /// Adds a subtree of a part.
-    fn add<P: Numbered>(&mut self, part: &Part<P>, place: u32) {
-        let cursor = Cursor::Part(part, place);
-        if let Some(leaf) = cursor.leaf() {
-            self.size.blocks += usize::from(leaf[0].id() & OBJECT == 0);
-            return;
-        }
-        let (places, count) = cursor.wide_children().places();
-        self.size.nodes += 1;
-        self.children.push((places, count));
-        for &child in &places[..count as usize] {
-            self.add(part, child);
-        }
-    }
+    /// A subtree in one part.
+    Piece(Cursor<'t, P>),
 }
 
 /// Writes the tree. `written` are the blocks of its leaves, if the builder has filled them.
@@ -70,21 +45,17 @@ pub(super) fn write<P: Numbered>(
 ) -> Result<Wide, String> {
     let mut steps = Vec::new();
     plan(tree.root(), &mut steps);
-    let outlines: Vec<Outline> = steps
+    let sizes: Vec<Place> = steps
         .par_iter()
         .map(|step| match step {
-            Step::Node(_) => Outline { size: Place { nodes: 1, blocks: 0 }, children: Vec::new() },
-            Step::Piece(part, place) => {
-                let mut outline = Outline::default();
-                outline.add(part, *place);
-                outline
-            }
+            Step::Node(_) => Place { nodes: 1, blocks: 0 },
+            Step::Piece(cursor) => count(*cursor),
         })
         .collect();
     let mut end = Place::default();
-    let places: Vec<Place> = outlines
+    let places: Vec<Place> = sizes
         .iter()
-        .map(|Outline { size, .. }| {
+        .map(|size| {
             let start = end;
             end = Place { nodes: end.nodes + size.nodes, blocks: end.blocks + size.blocks };
             start
@@ -108,15 +79,15 @@ pub(super) fn write<P: Numbered>(
     };
     let mut jobs = Vec::with_capacity(steps.len());
     let (mut nodes_left, mut blocks_left) = (&mut nodes[..], &mut blocks[..]);
-    for ((step, Outline { size, children }), &start) in steps.iter().zip(&outlines).zip(&places) {
+    for ((step, size), place) in steps.iter().zip(&sizes).zip(&places) {
         let (nodes, others) = nodes_left.split_at_mut(size.nodes);
         nodes_left = others;
         let (blocks, others) = blocks_left.split_at_mut(size.blocks);
         blocks_left = others;
-        jobs.push((step, Writer { triangles, write_blocks, children, nodes, blocks, start, used: Place::default() }));
+        jobs.push((step, Writer { triangles, write_blocks, nodes, blocks, start: *place, used: Place::default() }));
     }
     let run = |(step, mut writer): (&Step<P>, Writer)| match step {
-        Step::Piece(part, place) => writer.subtree(part, *place).1,
+        Step::Piece(cursor) => writer.subtree(*cursor).1,
         Step::Node(children) => {
             let mut node = WideNode::EMPTY;
             for (slot, (cursor, step)) in children.iter().enumerate() {
@@ -141,14 +112,27 @@ pub(super) fn write<P: Numbered>(
 /// Adds the steps of a subtree, in preorder; returns the first.
 fn plan<'t, P>(cursor: Cursor<'t, P>, steps: &mut Vec<Step<'t, P>>) -> usize {
     let index = steps.len();
-    if let Cursor::Part(part, place) = cursor {
-        steps.push(Step::Piece(part, place));
+    if matches!(cursor, Cursor::Part(..)) {
+        steps.push(Step::Piece(cursor));
         return index;
     }
     steps.push(Step::Node(Vec::new()));
     let children = cursor.wide_children().as_slice().iter().map(|&child| (child, plan(child, steps))).collect();
     steps[index] = Step::Node(children);
     index
+}
+
+/// What a subtree needs.
+fn count<P: Numbered>(cursor: Cursor<P>) -> Place {
+    if let Some(leaf) = cursor.leaf() {
+        return Place { nodes: 0, blocks: usize::from(leaf[0].id() & OBJECT == 0) };
+    }
+    cursor
+        .wide_children()
+        .as_slice()
+        .iter()
+        .map(|&child| count(child))
+        .fold(Place { nodes: 1, blocks: 0 }, |a, b| Place { nodes: a.nodes + b.nodes, blocks: a.blocks + b.blocks })
 }
 
 fn leaf_reference<P: Numbered>(leaf: &[P], block: usize) -> ChildRef {
@@ -160,8 +144,6 @@ fn leaf_reference<P: Numbered>(leaf: &[P], block: usize) -> ChildRef {
 struct Writer<'a> {
     triangles: &'a Triangles<'a>,
     write_blocks: bool,
-    /// As [`Outline::children`].
-    children: &'a [([u32; 8], u32)],
     nodes: &'a mut [WideNode],
     blocks: &'a mut [TriangleBlock],
     /// Where the piece starts in the tree.
@@ -172,18 +154,17 @@ struct Writer<'a> {
 
 impl Writer<'_> {
     /// Returns the reference to the subtree, and its depth.
-    fn subtree<P: Numbered>(&mut self, part: &Part<P>, place: u32) -> (ChildRef, usize) {
-        if let Some(leaf) = Cursor::Part(part, place).leaf() {
+    fn subtree<P: Numbered>(&mut self, cursor: Cursor<P>) -> (ChildRef, usize) {
+        if let Some(leaf) = cursor.leaf() {
             return (self.leaf(leaf), 0);
         }
         let index = self.used.nodes;
         self.used.nodes += 1;
-        let (places, count) = self.children[index];
         let mut node = WideNode::EMPTY;
         let mut depth = 0;
-        for (slot, &child) in places[..count as usize].iter().enumerate() {
-            let (reference, below) = self.subtree(part, child);
-            node.set(slot, &Cursor::Part(part, child).bounds(), reference);
+        for (slot, &child) in cursor.wide_children().as_slice().iter().enumerate() {
+            let (reference, below) = self.subtree(child);
+            node.set(slot, &child.bounds(), reference);
             depth = depth.max(below);
         }
         node.sort_octants();
