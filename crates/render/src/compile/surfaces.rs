@@ -427,7 +427,8 @@ impl Compiler<'_> {
     ) {
         let degenerate = mesh.degenerate_triangles();
         if degenerate > 0 {
-            let message = "degenerate or non-finite triangles are never hit".to_string();
+            let message =
+                "a degenerate or non-finite triangle is never hit; `snell doctor` on the file shows where".to_string();
             Warning::note(self.warnings, message, degenerate as u64);
         }
         let id = self.builder.add_mesh(group, mesh.clone());
