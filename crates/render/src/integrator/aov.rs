@@ -1,9 +1,10 @@
 //! Arbitrary output variables: what the first hit is, apart from its light.
 
 use super::light_part::{LightPart, Lobe, Scatterings};
-use super::{Context, SurfaceVertex, Vertex, motion, outgoing};
+use super::shown::ShownSurface;
+use super::{Context, motion, outgoing};
 use snell_intersect::Hit;
-use snell_math::Rgb;
+use snell_math::{Ray, Rgb};
 use snell_scene::Camera;
 
 /// How the samples of a pixel make its value.
@@ -17,6 +18,21 @@ pub enum AovKind {
     OfFilm,
     /// Which share of them has which value, see [`crate::Film::coverage`]. No layer by itself.
     Coverage,
+}
+
+/// What a camera ray has hit.
+#[derive(Debug)]
+pub struct FirstHit<'a> {
+    /// The ray.
+    pub ray: &'a Ray,
+    /// What it has hit, if anything.
+    pub hit: &'a Hit,
+    /// When the ray is traced, from 0 to 1.
+    pub time: f32,
+    /// The surface that was hit, if any AOV [needs it](Aov::needs_surface).
+    pub surface: Option<ShownSurface>,
+    /// Nodes visited and primitives tested, if any AOV [needs them](Aov::needs_counters).
+    pub counters: [u32; 2],
 }
 
 /// The key of a sample that nothing covers.
@@ -186,53 +202,36 @@ impl Aov {
         }
     }
 
-    /// Appends the values at a camera ray's vertex, whose surface is there if [it must be](Self::needs_surface).
-    pub fn extend(
-        self,
-        context: &Context,
-        (vertex, hit): (&Vertex, &Hit),
-        camera: &Camera,
-        counters: [u32; 2],
-        values: &mut Vec<f32>,
-    ) {
-        match (self, &vertex.surface) {
+    /// Appends the values of what a camera ray has hit.
+    pub fn extend(self, context: &Context, first: &FirstHit, camera: &Camera, values: &mut Vec<f32>) {
+        let FirstHit { ray, hit, surface, counters, .. } = first;
+        match (self, surface) {
             _ if matches!(self.kind(), AovKind::OfFilm | AovKind::Coverage) => {}
             // Found on the way.
             (Self::Light(_), _) => values.extend([0.0; 3]),
             (Self::NodesVisited, _) => values.push(counters[0] as f32),
             (Self::PrimitivesTested, _) => values.push(counters[1] as f32),
-            (Self::Motion, _) => values.extend(motion::on_the_picture(context, camera, vertex)),
+            (Self::Motion, _) => values.extend(motion::on_the_picture(context, camera, first)),
             _ if !hit.is_hit() => {
                 let miss = if self.kind() == AovKind::First { -1.0 } else { 0.0 };
                 values.extend(self.channels().iter().map(|_| miss));
             }
             (Self::Depth, _) => {
-                let along = vertex.ray.direction.normalize().dot(camera.towards.as_vec3());
-                values.push(hit.t * vertex.ray.direction.length() * along);
+                let along = ray.direction.normalize().dot(camera.towards.as_vec3());
+                values.push(hit.t * ray.direction.length() * along);
             }
-            (Self::Distance, _) => values.push(hit.t * vertex.ray.direction.length()),
+            (Self::Distance, _) => values.push(hit.t * ray.direction.length()),
             (Self::InstanceId, _) => values.push(hit.instance as f32),
             (Self::GeometryId, _) => values.push(hit.geometry as f32),
             (Self::PrimitiveId, _) => values.push(hit.primitive as f32),
             (Self::MaterialId, _) => values.push(context.scene.material_id(hit).0 as f32),
             (Self::Barycentrics, _) => values.extend(hit.uv.to_array()),
-            (_, Some(surface)) => self.extend_surface(context, vertex, surface, values),
-            (_, None) => {}
-        }
-    }
-
-    fn extend_surface(self, context: &Context, vertex: &Vertex, surface: &SurfaceVertex, values: &mut Vec<f32>) {
-        let (s, wo) = (surface.interaction, outgoing(vertex.ray));
-        match self {
-            Self::Position => values.extend(s.position.to_array()),
-            Self::Normal => values.extend(s.shading_normal.to_array()),
-            Self::GeometricNormal => values.extend(s.geometric_normal.to_array()),
-            Self::Uv => values.extend(s.uv[0].to_array()),
-            Self::Albedo => {
-                let albedo = surface.material.albedo(surface.prepared, &surface.point(context.scene), wo);
-                values.extend(surface.mode.to_rgb(surface.mode.in_white_light(albedo)).to_array());
-            }
-            Self::Facing => values.push(wo.dot(s.geometric_normal)),
+            (Self::Position, Some(surface)) => values.extend(surface.position.to_array()),
+            (Self::Normal, Some(surface)) => values.extend(surface.shading_normal.to_array()),
+            (Self::GeometricNormal, Some(surface)) => values.extend(surface.geometric_normal.to_array()),
+            (Self::Uv, Some(surface)) => values.extend(surface.uv.to_array()),
+            (Self::Albedo, Some(surface)) => values.extend(surface.albedo.to_array()),
+            (Self::Facing, Some(surface)) => values.push(outgoing(ray).dot(surface.geometric_normal)),
             _ => {}
         }
     }

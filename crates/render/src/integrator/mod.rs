@@ -24,6 +24,7 @@ pub(crate) mod path;
 mod plain_surfaces;
 pub(crate) mod scattered;
 mod scattering;
+pub(crate) mod shown;
 pub(crate) mod sky_samples;
 pub(crate) mod specular;
 pub(crate) mod surfaces;

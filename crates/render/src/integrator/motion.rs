@@ -1,6 +1,7 @@
 //! How far what a pixel shows moves over the picture while the shutter is open.
 
-use super::{Context, Vertex, camera_path::camera_at};
+use super::aov::FirstHit;
+use super::{Context, camera_path::camera_at};
 use snell_intersect::{Geometry, GeometryId, Hit};
 use snell_math::{DVec2, DVec3, Ray};
 use snell_scene::Camera;
@@ -10,14 +11,14 @@ const FAR: f64 = 1e5;
 
 /// The way over the picture from where the shutter opens to where it closes, in pixels, to the right and down. Zero where nothing moves
 /// or a part of the way is out of the camera's sight.
-pub fn on_the_picture(context: &Context, camera: &Camera, vertex: &Vertex) -> [f32; 2] {
+pub fn on_the_picture(context: &Context, camera: &Camera, first: &FirstHit) -> [f32; 2] {
     if !is_any(context) {
         return [0.0; 2];
     }
     let (scene, settings) = (context.scene, context.settings);
-    let [first, last] = match &vertex.surface {
-        Some(surface) => ends(context, surface.hit, surface.interaction.position.as_dvec3(), vertex.state.time),
-        None => [behind(vertex.ray, f64::from(scene.radius)); 2],
+    let [first, last] = match &first.surface {
+        Some(surface) => ends(context, first.hit, surface.position.as_dvec3(), first.time),
+        None => [behind(first.ray, f64::from(scene.radius)); 2],
     };
     let seen = |point: DVec3, time: f32| -> Option<DVec2> {
         match &settings.later_cameras[..] {

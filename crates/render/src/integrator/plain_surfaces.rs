@@ -9,7 +9,7 @@ use crate::light_sampler::Receiver;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
 use snell_intersect::{GeometryId, TrianglePoints};
 use snell_math::simd::marked_vector;
-use snell_math::{ColorMode, Frame, at_level};
+use snell_math::{ColorMode, Frame, SampledSpectrum, Vec3, at_level};
 use snell_scene::Material;
 use snell_scene::bsdf::{Bsdf, Lobes, ManyBsdf, ManyPoint};
 use snell_scene::material::{Bend, FrameNeeds, Prepared, ShadingBsdf};
@@ -58,15 +58,29 @@ impl<'a> PlainSurface<'a> {
         self.many.and_then(|_| self.prepared.plain_many_in(self.material, mode))
     }
 
+    /// Its BSDF in this mode.
+    fn bsdf_in(&self, mode: ColorMode) -> Cow<'a, Bsdf> {
+        match mode {
+            ColorMode::Rgb => Cow::Borrowed(self.bsdf),
+            mode => self.prepared.plain_in(self.material, mode),
+        }
+    }
+
+    /// [`Material::albedo`] where it has these normals, its own and that for shading, unless tangents mean something to it.
+    pub fn albedo(&self, mode: ColorMode, [flat, smooth]: [Vec3; 2], wo: Vec3) -> SampledSpectrum {
+        let bsdf = self.bsdf_in(mode);
+        bsdf.albedo_from_anywhere().unwrap_or_else(|| {
+            let frame = self.needs.frame(&Frame::from_z(smooth), flat, wo);
+            ShadingBsdf::seen_from(wo, bsdf, frame, flat).albedo(wo)
+        })
+    }
+
     /// What scatters in a lane that is on it.
     pub fn scatterer(&self, lanes: &VertexLanes, frames: &Frames, lane: usize) -> Scatterer<'a> {
         let (wo, frame, lift) = (at(&lanes.wo, lane), frames.at(lane), at(&lanes.lift, lane));
         let arrival = lanes.arrival(lane);
         let flat = at(&lanes.points.geometric_normal, lane);
-        let bsdf = match lanes.modes[lane] {
-            ColorMode::Rgb => Cow::Borrowed(self.bsdf),
-            mode => self.prepared.plain_in(self.material, mode),
-        };
+        let bsdf = self.bsdf_in(lanes.modes[lane]);
         let shading = ShadingBsdf::seen_from(wo, bsdf, frame, horizon(flat, frame.z, lift));
         let receiver = Receiver {
             position: arrival.position,

@@ -23,6 +23,7 @@ use crate::integrator::lanes::{Arriving, LANES};
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
 use crate::integrator::path::{escaped_to, plain_sky};
 use crate::integrator::scattered::ScatteredVertices;
+use crate::integrator::shown::PlainShown;
 use crate::integrator::sky_samples::{NO_PLACES, places_of};
 use crate::integrator::surfaces::SurfaceVertices;
 use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction};
@@ -86,6 +87,8 @@ pub struct PartRenderer<'a> {
     pub journal: Option<Journal>,
     /// What covers each sample.
     covering: Vec<u64>,
+    /// What layers show of surfaces, if they show any.
+    shown: Option<Box<PlainShown<'a>>>,
     light_parts: &'a LightParts,
     /// What media need, where there are any and the integrator knows of them.
     volumes: Option<VolumeBatch<'a>>,
@@ -141,6 +144,7 @@ impl<'a> PartRenderer<'a> {
         let specular = SpecularBatch::new(&context, sampler);
         let scattered = ScatteredVertices::new(&context, sampler).map(Box::new);
         let surfaces = SurfaceVertices::new(&context, sampler).map(Box::new);
+        let shown = PlainShown::for_layers(&context).map(Box::new);
         let view = camera.view(context.settings.size);
         let settings = context.settings;
         let stands_still = settings.later_cameras.is_empty();
@@ -174,6 +178,7 @@ impl<'a> PartRenderer<'a> {
             recorder: None,
             journal: None,
             covering: Vec::new(),
+            shown,
             light_parts,
             volumes,
             matte,

@@ -316,6 +316,16 @@ bsdfs! {
     Hair => HairBsdf, HairSeen;
 }
 
+impl Bsdf {
+    /// [`Lobes::albedo`], if it is the same from everywhere.
+    pub fn albedo_from_anywhere(&self) -> Option<SampledSpectrum> {
+        match self {
+            Self::Diffuse(diffuse) if diffuse.is_lambertian() => Some(diffuse.albedo(Vec3::Z)),
+            _ => None,
+        }
+    }
+}
+
 /// `x` in `[0, most]`; NaN counts as 0.
 pub(crate) fn bounded(x: f32, most: f32) -> f32 {
     if x > 0.0 { x.min(most) } else { 0.0 }

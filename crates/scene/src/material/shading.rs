@@ -76,11 +76,7 @@ impl Material {
     /// [`ShadingBsdf::albedo`] at a point, with what is known of this material.
     pub fn albedo(&self, prepared: &Prepared, point: &ShadingPoint, wo: Vec3) -> SampledSpectrum {
         let bsdf = prepared.bsdf(self, point);
-        match &*bsdf {
-            // The same from everywhere.
-            Bsdf::Diffuse(diffuse) if diffuse.is_lambertian() => diffuse.albedo(Vec3::Z),
-            _ => self.towards(bsdf, point, wo).albedo(wo),
-        }
+        bsdf.albedo_from_anywhere().unwrap_or_else(|| self.towards(bsdf, point, wo).albedo(wo))
     }
 
     /// The frame at a point seen from `wo`, for a BSDF with these needs.

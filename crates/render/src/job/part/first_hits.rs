@@ -1,8 +1,9 @@
 //! What is shown of the hits of the rays of the camera: alpha and AOVs.
 
 use super::PartRenderer;
-use crate::integrator::Vertex;
-use crate::integrator::aov::{Aov, AovKind};
+use crate::integrator::aov::{Aov, AovKind, FirstHit};
+use crate::integrator::lanes::LANES;
+use crate::integrator::shown::ShownSurface;
 use snell_intersect::{Hit, RayQuery};
 use snell_scene::Background;
 
@@ -35,25 +36,37 @@ impl PartRenderer<'_> {
         }
         let coverages: Vec<Aov> = aovs.iter().filter(|a| a.kind() == AovKind::Coverage).copied().collect();
         let counted = aovs.iter().any(|a| a.needs_counters());
-        let needs_surface = aovs.iter().any(|aov| aov.needs_surface(&self.context));
         let filter = self.tracer.filter();
         for i in 0..self.paths.len() {
-            let (ray, hit, state) = (self.paths.rays[i], self.paths.hits[i], self.paths.state(i));
+            let lane = i % LANES;
+            if let Some(shown) = self.shown.as_mut().filter(|_| lane == 0) {
+                shown.look_up(&self.context, &self.paths.rays[i..], &self.paths.hits[i..]);
+            }
+            let surface = self.shown_surface(lane, i);
+            let (ray, hit, time) = (&self.paths.rays[i], &self.paths.hits[i], self.paths.rest(i).time);
             let counters = if counted {
-                let (_, counters) =
-                    scene.world.closest_counted(RayQuery { time: state.time, ..RayQuery::from(&ray) }, filter);
+                let (_, counters) = scene.world.closest_counted(RayQuery { time, ..RayQuery::from(ray) }, filter);
                 [counters.nodes_visited, counters.primitives_tested]
             } else {
                 [0; 2]
             };
-            let interaction = (needs_surface && hit.is_hit()).then(|| self.paths.interaction(scene, i));
-            let surface = interaction.as_ref().map(|interaction| self.paths.surface(scene, i, interaction, 1.0));
-            let random = self.sampler.numbers_of(self.keys[i]).at_vertex(0, 0);
-            let vertex = Vertex { depth: 0, ray: &ray, state: &state, random, surface, medium: None };
-            self.covering.extend(coverages.iter().map(|aov| aov.key(&self.context, &hit)));
+            self.covering.extend(coverages.iter().map(|aov| aov.key(&self.context, hit)));
+            let first = FirstHit { ray, hit, time, surface, counters };
             for aov in aovs {
-                aov.extend(&self.context, (&vertex, &hit), self.camera, counters, &mut self.aovs);
+                aov.extend(&self.context, &first, self.camera, &mut self.aovs);
             }
         }
+    }
+
+    /// The surface that a camera ray has hit, if anybody wants to know; its lane has been looked up.
+    fn shown_surface(&self, lane: usize, path: usize) -> Option<ShownSurface> {
+        let (scene, paths) = (self.context.scene, &self.paths);
+        let shown = self.shown.as_ref().filter(|_| paths.hits[path].is_hit())?;
+        let ray = &paths.rays[path];
+        shown.at(lane, ray, paths.rest(path).mode).or_else(|| {
+            let interaction = paths.interaction(scene, path);
+            let surface = paths.surface(scene, path, &interaction, 1.0);
+            Some(ShownSurface::of(&self.context, ray, &surface, shown.needs()))
+        })
     }
 }

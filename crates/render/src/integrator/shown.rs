@@ -1,0 +1,164 @@
+//! What layers of the picture show of surfaces that rays of the camera have hit: plain surfaces many at once, bit for bit as one by one.
+
+use super::aov::Aov;
+use super::lanes::{LANES, at};
+use super::plain_surfaces::PlainSurface;
+use super::{Context, SurfaceVertex, outgoing};
+use snell_intersect::{Hit, SphereHits, SurfaceInteraction, TriangleHits, TrianglePoints};
+use snell_math::simd::Wide;
+use snell_math::{ColorMode, Ray, Rgb, SampledSpectrum, Vec2, Vec3};
+
+/// What is shown of a surface. See [`SurfaceInteraction`] for the meaning of each.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ShownSurface {
+    pub position: Vec3,
+    pub geometric_normal: Vec3,
+    pub shading_normal: Vec3,
+    /// First texture coordinates.
+    pub uv: Vec2,
+    /// Share of light that the material reflects or transmits to where the ray comes from; black where nobody asks.
+    pub albedo: Rgb,
+}
+
+/// What must be known of surfaces, beside where they are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ShownNeeds {
+    pub uv: bool,
+    pub albedo: bool,
+}
+
+impl ShownSurface {
+    /// A surface that a ray has hit.
+    pub fn of(context: &Context, ray: &Ray, surface: &SurfaceVertex, needs: ShownNeeds) -> Self {
+        let SurfaceInteraction { position, geometric_normal, shading_normal, uv, .. } = *surface.interaction;
+        let albedo = || surface.material.albedo(surface.prepared, &surface.point(context.scene), outgoing(ray));
+        let albedo = if needs.albedo { in_white_light(surface.mode, albedo()) } else { Rgb::BLACK };
+        Self { position, geometric_normal, shading_normal, uv: uv[0], albedo }
+    }
+}
+
+fn in_white_light(mode: ColorMode, albedo: SampledSpectrum) -> Rgb {
+    mode.to_rgb(mode.in_white_light(albedo))
+}
+
+/// Finds what is shown of plain surfaces: at most [`LANES`] at once.
+#[derive(Debug)]
+pub struct PlainShown<'a> {
+    needs: ShownNeeds,
+    /// By geometry, where they are plain.
+    plain: Vec<Option<PlainSurface<'a>>>,
+    wide: Option<Wide>,
+    triangles: TriangleHits,
+    spheres: SphereHits,
+    points: TrianglePoints,
+    /// Which surface each lane is on, if that is plain.
+    on: [Option<PlainSurface<'a>>; LANES],
+}
+
+impl<'a> PlainShown<'a> {
+    /// For the layers of a render, unless they need no surface. (Texture coordinates are known one by one only.)
+    pub fn for_layers(context: &Context<'a>) -> Option<Self> {
+        let (scene, aovs) = (context.scene, &context.settings.aovs);
+        if !aovs.iter().any(|aov| aov.needs_surface(context)) {
+            return None;
+        }
+        let needs = ShownNeeds { uv: aovs.contains(&Aov::Uv), albedo: aovs.contains(&Aov::Albedo) };
+        let wide = scene.world.simd().wide();
+        let is_many = wide.is_some() && !needs.uv;
+        let plain = |geometry| PlainSurface::of(context, geometry).filter(|s| is_many && !s.needs.has_tangent);
+        Some(Self {
+            needs,
+            plain: (0..scene.world.geometry_count() as u32).map(plain).collect(),
+            wide,
+            triangles: TriangleHits::default(),
+            spheres: SphereHits::default(),
+            points: TrianglePoints::default(),
+            on: [None; LANES],
+        })
+    }
+
+    /// What must be known.
+    pub fn needs(&self) -> ShownNeeds {
+        self.needs
+    }
+
+    /// Looks up what the first [`LANES`] rays have hit.
+    pub fn look_up(&mut self, context: &Context, rays: &[Ray], hits: &[Hit]) {
+        self.spheres.clear();
+        self.on = [None; LANES];
+        let lanes = || rays.iter().zip(hits).take(LANES).enumerate();
+        for (lane, (ray, hit)) in lanes() {
+            let plain = self.plain.get(hit.geometry as usize).copied().flatten();
+            let Some(surface) = plain.filter(|_| hit.is_hit() && hit.instance == 0) else { continue };
+            if surface.mesh.is_some() || context.scene.world.gather_sphere(ray, hit, lane, &mut self.spheres) {
+                self.on[lane] = Some(surface);
+            }
+        }
+        let on = &self.on;
+        self.triangles
+            .gather(lanes().filter_map(|(lane, (_, hit))| Some((lane, on[lane].as_ref()?.mesh.as_ref()?, hit))));
+        self.triangles.points(&mut self.points, self.wide);
+        self.spheres.points(&mut self.points, self.wide);
+    }
+
+    /// What is shown of the surface of a lane that was looked up, if it is a plain one.
+    pub fn at(&self, lane: usize, ray: &Ray, mode: ColorMode) -> Option<ShownSurface> {
+        let (points, surface) = (&self.points, self.on[lane].as_ref()?);
+        if points.is_sound[lane] == 0 {
+            return None;
+        }
+        let position = at(&points.position, lane);
+        let (geometric_normal, shading_normal) = (at(&points.geometric_normal, lane), at(&points.shading_normal, lane));
+        let albedo = || surface.albedo(mode, [geometric_normal, shading_normal], outgoing(ray));
+        let albedo = if self.needs.albedo { in_white_light(mode, albedo()) } else { Rgb::BLACK };
+        Some(ShownSurface { position, geometric_normal, shading_normal, uv: Vec2::ZERO, albedo })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::twins::{assert_alike_at_every_level, every_second_node};
+    use super::*;
+    use crate::Settings;
+    use crate::compile::Moving;
+    use snell_math::ColorModel;
+    use snell_scene::builtin::builtin;
+    use snell_scene::material::{MaterialKind, NormalMap};
+    use snell_scene::{Texture, texture::Pattern};
+
+    #[test]
+    fn layers_of_surfaces_are_the_bits_of_one_hit_at_a_time() {
+        let kinds = MaterialKind::examples();
+        let geometric = [Aov::Position, Aov::Normal, Aov::GeometricNormal, Aov::Facing, Aov::Motion];
+        let both = [&geometric[..], &[Aov::Albedo]].concat();
+        let all = [&both[..], &[Aov::Uv]].concat();
+        let mut first = 0;
+        for name in ["cornell-box", "teapot", "spheres", "prism", "minray", "night-town", "fog", "hair"] {
+            let mut scene = builtin(name).expect("the scene is built in");
+            let texture = scene.add_texture(Texture::Pattern(Pattern::examples().remove(0)));
+            for (aovs, color) in [
+                (&geometric[..], ColorModel::Rgb),
+                (&both, ColorModel::Rgb),
+                (&both, ColorModel::Spectral),
+                (&all, ColorModel::Rgb),
+            ] {
+                for (i, material) in scene.materials.iter_mut().enumerate().filter(|(_, m)| !m.is_emissive()) {
+                    material.kind = kinds[(first + i) % kinds.len()].clone();
+                    material.normal_map = (i % 5 == 4).then_some(NormalMap { texture, scale: 0.3 });
+                }
+                first += 3;
+                let settings = Settings {
+                    size: [48, 36],
+                    spp: 2,
+                    max_depth: 1,
+                    color,
+                    aovs: aovs.to_vec(),
+                    ..Settings::default()
+                };
+                for moving in [Moving::default(), every_second_node(&scene)] {
+                    assert_alike_at_every_level(&scene, &moving, &settings);
+                }
+            }
+        }
+    }
+}
