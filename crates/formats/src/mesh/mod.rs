@@ -86,10 +86,6 @@ fn note_oddities(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) {
         let name = &input.name;
         notes.add("nothing to show", || format!("{name}: there are no triangles to show"));
     }
-    note_non_finite(input, mesh, notes);
-}
-
-fn note_non_finite(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) {
     for (i, _) in mesh.positions.iter().enumerate().filter(|(_, p)| !p.is_finite()) {
         let name = &input.name;
         notes.add_of(WarningKind::NotFinite, "not finite", || {

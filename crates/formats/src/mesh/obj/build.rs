@@ -26,7 +26,6 @@ pub fn objects(input: &Input, file: &mut ObjFile, notes: &mut Notes) -> Result<V
     let mut finish = |builder: &mut Builder, object: Option<Object>, file: &ObjFile, notes: &mut Notes| {
         let Some(mut object) = object else { return };
         builder.finish(file, &mut object);
-        crate::mesh::note_non_finite(input, &object.mesh, notes);
         finish_normals(input, &mut object.mesh, &builder.missing_normals, &builder.smoothing, notes);
         objects.push(object);
     };

@@ -94,7 +94,7 @@ impl Parser<'_> {
     fn statement(&mut self, keyword: Word) -> Result<(), ReadError> {
         self.piece.known += 1;
         match keyword.bytes {
-            b"v" => self.position(),
+            b"v" => self.position(keyword.start),
             b"vt" => self.uv(),
             b"vn" => self.normal(),
             b"f" | b"fo" => self.face(keyword.start),
@@ -212,9 +212,17 @@ impl Parser<'_> {
         Err(too_many(self.reader.input, self.reader.here(), what))
     }
 
-    fn position(&mut self) -> Result<(), ReadError> {
+    fn position(&mut self, start: usize) -> Result<(), ReadError> {
         self.check_room(self.counts().positions, "vertices")?;
         let ([x, y, z, a, b, c, d, _], count) = self.numbers(3, "a coordinate of a vertex")?;
+        let position = Vec3::new(x, y, z);
+        if !position.is_finite() {
+            let reader = &self.reader;
+            self.piece.notes.add_of(WarningKind::NotFinite, "not finite", || {
+                let place = reader.location(start);
+                format!("{place}: a vertex is not finite; triangles that use such vertices are never hit")
+            });
+        }
         // Four numbers are a weight, which only free-form surfaces use; six are a colour, seven a colour with alpha.
         if count >= 6 {
             let alpha = if count >= 7 { d } else { 1.0 };
@@ -222,7 +230,7 @@ impl Parser<'_> {
         } else if !self.piece.colors.is_empty() {
             self.piece.colors.push([1.0; 4]);
         }
-        self.piece.positions.push(Vec3::new(x, y, z));
+        self.piece.positions.push(position);
         Ok(())
     }
 
