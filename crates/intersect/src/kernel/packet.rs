@@ -35,7 +35,7 @@ use snell_math::simd::{Lanes8, Lanes16, Level, Pair, Portable8};
 use std::mem::MaybeUninit;
 use std::ops::Range;
 use sure::Sure;
-use trial::Trial;
+use trial::{Detail, Trial};
 use walk::{Luggage, Position, ROWS, Stacks, WalkBundles, Walker, first, walk_bundles_portable};
 #[cfg(target_arch = "x86_64")]
 use {
@@ -169,11 +169,13 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
         given_up: 0,
         known: 0,
         sure: Sure::NONE,
+        is_small: false,
+        counted: [0; 2],
         enter,
         enter_single,
     };
     let (mut walkers, mut luggage) = ([new(), new(), new(), new()], Luggage::new());
-    let mut trial = Trial::default();
+    let (mut trial, mut detail) = (Trial::default(), Detail::default());
     let mut next = 0;
     while next < all.len() {
         // Runs that are bundles.
@@ -211,11 +213,14 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
             rest &= !alike;
             let mut rows = luggage.rows(walkers.each_mut());
             stacks.work = 0;
+            let is_small = detail.is_small();
             for row in &mut rows {
                 row.memory.clear();
+                (row.walker.is_small, row.walker.counted) = (is_small, [0; 2]);
             }
             // SAFETY: as promised by the caller.
             unsafe { enter(&mut rows, alike, stacks, Position { group: 0, instance: 0, top: 0 }) };
+            detail.count(rows.iter().map(|row| row.walker.counted).fold([0; 2], |[a, b], [c, d]| [a + c, b + d]));
             if luggage.bundles[first(alike)].kind.reversed {
                 trial.count(stacks.work);
             }

@@ -35,9 +35,55 @@ impl Trial {
     }
 }
 
+/// Whether triangles are small beside the bundles: then each ray meets another one, and it is better to take rays one by one than triangles. Now
+/// and then a few walks count how many triangles of a leaf a bundle is near, and the others follow them. It changes no answer.
+#[derive(Default)]
+pub(super) struct Detail {
+    turn: u32,
+    /// Leaves that bundles came to, and triangles that these were near.
+    counted: [u32; 2],
+}
+
+impl Detail {
+    /// Walks that count.
+    const TRIALS: u32 = 8;
+    /// Walks after which they are counted again.
+    const PERIOD: u32 = 256;
+    /// So many triangles of eight, on average, are small. (Those of a bunny of 70 thousand triangles that fills the picture are 3, with four times as many 3.7, with
+    /// sixteen times as many 6.7; a terrain of 4 million has 6.1, a field of small bunnies 7.5, a room of slivers 2.8.)
+    const SMALL: u32 = 5;
+
+    pub fn is_small(&self) -> bool {
+        let [leaves, near] = self.counted;
+        self.turn >= Self::TRIALS && near > Self::SMALL * leaves
+    }
+
+    /// Counts a walk, and what it has come to.
+    pub fn count(&mut self, [leaves, near]: [u32; 2]) {
+        if self.turn < Self::TRIALS {
+            self.counted = [self.counted[0] + leaves, self.counted[1] + near];
+        }
+        self.turn += 1;
+        if self.turn == Self::PERIOD {
+            *self = Self::default();
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn triangles_are_small_where_bundles_are_near_many() {
+        for (near, expected) in [(4, false), (6, true)] {
+            let mut detail = Detail::default();
+            for turn in 0..2 * Detail::PERIOD {
+                assert_eq!(detail.is_small(), expected && turn % Detail::PERIOD >= Detail::TRIALS);
+                detail.count(if turn % Detail::PERIOD < Detail::TRIALS { [2, 2 * near] } else { [100, 100] });
+            }
+        }
+    }
 
     #[test]
     fn after_both_ways_are_tried_the_one_with_less_work_is_kept() {

@@ -18,9 +18,6 @@ use std::mem::MaybeUninit;
 /// So few rays are worth a look at which triangles they are near, two at a time.
 const FEW_RAYS: u32 = 6;
 
-/// So few rays of one origin are tested one by one in an instance: what is there is mostly small, and each ray meets another triangle.
-const FEW_RAYS_INSIDE: u32 = 9;
-
 /// So many pairs may wait where the nearest hit is wanted.
 const WAITING_PAIRS: usize = 4;
 
@@ -46,7 +43,7 @@ impl<G: Goal> Walker<'_, '_, G> {
     ) {
         // SAFETY: as promised by the caller.
         unsafe {
-            let few = (FEW_RAYS * W::REGISTERS).max(if instance == 0 { 0 } else { FEW_RAYS_INSIDE });
+            let few = if self.is_small { FEW_RAYS * (1 + W::REGISTERS) } else { FEW_RAYS };
             let is_quick = !G::ANY && !bundle.lines.apart && (!Self::PUTS_OFF || rays.count_ones() <= few);
             let mut found = if is_quick {
                 self.find_pairs_of_origin::<W>(tree, leaf, bundle, rays, pairs, locals, instance)
@@ -145,6 +142,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                 triangles &= all | all >> 8;
             } else {
                 triangles &= seen.near_bundle::<W::Half>(bundle);
+                self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
             }
             while triangles != 0 {
                 let triangle = triangles.trailing_zeros();

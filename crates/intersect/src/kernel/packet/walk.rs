@@ -123,6 +123,9 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     /// Rays without a search whose nearest hit is known: in `sure`, of what was put off.
     pub(super) known: u32,
     pub(super) sure: Sure<RealOf<G>>,
+    /// As [`super::trial::Detail`] has it: triangles are small; and what was counted.
+    pub(super) is_small: bool,
+    pub(super) counted: [u32; 2],
     pub(super) enter: WalkBundles<G>,
     pub(super) enter_single: Walk<G>,
 }
