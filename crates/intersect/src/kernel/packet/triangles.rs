@@ -43,7 +43,7 @@ impl<G: Goal> Walker<'_, '_, G> {
     ) {
         // SAFETY: as promised by the caller.
         unsafe {
-            let few = if self.is_small { FEW_RAYS * (1 + W::REGISTERS) } else { FEW_RAYS };
+            let few = self.few_rays::<W>();
             let is_quick = !G::ANY && !bundle.lines.apart && (!Self::PUTS_OFF || rays.count_ones() <= few);
             let mut found = if is_quick {
                 self.find_pairs_of_origin::<W>(tree, leaf, bundle, rays, pairs, locals, instance)
@@ -57,6 +57,11 @@ impl<G: Goal> Walker<'_, '_, G> {
                 bundle.update_limits::<W>();
             }
         }
+    }
+
+    #[inline(always)]
+    fn few_rays<W: Lanes16>(&self) -> u32 {
+        if self.is_small { FEW_RAYS * (1 + W::REGISTERS) } else { FEW_RAYS }
     }
 
     /// True if pairs are not to be left for later.
@@ -134,7 +139,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         unsafe {
             let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
             let seen = leaf.seen::<G::Precision>(bundle);
-            if rays.count_ones() <= FEW_RAYS {
+            if rays.count_ones() <= self.few_rays::<W>() {
                 let (mut all, mut rest) = (0, rays);
                 while rest != 0 {
                     all |= seen.near_two::<W>(&bundle.lines, &mut rest);
