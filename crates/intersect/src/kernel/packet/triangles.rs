@@ -15,7 +15,7 @@ use snell_math::Vec2;
 use snell_math::simd::Lanes16;
 use std::mem::MaybeUninit;
 
-/// So few rays are worth a look at which triangles they are near, two at a time.
+/// So few rays are taken one by one, or two at a time, before the triangles that they are near.
 const FEW_RAYS: u32 = 6;
 
 /// So many pairs may wait where the nearest hit is wanted.
@@ -59,6 +59,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
     }
 
+    /// [`FEW_RAYS`], or more where [triangles are small](super::trial::Detail).
     #[inline(always)]
     fn few_rays<W: Lanes16>(&self) -> u32 {
         if self.is_small { FEW_RAYS * (1 + W::REGISTERS) } else { FEW_RAYS }
