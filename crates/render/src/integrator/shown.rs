@@ -51,8 +51,8 @@ pub struct PlainShown<'a> {
     triangles: TriangleHits,
     spheres: SphereHits,
     points: TrianglePoints,
-    /// Which surface each lane is on, if that is plain.
-    on: [Option<PlainSurface<'a>>; LANES],
+    /// The geometry that each lane is on, if that is plain.
+    on: [Option<u32>; LANES],
 }
 
 impl<'a> PlainShown<'a> {
@@ -88,22 +88,23 @@ impl<'a> PlainShown<'a> {
         self.on = [None; LANES];
         let lanes = || rays.iter().zip(hits).take(LANES).enumerate();
         for (lane, (ray, hit)) in lanes() {
-            let plain = self.plain.get(hit.geometry as usize).copied().flatten();
-            let Some(surface) = plain.filter(|_| hit.is_hit() && hit.instance == 0) else { continue };
+            if !hit.is_hit() || hit.instance != 0 {
+                continue;
+            }
+            let Some(surface) = plain_surface(&self.plain, hit.geometry) else { continue };
             if surface.mesh.is_some() || context.scene.world.gather_sphere(ray, hit, lane, &mut self.spheres) {
-                self.on[lane] = Some(surface);
+                self.on[lane] = Some(hit.geometry);
             }
         }
-        let on = &self.on;
-        self.triangles
-            .gather(lanes().filter_map(|(lane, (_, hit))| Some((lane, on[lane].as_ref()?.mesh.as_ref()?, hit))));
+        let mesh = |lane: usize| plain_surface(&self.plain, self.on[lane]?)?.mesh.as_ref();
+        self.triangles.gather(lanes().filter_map(|(lane, (_, hit))| Some((lane, mesh(lane)?, hit))));
         self.triangles.points(&mut self.points, self.wide);
         self.spheres.points(&mut self.points, self.wide);
     }
 
     /// What is shown of the surface of a lane that was looked up, if it is a plain one.
     pub fn at(&self, lane: usize, ray: &Ray, mode: ColorMode) -> Option<ShownSurface> {
-        let (points, surface) = (&self.points, self.on[lane].as_ref()?);
+        let (points, surface) = (&self.points, plain_surface(&self.plain, self.on[lane]?)?);
         if points.is_sound[lane] == 0 {
             return None;
         }
@@ -113,6 +114,10 @@ impl<'a> PlainShown<'a> {
         let albedo = if self.needs.albedo { in_white_light(mode, albedo()) } else { Rgb::BLACK };
         Some(ShownSurface { position, geometric_normal, shading_normal, uv: Vec2::ZERO, albedo })
     }
+}
+
+fn plain_surface<'p, 'a>(plain: &'p [Option<PlainSurface<'a>>], geometry: u32) -> Option<&'p PlainSurface<'a>> {
+    plain.get(geometry as usize)?.as_ref()
 }
 
 #[cfg(test)]

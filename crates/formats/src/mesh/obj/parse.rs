@@ -220,7 +220,7 @@ impl Parser<'_> {
             let reader = &self.reader;
             self.piece.notes.add_of(WarningKind::NotFinite, "not finite", || {
                 let place = reader.location(start);
-                format!("{place}: a vertex is not finite; triangles that use such vertices are never hit")
+                format!("{place}: a vertex is not finite; triangles that use such vertices are never hit: give it finite coordinates")
             });
         }
         // Four numbers are a weight, which only free-form surfaces use; six are a colour, seven a colour with alpha.
