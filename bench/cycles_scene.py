@@ -54,6 +54,10 @@ class Cycles:
     def __init__(self, threads: int) -> None:
         self.name, self.threads, self.file = "cycles", threads, None
 
+    def knows(self, file: Path) -> bool:
+        """Whether it has what the scene asks for: rough metal, plastic, paint and frost are other models there."""
+        return {bsdf.get("type") for bsdf in xml.parse(file).iter("bsdf")} <= {"twosided", "diffuse", "dielectric", "null"}
+
     def render(self, file: Path, spp: int, seed: int) -> tuple[np.ndarray, float]:
         if self.file != file:
             self.load(file)

@@ -146,6 +146,9 @@ def scenes(bunny: Path) -> dict[str, dict[str, object]]:
 class Renderer(Protocol):
     name: str
 
+    def knows(self, file: Path) -> bool:
+        """Whether it has all that the scene asks for."""
+
     def render(self, file: Path, spp: int, seed: int) -> tuple[np.ndarray, float]:
         """The picture, and the seconds that it took."""
 
@@ -153,6 +156,9 @@ class Renderer(Protocol):
 class Snell:
     def __init__(self, command: str, threads: int, options: list[str]) -> None:
         self.command, self.threads, self.options, self.name = command, threads, options, "snell"
+
+    def knows(self, file: Path) -> bool:
+        return True
 
     def render(self, file: Path, spp: int, seed: int) -> tuple[np.ndarray, float]:
         with tempfile.TemporaryDirectory() as folder:
@@ -172,6 +178,9 @@ class Mitsuba:
         mitsuba.set_log_level(mitsuba.LogLevel.Error)
         drjit.set_thread_count(threads)
         self.loaded: dict[Path, object] = {}
+
+    def knows(self, file: Path) -> bool:
+        return True
 
     def render(self, file: Path, spp: int, seed: int) -> tuple[np.ndarray, float]:
         mi = self.mi
@@ -243,7 +252,8 @@ def main() -> None:
                 continue
             file = folder / f"{name}.xml"
             file.write_text(HEAD.format(depth=options.depth, sampler=options.sampler, side=options.side, **scene))
-            found = measure(renderers, file, options.side, options.spp, options.repeat)
+            able = [renderer for renderer in renderers if renderer.knows(file)]
+            found = measure(able, file, options.side, options.spp, options.repeat)
             ours = dict(found["snell"])
             for peer, theirs in found.items():
                 theirs["ratio"] = ours["rate"] / theirs["rate"]
