@@ -183,6 +183,26 @@ fn samplers_are_measured_on_every_integrand() {
 }
 
 #[test]
+fn where_results_go_is_looked_at_before_anything_is_measured() {
+    let place = Place::new();
+    place.write("p.off", PYRAMID);
+    place.write("file", "");
+    for words in [
+        "accelerators p.off --side 16 --plot none/p.svg",
+        "samplers --spp 1 --pictures 1 --side 16 --plot none/p.svg",
+        "guiding door-ajar --width 8 --keep file/folder",
+        "coherence p.off --side 16 --repeat 1 --image-folder file/folder",
+    ] {
+        let run = place.run(&format!("bench {words}"));
+        assert_eq!((run.code, run.text()), (1, ""), "{words}");
+        assert!(run.err.contains("none/p.svg: ") || run.err.contains("file/folder: "), "{words}: {}", run.err);
+    }
+    let guiding = "--width 8 --seconds 0.05 --reference-seconds 0.1 --threads 1 --keep new/folder";
+    place.run(&format!("bench guiding door-ajar {guiding}")).done();
+    assert!(place.path("new/folder/door-ajar-reference.exr").exists());
+}
+
+#[test]
 fn a_scene_without_surfaces_is_not_measured() {
     let place = Place::new();
     place.write("empty.obj", "v 0 0 0\nv 1 0 0\n");

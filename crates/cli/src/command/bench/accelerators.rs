@@ -55,6 +55,9 @@ pub struct Options {
 /// Measures and prints.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     scenes::check(&options.scene)?;
+    if let Some(path) = &options.plot {
+        snell_formats::atomic::check(path)?;
+    }
     let named = |name: &String| choice("accelerator", name, &AcceleratorKind::ALL, AcceleratorKind::name);
     let kinds: Vec<AcceleratorKind> = options.accelerator.iter().map(named).collect::<Result<_, _>>()?;
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
@@ -67,8 +70,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let growth = report.growth(&bench, &kinds, &measurer)?;
     if let Some(path) = &options.plot {
         let text = plot::svg(scenes::short_name(&options.scene), &growth, &sweep);
-        std::fs::write(path, text)
-            .map_err(|e| Failure::Other(format!("{}: cannot write: {e}; check the folder", path.display())))?;
+        snell_formats::atomic::write(path, text.as_bytes())?;
     }
     Ok(ExitCode::SUCCESS)
 }

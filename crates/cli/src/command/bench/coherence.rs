@@ -5,6 +5,7 @@ mod ways;
 
 use super::clock::{median, timed};
 use super::kinds::{self, Kind, parse_side};
+use super::make_folder;
 use super::scenes::{self, Bench};
 use super::variants;
 use crate::failure::Failure;
@@ -82,8 +83,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let view = kinds::view(&bench.camera, options.side)
         .ok_or_else(|| fail(&"beams, pencils and cones need a pinhole camera with a flat picture"))?;
     if let Some(folder) = &options.image_folder {
-        std::fs::create_dir_all(folder)
-            .map_err(|e| Failure::Other(format!("{}: cannot make the folder: {e}", folder.display())))?;
+        make_folder(folder)?;
     }
     let first = kinds::first_hits(&bench, &world, options.side);
     let radius = world.bounds().radius();

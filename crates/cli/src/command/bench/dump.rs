@@ -1,6 +1,7 @@
 //! `--dump-rays`: the triangles and rays of a benchmark as NumPy arrays, for other programs to trace.
 
 use super::kinds::Kind;
+use super::make_folder;
 use super::scenes::{self, Bench};
 use crate::failure::Failure;
 use snell_intersect::{AcceptAll, Geometry, GeometryId, Grouping, Hit, World};
@@ -17,8 +18,7 @@ pub fn write(folder: &Path, bench: &Bench, world: &World, batches: &[(Kind, Vec<
         )));
     }
     let folder = folder.join(scenes::short_name(&bench.name).replace([':', '='], "-"));
-    std::fs::create_dir_all(&folder)
-        .map_err(|e| Failure::Other(format!("{}: cannot make the folder: {e}", folder.display())))?;
+    make_folder(&folder)?;
     let mesh = scenes::merged(world);
     save(&folder, "positions", "<f4", 3, mesh.positions.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes))?;
     save(&folder, "triangles", "<u4", 3, mesh.indices.iter().flatten().flat_map(|i| i.to_le_bytes()))?;

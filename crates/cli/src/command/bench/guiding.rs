@@ -1,6 +1,6 @@
 //! `snell bench guiding`: what path guiding gains at equal time.
 
-use super::scenes;
+use super::{make_folder, scenes};
 use crate::failure::Failure;
 use crate::standard_output;
 use serde_json::{Value, json};
@@ -55,6 +55,9 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 /// Measures and prints.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
+    if let Some(folder) = &options.keep {
+        make_folder(folder)?;
+    }
     if !options.json {
         let seconds = options.seconds;
         standard_output::write(format!("{seconds} s of processor time each.\n{}\n", heading()).as_bytes())?;

@@ -4,6 +4,7 @@ mod pictures;
 
 use super::clock::{median, pool, timed};
 use super::kinds::{self, parse_side};
+use super::make_folder;
 use super::scenes;
 use super::variants;
 use crate::failure::{Failure, choice};
@@ -126,8 +127,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let (world, build) = pool.install(|| timed(|| variants::rebuilt(&bench.world, &BuildOptions::default())));
     let world = world.map_err(|e| fail(&e))?;
     if let Some(folder) = &options.image_folder {
-        std::fs::create_dir_all(folder)
-            .map_err(|e| Failure::Other(format!("{}: cannot make the folder: {e}", folder.display())))?;
+        make_folder(folder)?;
     }
     let once = |method| Prepared::new(method, &screen, &world)?.run(&screen, false);
     let rays = once(Method::RayCasting).map_err(|e| fail(&e))?;

@@ -19,6 +19,7 @@ mod scenes;
 mod variants;
 
 use crate::failure::Failure;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// What to measure.
@@ -57,4 +58,12 @@ pub fn run(command: &Command) -> Result<ExitCode, Failure> {
         Command::Guiding(options) => guiding::run(options),
         Command::Samplers(options) => samplers::run(options),
     }
+}
+
+/// Makes a folder for results, unless it is there: before anything is measured, so that no time is lost if it cannot be made.
+fn make_folder(folder: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|e| {
+        let folder = folder.display();
+        Failure::Other(format!("{folder}: cannot make the folder: {e}; name one where you may write"))
+    })
 }

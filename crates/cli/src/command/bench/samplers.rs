@@ -74,6 +74,9 @@ impl Series {
 
 /// Measures and prints.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
+    if let Some(path) = &options.plot {
+        snell_formats::atomic::check(path)?;
+    }
     let named = |name: &String| choice("sampler", name, &SamplerKind::ALL, SamplerKind::name);
     let mut samplers = options.sampler.iter().map(named).collect::<Result<Vec<_>, _>>()?;
     if samplers.is_empty() {
