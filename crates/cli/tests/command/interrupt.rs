@@ -9,7 +9,8 @@ fn a_time_limit_ends_the_render() {
     let start = Instant::now();
     place.run("render cornell-box --size 64x48 --time 1s -t 1 -q --stats s.json -o a.png").done();
     let seconds = start.elapsed().as_secs_f64();
-    assert!((0.9..6.0).contains(&seconds), "{seconds} s");
+    // (Much longer than it should take: the machine may be busy.)
+    assert!((0.9..30.0).contains(&seconds), "{seconds} s");
     let statistics = place.json("s.json");
     assert_eq!(statistics["complete"], false);
     assert!(statistics["spp"].as_u64().is_some_and(|n| n >= 1), "{statistics}");
@@ -50,7 +51,8 @@ fn interrupted(place: &Place, words: &str, seconds: Option<u64>) -> (Option<i32>
     let start = Instant::now();
     kill(Pid::from_raw(child.id() as i32), Signal::SIGINT).expect("the command is running");
     let status = child.wait().expect("the command was started");
-    assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
+    // At once, but for a busy machine. The renders would take much longer than that.
+    assert!(start.elapsed() < Duration::from_secs(30), "{:?}", start.elapsed());
     let mut rest = String::new();
     messages.read_to_string(&mut rest).expect("messages are text");
     (status.code(), rest)
