@@ -4,11 +4,11 @@ use super::{make_folder, scenes};
 use crate::failure::Failure;
 use crate::standard_output;
 use serde_json::{Value, json};
-use snell_formats::image::{WriteOptions, read_image, write_image};
-use snell_formats::{Input, ReadOptions};
+use snell_formats::ReadOptions;
+use snell_formats::image::{WriteOptions, write_image};
 use snell_render::{CompiledScene, Film, Guiding, IntegratorKind, Job, Settings, Statistics};
-use snell_scene::{Camera, Image, LayeredImage};
-use std::path::{Path, PathBuf};
+use snell_scene::{Camera, LayeredImage};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -18,12 +18,9 @@ pub struct Options {
     /// Scenes: files or built-in ones
     #[arg(value_name = "SCENE", default_values = ["caustic", "door-ajar"])]
     scenes: Vec<String>,
-    /// Processor time of each render, all threads together
+    /// Processor time of each of four renders, all threads together
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = parse_seconds)]
     seconds: f64,
-    /// Processor time of the reference, which is guided: errors of its own are not subtracted
-    #[arg(long, value_name = "SECONDS", default_value_t = 600.0, value_parser = parse_seconds)]
-    reference_seconds: f64,
     /// Width of the pictures; the scene says how high
     #[arg(long, value_name = "N", default_value_t = 320, value_parser = clap::value_parser!(u32).range(1..=16384))]
     width: u32,
@@ -33,7 +30,7 @@ pub struct Options {
     /// Learn from paths only
     #[arg(long)]
     no_photons: bool,
-    /// Write the pictures here, and use the reference that is here
+    /// Write the pictures here
     #[arg(long, value_name = "FOLDER")]
     keep: Option<PathBuf>,
     /// Threads. Default: one per core
@@ -90,26 +87,23 @@ fn measure(name: &str, read: &ReadOptions, options: &Options) -> Result<Value, F
     let render = |settings: &Settings, seconds: f64| render(&compiled, &camera, settings, seconds, options);
     let stem: String = scenes::short_name(name).chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect();
     let file = |kind: &str| options.keep.as_ref().map(|folder| folder.join(format!("{stem}-{kind}.exr")));
-    let reference = match file("reference").filter(|path| path.exists()) {
-        Some(path) => pixels_of_file(&path, plain.size)?,
-        None => {
-            // Random numbers of its own.
-            let (film, _) = render(&Settings { seed: 77, ..guided.clone() }, options.reference_seconds);
-            let picture = film.image();
-            keep(file("reference"), &picture)?;
-            pixels(&picture)
-        }
-    };
     let mut found = Vec::new();
     for (kind, settings) in [("plain", &plain), ("guided", &guided)] {
-        let (film, statistics) = render(settings, options.seconds);
-        let picture = film.image();
-        keep(file(kind), &picture)?;
-        found.push((errors(&pixels(&picture), &reference), film.least_samples(), statistics));
+        // Twice, with other random numbers.
+        let (first, statistics) = render(settings, options.seconds);
+        let (second, _) = render(&Settings { seed: settings.seed + 1, ..settings.clone() }, options.seconds);
+        let spp = first.least_samples().min(second.least_samples());
+        let pair = [(first, ""), (second, "-again")].map(|(film, suffix)| (film.image(), format!("{kind}{suffix}")));
+        for (picture, kind) in &pair {
+            keep(file(kind), picture)?;
+        }
+        found.push((pair.map(|(picture, _)| pixels(&picture)), spp, statistics));
     }
     let [(plain, plain_spp, _), (guided, guided_spp, statistics)] = &found[..] else {
-        unreachable!("two were rendered")
+        unreachable!("both ways were rendered")
     };
+    let mean = mean(&[&plain[0], &plain[1], &guided[0], &guided[1]]);
+    let [plain, guided] = [plain, guided].map(|pair| errors(pair, &mean));
     Ok(json!({
         "scene": name,
         "size": [options.width, height],
@@ -157,44 +151,38 @@ fn process_time() -> Duration {
     START.get_or_init(Instant::now).elapsed()
 }
 
-/// Relative squared errors, as `snell compare` has them.
+/// Relative squared errors.
 struct Errors {
     mean: f64,
     /// Without the worst thousandth of the pixels.
     trimmed: f64,
 }
 
-fn errors(test: &[[f32; 3]], reference: &[[f32; 3]]) -> Errors {
-    let pixel = |(t, r): (&[f32; 3], &[f32; 3])| {
+/// Of a picture, told by two that differ in nothing but noise: half of the square of their difference. So no picture need be known that is
+/// right, and noise of such a picture is not taken for error. Relative to `mean`, as in `snell compare`.
+fn errors([a, b]: &[Pixels; 2], mean: &Pixels) -> Errors {
+    let pixel = |((a, b), mean): ((&[f64; 3], &[f64; 3]), &[f64; 3])| {
         let channel = |c: usize| {
-            let (t, r) = (f64::from(t[c]), f64::from(r[c]));
-            (t - r).powi(2) / (r * r + snell_formats::image::compare::RELATIVE_EPSILON)
+            (a[c] - b[c]).powi(2) / 2.0 / (mean[c] * mean[c] + snell_formats::image::compare::RELATIVE_EPSILON)
         };
         (channel(0) + channel(1) + channel(2)) / 3.0
     };
-    let mut all: Vec<f64> = test.iter().zip(reference).map(pixel).collect();
+    let mut all: Vec<f64> = a.iter().zip(b).zip(mean).map(pixel).collect();
     all.sort_by(f64::total_cmp);
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     Errors { mean: mean(&all), trimmed: mean(&all[..all.len() - all.len() / 1000]) }
 }
 
-fn pixels(picture: &LayeredImage) -> Vec<[f32; 3]> {
-    let layer = &picture.layers[0];
-    layer.values.chunks(layer.channels.len()).map(|p| [p[0], p[1], p[2]]).collect()
+type Pixels = Vec<[f64; 3]>;
+
+fn mean(pictures: &[&Pixels]) -> Pixels {
+    let channel = |i: usize, c: usize| pictures.iter().map(|p| p[i][c]).sum::<f64>() / pictures.len() as f64;
+    (0..pictures[0].len()).map(|i| [0, 1, 2].map(|c| channel(i, c))).collect()
 }
 
-fn pixels_of_file(path: &Path, size: [u32; 2]) -> Result<Vec<[f32; 3]>, Failure> {
-    let image: Image = read_image(&Input::open(path, &ReadOptions::default())?)?;
-    if [image.width, image.height] != size {
-        let ([w, h], found) = (size, [image.width, image.height]);
-        let place = path.display();
-        return Err(Failure::Usage(format!(
-            "{place} has {}x{} pixels and not {w}x{h}; remove it, or name another folder for --keep",
-            found[0], found[1]
-        )));
-    }
-    let all = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
-    Ok(all.map(|(x, y)| image.rgba(x, y)).map(|[r, g, b, _]| [r, g, b]).collect())
+fn pixels(picture: &LayeredImage) -> Pixels {
+    let layer = &picture.layers[0];
+    layer.values.chunks(layer.channels.len()).map(|p| [p[0], p[1], p[2]].map(f64::from)).collect()
 }
 
 fn keep(path: Option<PathBuf>, picture: &LayeredImage) -> Result<(), Failure> {
