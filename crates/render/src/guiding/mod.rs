@@ -12,10 +12,11 @@
 pub(crate) mod density;
 pub(crate) mod directional;
 mod field;
+pub(crate) mod parallax;
 mod record;
 mod regions;
 
-pub use field::{Cell, Field, Known};
+pub use field::{Cell, Field, Guide, Known};
 pub use record::{Choice, Record, Recorder};
 
 /// Path guiding of a render.

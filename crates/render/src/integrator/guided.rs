@@ -1,7 +1,7 @@
 //! GuidedBsdf at a vertex: by the BSDF alone, or by a mixture of the BSDF and what a field has learnt.
 
 use super::carried::Expected;
-use crate::guiding::{Cell, Choice, Field};
+use crate::guiding::{Cell, Choice, Field, Guide};
 use crate::light_sampler::Receiver;
 use snell_math::rng::ONE_MINUS_EPSILON;
 use snell_math::simd::{least, most};
@@ -42,6 +42,7 @@ pub struct GuidedBsdf<'a> {
     pub shading: &'a ShadingBsdf<'a>,
     /// What is known at the point, where there is a field and a lobe that can be guided.
     cell: Option<&'a Cell>,
+    guide: Option<Guide<'a>>,
     is_guided: bool,
     is_learning: bool,
 }
@@ -50,7 +51,8 @@ impl<'a> GuidedBsdf<'a> {
     /// At a point.
     pub fn new(field: Option<&'a Field>, shading: &'a ShadingBsdf<'a>, point: &Receiver) -> Self {
         let cell = field.filter(|_| !shading.is_delta()).map(|f| f.cell(point.position, point.normal));
-        Self { shading, cell, is_guided: field.is_some(), is_learning: field.is_some_and(Field::is_learning) }
+        let guide = cell.and_then(|cell| cell.guide(point.position));
+        Self { shading, cell, guide, is_guided: field.is_some(), is_learning: field.is_some_and(Field::is_learning) }
     }
 
     /// `f(wo, wi) |cos(wi)|` and the density per steradian with which [`Self::sample`] draws `wi`, both without delta lobes.
@@ -59,16 +61,21 @@ impl<'a> GuidedBsdf<'a> {
         (value, self.mixed_pdf(wi, pdf))
     }
 
+    /// The share of the BSDF, and what else directions are drawn from.
+    fn mixture(&self) -> Option<(f32, &Guide<'a>)> {
+        Some((self.cell?.bsdf_share, self.guide.as_ref()?))
+    }
+
     fn mixed_pdf(&self, wi: Vec3, bsdf_pdf: f32) -> f32 {
-        match self.cell.and_then(|cell| Some((cell.bsdf_share, cell.density.as_ref()?))) {
-            Some((share, density)) => mixed_pdf(share, bsdf_pdf, density.pdf(wi)),
+        match self.mixture() {
+            Some((share, guide)) => mixed_pdf(share, bsdf_pdf, guide.pdf(wi)),
             None => bsdf_pdf,
         }
     }
 
     /// Draws a direction, as [`ShadingBsdf::sample`] does; `u_quad` gives one more number. Delta lobes are the BSDF's alone.
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, u_quad: impl FnOnce() -> f32) -> Option<BsdfSample> {
-        let Some((share, density)) = self.cell.and_then(|cell| Some((cell.bsdf_share, cell.density.as_ref()?))) else {
+        let Some((share, guide)) = self.mixture() else {
             return self.shading.sample(wo, u_lobe, u);
         };
         if u_lobe < share {
@@ -80,7 +87,7 @@ impl<'a> GuidedBsdf<'a> {
             let weight = sample.weight * (sample.pdf / pdf);
             return Some(BsdfSample { weight, pdf, ..sample });
         }
-        let wi = density.sample(u_quad(), u);
+        let wi = guide.sample(u_quad(), u);
         let (value, pdf) = self.eval_and_pdf(wo, wi);
         if value.is_black() {
             return None;
@@ -107,7 +114,7 @@ impl<'a> GuidedBsdf<'a> {
         }
         let Some(cell) = self.cell else { return (sample.weight.max_element() * crossing, first) };
         let expected = throughput.max_element() * cell.expected;
-        if cell.density.is_none() || expected.is_nan() || expected <= 0.0 {
+        if !cell.is_known() || expected.is_nan() || expected <= 0.0 {
             return (self.shading.albedo(wo).max_element(), first);
         }
         let (survival, first) = expected_survival(expected, first.get());
@@ -118,9 +125,9 @@ impl<'a> GuidedBsdf<'a> {
     /// the path goes on.
     pub fn choice(&self, point: &Receiver, wo: Vec3, sample: &BsdfSample, survival: f32) -> Option<Choice> {
         let cell = self.cell.filter(|_| self.is_learning && !sample.is_delta)?;
-        let bsdf_share = match cell.density {
-            Some(_) => cell.bsdf_share * self.shading.pdf(wo, sample.wi) / sample.pdf,
-            None => 1.0,
+        let bsdf_share = match cell.is_known() {
+            true => cell.bsdf_share * self.shading.pdf(wo, sample.wi) / sample.pdf,
+            false => 1.0,
         };
         let &Receiver { position, normal, .. } = point;
         Some(Choice { position, normal, direction: sample.wi, pdf: sample.pdf * survival, bsdf_share })

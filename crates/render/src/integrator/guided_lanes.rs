@@ -1,10 +1,11 @@
 //! What [`super::guided`] does at Lambertian surfaces, at many vertices at once, bit for bit.
 
 use super::guided::{expected_survival, mixed_pdf};
-use super::lanes::{CarriedLanes, HitColors, LANES, at};
+use super::lanes::{CarriedLanes, HitColors, LANES, ZERO, at, put};
 use super::lights::{LightArrivals, Scatterers, Surfaces};
 use crate::guiding::density::coordinates;
 use crate::guiding::directional::{direction_from_square, square_from_direction};
+use crate::guiding::parallax::{from_anchor, to_place};
 use crate::guiding::{Field, Known};
 use crate::light_sampler::Receivers;
 use snell_intersect::triangles::{HitLanes, HitVectors};
@@ -23,11 +24,15 @@ pub struct GuidedLanes {
     /// Where points are to be found, and which way surfaces face.
     places: [[u32; LANES]; 3],
     faces: [u32; LANES],
+    /// By what directions turn at the points.
+    shift: HitVectors,
     /// The points of the square that stand for directions.
     square: [HitLanes; 2],
     coordinates: [[u32; LANES]; 2],
     /// 1 for directions that do not come from the BSDF.
     is_drawn: [u32; LANES],
+    /// How much larger the solid angle of a direction is where what is known was seen from.
+    larger: HitLanes,
     /// Density of a direction by what is known.
     pdf: HitLanes,
     /// What paths of throughput 1 are expected to bring, 0 where nothing is known.
@@ -59,9 +64,11 @@ impl Default for GuidedLanes {
             share: number,
             places: [mark; 3],
             faces: mark,
+            shift: ZERO,
             square: [number; 2],
             coordinates: [mark; 2],
             is_drawn: mark,
+            larger: number,
             pdf: number,
             brings: number,
             survival: number,
@@ -92,6 +99,7 @@ impl GuidedLanes {
             self.is_known[i] = u32::from(self.known[i].is_some());
             if let Some(known) = self.known[i] {
                 (self.share[i], self.brings[i]) = (field.bsdf_share(known), field.expected(known));
+                put(&mut self.shift, i, field.shift(known, at(receivers.position, i)));
             }
         }
     }
@@ -131,7 +139,7 @@ impl GuidedLanes {
         at_level!(
             wide,
             find_coordinates,
-            (directions: &HitVectors = arrivals.directions(), to: &mut [[u32; LANES]; 2] = &mut self.coordinates)
+            (guided: &mut GuidedLanes = self, directions: &HitVectors = arrivals.directions())
         );
         self.look_up(field, |lane| arrivals.exists[lane] != 0);
         at_level!(wide, weigh_lights, (guided: &GuidedLanes = self, arrivals: &mut LightArrivals = arrivals));
@@ -155,15 +163,15 @@ impl GuidedLanes {
         let [x, y] = &self.coordinates;
         for i in 0..LANES {
             if let Some(known) = self.known[i].filter(|_| is_wanted(i)) {
-                self.pdf[i] = field.density(known).pdf_at([x[i], y[i]]);
+                self.pdf[i] = field.density(known).pdf_at([x[i], y[i]]) * self.larger[i];
             }
         }
     }
 
     /// Density of a direction in the mixture of a lane, by that of the BSDF.
-    pub fn mixed_pdf(&self, field: Option<&Field>, lane: usize, wi: Vec3, bsdf_pdf: f32) -> f32 {
+    pub fn mixed_pdf(&self, field: Option<&Field>, lane: usize, position: Vec3, wi: Vec3, bsdf_pdf: f32) -> f32 {
         match field.zip(self.known[lane]) {
-            Some((field, known)) => mixed_pdf(self.share[lane], bsdf_pdf, field.density(known).pdf(wi)),
+            Some((field, known)) => mixed_pdf(self.share[lane], bsdf_pdf, field.guide(known, position).pdf(wi)),
             None => bsdf_pdf,
         }
     }
@@ -190,10 +198,12 @@ fn find_places(
 }
 
 #[inline(always)]
-fn find_coordinates(directions: &HitVectors, to: &mut [[u32; LANES]; 2]) {
-    let [x, y] = to;
+fn find_coordinates(guided: &mut GuidedLanes, directions: &HitVectors) {
+    let [x, y] = &mut guided.coordinates;
     for i in 0..LANES {
-        [x[i], y[i]] = coordinates(square_from_direction(at(directions, i)));
+        let (seen, larger) = from_anchor(at(directions, i), at(&guided.shift, i));
+        [x[i], y[i]] = coordinates(square_from_direction(seen));
+        guided.larger[i] = larger;
     }
 }
 
@@ -203,6 +213,7 @@ fn turn(guided: &mut GuidedLanes, surfaces: &Surfaces, to: &mut Directions) {
     for i in 0..LANES {
         let is_drawn = guided.is_drawn[i];
         let drawn = direction_from_square(Vec2::new(guided.square[0][i], guided.square[1][i]));
+        let drawn = to_place(drawn, at(&guided.shift, i));
         let (share, is_seen) = surfaces.share(i, drawn);
         let origin = surfaces.ray_origin(i, drawn);
         for axis in 0..3 {
@@ -212,7 +223,7 @@ fn turn(guided: &mut GuidedLanes, surfaces: &Surfaces, to: &mut Directions) {
         to.pdf[i] = marked(is_drawn, share, to.pdf[i]);
         to.exists[i] = marked(is_drawn, u32::from(is_seen), to.exists[i]);
     }
-    find_coordinates(to.wi, &mut guided.coordinates);
+    find_coordinates(guided, to.wi);
 }
 
 /// From densities of BSDFs to those of mixtures.

@@ -221,7 +221,7 @@ impl MatteVertices {
             let throughput = color_at(&lanes.carried.throughput, lane);
             weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| {
                 let (value, pdf) = seen.reflected(wi);
-                (value, guided.mixed_pdf(context.field, lane, wi, pdf))
+                (value, guided.mixed_pdf(context.field, lane, at(&lanes.points.position, lane), wi, pdf))
             })
         });
     }

@@ -5,6 +5,7 @@
 //! Photons only say where paths should look, so they may take short cuts: media do not hold them up, and light goes both ways alike
 //! through every surface.
 
+use super::aim::{Aim, Departure};
 use super::tracer::Tracer;
 use super::{Job, into_inner, lock};
 use crate::compile::{CompiledLight, CompiledScene};
@@ -16,15 +17,20 @@ use snell_intersect::{Grouping, Hit};
 use snell_math::{ColorMode, Frame, Ray, SampledSpectrum, Vec2, Vec3, rng, sampling};
 use snell_scene::light::environment::SkySample;
 use std::f32::consts::PI;
+use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// How often the field reads what photons met.
-const ROUNDS: u32 = 4;
+const ROUNDS: u32 = 7;
+/// The round before which it is found how directions turn: regions are about as small as they will be.
+const PARALLAX_ROUND: u32 = 4;
 /// Photons traced together.
 const BATCH: usize = 4096;
 /// Bounces that a photon makes at most.
 const MAX_DEPTH: u32 = 24;
+/// One of so many photons tells where others are aimed.
+const SCOUTS: usize = 8;
 /// Largest probability of going on.
 const MAX_SURVIVAL: f32 = 0.95;
 
@@ -39,6 +45,7 @@ mod dimension {
     pub const LOBE: u32 = 3;
     pub const BSDF: u32 = 4;
     pub const ROULETTE: u32 = 5;
+    pub const AIM: u32 = 6;
 }
 
 /// A photon in flight.
@@ -48,6 +55,9 @@ struct Photon {
     flux: SampledSpectrum,
     /// Roulette goes by what is left of the flux at first.
     first_flux: f32,
+    /// The last bounce was at glass or a mirror.
+    is_focused: bool,
+    departure: Departure,
     random: Random,
 }
 
@@ -56,55 +66,76 @@ impl Job<'_> {
     pub(super) fn learn_from_photons(&self, field: &mut Field, photons: u32, seed: u32, threads: usize) {
         let lights = self.scene.light_sampler(LightSamplerKind::Power, self.settings.light_strategy);
         let sampler = Sampler::new(SamplerKind::Independent, seed, 1);
-        let batches: Vec<Mutex<Vec<Record>>> = (0..photons as usize / BATCH).map(|_| Mutex::default()).collect();
-        let next = AtomicUsize::new(0);
-        let work = || {
-            let mut tracer = Tracer::new(self.scene, None);
-            loop {
-                let index = next.fetch_add(1, Ordering::Relaxed);
-                let Some(records) = batches.get(index) else { break };
-                shoot(self.scene, &lights, &sampler, index, &mut tracer, &mut lock(records));
-            }
+        let batches = photons as usize / BATCH;
+        let shoot = |batches: Range<usize>, aim: &Aim| {
+            let shots: Vec<Mutex<Shots>> = batches.clone().map(|_| Mutex::default()).collect();
+            let next = AtomicUsize::new(0);
+            let work = || {
+                let mut tracer = Tracer::new(self.scene, None);
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(shots) = shots.get(index) else { break };
+                    lock(shots).shoot((self.scene, &lights, aim), &sampler, batches.start + index, &mut tracer);
+                }
+            };
+            std::thread::scope(|scope| {
+                for _ in 0..threads.max(1) {
+                    scope.spawn(work);
+                }
+            });
+            shots.into_iter().map(into_inner).collect::<Vec<Shots>>()
         };
-        std::thread::scope(|scope| {
-            for _ in 0..threads.max(1) {
-                scope.spawn(work);
-            }
-        });
-        let records: Vec<Record> = batches.into_iter().flat_map(into_inner).collect();
+        let scouts = batches / SCOUTS;
+        let mut shots = shoot(0..scouts, &Aim::default());
+        let aim = Aim::new(shots.iter().flat_map(|shots| shots.focused.iter().copied()));
+        shots.extend(shoot(scouts..batches, &aim));
+        let records: Vec<Record> = shots.into_iter().flat_map(|shots| shots.records).collect();
         // Regions and quads are made by what is found in them, so all is read again where there are new ones.
         for round in 0..ROUNDS {
+            if round == PARALLAX_ROUND {
+                field.find_parallax(&records, rng::hash_combine(seed, ROUNDS), threads);
+            }
             field.add(&records, rng::hash_combine(seed, round), threads);
             field.learn(Moment::First, Guiding::most_records(0), threads);
         }
     }
 }
 
-/// Shoots one batch.
-fn shoot(
-    scene: &CompiledScene,
-    lights: &LightSampler,
-    sampler: &Sampler,
-    batch: usize,
-    tracer: &mut Tracer,
-    records: &mut Vec<Record>,
-) {
-    let random = |i: usize| sampler.random([batch as u32, i as u32], 0);
-    let mut photons: Vec<Photon> = (0..BATCH).filter_map(|i| emitted(scene, lights, random(i))).collect();
-    let mut hits = Vec::new();
-    for depth in 0..MAX_DEPTH {
-        let rays: Vec<Ray> = photons.iter().map(|p| p.ray).collect();
-        tracer.closest(&rays, &vec![0.0; rays.len()], Grouping::None, &mut hits);
-        let bounce = |(photon, hit)| bounced(scene, photon, hit, depth, records);
-        photons = photons.iter().zip(&hits).filter_map(bounce).collect();
+/// What photons of a batch met.
+#[derive(Default)]
+struct Shots {
+    records: Vec<Record>,
+    /// How those left their lights that were focused.
+    focused: Vec<Departure>,
+}
+
+impl Shots {
+    /// Shoots one batch.
+    fn shoot(
+        &mut self,
+        (scene, lights, aim): (&CompiledScene, &LightSampler, &Aim),
+        sampler: &Sampler,
+        batch: usize,
+        tracer: &mut Tracer,
+    ) {
+        let random = |i: usize| sampler.random([batch as u32, i as u32], 0);
+        let mut photons: Vec<Photon> = (0..BATCH).filter_map(|i| emitted(scene, lights, aim, random(i))).collect();
+        let mut hits = Vec::new();
+        for depth in 0..MAX_DEPTH {
+            let rays: Vec<Ray> = photons.iter().map(|p| p.ray).collect();
+            tracer.closest(&rays, &vec![0.0; rays.len()], Grouping::None, &mut hits);
+            let bounce = |(photon, hit)| bounced(scene, photon, hit, depth, self);
+            photons = photons.iter().zip(&hits).filter_map(bounce).collect();
+        }
     }
 }
 
 /// A photon leaves a light.
-fn emitted(scene: &CompiledScene, lights: &LightSampler, random: Random) -> Option<Photon> {
+fn emitted(scene: &CompiledScene, lights: &LightSampler, aim: &Aim, random: Random) -> Option<Photon> {
     let vertex = random.at_vertex(0, 0);
     let chosen = lights.sample(&Receiver::default(), || vertex.number(dimension::LIGHT))?;
-    let (u, v) = (vertex.pair(dimension::POSITION), vertex.pair(dimension::DIRECTION));
+    let u = vertex.pair(dimension::POSITION);
+    let (v, scale, departure) = aim.aim(chosen.light, vertex.number(dimension::AIM), vertex.pair(dimension::DIRECTION));
     let light = &scene.lights()[chosen.light];
     let (ray, flux) = match light {
         // Photons see the scene when the shutter opens.
@@ -152,9 +183,10 @@ fn emitted(scene: &CompiledScene, lights: &LightSampler, random: Random) -> Opti
             (from_afar(scene, direction, v), environment.radiance_at(place, COLOR) * (area / pdf))
         }
     };
-    let flux = flux * (1.0 / chosen.probability);
+    let flux = flux * (scale / chosen.probability);
     let first_flux = flux.max_element();
-    (flux.is_finite() && first_flux > 0.0).then_some(Photon { ray, flux, first_flux, random })
+    let photon = Photon { ray, flux, first_flux, is_focused: false, departure, random };
+    (flux.is_finite() && first_flux > 0.0).then_some(photon)
 }
 
 /// A ray from a direction through the disk that the scene shows there.
@@ -177,7 +209,7 @@ fn hit_of(surface: &snell_intersect::SurfaceInteraction) -> Hit {
 }
 
 /// Writes down where a photon arrives, and sends it on.
-fn bounced(scene: &CompiledScene, photon: &Photon, hit: &Hit, depth: u32, records: &mut Vec<Record>) -> Option<Photon> {
+fn bounced(scene: &CompiledScene, photon: &Photon, hit: &Hit, depth: u32, shots: &mut Shots) -> Option<Photon> {
     if !hit.is_hit() {
         return None;
     }
@@ -190,7 +222,10 @@ fn bounced(scene: &CompiledScene, photon: &Photon, hit: &Hit, depth: u32, record
         let normal = shading.frame.z;
         let normal = if normal.dot(from) < 0.0 { -normal } else { normal };
         let (position, light) = (surface.position, photon.flux.average());
-        records.push(Record { position, normal, direction: from, light, found: 0.0, bsdf_share: 0.0 });
+        shots.records.push(Record { position, normal, direction: from, light, found: 0.0, bsdf_share: 0.0 });
+        if photon.is_focused {
+            shots.focused.push(photon.departure);
+        }
     }
     let vertex = photon.random.at_vertex(0, depth + 1);
     let sample = shading.sample(from, vertex.number(dimension::LOBE), vertex.pair(dimension::BSDF))?;
@@ -200,5 +235,5 @@ fn bounced(scene: &CompiledScene, photon: &Photon, hit: &Hit, depth: u32, record
         return None;
     }
     let ray = Ray::new(surface.ray_origin(sample.wi), sample.wi);
-    Some(Photon { ray, flux: flux * (1.0 / survival), ..*photon })
+    Some(Photon { ray, flux: flux * (1.0 / survival), is_focused: sample.is_delta, ..*photon })
 }

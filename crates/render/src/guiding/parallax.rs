@@ -1,0 +1,171 @@
+//! How the direction to a light turns from place to place in a region. Seen from anywhere in a room, a lamp or its image in a lens is at one
+//! point; so what is known of directions is kept as seen from one place of the region, and turned for all others (Ruppert, Herholz and
+//! Lensch, Robust fitting of parallax-aware mixtures for path guiding, 2020). They take distances of what paths meet first. Behind glass
+//! that is not where light comes from, and the image may be behind who sees it; so here the distance is found from the directions themselves.
+
+use super::directional::square_from_direction;
+use snell_math::Vec3;
+use snell_math::simd::most;
+
+/// Directions are turned by no more than what this moves their ends.
+const MOST: f32 = 0.8;
+/// Cells along each side of the square of directions.
+const SIDE: usize = 64;
+/// Distances that are tried on either side, each larger by the root of two than the one before.
+const DISTANCES: i32 = 10;
+/// No more of what arrives is looked at, and no less.
+const ARRIVALS: std::ops::RangeInclusive<usize> = 32..=1024;
+/// A distance must bring together this many times as much as none does.
+const LEAST_GAIN: f32 = 1.2;
+/// And so much more, in what the arrivals count for alone: what chance brings together.
+const NOISE: f32 = 0.1;
+
+/// Light that arrives in a region.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrival {
+    pub position: Vec3,
+    pub direction: Vec3,
+    pub light: f32,
+}
+
+/// How directions turn.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Parallax {
+    /// The place from which directions are seen.
+    anchor: Vec3,
+    /// One over the distance of what is seen; negative for images behind the surface that is lit.
+    nearness: f32,
+}
+
+impl Parallax {
+    /// What brings the directions of some light together as far as it goes.
+    pub fn of(arrivals: &[Arrival]) -> Self {
+        if arrivals.len() < *ARRIVALS.start() {
+            return Self::default();
+        }
+        let step = arrivals.len().div_ceil(*ARRIVALS.end());
+        let arrivals: Vec<Arrival> = arrivals.iter().step_by(step).copied().collect();
+        let anchor = arrivals.iter().map(|a| a.position).sum::<Vec3>() / arrivals.len() as f32;
+        let extent = arrivals.iter().map(|a| a.position.distance(anchor)).fold(0.0, f32::max);
+        let most_near = MOST / extent;
+        if !most_near.is_finite() {
+            return Self::default();
+        }
+        let none = Self { anchor, nearness: 0.0 };
+        let alone: f32 = arrivals.iter().map(|a| a.light * a.light).sum();
+        let (mut best, mut most) = (none, LEAST_GAIN * none.togetherness(&arrivals) + NOISE * alone);
+        for step in 0..DISTANCES {
+            for side in [1.0, -1.0] {
+                let tried = Self { nearness: side * most_near * 0.5f32.powf(step as f32 * 0.5), ..none };
+                let found = tried.togetherness(&arrivals);
+                if found > most {
+                    (best, most) = (tried, found);
+                }
+            }
+        }
+        best
+    }
+
+    /// How much of the light comes from the same cells of the square, pair by pair.
+    fn togetherness(self, arrivals: &[Arrival]) -> f32 {
+        let mut cells = vec![0.0f32; SIDE * SIDE];
+        let mut alone = 0.0;
+        for &Arrival { position, direction, light } in arrivals {
+            let square = square_from_direction(from_anchor(direction, self.shift(position)).0) * SIDE as f32;
+            cells[square.y as usize * SIDE + square.x as usize] += light;
+            alone += light * light;
+        }
+        cells.iter().map(|light| light * light).sum::<f32>() - alone
+    }
+
+    /// By what the ends of directions move that are seen from here, for [`from_anchor`] and [`to_place`].
+    #[inline(always)]
+    pub fn shift(self, position: Vec3) -> Vec3 {
+        let shift = (position - self.anchor) * self.nearness;
+        shift * (MOST / most(shift.length(), MOST))
+    }
+}
+
+/// A unit direction as the anchor sees it, and how much larger solid angles are there.
+#[inline(always)]
+pub fn from_anchor(direction: Vec3, shift: Vec3) -> (Vec3, f32) {
+    let moved = direction + shift;
+    let inverse = 1.0 / moved.length();
+    (moved * inverse, direction.dot(moved) * (inverse * inverse * inverse))
+}
+
+/// The reverse of [`from_anchor`].
+#[inline(always)]
+pub fn to_place(direction: Vec3, shift: Vec3) -> Vec3 {
+    let along = direction.dot(shift);
+    let length = along + (along * along + (1.0 - shift.length_squared())).sqrt();
+    let back = direction * length - shift;
+    back * (1.0 / back.length())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_math::rng::uniform2;
+    use snell_math::sampling::uniform_sphere;
+
+    fn cube(i: u32, key: u32) -> Vec3 {
+        let [a, b] = [0, 1].map(|k| uniform2([i, key, k, 5]));
+        Vec3::new(a.x, a.y, b.x) * 2.0 - 1.0
+    }
+
+    #[test]
+    fn directions_are_turned_and_turned_back() {
+        for i in 0..10_000 {
+            let parallax = Parallax { anchor: Vec3::new(1.0, 2.0, 3.0), nearness: if i % 2 == 0 { 0.4 } else { -0.9 } };
+            let shift = parallax.shift(cube(i, 1));
+            let direction = uniform_sphere(uniform2([i, 2, 3, 4]));
+            let (seen, _) = from_anchor(direction, shift);
+            assert!((seen.length() - 1.0).abs() < 1e-6);
+            assert!((to_place(seen, shift) - direction).length() < 1e-6, "{direction} {shift}");
+        }
+    }
+
+    /// How much larger solid angles are, beside what becomes of a small square.
+    #[test]
+    fn solid_angles_grow_as_stated() {
+        const SIDE: f32 = 0.01;
+        for i in 0..1000 {
+            let shift = cube(i, 6) * 0.45;
+            let direction = uniform_sphere(uniform2([i, 7, 8, 9]));
+            let (x, y) = direction.any_orthonormal_pair();
+            let seen = |x: Vec3| from_anchor(x.normalize(), shift).0;
+            let side = |axis: Vec3| seen(direction + axis * (SIDE / 2.0)) - seen(direction - axis * (SIDE / 2.0));
+            let found = side(x).cross(side(y)).length() / (SIDE * SIDE);
+            let (_, larger) = from_anchor(direction, shift);
+            assert!((found / larger - 1.0).abs() < 0.005, "{found} {larger}");
+        }
+    }
+
+    /// A small lamp is found at its distance, an image behind the surface too, and light from everywhere turns nothing.
+    #[test]
+    fn the_distance_of_a_light_is_found() {
+        for distance in [2.0f32, 5.0, -3.0] {
+            let axis = Vec3::new(0.2, 0.3, 0.93).normalize();
+            let image = axis * distance;
+            let arrivals: Vec<Arrival> = (0..400)
+                .map(|i| {
+                    let position = cube(i, 3) * Vec3::new(0.5, 0.5, 0.0);
+                    let toward = (image - position) * distance.signum();
+                    let direction = match i % 3 {
+                        0 => uniform_sphere(uniform2([i, 4, 4, 4])),
+                        _ => toward.normalize(),
+                    };
+                    Arrival { position, direction, light: 1.0 }
+                })
+                .collect();
+            let found = 1.0 / Parallax::of(&arrivals).nearness;
+            assert!((found / distance - 1.0).abs() < 0.3, "{found} instead of {distance}");
+        }
+        let everywhere: Vec<Arrival> = (0..400)
+            .map(|i| Arrival { position: cube(i, 3), direction: uniform_sphere(uniform2([i, 4, 4, 4])), light: 1.0 })
+            .collect();
+        assert_eq!(Parallax::of(&everywhere).nearness, 0.0);
+        assert_eq!(Parallax::of(&[]).nearness, 0.0);
+    }
+}
