@@ -478,7 +478,7 @@ mod tests {
             .map(|i| {
                 let [u, v] = [0, 1].map(|k| uniform2([i, k, 1, 2]));
                 let position = Vec3::new(u.x * 2.0 - 1.0, 0.0, u.y * 2.0 - 1.0);
-                let direction = match i % 4 {
+                let direction = match i % 2 {
                     0 => uniform_sphere(v),
                     _ => (lamp - position).normalize(),
                 };
@@ -509,7 +509,7 @@ mod tests {
             let guide = field.cell(position, Vec3::Y).guide(position).expect("all of the floor is known");
             sum += guide.pdf((lamp - position).normalize()) / 1000.0;
         }
-        // Some 600. If directions are not turned it is 3, since regions are some 30 degrees wide, seen from the lamp.
+        // Some 330. If directions are not turned it is 2 or 3, since regions are some 30 degrees wide, seen from the lamp.
         assert!(sum > 100.0, "{sum}");
     }
 
@@ -536,7 +536,7 @@ mod tests {
                 }
             }
             for integral in integrals {
-                assert!((integral / (4.0 * std::f64::consts::PI) - 1.0).abs() < 0.01, "{position}: {integrals:?}");
+                assert!((integral / (4.0 * std::f64::consts::PI) - 1.0).abs() < 0.02, "{position}: {integrals:?}");
             }
         }
     }
