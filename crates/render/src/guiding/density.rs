@@ -7,12 +7,12 @@ use std::f32::consts::PI;
 
 /// Numbers between 0 and 1 that are drawn have this many digits. Probabilities are multiples of the least of them, so that what is
 /// drawn is exactly as likely as is stated.
-const DIGITS: u32 = 24;
+pub(super) const DIGITS: u32 = 24;
 /// What [`DIGITS`] make.
-const ONE: f32 = (1 << DIGITS) as f32;
+pub(super) const ONE: f32 = (1 << DIGITS) as f32;
 
 /// Digits of coordinates on the square, by which quads are found: two for each table on the way.
-const COORDINATE_DIGITS: u32 = 16;
+pub(super) const COORDINATE_DIGITS: u32 = 16;
 
 /// Marks what is the number of a quad, not of a table.
 const QUAD: u16 = 1 << 15;
@@ -151,6 +151,34 @@ impl Density {
             }
             table = usize::from(found);
         }
+    }
+
+    /// The tables, with what stands for quads of these densities, and for tables of these numbers.
+    pub(super) fn tables(
+        &self,
+        quad: impl Fn(f32) -> u32,
+        table: impl Fn(u32) -> u32,
+    ) -> impl Iterator<Item = [u32; 16]> {
+        let entry = move |found: u16| match found & QUAD {
+            0 => table(u32::from(found)),
+            _ => quad(self.quads[usize::from(found & !QUAD)].pdf),
+        };
+        self.tables.iter().map(move |cells| cells.map(&entry))
+    }
+
+    /// Corners and sizes of quads.
+    pub(super) fn squares(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.quads.iter().map(|&Quad { corner: [x, y], size, .. }| [x, y, size])
+    }
+
+    /// As the fields.
+    pub(super) fn starts(&self) -> &[u16] {
+        &self.starts
+    }
+
+    /// As the fields.
+    pub(super) fn ends(&self) -> &[u32] {
+        &self.ends
     }
 
     /// Bytes in memory.

@@ -3,11 +3,12 @@
 //! Regions are the leaves of binary trees, one for each of the six ways that a surface may face (by the largest component of its
 //! normal), so that what shines on one side of a wall is not looked for on the other. A region that sees many records is halved.
 
+use super::atlas::{Atlas, Brief};
 use super::density::Density;
 use super::directional::{Gatherer, Moment};
 use super::parallax::{Arrival, Parallax, from_anchor, to_place};
 use super::record::Record;
-use super::regions::{Halves, Place, Regions, place};
+use super::regions::{Halves, Place, place};
 use snell_math::simd::{least, most};
 use snell_math::{Vec2, Vec3, rng};
 
@@ -165,7 +166,7 @@ impl Guide<'_> {
 
 /// A region of which something is known.
 #[derive(Clone, Copy, Debug)]
-pub struct Known(u32);
+pub struct Known(pub(crate) u32);
 
 /// A node of the trees over space: two halves, or a region.
 #[derive(Clone, Copy, Debug)]
@@ -217,8 +218,8 @@ pub struct Field {
     scale: f32,
     /// The first nodes are the roots.
     nodes: Vec<Node>,
-    /// The same, to look up.
-    regions: Regions,
+    /// The same and what is known, to look up.
+    atlas: Atlas,
     cells: Vec<Cell>,
     is_learning: bool,
 }
@@ -231,18 +232,21 @@ impl Field {
             origin: center - radius,
             scale: if scale.is_finite() { scale } else { 0.0 },
             nodes: (0..FACES as u32).map(Node::Region).collect(),
-            regions: Regions::default(),
+            atlas: Atlas::default(),
             cells: vec![Cell::new(); FACES],
             is_learning: true,
         };
-        field.find_regions();
+        field.lay_out();
         field
     }
 
-    /// Makes [`Self::regions`] what the nodes say.
-    fn find_regions(&mut self) {
+    /// Makes [`Self::atlas`] what nodes and cells say.
+    fn lay_out(&mut self) {
         let nodes = &self.nodes;
-        self.regions = Regions::new(nodes[..FACES].iter().map(|&node| NodeOf { nodes, node }));
+        self.atlas = Atlas::of_trees(nodes[..FACES].iter().map(|&node| NodeOf { nodes, node }));
+        for cell in &self.cells {
+            self.atlas.add(cell.density.as_ref(), cell.bsdf_share, cell.expected, cell.parallax);
+        }
     }
 
     /// What is known at a point of a surface that faces along `normal`. Points outside of the ball count as on its border.
@@ -251,7 +255,7 @@ impl Field {
         self.cell_at(place, face)
     }
 
-    /// Where [`Self::known_at`] finds what is known.
+    /// Where the [atlas](Self::atlas) finds what is known.
     #[inline(always)]
     pub fn place(&self, position: Vec3, normal: Vec3) -> (Place, usize) {
         let Vec3 { x, y, z } = self.unit(position);
@@ -259,43 +263,24 @@ impl Field {
     }
 
     fn cell_at(&self, place: Place, face: usize) -> &Cell {
-        &self.cells[self.regions.find(face, place) as usize]
+        &self.cells[self.atlas.region(face, place) as usize]
     }
 
-    /// The same as [`Self::cell`] by number, if something is known there: for [`Self::density`] and [`Self::bsdf_share`].
+    /// What is known, to look up at many points.
     #[inline]
-    pub fn known_at(&self, place: Place, face: usize) -> Option<Known> {
-        let region = self.regions.find(face, place);
-        self.cells[region as usize].density.is_some().then_some(Known(region))
+    pub fn atlas(&self) -> &Atlas {
+        &self.atlas
     }
 
-    /// Where light comes from, as the [anchor](super::parallax) of the region sees it.
+    /// What is known of a region.
     #[inline]
-    pub fn density(&self, Known(region): Known) -> &Density {
-        self.cells[region as usize].density.as_ref().unwrap_or_else(|| unreachable!("regions that are known have one"))
-    }
-
-    /// By what [directions turn](super::parallax) at a point of the region.
-    #[inline]
-    pub fn shift(&self, Known(region): Known, position: Vec3) -> Vec3 {
-        self.cells[region as usize].parallax.shift(position)
+    pub fn brief(&self, Known(region): Known) -> &Brief {
+        self.atlas.brief(region)
     }
 
     /// See [`Cell::guide`].
-    pub fn guide(&self, known: Known, position: Vec3) -> Guide<'_> {
-        Guide { density: self.density(known), shift: self.shift(known, position) }
-    }
-
-    /// See [`Cell::expected`].
-    #[inline]
-    pub fn expected(&self, Known(region): Known) -> f32 {
-        self.cells[region as usize].expected
-    }
-
-    /// See [`Cell::bsdf_share`].
-    #[inline]
-    pub fn bsdf_share(&self, Known(region): Known) -> f32 {
-        self.cells[region as usize].bsdf_share
+    pub fn guide(&self, Known(region): Known, position: Vec3) -> Option<Guide<'_>> {
+        self.cells[region as usize].guide(position)
     }
 
     /// Coordinates in the unit cube.
@@ -311,7 +296,7 @@ impl Field {
     /// in one region tells something of its neighbours.
     fn region_of(&self, record: &Record, key: u32) -> u32 {
         let (p, face) = (self.unit(record.position), face(record.normal));
-        let region = |p: Vec3| self.regions.find(face, p.to_array().map(place));
+        let region = |p: Vec3| self.atlas.region(face, p.to_array().map(place));
         let depth = self.cells[region(p) as usize].depth;
         let [x, y, z, _] = rng::pcg4d([key, depth, 17, 4]);
         let u = Vec3::new(rng::to_unit(x), rng::to_unit(y), rng::to_unit(z)) - 0.5;
@@ -399,7 +384,7 @@ impl Field {
         for cell in &mut self.cells {
             cell.records = 0;
         }
-        self.find_regions();
+        self.lay_out();
     }
 
     fn halve(&mut self, node: usize, depth: u32, most: u32) {
@@ -434,7 +419,7 @@ impl Field {
     /// Bytes of what samples are drawn from.
     pub fn memory_bytes(&self) -> usize {
         let densities: usize = self.cells.iter().filter_map(|c| c.density.as_ref()).map(Density::memory_bytes).sum();
-        densities + self.cells.len() * size_of::<Cell>() + self.regions.memory_bytes()
+        densities + self.cells.len() * size_of::<Cell>() + self.atlas.memory_bytes()
     }
 
     /// Drops the records since the last call of [`Self::learn`].

@@ -9,6 +9,7 @@
 //! Nothing here is added up in an order that depends on threads: records are kept until a batch of parts is done, and each region
 //! reads its own in the order of the parts. So what is learnt is a function of scene, camera, size, seed and settings.
 
+pub(crate) mod atlas;
 pub(crate) mod density;
 pub(crate) mod directional;
 mod field;

@@ -66,6 +66,18 @@ impl Parallax {
         best
     }
 
+    /// The place from which directions are seen, and one over the distance.
+    #[inline(always)]
+    pub fn parts(self) -> (Vec3, f32) {
+        (self.anchor, self.nearness)
+    }
+
+    /// Of [`Self::parts`].
+    #[inline(always)]
+    pub fn from_parts(anchor: Vec3, nearness: f32) -> Self {
+        Self { anchor, nearness }
+    }
+
     /// How much of the light comes from the same cells of the square, pair by pair.
     fn togetherness(self, arrivals: &[Arrival]) -> f32 {
         let mut cells = vec![0.0f32; SIDE * SIDE];

@@ -75,6 +75,35 @@ impl Regions {
         at & !REGION
     }
 
+    /// The same for the first places, so many: all take a step together.
+    pub fn find_many<const N: usize>(
+        &self,
+        trees: &[u32; N],
+        [x, y, z]: &[[u32; N]; 3],
+        count: usize,
+        to: &mut [u32; N],
+    ) {
+        let (mut walking, mut left) = ([0u16; N], 0);
+        for i in 0..count.min(N) {
+            to[i] = self.roots[trees[i] as usize];
+            walking[left] = i as u16;
+            left += usize::from(to[i] & REGION == 0);
+        }
+        let mut digit = DIGITS;
+        while left > 0 && digit > 0 {
+            digit -= 1;
+            let count = std::mem::take(&mut left);
+            for k in 0..count {
+                let i = usize::from(walking[k]);
+                let eighth = (x[i] >> digit & 1) | (y[i] >> digit & 1) << 1 | (z[i] >> digit & 1) << 2;
+                to[i] = self.tables[to[i] as usize][eighth as usize & 7];
+                walking[left] = walking[k];
+                left += usize::from(to[i] & REGION == 0);
+            }
+        }
+        to.iter_mut().take(count).for_each(|region| *region &= !REGION);
+    }
+
     /// Bytes in memory.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(&self.tables[..])
@@ -119,7 +148,11 @@ mod tests {
                 *x = x.fract();
             }
             depths += at.depth;
-            assert_eq!(Err(regions.find(tree, point.map(place))), at.halves().map(|_| ()), "{point:?}");
+            let found = regions.find(tree, point.map(place));
+            assert_eq!(Err(found), at.halves().map(|_| ()), "{point:?}");
+            let mut many = [0; 3];
+            regions.find_many(&[tree as u32; 3], &point.map(|x| [place(0.5), place(x), 0]), 2, &mut many);
+            assert_eq!(many[1..], [found, 0]);
         }
         assert!(depths > 20_000, "{depths}");
     }

@@ -5,7 +5,7 @@ use super::lanes::{CarriedLanes, HitColors, LANES, ZERO, at, put};
 use super::lights::{LightArrivals, Scatterers, Surfaces};
 use crate::guiding::density::coordinates;
 use crate::guiding::directional::{direction_from_square, square_from_direction};
-use crate::guiding::parallax::{from_anchor, to_place};
+use crate::guiding::parallax::{Parallax, from_anchor, to_place};
 use crate::guiding::{Field, Known};
 use crate::light_sampler::Receivers;
 use snell_intersect::triangles::{HitLanes, HitVectors};
@@ -15,16 +15,18 @@ use snell_math::{Vec2, Vec3, at_level, sampling};
 /// What a field knows where paths are. Lanes that are not in use hold anything.
 #[derive(Debug)]
 pub struct GuidedLanes {
-    /// What is known at the points; `None` if nothing is.
-    known: [Option<Known>; LANES],
-    /// 1 where that is anything.
+    /// The regions of the points.
+    regions: [u32; LANES],
+    /// 1 where anything is known of them.
     is_known: [u32; LANES],
     /// The share of directions that is drawn from the BSDF; 1 where nothing is known.
     share: HitLanes,
     /// Where points are to be found, and which way surfaces face.
     places: [[u32; LANES]; 3],
     faces: [u32; LANES],
-    /// By what directions turn at the points.
+    /// How directions turn in the regions, by parts, and by what at the points.
+    anchor: HitVectors,
+    nearness: HitLanes,
     shift: HitVectors,
     /// The points of the square that stand for directions.
     square: [HitLanes; 2],
@@ -59,11 +61,13 @@ impl Default for GuidedLanes {
     fn default() -> Self {
         let (number, mark) = ([0.0; LANES], [0; LANES]);
         Self {
-            known: [None; LANES],
+            regions: mark,
             is_known: mark,
             share: number,
             places: [mark; 3],
             faces: mark,
+            anchor: ZERO,
+            nearness: number,
             shift: ZERO,
             square: [number; 2],
             coordinates: [mark; 2],
@@ -91,17 +95,21 @@ impl GuidedLanes {
                 faces: &mut [u32; LANES] = &mut self.faces,
             )
         );
-        let [x, y, z] = &self.places;
-        (self.known, self.is_known) = ([None; LANES], [0; LANES]);
+        let atlas = field.atlas();
+        (self.regions, self.is_known) = ([0; LANES], [0; LANES]);
+        atlas.regions(&self.faces, &self.places, count, &mut self.regions);
         (self.share, self.brings) = ([1.0; LANES], [0.0; LANES]);
         for i in 0..count.min(LANES) {
-            self.known[i] = field.known_at([x[i], y[i], z[i]], self.faces[i] as usize);
-            self.is_known[i] = u32::from(self.known[i].is_some());
-            if let Some(known) = self.known[i] {
-                (self.share[i], self.brings[i]) = (field.bsdf_share(known), field.expected(known));
-                put(&mut self.shift, i, field.shift(known, at(receivers.position, i)));
-            }
+            let brief = atlas.brief(self.regions[i]);
+            let is_known = u32::from(brief.is_known());
+            self.is_known[i] = is_known;
+            self.share[i] = marked(is_known, brief.bsdf_share, 1.0);
+            self.brings[i] = marked(is_known, brief.expected, 0.0);
+            let (anchor, nearness) = brief.parallax.parts();
+            put(&mut self.anchor, i, anchor);
+            self.nearness[i] = nearness;
         }
+        at_level!(wide, find_shifts, (guided: &mut GuidedLanes = self, position: &HitVectors = receivers.position));
     }
 
     /// Replaces directions that were drawn from BSDFs by those of the mixture. `choice`, `quad` and `u` are independent numbers.
@@ -113,14 +121,10 @@ impl GuidedLanes {
         directions: &mut Directions,
         wide: Option<Wide>,
     ) {
-        for i in 0..LANES {
-            let drawn = self.known[i].filter(|_| choice[i] >= self.share[i]);
-            self.is_drawn[i] = u32::from(drawn.is_some());
-            if let Some(known) = drawn {
-                let point = field.density(known).point(quad[i], Vec2::new(u[0][i], u[1][i]));
-                (self.square[0][i], self.square[1][i]) = (point.x, point.y);
-            }
+        for (i, &choice) in choice.iter().enumerate() {
+            self.is_drawn[i] = self.is_known[i] & u32::from(choice >= self.share[i]);
         }
+        field.atlas().points(&self.regions, quad, u, &self.is_drawn, &mut self.square);
         at_level!(
             wide,
             turn,
@@ -130,7 +134,7 @@ impl GuidedLanes {
                 directions: &mut Directions<'_> = directions,
             )
         );
-        self.look_up(field, |_| true);
+        self.look_up(field, &self.is_known.clone());
         at_level!(wide, weigh, (guided: &GuidedLanes = self, directions: &mut Directions<'_> = directions));
     }
 
@@ -141,7 +145,7 @@ impl GuidedLanes {
             find_coordinates,
             (guided: &mut GuidedLanes = self, directions: &HitVectors = arrivals.directions())
         );
-        self.look_up(field, |lane| arrivals.exists[lane] != 0);
+        self.look_up(field, &arrivals.exists);
         at_level!(wide, weigh_lights, (guided: &GuidedLanes = self, arrivals: &mut LightArrivals = arrivals));
     }
 
@@ -159,26 +163,22 @@ impl GuidedLanes {
     }
 
     /// Densities of the directions of [`Self::coordinates`], in lanes where they are wanted.
-    fn look_up(&mut self, field: &Field, is_wanted: impl Fn(usize) -> bool) {
-        let [x, y] = &self.coordinates;
-        for i in 0..LANES {
-            if let Some(known) = self.known[i].filter(|_| is_wanted(i)) {
-                self.pdf[i] = field.density(known).pdf_at([x[i], y[i]]) * self.larger[i];
-            }
+    fn look_up(&mut self, field: &Field, is_wanted: &[u32; LANES]) {
+        field.atlas().pdfs(&self.regions, &self.coordinates, is_wanted, LANES, &mut self.pdf);
+        for (pdf, larger) in self.pdf.iter_mut().zip(&self.larger) {
+            *pdf *= larger;
         }
     }
 
     /// Density of a direction in the mixture of a lane, by that of the BSDF.
     pub fn mixed_pdf(&self, field: Option<&Field>, lane: usize, position: Vec3, wi: Vec3, bsdf_pdf: f32) -> f32 {
-        match field.zip(self.known[lane]) {
-            Some((field, known)) => mixed_pdf(self.share[lane], bsdf_pdf, field.guide(known, position).pdf(wi)),
-            None => bsdf_pdf,
-        }
+        let guide = field.zip(self.known(lane)).and_then(|(field, known)| field.guide(known, position));
+        guide.map_or(bsdf_pdf, |guide| mixed_pdf(self.share[lane], bsdf_pdf, guide.pdf(wi)))
     }
 
     /// What is known in a lane.
     pub fn known(&self, lane: usize) -> Option<Known> {
-        self.known[lane]
+        (self.is_known[lane] != 0).then_some(Known(self.regions[lane]))
     }
 }
 
@@ -194,6 +194,14 @@ fn find_places(
         let (place, face) = field.place(at(position, i), at(normal, i));
         (places[0][i], places[1][i], places[2][i]) = (place[0], place[1], place[2]);
         faces[i] = face as u32;
+    }
+}
+
+#[inline(always)]
+fn find_shifts(guided: &mut GuidedLanes, position: &HitVectors) {
+    for i in 0..LANES {
+        let parallax = Parallax::from_parts(at(&guided.anchor, i), guided.nearness[i]);
+        put(&mut guided.shift, i, parallax.shift(at(position, i)));
     }
 }
 

@@ -280,7 +280,7 @@ impl MatteVertices {
         let field = context.field.filter(|field| field.is_learning())?;
         let (direction, pdf) = (at(&self.bounces.wi, lane), self.bounces.pdf[lane]);
         let bsdf_share = match self.guided.known(lane) {
-            Some(known) => field.bsdf_share(known) * self.seen(lane).reflected(direction).1 / pdf,
+            Some(known) => field.brief(known).bsdf_share * self.seen(lane).reflected(direction).1 / pdf,
             None => 1.0,
         };
         let survival = context.roulette(depth).map_or(1.0, |most| self.guided.survival[lane].min(most));

@@ -1,0 +1,165 @@
+//! What a field knows, laid out to be looked up at many points at once. Each look-up is a walk through a few tables, every step of which waits
+//! for memory, and how many there are cannot be foretold. So all points take a step together, and the list of those that have
+//! further to go is made without a branch.
+
+use super::density::{COORDINATE_DIGITS, DIGITS, Density, ONE};
+use super::parallax::Parallax;
+use super::regions::{Halves, Place, Regions};
+use snell_math::Vec2;
+
+/// Marks what is the number of a table, not a density. (Densities are not negative.)
+const TABLE: u32 = 1 << 31;
+
+/// What is known of a region.
+#[derive(Clone, Copy, Debug)]
+pub struct Brief {
+    /// The first table of its density, marked; 0, a density of 0, where nothing is known.
+    table: u32,
+    /// Where its parts start (see [`Density`]), and how many there are.
+    starts: u32,
+    parts: u32,
+    /// As in [`super::Cell`].
+    pub bsdf_share: f32,
+    pub expected: f32,
+    pub parallax: Parallax,
+}
+
+impl Brief {
+    /// True if anything is known.
+    #[inline]
+    pub fn is_known(&self) -> bool {
+        self.table != 0
+    }
+}
+
+/// All that is known.
+#[derive(Clone, Debug, Default)]
+pub struct Atlas {
+    regions: Regions,
+    briefs: Vec<Brief>,
+    /// Of all densities: what lies in each of 4 times 4 squares, a density per steradian or a table of its own.
+    tables: Vec<[u32; 16]>,
+    /// The first quads of parts, the probabilities of quads (as in [`Density`]), and their corners and sizes.
+    starts: Vec<u32>,
+    ends: Vec<u32>,
+    quads: Vec<[f32; 3]>,
+}
+
+impl Atlas {
+    /// An atlas of no regions.
+    pub fn of_trees<N: Halves>(roots: impl Iterator<Item = N>) -> Self {
+        Self { regions: Regions::new(roots), ..Self::default() }
+    }
+
+    /// Adds the next region.
+    pub fn add(&mut self, density: Option<&Density>, bsdf_share: f32, expected: f32, parallax: Parallax) {
+        let mut brief = Brief { table: 0, starts: 0, parts: 1, bsdf_share, expected, parallax };
+        if let Some(density) = density {
+            let (first_table, first_quad) = (self.tables.len() as u32, self.quads.len() as u32);
+            brief.table = first_table | TABLE;
+            self.tables.extend(density.tables(|pdf| pdf.to_bits(), |table| (first_table + table) | TABLE));
+            (brief.starts, brief.parts) = (self.starts.len() as u32, density.starts().len() as u32);
+            self.starts.extend(density.starts().iter().map(|&quad| first_quad + u32::from(quad)));
+            self.ends.extend_from_slice(density.ends());
+            self.quads.extend(density.squares());
+        }
+        self.briefs.push(brief);
+    }
+
+    /// What is known of a region.
+    #[inline]
+    pub fn brief(&self, region: u32) -> &Brief {
+        &self.briefs[region as usize]
+    }
+
+    /// The region of a place; see [`Regions::find`].
+    pub fn region(&self, face: usize, place: Place) -> u32 {
+        self.regions.find(face, place)
+    }
+
+    /// The regions of the first places, so many.
+    pub fn regions<const N: usize>(&self, faces: &[u32; N], places: &[[u32; N]; 3], count: usize, to: &mut [u32; N]) {
+        self.regions.find_many(faces, places, count, to);
+    }
+
+    /// Densities per steradian at [coordinates](super::density::coordinates) in the first regions, so many, where they are wanted; 0 elsewhere.
+    pub fn pdfs<const N: usize>(
+        &self,
+        regions: &[u32; N],
+        [x, y]: &[[u32; N]; 2],
+        is_wanted: &[u32; N],
+        count: usize,
+        to: &mut [f32; N],
+    ) {
+        let mut entries = [0; N];
+        let (mut walking, mut left) = ([0u16; N], 0);
+        for i in 0..count.min(N) {
+            let table = self.briefs[regions[i] as usize].table;
+            entries[i] = if is_wanted[i] != 0 { table } else { 0 };
+            walking[left] = i as u16;
+            left += (entries[i] >> 31) as usize;
+        }
+        let mut digits = COORDINATE_DIGITS;
+        while left > 0 && digits > 0 {
+            digits -= 2;
+            let count = std::mem::take(&mut left);
+            for k in 0..count {
+                let i = usize::from(walking[k]);
+                let cell = (y[i] >> digits & 3) * 4 + (x[i] >> digits & 3);
+                entries[i] = self.tables[(entries[i] & !TABLE) as usize][cell as usize & 15];
+                walking[left] = walking[k];
+                left += (entries[i] >> 31) as usize;
+            }
+        }
+        for (to, entry) in to.iter_mut().zip(entries) {
+            *to = f32::from_bits(entry);
+        }
+    }
+
+    /// Draws points of the square, as [`Density::point`] does, in lanes where they are wanted.
+    pub fn points<const N: usize>(
+        &self,
+        regions: &[u32; N],
+        choice: &[f32; N],
+        u: &[[f32; N]; 2],
+        is_wanted: &[u32; N],
+        to: &mut [[f32; N]; 2],
+    ) {
+        let (mut drawing, mut count) = ([(0u16, 0u32, 0u32); N], 0);
+        for i in 0..N {
+            let brief = &self.briefs[regions[i] as usize];
+            let number = (choice[i] * ONE) as u32;
+            let part = (number as usize * brief.parts as usize) >> DIGITS;
+            drawing[count] = (i as u16, number, brief.starts + part as u32);
+            count += usize::from((is_wanted[i] != 0) & brief.is_known());
+        }
+        // From parts to quads.
+        for (_, _, at) in &mut drawing[..count] {
+            *at = self.starts[*at as usize];
+        }
+        let mut left = 1;
+        while left > 0 {
+            left = 0;
+            for (_, number, quad) in &mut drawing[..count] {
+                let is_before = u32::from(self.ends[*quad as usize] <= *number);
+                *quad += is_before;
+                left += is_before;
+            }
+        }
+        for &(i, _, quad) in &drawing[..count] {
+            let (i, [x, y, size]) = (usize::from(i), self.quads[quad as usize]);
+            let point = Vec2::new(x, y) + Vec2::new(u[0][i], u[1][i]) * size;
+            (to[0][i], to[1][i]) = (point.x, point.y);
+        }
+    }
+
+    /// Bytes in memory.
+    pub fn memory_bytes(&self) -> usize {
+        self.regions.memory_bytes()
+            + size_of_val(&self.briefs[..])
+            + size_of_val(&self.tables[..])
+            + size_of_val(&self.starts[..])
+            + size_of_val(&self.ends[..])
+            + size_of_val(&self.quads[..])
+    }
+}
