@@ -163,3 +163,71 @@ impl Atlas {
             + size_of_val(&self.quads[..])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::density::coordinates;
+    use super::super::directional::{Gatherer, Moment};
+    use super::*;
+    use snell_math::Vec3;
+    use snell_math::rng::uniform2;
+
+    const MANY: usize = 64;
+
+    /// Densities of lights of several sizes.
+    fn densities() -> Vec<Density> {
+        let learnt = |size: u32| {
+            let mut gatherer = Gatherer::default();
+            let mut shares = None;
+            for round in 0..4 {
+                for i in 0..3000 {
+                    let [u, jitter] = [0, 1].map(|k| uniform2([i, round, size, k]));
+                    let direction = snell_math::sampling::uniform_sphere(u);
+                    let near = direction.dot(Vec3::new(0.6, -0.48, 0.64)) > 1.0 - 0.5 / (size as f32 * size as f32);
+                    gatherer.add(direction, 0.02 + f32::from(near) * size as f32, jitter);
+                }
+                shares = gatherer.shares(Moment::First, 0.0);
+                gatherer = Gatherer::suited_to(shares.as_ref().expect("there is light"));
+            }
+            shares.expect("there was a round").density()
+        };
+        (1..8).map(learnt).collect()
+    }
+
+    /// What is looked up for many is what each density says by itself, to the last bit.
+    #[test]
+    fn many_are_looked_up_as_one_by_one() {
+        #[derive(Clone, Copy)]
+        struct Whole;
+        impl Halves for Whole {
+            fn halves(self) -> Result<[Self; 2], u32> {
+                Err(0)
+            }
+        }
+        let densities = densities();
+        let mut atlas = Atlas::of_trees([Whole].into_iter());
+        for (i, density) in densities.iter().enumerate() {
+            atlas.add(Some(density), i as f32, 0.5, Parallax::default());
+            atlas.add(None, 1.0, 0.0, Parallax::default());
+        }
+        for round in 0..50 {
+            let numbers = |k: u32| std::array::from_fn::<f32, MANY, _>(|i| uniform2([round, i as u32, k, 8]).x);
+            let (choice, u, at) = (numbers(0), [1, 2].map(numbers), [3, 4].map(numbers));
+            let regions: [u32; MANY] = std::array::from_fn(|i| i as u32 * 5 % (2 * densities.len() as u32));
+            let is_wanted: [u32; MANY] = std::array::from_fn(|i| u32::from(i % 7 != 3));
+            let places: [[u32; 2]; MANY] = std::array::from_fn(|i| coordinates(Vec2::new(at[0][i], at[1][i])));
+            let (mut pdfs, mut points) = ([0.0; MANY], [[-1.0; MANY]; 2]);
+            let columns = [0, 1].map(|axis| places.map(|place| place[axis]));
+            atlas.pdfs(&regions, &columns, &is_wanted, MANY - 2, &mut pdfs);
+            atlas.points(&regions, &choice, &u, &is_wanted, &mut points);
+            for i in 0..MANY {
+                let density = (regions[i] % 2 == 0).then(|| &densities[regions[i] as usize / 2]);
+                let density = density.filter(|_| is_wanted[i] != 0);
+                let pdf = density.filter(|_| i < MANY - 2).map_or(0.0, |d| d.pdf_at(places[i]));
+                assert_eq!(pdfs[i], pdf, "{i}");
+                let point = density.map_or(Vec2::NEG_ONE, |d| d.point(choice[i], Vec2::new(u[0][i], u[1][i])));
+                assert_eq!([points[0][i], points[1][i]], point.to_array(), "{i}");
+            }
+        }
+    }
+}
