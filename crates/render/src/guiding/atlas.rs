@@ -221,7 +221,7 @@ mod tests {
             atlas.pdfs(&regions, &columns, &is_wanted, MANY - 2, &mut pdfs);
             atlas.points(&regions, &choice, &u, &is_wanted, &mut points);
             for i in 0..MANY {
-                let density = (regions[i] % 2 == 0).then(|| &densities[regions[i] as usize / 2]);
+                let density = regions[i].is_multiple_of(2).then(|| &densities[regions[i] as usize / 2]);
                 let density = density.filter(|_| is_wanted[i] != 0);
                 let pdf = density.filter(|_| i < MANY - 2).map_or(0.0, |d| d.pdf_at(places[i]));
                 assert_eq!(pdfs[i], pdf, "{i}");
