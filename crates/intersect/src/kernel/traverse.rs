@@ -8,8 +8,8 @@ use crate::accel::group::{self, Object, Placement, offer_triangle};
 use crate::precision::Rules;
 use crate::query::journey;
 use crate::query::search::{Goal, Search};
-use snell_math::DRay;
 use snell_math::simd::{Lanes8, Level, Portable8};
+use snell_math::{DRay, DVec3};
 use std::hint::select_unpredictable;
 use std::mem::MaybeUninit;
 
@@ -260,6 +260,7 @@ impl<G: Goal> Place<'_, G> {
             unsafe { (QuickBoxes::<L>::new(quick, self.forest.extents[self.group]), L::splat(search.start + 0.0)) };
         let mut cull = search.cull();
         let mut beyond = first_beyond(cull);
+        let is_ascending = is_ascending(self.ray.direction);
         let (mut top, mut current) = (1, self.tree.root);
         // SAFETY: a walk holds at most 7 entries per level and one at the bottom; the builder's count has room for 8 at the bottom.
         unsafe { stack.get_unchecked_mut(0).write(END) };
@@ -273,6 +274,11 @@ impl<G: Goal> Place<'_, G> {
                     (node, enters, enters.le(limits))
                 };
                 search.goal.visit(false, || journey::Place::of_bounds(&node.bounds()));
+                if !G::NARROWS && met != 0 {
+                    // SAFETY: as above.
+                    current = unsafe { push_unsorted(stack, &mut top, met, is_ascending, &node.children) };
+                    continue;
+                }
                 if met != 0 {
                     let first = met.trailing_zeros() as usize & 7;
                     let others = met & (met - 1);
@@ -305,7 +311,7 @@ impl<G: Goal> Place<'_, G> {
                     // SAFETY: as above.
                     unsafe {
                         stack.get_unchecked_mut(top).write(farther);
-                        nearest = push_sorted::<G>(stack, top, nearest, rest, &near, &node.children);
+                        nearest = push_sorted(stack, top, nearest, rest, &near, &node.children);
                     }
                     top += rest.count_ones() as usize + 1;
                     current = ChildRef(nearest as u32);
@@ -366,13 +372,48 @@ impl<G: Goal> Place<'_, G> {
     }
 }
 
-/// Puts more children to one that is above `top` and one that is nearer than all, far ones first if hits bring the limit nearer; returns
-/// the new nearest.
+/// True if a direction goes up along the axis that it mostly goes along. Children stand in their node as they lie along the axes, so that those in
+/// the last slots are ahead of such a ray.
+#[inline(always)]
+fn is_ascending(direction: DVec3) -> bool {
+    let size = direction.abs();
+    let along = if size.x > size.y { direction.x } else { direction.y };
+    let along = if size.z > size.x.max(size.y) { direction.z } else { along };
+    along > 0.0
+}
+
+/// Puts children above `top`, those that are further ahead later, and returns the last. Where any hit will do, the distances tell little: what is
+/// near the start of a ray is mostly the surface that it leaves, and to put them in order takes longer than it saves.
+///
+/// # Safety
+/// `stack` must have room for them, and there must be one.
+#[inline(always)]
+unsafe fn push_unsorted(
+    stack: &mut Stack,
+    top: &mut usize,
+    met: u32,
+    is_ascending: bool,
+    children: &[ChildRef; 8],
+) -> ChildRef {
+    let (mut rest, turn) = if is_ascending { (met, 0) } else { (u32::from((met as u8).reverse_bits()), 7) };
+    loop {
+        let child = children[(rest.trailing_zeros() ^ turn) as usize & 7];
+        rest &= rest - 1;
+        if rest == 0 {
+            return child;
+        }
+        // SAFETY: as promised by the caller.
+        unsafe { stack.get_unchecked_mut(*top).write(entry(0.0, child)) };
+        *top += 1;
+    }
+}
+
+/// Puts more children to one that is above `top` and one that is nearer than all, far ones first; returns the new nearest.
 ///
 /// # Safety
 /// `stack` must have room for them, and the entry at `top` must be written.
 #[inline(always)]
-unsafe fn push_sorted<G: Goal>(
+unsafe fn push_sorted(
     stack: &mut Stack,
     top: usize,
     mut nearest: Entry,
@@ -392,7 +433,7 @@ unsafe fn push_sorted<G: Goal>(
         let mut at = end;
         // SAFETY: entries from `top` to before `end` were just written, and there is room for one more.
         unsafe {
-            while G::NARROWS && at > top && stack.get_unchecked(at - 1).assume_init() < new {
+            while at > top && stack.get_unchecked(at - 1).assume_init() < new {
                 let before = stack.get_unchecked(at - 1).assume_init();
                 stack.get_unchecked_mut(at).write(before);
                 at -= 1;
