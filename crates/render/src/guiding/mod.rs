@@ -6,6 +6,9 @@
 //! it is unbiased, whatever was learnt (Müller, Gross and Novák, Practical Path Guiding for Efficient Light-Transport Simulation,
 //! 2017; Müller's notes in the SIGGRAPH course Path Guiding in Production, 2019).
 //!
+//! Before the first pass, photons tell where to look at all; half of them go where others were focused. Directions are kept as one place of each region sees
+//! them, and turned for all others ([`parallax`]); and what is known is looked up for many points at once ([`atlas`]).
+//!
 //! Nothing here is added up in an order that depends on threads: records are kept until a batch of parts is done, and each region
 //! reads its own in the order of the parts. So what is learnt is a function of scene, camera, size, seed and settings.
 

@@ -3,6 +3,7 @@
 //! photon maps, 1996, section 2.1). What is mapped are the random numbers that a photon leaves its light by, so one map does for all kinds of lights.
 
 use snell_math::Vec2;
+use snell_math::rng::ONE_MINUS_EPSILON;
 use std::collections::BTreeMap;
 
 /// Cells along each side of a map.
@@ -71,7 +72,8 @@ impl Aim {
         } else {
             let wanted = ((choice - ANYWHERE) / (1.0 - ANYWHERE) * map.all() as f32) as u32;
             let cell = map.ends.partition_point(|&end| end <= wanted.min(map.all() - 1));
-            (Vec2::new((cell % SIDE) as f32, (cell / SIDE) as f32) + u) / SIDE as f32
+            let moved = (Vec2::new((cell % SIDE) as f32, (cell / SIDE) as f32) + u) / SIDE as f32;
+            moved.min(Vec2::splat(ONE_MINUS_EPSILON))
         };
         let departure = departure(u);
         let share = map.count(departure.cell as usize) as f32 / map.all() as f32;
@@ -103,5 +105,9 @@ mod tests {
         assert!((mean(&|u, weight| f32::from(narrow(u)) * weight) - 0.005).abs() < 0.0002);
         assert!(mean(&|u, _| f32::from(narrow(u))) > 0.1);
         assert_eq!(aim.aim(6, 0.9, Vec2::splat(0.1)).1, 1.0);
+        // The last number of the last cell.
+        let last = Vec2::splat(ONE_MINUS_EPSILON);
+        let corner = Aim::new(std::iter::once(nowhere.aim(0, 0.0, last).2));
+        assert!(corner.aim(0, 0.9, last).0.max_element() < 1.0);
     }
 }
