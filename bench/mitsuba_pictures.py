@@ -199,13 +199,15 @@ def main() -> None:
     parser.add_argument("--spp", type=int, default=64)
     parser.add_argument("--many", type=int, default=1024, help="samples of the pictures that errors are measured against")
     parser.add_argument("--side", type=int, default=128, help="width and height of the scenes of this script")
-    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--threads", type=int, default=2, help="of both; Mitsuba reads no EXR file with one only: it waits for ever")
     parser.add_argument("--json", action="store_true", help="a line of JSON for each scene")
     options = parser.parse_args()
     mi.set_variant(options.variant)
     mi.set_log_level(mi.LogLevel.Error)
     import drjit as dr
 
+    if options.threads < 2:
+        parser.error("with one thread only, Mitsuba waits for ever when it reads an EXR file: use --threads 2 or more")
     dr.set_thread_count(options.threads)
     options.folder.mkdir(parents=True, exist_ok=True)
     scenes = options.scenes or standard_scenes(options.folder, options.side, options.sampler)
