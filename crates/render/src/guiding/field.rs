@@ -6,7 +6,7 @@
 use super::atlas::{Atlas, Brief};
 use super::density::Density;
 use super::directional::{Gatherer, Moment};
-use super::parallax::{Arrival, Parallax, from_anchor, to_place};
+use super::parallax::{Parallax, from_anchor, to_place};
 use super::record::Record;
 use super::regions::{Halves, Place, place};
 use snell_math::simd::{least, most};
@@ -121,11 +121,8 @@ impl Cell {
 
     /// Finds how directions turn, and forgets all that was known of them.
     fn find_parallax<'a>(&mut self, records: impl Iterator<Item = &'a Record>) {
-        let arrivals: Vec<Arrival> = records
-            .filter(|record| record.light > 0.0)
-            .map(|&Record { position, direction, light, .. }| Arrival { position, direction, light })
-            .collect();
-        (self.parallax, self.density, self.gatherer) = (Parallax::of(&arrivals), None, Gatherer::default());
+        let found: Vec<Record> = records.filter(|record| record.light > 0.0).copied().collect();
+        (self.parallax, self.density, self.gatherer) = (Parallax::of(&found), None, Gatherer::default());
     }
 
     /// True if anything is known of directions.

@@ -4,6 +4,7 @@
 //! that is not where light comes from, and the image may be behind who sees it; so here the distance is found from the directions themselves.
 
 use super::directional::square_from_direction;
+use super::record::Record;
 use snell_math::Vec3;
 use snell_math::simd::most;
 
@@ -13,20 +14,12 @@ const MOST: f32 = 0.8;
 const SIDE: usize = 64;
 /// Distances that are tried on either side, each larger by the root of two than the one before.
 const DISTANCES: i32 = 10;
-/// No more of what arrives is looked at, and no less.
-const ARRIVALS: std::ops::RangeInclusive<usize> = 32..=1024;
+/// No more records are looked at, and no fewer.
+const RECORDS: std::ops::RangeInclusive<usize> = 32..=1024;
 /// A distance must bring together this many times as much as none does.
 const LEAST_GAIN: f32 = 1.2;
-/// And so much more, in what the arrivals count for alone: what chance brings together.
+/// And so much more, in what records count for alone: what chance brings together.
 const NOISE: f32 = 0.1;
-
-/// Light that arrives in a region.
-#[derive(Clone, Copy, Debug)]
-pub struct Arrival {
-    pub position: Vec3,
-    pub direction: Vec3,
-    pub light: f32,
-}
 
 /// How directions turn.
 #[derive(Clone, Copy, Debug, Default)]
@@ -38,26 +31,26 @@ pub struct Parallax {
 }
 
 impl Parallax {
-    /// What brings the directions of some light together as far as it goes.
-    pub fn of(arrivals: &[Arrival]) -> Self {
-        if arrivals.len() < *ARRIVALS.start() {
+    /// What brings the directions together from which light was found, as far as it goes.
+    pub fn of(records: &[Record]) -> Self {
+        if records.len() < *RECORDS.start() {
             return Self::default();
         }
-        let step = arrivals.len().div_ceil(*ARRIVALS.end());
-        let arrivals: Vec<Arrival> = arrivals.iter().step_by(step).copied().collect();
-        let anchor = arrivals.iter().map(|a| a.position).sum::<Vec3>() / arrivals.len() as f32;
-        let extent = arrivals.iter().map(|a| a.position.distance(anchor)).fold(0.0, f32::max);
+        let step = records.len().div_ceil(*RECORDS.end());
+        let records: Vec<Record> = records.iter().step_by(step).copied().collect();
+        let anchor = records.iter().map(|r| r.position).sum::<Vec3>() / records.len() as f32;
+        let extent = records.iter().map(|r| r.position.distance(anchor)).fold(0.0, f32::max);
         let most_near = MOST / extent;
         if !most_near.is_finite() {
             return Self::default();
         }
         let none = Self { anchor, nearness: 0.0 };
-        let alone: f32 = arrivals.iter().map(|a| a.light * a.light).sum();
-        let (mut best, mut most) = (none, LEAST_GAIN * none.togetherness(&arrivals) + NOISE * alone);
+        let alone: f32 = records.iter().map(|r| r.light * r.light).sum();
+        let (mut best, mut most) = (none, LEAST_GAIN * none.togetherness(&records) + NOISE * alone);
         for step in 0..DISTANCES {
             for side in [1.0, -1.0] {
                 let tried = Self { nearness: side * most_near * 0.5f32.powf(step as f32 * 0.5), ..none };
-                let found = tried.togetherness(&arrivals);
+                let found = tried.togetherness(&records);
                 if found > most {
                     (best, most) = (tried, found);
                 }
@@ -79,10 +72,10 @@ impl Parallax {
     }
 
     /// How much of the light comes from the same cells of the square, pair by pair.
-    fn togetherness(self, arrivals: &[Arrival]) -> f32 {
+    fn togetherness(self, records: &[Record]) -> f32 {
         let mut cells = vec![0.0f32; SIDE * SIDE];
         let mut alone = 0.0;
-        for &Arrival { position, direction, light } in arrivals {
+        for &Record { position, direction, light, .. } in records {
             let square = square_from_direction(from_anchor(direction, self.shift(position)).0) * SIDE as f32;
             cells[square.y as usize * SIDE + square.x as usize] += light;
             alone += light * light;
@@ -154,13 +147,17 @@ mod tests {
         }
     }
 
+    fn arrived(position: Vec3, direction: Vec3) -> Record {
+        Record { position, normal: Vec3::Z, direction, light: 1.0, found: 0.0, bsdf_share: 0.0 }
+    }
+
     /// A small lamp is found at its distance, an image behind the surface too, and light from everywhere turns nothing.
     #[test]
     fn the_distance_of_a_light_is_found() {
         for distance in [2.0f32, 5.0, -3.0] {
             let axis = Vec3::new(0.2, 0.3, 0.93).normalize();
             let image = axis * distance;
-            let arrivals: Vec<Arrival> = (0..400)
+            let records: Vec<Record> = (0..400)
                 .map(|i| {
                     let position = cube(i, 3) * Vec3::new(0.5, 0.5, 0.0);
                     let toward = (image - position) * distance.signum();
@@ -168,15 +165,14 @@ mod tests {
                         0 => uniform_sphere(uniform2([i, 4, 4, 4])),
                         _ => toward.normalize(),
                     };
-                    Arrival { position, direction, light: 1.0 }
+                    arrived(position, direction)
                 })
                 .collect();
-            let found = 1.0 / Parallax::of(&arrivals).nearness;
+            let found = 1.0 / Parallax::of(&records).nearness;
             assert!((found / distance - 1.0).abs() < 0.3, "{found} instead of {distance}");
         }
-        let everywhere: Vec<Arrival> = (0..400)
-            .map(|i| Arrival { position: cube(i, 3), direction: uniform_sphere(uniform2([i, 4, 4, 4])), light: 1.0 })
-            .collect();
+        let everywhere: Vec<Record> =
+            (0..400).map(|i| arrived(cube(i, 3), uniform_sphere(uniform2([i, 4, 4, 4])))).collect();
         assert_eq!(Parallax::of(&everywhere).nearness, 0.0);
         assert_eq!(Parallax::of(&[]).nearness, 0.0);
     }
