@@ -3,13 +3,13 @@
 //! The unit of work is a *part*: one tile of 16 x 16 pixels and one range of sample numbers. Threads take parts in a fixed order and
 //! fold them into the film tile by tile, in order of the samples; which thread did what never shows in the picture.
 
-mod aim;
 mod journal;
 mod light_parts;
 mod part;
 mod parts;
 mod paths;
 mod photons;
+mod projection_maps;
 mod tracer;
 mod training;
 mod underway;

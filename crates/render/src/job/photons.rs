@@ -5,7 +5,7 @@
 //! Photons only say where paths should look, so they may take short cuts: media do not hold them up, and light goes both ways alike
 //! through every surface.
 
-use super::aim::{Aim, Departure};
+use super::projection_maps::{Departure, ProjectionMaps};
 use super::tracer::Tracer;
 use super::{Job, into_inner, lock};
 use crate::compile::{CompiledLight, CompiledScene};
@@ -56,7 +56,7 @@ struct Photon {
     /// Roulette goes by what is left of the flux at first.
     first_flux: f32,
     /// The last bounce was at glass or a mirror.
-    is_focused: bool,
+    is_caustic: bool,
     departure: Departure,
     random: Random,
 }
@@ -67,7 +67,7 @@ impl Job<'_> {
         let lights = self.scene.light_sampler(LightSamplerKind::Power, self.settings.light_strategy);
         let sampler = Sampler::new(SamplerKind::Independent, seed, 1);
         let batches = photons as usize / BATCH;
-        let shoot = |batches: Range<usize>, aim: &Aim| {
+        let shoot = |batches: Range<usize>, maps: &ProjectionMaps| {
             let shots: Vec<Mutex<Shots>> = batches.clone().map(|_| Mutex::default()).collect();
             let next = AtomicUsize::new(0);
             let work = || {
@@ -75,7 +75,7 @@ impl Job<'_> {
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(shots) = shots.get(index) else { break };
-                    lock(shots).shoot((self.scene, &lights, aim), &sampler, batches.start + index, &mut tracer);
+                    lock(shots).shoot((self.scene, &lights, maps), &sampler, batches.start + index, &mut tracer);
                 }
             };
             std::thread::scope(|scope| {
@@ -86,9 +86,9 @@ impl Job<'_> {
             shots.into_iter().map(into_inner).collect::<Vec<Shots>>()
         };
         let scouts = batches / SCOUTS;
-        let mut shots = shoot(0..scouts, &Aim::default());
-        let aim = Aim::new(shots.iter().flat_map(|shots| shots.focused.iter().copied()));
-        shots.extend(shoot(scouts..batches, &aim));
+        let mut shots = shoot(0..scouts, &ProjectionMaps::default());
+        let maps = ProjectionMaps::new(shots.iter().flat_map(|shots| shots.focused.iter().copied()));
+        shots.extend(shoot(scouts..batches, &maps));
         let records: Vec<Record> = shots.into_iter().flat_map(|shots| shots.records).collect();
         // Regions and quads are made by what is found in them, so all is read again where there are new ones.
         for round in 0..ROUNDS {
@@ -113,13 +113,13 @@ impl Shots {
     /// Shoots one batch.
     fn shoot(
         &mut self,
-        (scene, lights, aim): (&CompiledScene, &LightSampler, &Aim),
+        (scene, lights, maps): (&CompiledScene, &LightSampler, &ProjectionMaps),
         sampler: &Sampler,
         batch: usize,
         tracer: &mut Tracer,
     ) {
         let random = |i: usize| sampler.random([batch as u32, i as u32], 0);
-        let mut photons: Vec<Photon> = (0..BATCH).filter_map(|i| emitted(scene, lights, aim, random(i))).collect();
+        let mut photons: Vec<Photon> = (0..BATCH).filter_map(|i| emitted(scene, lights, maps, random(i))).collect();
         let mut hits = Vec::new();
         for depth in 0..MAX_DEPTH {
             let rays: Vec<Ray> = photons.iter().map(|p| p.ray).collect();
@@ -131,11 +131,12 @@ impl Shots {
 }
 
 /// A photon leaves a light.
-fn emitted(scene: &CompiledScene, lights: &LightSampler, aim: &Aim, random: Random) -> Option<Photon> {
+fn emitted(scene: &CompiledScene, lights: &LightSampler, maps: &ProjectionMaps, random: Random) -> Option<Photon> {
     let vertex = random.at_vertex(0, 0);
     let chosen = lights.sample(&Receiver::default(), || vertex.number(dimension::LIGHT))?;
     let u = vertex.pair(dimension::POSITION);
-    let (v, scale, departure) = aim.aim(chosen.light, vertex.number(dimension::AIM), vertex.pair(dimension::DIRECTION));
+    let (v, scale, departure) =
+        maps.aim(chosen.light, vertex.number(dimension::AIM), vertex.pair(dimension::DIRECTION));
     let light = &scene.lights()[chosen.light];
     let (ray, flux) = match light {
         // Photons see the scene when the shutter opens.
@@ -185,7 +186,7 @@ fn emitted(scene: &CompiledScene, lights: &LightSampler, aim: &Aim, random: Rand
     };
     let flux = flux * (scale / chosen.probability);
     let first_flux = flux.max_element();
-    let photon = Photon { ray, flux, first_flux, is_focused: false, departure, random };
+    let photon = Photon { ray, flux, first_flux, is_caustic: false, departure, random };
     (flux.is_finite() && first_flux > 0.0).then_some(photon)
 }
 
@@ -223,7 +224,7 @@ fn bounced(scene: &CompiledScene, photon: &Photon, hit: &Hit, depth: u32, shots:
         let normal = if normal.dot(from) < 0.0 { -normal } else { normal };
         let (position, light) = (surface.position, photon.flux.average());
         shots.records.push(Record { position, normal, direction: from, light, found: 0.0, bsdf_share: 0.0 });
-        if photon.is_focused {
+        if photon.is_caustic {
             shots.focused.push(photon.departure);
         }
     }
@@ -235,5 +236,5 @@ fn bounced(scene: &CompiledScene, photon: &Photon, hit: &Hit, depth: u32, shots:
         return None;
     }
     let ray = Ray::new(surface.ray_origin(sample.wi), sample.wi);
-    Some(Photon { ray, flux: flux * (1.0 / survival), is_focused: sample.is_delta, ..*photon })
+    Some(Photon { ray, flux: flux * (1.0 / survival), is_caustic: sample.is_delta, ..*photon })
 }

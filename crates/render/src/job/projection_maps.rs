@@ -1,5 +1,5 @@
 //! Where photons go that glass and mirrors focus: few of a light's photons meet these, and all light in caustics is theirs. So after some photons
-//! have gone everywhere, half of the others go where those went that were focused (as projection maps do: Jensen, Global illumination using
+//! have gone everywhere, half of the others go where those went that were focused (projection maps: Jensen, Global illumination using
 //! photon maps, 1996, section 2.1). What is mapped are the random numbers that a photon leaves its light by, so one map does for all kinds of lights.
 
 use snell_math::Vec2;
@@ -22,7 +22,7 @@ pub struct Departure {
 
 /// Where photons of each light were focused.
 #[derive(Debug, Default)]
-pub struct Aim {
+pub struct ProjectionMaps {
     maps: BTreeMap<u32, Map>,
 }
 
@@ -42,7 +42,7 @@ impl Map {
     }
 }
 
-impl Aim {
+impl ProjectionMaps {
     /// Of photons that were focused.
     pub fn new(focused: impl Iterator<Item = Departure>) -> Self {
         let mut maps = BTreeMap::new();
@@ -91,11 +91,11 @@ mod tests {
     #[test]
     fn what_is_aimed_is_weighed() {
         let narrow = |u: Vec2| u.x > 0.5 && u.x < 0.55 && u.y > 0.2 && u.y < 0.3;
-        let nowhere = Aim::default();
+        let nowhere = ProjectionMaps::default();
         let numbers = |i: u32| (uniform2([i, 1, 2, 3]).x, uniform2([i, 3, 2, 1]));
         let n = 200_000;
         let focused = (0..n).map(|i| nowhere.aim(5, numbers(i).0, numbers(i).1)).filter(|found| narrow(found.0));
-        let aim = Aim::new(focused.map(|found| found.2));
+        let aim = ProjectionMaps::new(focused.map(|found| found.2));
         let found: Vec<_> = (n..2 * n).map(|i| aim.aim(5, numbers(i).0, numbers(i).1)).collect();
         let mean = |f: &dyn Fn(Vec2, f32) -> f32| {
             found.iter().map(|&(u, w, _)| f64::from(f(u, w))).sum::<f64>() / f64::from(n)
@@ -107,7 +107,7 @@ mod tests {
         assert_eq!(aim.aim(6, 0.9, Vec2::splat(0.1)).1, 1.0);
         // The last number of the last cell.
         let last = Vec2::splat(ONE_MINUS_EPSILON);
-        let corner = Aim::new(std::iter::once(nowhere.aim(0, 0.0, last).2));
+        let corner = ProjectionMaps::new(std::iter::once(nowhere.aim(0, 0.0, last).2));
         assert!(corner.aim(0, 0.9, last).0.max_element() < 1.0);
     }
 }
