@@ -82,18 +82,17 @@ impl Atlas {
         self.regions.find_many(faces, places, count, to);
     }
 
-    /// Densities per steradian at [coordinates](super::density::coordinates) in the first regions, so many, where they are wanted; 0 elsewhere.
+    /// Densities per steradian at [coordinates](super::density::coordinates) in regions, where they are wanted; 0 elsewhere.
     pub fn pdfs<const N: usize>(
         &self,
         regions: &[u32; N],
         [x, y]: &[[u32; N]; 2],
         is_wanted: &[u32; N],
-        count: usize,
         to: &mut [f32; N],
     ) {
         let mut entries = [0; N];
         let (mut walking, mut left) = ([0u16; N], 0);
-        for i in 0..count.min(N) {
+        for i in 0..N {
             let table = self.briefs[regions[i] as usize].table;
             entries[i] = if is_wanted[i] != 0 { table } else { 0 };
             walking[left] = i as u16;
@@ -218,12 +217,12 @@ mod tests {
             let places: [[u32; 2]; MANY] = std::array::from_fn(|i| coordinates(Vec2::new(at[0][i], at[1][i])));
             let (mut pdfs, mut points) = ([0.0; MANY], [[-1.0; MANY]; 2]);
             let columns = [0, 1].map(|axis| places.map(|place| place[axis]));
-            atlas.pdfs(&regions, &columns, &is_wanted, MANY - 2, &mut pdfs);
+            atlas.pdfs(&regions, &columns, &is_wanted, &mut pdfs);
             atlas.points(&regions, &choice, &u, &is_wanted, &mut points);
             for i in 0..MANY {
                 let density = regions[i].is_multiple_of(2).then(|| &densities[regions[i] as usize / 2]);
                 let density = density.filter(|_| is_wanted[i] != 0);
-                let pdf = density.filter(|_| i < MANY - 2).map_or(0.0, |d| d.pdf_at(places[i]));
+                let pdf = density.map_or(0.0, |d| d.pdf_at(places[i]));
                 assert_eq!(pdfs[i], pdf, "{i}");
                 let point = density.map_or(Vec2::NEG_ONE, |d| d.point(choice[i], Vec2::new(u[0][i], u[1][i])));
                 assert_eq!([points[0][i], points[1][i]], point.to_array(), "{i}");

@@ -134,7 +134,8 @@ impl GuidedLanes {
                 directions: &mut Directions<'_> = directions,
             )
         );
-        self.look_up(field, &self.is_known.clone());
+        let is_known = self.is_known;
+        self.look_up(field, &is_known);
         at_level!(wide, weigh, (guided: &GuidedLanes = self, directions: &mut Directions<'_> = directions));
     }
 
@@ -164,7 +165,7 @@ impl GuidedLanes {
 
     /// Densities of the directions of [`Self::coordinates`], in lanes where they are wanted.
     fn look_up(&mut self, field: &Field, is_wanted: &[u32; LANES]) {
-        field.atlas().pdfs(&self.regions, &self.coordinates, is_wanted, LANES, &mut self.pdf);
+        field.atlas().pdfs(&self.regions, &self.coordinates, is_wanted, &mut self.pdf);
         for (pdf, larger) in self.pdf.iter_mut().zip(&self.larger) {
             *pdf *= larger;
         }
