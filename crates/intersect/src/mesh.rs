@@ -162,7 +162,7 @@ impl TriangleMesh {
             (Bounds3 { min: low.truncate(), max: high.truncate() }, degenerate)
         };
         let nothing = || (Bounds3::EMPTY, 0);
-        self.indices.par_chunks(1 << 14).map(of).reduce(nothing, |a, b| (a.0.union(&b.0), a.1 + b.1))
+        self.indices.par_chunks(1 << 12).map(of).reduce(nothing, |a, b| (a.0.union(&b.0), a.1 + b.1))
     }
 
     /// The three corners of a triangle.

@@ -10,7 +10,7 @@
 use super::quick::QuickRay;
 use super::ray::{LocalRay, wide};
 use snell_math::simd::Lanes8;
-use snell_math::{Bounds3, DVec3, Vec2, Vec3};
+use snell_math::{Bounds3, DVec3, Mat4, Vec2, Vec3, Vec4};
 
 /// Up to eight triangles, ready for [`candidates`].
 #[derive(Clone, Copy, Debug)]
@@ -33,33 +33,29 @@ impl TriangleBlock {
     /// The box around its first triangles, each padded as by [`crate::mesh::padded_bounds`]. All vertices must be finite.
     #[inline]
     pub fn padded_bounds(&self, count: usize) -> Bounds3 {
-        let least = |x: f32, y: f32| if x < y { x } else { y };
-        let most = |x: f32, y: f32| if x > y { x } else { y };
-        let [a, b, c] = &self.vertices;
-        let (mut low, mut high, mut padding) = ([[0.0f32; 8]; 3], [[0.0f32; 8]; 3], [0.0f32; 8]);
-        for axis in 0..3 {
-            for lane in 0..8 {
-                low[axis][lane] = least(least(a[axis][lane], b[axis][lane]), c[axis][lane]);
-                high[axis][lane] = most(most(a[axis][lane], b[axis][lane]), c[axis][lane]);
-                padding[lane] = most(padding[lane], high[axis][lane] - low[axis][lane]);
+        let (mut low, mut high) = ([Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]);
+        for (half, lanes) in [Vec4::new(0.0, 1.0, 2.0, 3.0), Vec4::new(4.0, 5.0, 6.0, 7.0)].into_iter().enumerate() {
+            let used = lanes.cmplt(Vec4::splat(count as f32));
+            let row = |vertex: usize, axis: usize| Vec4::from_slice(&self.vertices[vertex][axis][4 * half..]);
+            let rows = |axis: usize| [row(0, axis), row(1, axis), row(2, axis)];
+            let sides = [0, 1, 2].map(|axis| {
+                let [a, b, c] = rows(axis);
+                (a.min(b).min(c), a.max(b).max(c))
+            });
+            let [x, y, z] = sides.map(|(l, h)| h - l);
+            let padding = x.max(y).max(z) * 1e-6 + f32::MIN_POSITIVE;
+            for (axis, (l, h)) in sides.into_iter().enumerate() {
+                let l = (l - (l.abs() * f32::EPSILON + padding)).max(Vec4::MIN);
+                let h = (h + (h.abs() * f32::EPSILON + padding)).min(Vec4::MAX);
+                low[axis] = low[axis].min(Vec4::select(used, l, Vec4::INFINITY));
+                high[axis] = high[axis].max(Vec4::select(used, h, Vec4::NEG_INFINITY));
             }
         }
-        for padding in &mut padding {
-            *padding = *padding * 1e-6 + f32::MIN_POSITIVE;
-        }
-        let mut bounds = Bounds3::EMPTY;
-        for axis in 0..3 {
-            for lane in 0..8 {
-                let (l, h) = (low[axis][lane], high[axis][lane]);
-                low[axis][lane] = most(l - (l.abs() * f32::EPSILON + padding[lane]), f32::MIN);
-                high[axis][lane] = least(h + (h.abs() * f32::EPSILON + padding[lane]), f32::MAX);
-            }
-            for lane in 0..count.min(8) {
-                bounds.min[axis] = least(low[axis][lane], bounds.min[axis]);
-                bounds.max[axis] = most(high[axis][lane], bounds.max[axis]);
-            }
-        }
-        bounds
+        let across = |x: [Vec4; 3]| Mat4::from_cols(x[0], x[1], x[2], x[2]).transpose();
+        let (low, high) = (across(low), across(high));
+        let least = low.x_axis.min(low.y_axis).min(low.z_axis.min(low.w_axis));
+        let most = high.x_axis.max(high.y_axis).max(high.z_axis.max(high.w_axis));
+        Bounds3 { min: least.truncate(), max: most.truncate() }
     }
 
     /// The corners of one of the triangles.
@@ -68,6 +64,20 @@ impl TriangleBlock {
         let (lane, v) = (lane & 7, &self.vertices);
         let corner = |i: usize| [v[i][0][lane], v[i][1][lane], v[i][2][lane]];
         [corner(0), corner(1), corner(2)]
+    }
+
+    /// Puts triangles into all lanes: their corners by vertex and lane.
+    #[inline]
+    pub fn set_all(&mut self, corners: &[[Vec4; 8]; 3], ids: [u32; 8]) {
+        for (vertex, [a, b, c, d, e, f, g, h]) in self.vertices.iter_mut().zip(*corners) {
+            // In registers: numbers written one by one and read as rows (by `padded_bounds`) would have to wait.
+            let (low, high) = (Mat4::from_cols(a, b, c, d).transpose(), Mat4::from_cols(e, f, g, h).transpose());
+            for (axis, row) in vertex.iter_mut().enumerate() {
+                let (low, high) = (low.col(axis).to_array(), high.col(axis).to_array());
+                *row = [low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]];
+            }
+        }
+        self.ids = ids;
     }
 
     /// Puts a triangle into a lane.

@@ -17,6 +17,21 @@ pub(super) const LEAF_COSTS: Costs = [0.0; 8];
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Choices(u32);
 
+/// The choice of `k` slots for the first child, by `k` and by the number of slots less one.
+const SHARES: [[u32; 8]; 8] = {
+    let mut shares = [[0; 8]; 8];
+    let mut k = 0;
+    while k < 8 {
+        let mut slots = 2;
+        while slots <= 8 {
+            shares[k][slots - 1] = (k as u32) << (3 * slots);
+            slots += 1;
+        }
+        k += 1;
+    }
+    shares
+};
+
 impl Choices {
     /// One slot for the first child, the others for the second. (With a bit more than [`Self::best`] has.)
     const ONE: Self = Self(0o1_111_111_100);
@@ -30,31 +45,27 @@ impl Choices {
     /// Works out the best choices of an inner node, and its costs.
     #[inline]
     pub fn best(half_area: f32, first: &Costs, second: &Costs) -> (Self, Costs) {
-        let mut choices = 0;
-        let mut costs = [f32::INFINITY; 8];
-        let mut all = 0.0;
-        for slots in 2..=8 {
-            let (mut best, mut share) = (first[1] + second[slots - 1], 1);
-            for k in 2..slots {
-                let cost = first[k] + second[slots - k];
-                if cost < best {
-                    (best, share) = (cost, k);
-                }
+        // For 1 to 8 slots (lanes 0 to 7) the costs if the first child gets `k` of them; nothing can be had for less than one slot.
+        let mut seconds = [f32::INFINITY; 16];
+        seconds[9..].copy_from_slice(&second[1..]);
+        let given = |k: usize| -> [f32; 8] { std::array::from_fn(|lane| first[k] + seconds[9 - k + lane]) };
+        let (mut least, mut shares) = (given(1), SHARES[1]);
+        for k in 2..8 {
+            let costs = given(k);
+            for lane in 0..8 {
+                let better = costs[lane] < least[lane];
+                least[lane] = if better { costs[lane] } else { least[lane] };
+                shares[lane] = if better { SHARES[k][lane] } else { shares[lane] };
             }
-            if slots < 8 {
-                costs[slots] = best;
-            } else {
-                all = best;
-            }
-            choices |= (share as u32) << (3 * slots);
         }
+        let mut choices = shares.iter().fold(0, |all, share| all | share);
         // One slot: a wide node of its own. That, or any smaller number of slots, may be better for more slots too.
-        costs[1] = half_area + all;
+        let mut costs = [f32::INFINITY; 8];
+        costs[1] = half_area + least[7];
         for slots in 2..8 {
-            if costs[slots] >= costs[slots - 1] {
-                costs[slots] = costs[slots - 1];
-                choices &= !(7 << (3 * slots));
-            }
+            let (more, fewer) = (least[slots - 1], costs[slots - 1]);
+            costs[slots] = if more >= fewer { fewer } else { more };
+            choices &= !((7 << (3 * slots)) * u32::from(more >= fewer));
         }
         (Self(choices), costs)
     }

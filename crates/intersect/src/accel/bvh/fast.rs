@@ -256,6 +256,13 @@ pub(super) fn build<'a>(
             }
             let (block, rest) = std::mem::take(&mut blocks).split_last_mut().expect("as many as were counted");
             blocks = rest;
+            // The next leaves are before this one.
+            let ahead = |from: usize, to: usize| {
+                let ids = set[first.saturating_sub(from)..first.saturating_sub(to)].iter().map(Numbered::id);
+                ids.filter(|id| id & OBJECT == 0)
+            };
+            ahead(24, 16).for_each(|id| triangles.fetch_indices(id));
+            ahead(16, 8).for_each(|id| triangles.fetch_corners(id));
             let bounds = fill(block, leaf, triangles);
             Box8::new(bounds.min, bounds.max)
         });

@@ -3,6 +3,7 @@
 use super::storage::{Plain, Storage};
 use crate::accel::brute_force::GroupList;
 use crate::kernel::binning::{Box8, Primitive};
+use crate::kernel::interleave::fetch;
 use crate::mesh::{TriangleMesh, are_degenerate, padded_bounds};
 use rayon::prelude::*;
 use snell_math::{Vec3, Vec4};
@@ -64,6 +65,20 @@ impl<'a> Triangles<'a> {
         mesh.corners(triangle)
     }
 
+    /// Asks for the memory that tells the vertices of a triangle.
+    #[inline(always)]
+    pub fn fetch_indices(&self, id: u32) {
+        let (mesh, triangle) = self.find(id);
+        fetch(&mesh.indices[triangle]);
+    }
+
+    /// Asks for the memory of the corners of a triangle.
+    #[inline(always)]
+    pub fn fetch_corners(&self, id: u32) {
+        let (mesh, triangle) = self.find(id);
+        mesh.indices[triangle].map(|v| fetch(&mesh.positions[v as usize]));
+    }
+
     /// True if the triangle can never be hit.
     pub fn is_degenerate(&self, id: u32) -> bool {
         let (mesh, triangle) = self.find(id);
@@ -123,10 +138,10 @@ impl<'a> Triangles<'a> {
 }
 
 /// How many triangles are looked at to estimate where all are.
-const SAMPLES: usize = 1 << 16;
+const SAMPLES: usize = 1 << 14;
 
 /// How many of them one thread looks at together.
-const SAMPLES_AT_ONCE: usize = 1 << 12;
+const SAMPLES_AT_ONCE: usize = 1 << 11;
 
 /// Most triangles that are handled at once by one thread, and least of those.
 pub(super) const CHUNK: usize = 1 << 14;

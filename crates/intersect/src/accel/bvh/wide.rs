@@ -9,7 +9,7 @@ use super::storage::Storage;
 use crate::kernel::node::{ChildRef, WideNode};
 use crate::kernel::triangle::TriangleBlock;
 use rayon::prelude::*;
-use snell_math::Bounds3;
+use snell_math::{Bounds3, Vec4};
 
 /// The finished tree.
 pub(super) struct Wide {
@@ -187,9 +187,13 @@ impl Writer<'_> {
 /// Fills the block of a leaf, which is all zeros; returns the box around it.
 #[inline]
 pub(super) fn fill<P: Numbered>(block: &mut TriangleBlock, leaf: &[P], triangles: &Triangles) -> Bounds3 {
-    block.ids = TriangleBlock::EMPTY.ids;
-    for (lane, p) in leaf.iter().enumerate() {
-        block.set(lane, &triangles.corners(p.id()).map(|v| v.to_array()), p.id());
+    let mut corners = [[Vec4::ZERO; 8]; 3];
+    let mut ids = TriangleBlock::EMPTY.ids;
+    for (lane, p) in leaf.iter().take(8).enumerate() {
+        let [a, b, c] = triangles.corners(p.id()).map(|v| v.extend(0.0));
+        (corners[0][lane], corners[1][lane], corners[2][lane]) = (a, b, c);
+        ids[lane] = p.id();
     }
+    block.set_all(&corners, ids);
     block.padded_bounds(leaf.len())
 }
