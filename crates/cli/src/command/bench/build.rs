@@ -12,7 +12,7 @@ use snell_embree::BuildQuality;
 use snell_formats::ReadOptions;
 use snell_intersect::BuildOptions;
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Options of `snell bench build`.
 #[derive(Debug, clap::Args)]
@@ -59,7 +59,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
             let mut rows: Vec<Row> = own.chain(qualities).collect();
             // In turn, so that whatever else the machine does troubles all.
             for _ in 0..options.repeat {
-                rows.iter_mut().try_for_each(|row| row.build(&bench))?;
+                for row in &mut rows {
+                    // Threads of the one before may still look for work, and would take time from this one.
+                    std::thread::sleep(PAUSE);
+                    row.build(&bench)?;
+                }
             }
             for row in rows {
                 let value = row.json(&bench, threads);
@@ -70,6 +74,9 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     }
     Ok(ExitCode::SUCCESS)
 }
+
+/// How long to wait before each build.
+const PAUSE: Duration = Duration::from_millis(20);
 
 /// A way to build.
 enum Way<'a> {
