@@ -76,7 +76,9 @@ impl<'a> Triangles<'a> {
     #[inline(always)]
     pub fn fetch_corners(&self, id: u32) {
         let (mesh, triangle) = self.find(id);
-        mesh.indices[triangle].map(|v| fetch(&mesh.positions[v as usize]));
+        for v in mesh.indices[triangle] {
+            fetch(&mesh.positions[v as usize]);
+        }
     }
 
     /// True if the triangle can never be hit.
