@@ -3,6 +3,7 @@
 
 use super::list::Begun;
 use super::node::ChildRef;
+use super::prefetch::fetch;
 use super::slot::{STACK, Slot};
 use super::traverse::{Entry, SMALL_STACK, Walk, search_forest, walk_portable};
 use crate::accel::bvh::Forest;
@@ -257,23 +258,6 @@ unsafe fn run<L: Lanes8, G: Goal>(
         // SAFETY: all slots were made.
         unsafe { slot.assume_init_drop() };
     }
-}
-
-/// Asks for the memory of an item.
-#[inline(always)]
-pub(crate) fn fetch<T>(item: *const T) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        let (first, end) = (item.cast::<i8>(), item.wrapping_add(1).cast::<i8>());
-        // SAFETY: asking ahead reads nothing: any address will do. An item may lie across two lines.
-        unsafe {
-            _mm_prefetch::<_MM_HINT_T0>(first);
-            _mm_prefetch::<_MM_HINT_T0>(end.wrapping_sub(1));
-        }
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = item;
 }
 
 /// A ray that is not ordinary.

@@ -10,6 +10,7 @@ pub(crate) mod list;
 mod meeting;
 pub(crate) mod node;
 pub(crate) mod packet;
+pub(crate) mod prefetch;
 pub(crate) mod quick;
 pub(crate) mod ray;
 mod slot;

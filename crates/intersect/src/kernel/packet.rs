@@ -22,8 +22,9 @@ mod trial;
 mod triangles;
 mod walk;
 
-use super::interleave::{Batch, fetch};
+use super::interleave::Batch;
 use super::node::ChildRef;
+use super::prefetch::fetch;
 use super::traverse::{Walk, walk_portable};
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::precision::Rules;

@@ -2,6 +2,7 @@
 
 use super::node::WideNode;
 use super::node::{ChildRef, quick_distances};
+use super::prefetch::fetch_lines;
 use super::quick::QuickRay;
 use super::traverse::{Stack, Walk, test_object};
 use super::triangle::TriangleBlock;
@@ -387,16 +388,8 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// Asks for the memory of what is current. (Without a branch: whether it is a node or a leaf is as good as random.)
     #[inline(always)]
     pub fn fetch_ahead(&self) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-            let node = self.place.nodes.wrapping_add(self.current.index()).cast::<i8>();
-            let block = self.place.blocks.wrapping_add(self.current.block()).cast::<i8>();
-            let start = std::hint::select_unpredictable(self.current.is_node(), node, block);
-            for line in 0..5 {
-                // SAFETY: asking ahead reads nothing: any address will do.
-                unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)) };
-            }
-        }
+        let node = self.place.nodes.wrapping_add(self.current.index()).cast::<u8>();
+        let block = self.place.blocks.wrapping_add(self.current.block()).cast::<u8>();
+        fetch_lines(std::hint::select_unpredictable(self.current.is_node(), node, block), 5);
     }
 }

@@ -1,7 +1,7 @@
 //! Where a batch puts what it finds.
 
 use super::search::{Any, Closest, Goal};
-use crate::kernel::interleave::fetch;
+use crate::kernel::prefetch::fetch;
 use crate::precision::Rules;
 
 /// Takes what was found for each ray, by its number. A closure is one.

@@ -10,6 +10,8 @@ mod conductor;
 mod dielectric;
 mod diffuse;
 mod energy;
+#[cfg(test)]
+mod facet_walk;
 mod film;
 pub mod fresnel;
 mod fuzz;

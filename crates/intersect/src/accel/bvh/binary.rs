@@ -50,12 +50,12 @@ impl Choices {
         seconds[9..].copy_from_slice(&second[1..]);
         let given = |k: usize| -> [f32; 8] { std::array::from_fn(|lane| first[k] + seconds[9 - k + lane]) };
         let (mut least, mut shares) = (given(1), SHARES[1]);
-        for k in 2..8 {
+        for (k, shares_of_k) in SHARES.iter().enumerate().skip(2) {
             let costs = given(k);
             for lane in 0..8 {
                 let better = costs[lane] < least[lane];
                 least[lane] = if better { costs[lane] } else { least[lane] };
-                shares[lane] = if better { SHARES[k][lane] } else { shares[lane] };
+                shares[lane] = if better { shares_of_k[lane] } else { shares[lane] };
             }
         }
         let mut choices = shares.iter().fold(0, |all, share| all | share);

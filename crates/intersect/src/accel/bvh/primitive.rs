@@ -3,7 +3,7 @@
 use super::storage::{Plain, Storage};
 use crate::accel::brute_force::GroupList;
 use crate::kernel::binning::{Box8, Primitive};
-use crate::kernel::interleave::fetch;
+use crate::kernel::prefetch::fetch;
 use crate::mesh::{TriangleMesh, are_degenerate, padded_bounds};
 use rayon::prelude::*;
 use snell_math::{Vec3, Vec4};

@@ -11,6 +11,7 @@ pub(crate) mod triangle;
 #[cfg(test)]
 mod tests;
 
+use super::prefetch::fetch;
 use crate::mesh::DTriangleMesh;
 use frame::Frame;
 use rayon::prelude::*;
@@ -56,18 +57,7 @@ impl DoubleData {
     /// Asks for the memory of a triangle.
     #[inline(always)]
     pub fn fetch(&self, geometry: u32, triangle: u32) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-            let start: *const i8 = std::ptr::from_ref(self.corners(geometry, triangle)).cast();
-            // SAFETY: asking ahead reads nothing: any address will do.
-            unsafe {
-                _mm_prefetch::<_MM_HINT_T0>(start);
-                _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64));
-            }
-        }
-        #[cfg(not(target_arch = "x86_64"))]
-        let _ = (geometry, triangle);
+        fetch(self.corners(geometry, triangle));
     }
 
     /// Memory of the corners.

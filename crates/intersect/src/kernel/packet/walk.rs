@@ -1,6 +1,7 @@
 //! The walk of a bundle through the tree of a group.
 
 use super::super::node::ChildRef;
+use super::super::prefetch::fetch_lines;
 use super::super::traverse::{Entry, Walk};
 use super::bundle::{Bundle, PerRay};
 use super::exact::{Found, Pairs};
@@ -463,19 +464,10 @@ unsafe fn child_at(tree: &GroupTree, place: u32) -> ChildRef {
 /// Asks for the memory of a node or block.
 #[inline(always)]
 fn fetch_ahead(tree: &GroupTree, child: ChildRef) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        let (start, lines): (*const i8, usize) = if child.is_node() {
-            (tree.nodes.as_ptr().wrapping_add(child.index()).cast(), 4)
-        } else {
-            (tree.blocks.as_ptr().wrapping_add(child.block()).cast(), 5)
-        };
-        for line in 0..lines {
-            // SAFETY: asking ahead reads nothing: any address will do.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)) };
-        }
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (tree, child);
+    let (start, lines) = if child.is_node() {
+        (tree.nodes.as_ptr().wrapping_add(child.index()).cast::<u8>(), 4)
+    } else {
+        (tree.blocks.as_ptr().wrapping_add(child.block()).cast::<u8>(), 5)
+    };
+    fetch_lines(start, lines);
 }

@@ -1,0 +1,33 @@
+//! Asking for memory before it is needed. It reads nothing, so any address will do, and it changes no answer.
+
+/// Bytes that come together.
+const LINE: usize = 64;
+
+/// Asks for the memory of an item of at most two lines.
+#[inline(always)]
+pub(crate) fn fetch<T>(item: *const T) {
+    let (first, end) = (item.cast::<u8>(), item.wrapping_add(1).cast::<u8>());
+    // (It may lie across two.)
+    fetch_line(first);
+    fetch_line(end.wrapping_sub(1));
+}
+
+/// Asks for so many lines from an address on.
+#[inline(always)]
+pub(crate) fn fetch_lines<T>(start: *const T, lines: usize) {
+    for line in 0..lines {
+        fetch_line(start.cast::<u8>().wrapping_add(LINE * line));
+    }
+}
+
+#[inline(always)]
+fn fetch_line(at: *const u8) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: asking ahead reads nothing: any address will do.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(at.cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = at;
+}
