@@ -149,8 +149,9 @@ fn glass_is_off_by(roughness: f32) -> (f64, String) {
     worst
 }
 
-/// The diffuse lobes have the same share on both sides from all directions. On very rough glass seen from the inside, a walk comes back more
-/// often the less steep it begins.
+/// The diffuse lobes let the same share through from all directions. On very rough glass seen from the inside more goes through the steeper a walk
+/// begins, so lobes are off there: by 0.19 from grazing directions at a roughness of 0.9. (Shares that go with `0.25 + cos` were nearer, 0.05
+/// instead of 0.07 at a roughness of 0.7, but with their mean read from a table a furnace of Beckmann's glass was off by 0.0018.)
 #[test]
 fn rough_glass_reflects_about_what_a_walk_over_its_facets_does() {
     for (roughness, most) in [(0.3, 0.025), (0.5, 0.025), (0.7, 0.09), (0.9, 0.22)] {
