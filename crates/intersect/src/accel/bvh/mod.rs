@@ -16,7 +16,8 @@
 //! On two cores of Zen 5 a bunny (69 thousand) takes 3.8 ms with `fast` on one thread. Where that goes: 0.25 looking for triangles that can never be hit, 0.55 cells,
 //! 0.65 sorting, 0.25 the shape of the tree, 1.3 its blocks and boxes, 0.6 gathering it into wide nodes. A page of fresh memory costs a microsecond on a virtual machine, so a large piece begins
 //! where a huge page does, and its end is in one too if it fills half of it (blocks and boxes took 1.4 to 2.3 ms before, by chance). The rest came from corners turned into lanes in
-//! registers, and choices of slots without branches. On two threads the same takes 2.0 ms if builds follow each other and 3.5 after a pause, when threads sleep: ten stages each wake them.
+//! registers, and choices of slots without branches. On two threads
+//! the same takes 2.0 to 2.9 ms, in ten stages (after some 20 ms without work the machine runs both threads on one processor for milliseconds, ours as Embree's: then 3.6).
 //!
 //! 50M triangles (720 bunnies) are built with at most 5.4 GB (medium; 4.5 GB fast), the mesh of 0.9 GB included.
 
