@@ -178,6 +178,10 @@ fn sort_by_digit(from: &[Key], to: &mut [Key], pass: u32) {
     }
 }
 
+/// Of more triangles than this, corners are fetched ahead: meshes of a million are built 1.1 to 1.2 times as fast by it, but one of 69 thousand, which
+/// is in the second cache, 0.92 times.
+const FETCHED: usize = 1 << 17;
+
 /// Small sets are divided so that their blocks will be full.
 const FULL: usize = 32;
 
@@ -246,7 +250,7 @@ pub(super) fn build<'a>(
         boxes.resize((number + 1).max(boxes.len()), Box8::EMPTY);
         boxes[number] = *p.bounds();
     }
-    let boxes = &boxes;
+    let (boxes, fetches_ahead) = (&boxes, keys.len() > FETCHED);
     let build = |(set, mut part, mut blocks): (&'a [Key], PartBuilder, &mut [TriangleBlock])| {
         let (bounds, costs) = part.complete(|first, count| {
             let leaf = &set[first..first + count];
@@ -256,13 +260,15 @@ pub(super) fn build<'a>(
             }
             let (block, rest) = std::mem::take(&mut blocks).split_last_mut().expect("as many as were counted");
             blocks = rest;
-            // The next leaves are before this one.
-            let ahead = |from: usize, to: usize| {
-                let ids = set[first.saturating_sub(from)..first.saturating_sub(to)].iter().map(Numbered::id);
-                ids.filter(|id| id & OBJECT == 0)
-            };
-            ahead(24, 16).for_each(|id| triangles.fetch_indices(id));
-            ahead(16, 8).for_each(|id| triangles.fetch_corners(id));
+            if fetches_ahead {
+                // The next leaves are before this one.
+                let ahead = |from: usize, to: usize| {
+                    let ids = set[first.saturating_sub(from)..first.saturating_sub(to)].iter().map(Numbered::id);
+                    ids.filter(|id| id & OBJECT == 0)
+                };
+                ahead(24, 16).for_each(|id| triangles.fetch_indices(id));
+                ahead(16, 8).for_each(|id| triangles.fetch_corners(id));
+            }
             let bounds = fill(block, leaf, triangles);
             Box8::new(bounds.min, bounds.max)
         });
