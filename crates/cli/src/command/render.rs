@@ -119,7 +119,7 @@ impl Session<'_> {
         let is_first = !std::mem::replace(&mut self.has_begun, true);
         if is_first {
             if !options.quiet {
-                warn(scene, &compiled);
+                warn(&options.scene, scene, &compiled);
                 warn_of_lost_layers(options, &settings);
             }
             catch_interrupts(&self.interrupted)?;
@@ -172,10 +172,12 @@ impl Session<'_> {
     }
 }
 
-fn warn(scene: &Scene, compiled: &CompiledScene) {
-    for warning in scene.warnings.iter().chain(&compiled.warnings) {
+/// What the readers warn of names the place in a file. What is found later is about the whole of `name`.
+fn warn(name: &str, scene: &Scene, compiled: &CompiledScene) {
+    let found_later = compiled.warnings.iter().map(|warning| (format!("{name}: "), warning));
+    for (place, warning) in scene.warnings.iter().map(|warning| (String::new(), warning)).chain(found_later) {
         let times = if warning.count > 1 { format!(" ({} times)", warning.count) } else { String::new() };
-        eprintln!("warning: {}{times}", one_line(&warning.message));
+        eprintln!("warning: {place}{}{times}", one_line(&warning.message));
     }
 }
 

@@ -45,11 +45,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let variants = options.variants.variants()?;
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
     let embree = options.peer.as_ref().map(PeerPath::load).transpose()?;
-    if !options.json {
-        standard_output::write(heading().as_bytes())?;
-    }
-    for name in &options.scenes {
+    for (i, name) in options.scenes.iter().enumerate() {
         let bench = scenes::load(name, &read)?;
+        if i == 0 && !options.json {
+            standard_output::write(heading().as_bytes())?;
+        }
         for threads in clock::thread_counts(&options.threads) {
             let peer = embree.as_ref().map(|embree| Peer::new(embree, threads)).transpose()?;
             let pool = clock::pool(threads).map_err(Failure::Other)?;

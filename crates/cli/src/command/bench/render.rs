@@ -46,11 +46,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     options.scenes.iter().try_for_each(|name| scenes::check(name))?;
     let variants = options.variants.variants()?;
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
-    if !options.json {
-        standard_output::write(heading().as_bytes())?;
-    }
-    for name in &options.scenes {
+    for (i, name) in options.scenes.iter().enumerate() {
         let (scene, _) = scenes::load_scene(name, &read)?;
+        if i == 0 && !options.json {
+            standard_output::write(heading().as_bytes())?;
+        }
         let camera = scenes::camera(name, &scene)?;
         for variant in &variants {
             let compiled = CompiledScene::new(&scene, variant).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
