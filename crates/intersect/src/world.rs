@@ -278,14 +278,14 @@ impl WorldBuilder {
     /// Builds the acceleration structures, on the threads of the current rayon pool. The result does not depend on how many there
     /// are. A SIMD level that the machine lacks is replaced by the best it has.
     pub fn build(self, options: &BuildOptions) -> Result<World, WorldError> {
-        let (occurrences, parts) = self.parts(options, None)?;
+        let (occurrences, parts) = on_the_pool(|| self.parts(options, None))?;
         Ok(self.into_world(occurrences, parts))
     }
 
     /// Builds a world that shares with `previous`, an earlier world of this builder (or of a copy of it), all that comes from contents
     /// that did not change: see [`DynamicWorld`]. Queries of the result are the same, bit for bit, as if it were built from nothing.
     pub fn rebuild(&self, options: &BuildOptions, previous: &World) -> Result<World, WorldError> {
-        let (occurrences, parts) = self.parts(options, Some(previous))?;
+        let (occurrences, parts) = on_the_pool(|| self.parts(options, Some(previous)))?;
         Ok(self.clone().into_world(occurrences, parts))
     }
 
@@ -389,7 +389,7 @@ impl WorldBuilder {
             stats.triangle_blocks = forest.trees.iter().map(|t| t.blocks.len() as u64).sum();
             stats.depth = forest.trees.iter().map(|t| t.depth as u32).max().unwrap_or(0);
             stats.memory_bytes = forest.memory_bytes() as u64;
-            stats.sah_cost = forest.trees[0].sah_cost();
+            stats.sah_cost = forest.trees[0].sah_cost;
         }
         if let Structure::Walked(structures) = structure {
             let size = structures.size();
@@ -474,6 +474,11 @@ impl GroupBounds {
         self.grown[group] = objects.iter().fold(outer, |a, b| a.union(b));
         self.objects[group] = objects;
     }
+}
+
+/// Does something on a thread of the current rayon pool, so that each parallel stage of it need not wait for one to wake up.
+fn on_the_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::scope(|_| work())
 }
 
 /// The box of a placed thing, grown by a bound of the rounding errors of its place and of rays brought into its coordinates.

@@ -113,6 +113,15 @@ impl WideNode {
         (0..8).map(|slot| self.slot_bounds(slot)).fold(Bounds3::EMPTY, |all, own| all.union(&own))
     }
 
+    /// Half of the surface areas of all slots together.
+    pub fn half_areas(&self) -> f64 {
+        let [low, high] = &self.bounds;
+        // (Those that are not used are infinitely far from having a size.)
+        let size = |axis: usize| std::array::from_fn::<f32, 8, _>(|slot| (high[axis][slot] - low[axis][slot]).max(0.0));
+        let [x, y, z] = [size(0), size(1), size(2)];
+        (0..8).map(|slot| f64::from(x[slot] * y[slot] + y[slot] * z[slot] + z[slot] * x[slot])).sum()
+    }
+
     /// Works out the order of the children for each octant, when all are set: by their centres along the diagonal.
     pub fn sort_octants(&mut self) {
         let center = |axis: usize| {

@@ -273,10 +273,10 @@ fn tree(
         }
         let triangles: u64 = list.meshes.iter().map(|(_, mesh)| mesh.indices.len() as u64).sum();
         let refitted = if triangles < WORTH_REFITTING { None } else { tree.refit(list, boxes) };
-        if let Some(tree) = refitted.filter(|tree| tree.sah_cost() <= WORN * cost) {
+        if let Some(tree) = refitted.filter(|tree| tree.sah_cost <= WORN * cost) {
             return Ok(Grown { tree: Arc::new(tree), cost, how: How::Refitted });
         }
     }
     let tree = GroupTree::build(list, boxes, options)?;
-    Ok(Grown { cost: tree.sah_cost(), tree: Arc::new(tree), how: How::Built })
+    Ok(Grown { cost: tree.sah_cost, tree: Arc::new(tree), how: How::Built })
 }

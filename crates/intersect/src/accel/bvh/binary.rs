@@ -13,7 +13,7 @@ pub(super) type Costs = [f32; 8];
 /// Costs of a leaf.
 pub(super) const LEAF_COSTS: Costs = [0.0; 8];
 
-/// For 2 to 8 slots how many go to the first child, in 3 bits each; 0: one slot less is no worse.
+/// For 2 to 8 slots how many go to the first child, in 3 bits each; 0: the subtree is best a wide node of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Choices(u32);
 
@@ -65,7 +65,9 @@ impl Choices {
         for slots in 2..8 {
             let (more, fewer) = (least[slots - 1], costs[slots - 1]);
             costs[slots] = if more >= fewer { fewer } else { more };
-            choices &= !((7 << (3 * slots)) * u32::from(more >= fewer));
+            // If a slot less is no worse, as with that; the second child may get one more than it needs.
+            let field = 7 << (3 * slots);
+            choices ^= (choices ^ (choices << 3)) & (field * u32::from(more >= fewer));
         }
         (Self(choices), costs)
     }
@@ -78,7 +80,7 @@ pub(super) struct BinaryNode {
     /// The second child, or where the primitives of a leaf start.
     link: u32,
     high: [f32; 3],
-    /// Choices, or [`LEAF`] and a count.
+    /// Choices, or [`LEAF`] and a count (below the bits of choices, so that all of these are 0).
     kind: u32,
 }
 
@@ -225,7 +227,7 @@ impl<'a, P> Tree<'a, P> {
     /// The top node.
     pub fn root(&self) -> Cursor<'_, P> {
         match self {
-            Self::Part(part) => Cursor::Part(part, 0),
+            Self::Part(part) => Cursor::Part(PartCursor { part, node: 0 }),
             Self::Inner(inner) => Cursor::Inner(inner),
         }
     }
@@ -235,7 +237,7 @@ impl<'a, P> Tree<'a, P> {
 #[derive(Debug)]
 pub(super) enum Cursor<'t, P> {
     Inner(&'t Inner<'t, P>),
-    Part(&'t Part<'t, P>, u32),
+    Part(PartCursor<'t, P>),
 }
 
 impl<P> Clone for Cursor<'_, P> {
@@ -248,77 +250,114 @@ impl<P> Copy for Cursor<'_, P> {}
 
 impl<'t, P> Cursor<'t, P> {
     /// The box around the subtree.
-    #[inline(always)]
     pub fn bounds(self) -> Bounds3 {
         match self {
             Self::Inner(inner) => inner.bounds.bounds(),
-            Self::Part(part, i) => {
-                let node = &part.nodes[i as usize];
-                Bounds3 { min: Vec3::from_array(node.low), max: Vec3::from_array(node.high) }
-            }
+            Self::Part(part) => part.bounds(),
         }
     }
 
     /// The primitives of a leaf; `None` for an inner node.
-    #[inline(always)]
     pub fn leaf(self) -> Option<&'t [P]> {
-        let Self::Part(part, i) = self else { return None };
-        let node = &part.nodes[i as usize];
-        let range = node.link as usize..(node.link + (node.kind & !LEAF)) as usize;
-        (node.kind & LEAF != 0).then(|| &part.primitives[range])
-    }
-
-    #[inline(always)]
-    fn choices(self) -> Choices {
         match self {
-            Self::Inner(inner) => inner.choices,
-            Self::Part(part, i) => Choices(part.nodes[i as usize].kind),
-        }
-    }
-
-    #[inline(always)]
-    fn children(self) -> [Self; 2] {
-        match self {
-            Self::Inner(inner) => [inner.children[0].root(), inner.children[1].root()],
-            Self::Part(part, i) => [Self::Part(part, i + 1), Self::Part(part, part.nodes[i as usize].link)],
+            Self::Inner(_) => None,
+            Self::Part(part) => part.leaf(),
         }
     }
 
     /// The children of an inner node that becomes a wide node: two to eight of them, in order.
-    #[inline]
-    pub fn wide_children(self) -> WideChildren<'t, P> {
-        let mut found = WideChildren { items: [self; 8], count: 0 };
+    pub fn wide_children(self) -> Vec<Self> {
+        let mut found = Vec::with_capacity(8);
         self.share(8, &mut found);
         found
     }
 
     /// Adds what represents this subtree in so many slots.
-    fn share(self, mut slots: usize, to: &mut WideChildren<'t, P>) {
-        if self.leaf().is_none() {
-            while slots > 1 {
-                let first = self.choices().first(slots);
-                if first > 0 {
-                    let [a, b] = self.children();
-                    a.share(first, to);
-                    b.share(slots - first, to);
-                    return;
+    fn share(self, slots: usize, to: &mut Vec<Self>) {
+        match self {
+            Self::Inner(inner) => match inner.choices.first(slots) {
+                0 => to.push(self),
+                first => {
+                    inner.children[0].root().share(first, to);
+                    inner.children[1].root().share(slots - first, to);
                 }
-                slots -= 1;
+            },
+            Self::Part(part) => {
+                let mut found = WideChildren { part: part.part, nodes: [0; 8], count: 0 };
+                found.share(part.node, slots);
+                to.extend(found.iter().map(Self::Part));
             }
         }
-        to.items[to.count] = self;
-        to.count += 1;
     }
 }
 
-/// Two to eight nodes.
+/// A node of a part.
+#[derive(Debug)]
+pub(super) struct PartCursor<'t, P> {
+    part: &'t Part<'t, P>,
+    node: u32,
+}
+
+impl<P> Clone for PartCursor<'_, P> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<P> Copy for PartCursor<'_, P> {}
+
+impl<'t, P> PartCursor<'t, P> {
+    /// The box around the subtree.
+    #[inline(always)]
+    pub fn bounds(self) -> Bounds3 {
+        let node = &self.part.nodes[self.node as usize];
+        Bounds3 { min: Vec3::from_array(node.low), max: Vec3::from_array(node.high) }
+    }
+
+    /// The primitives of a leaf; `None` for an inner node.
+    #[inline(always)]
+    pub fn leaf(self) -> Option<&'t [P]> {
+        let node = &self.part.nodes[self.node as usize];
+        let range = node.link as usize..(node.link + (node.kind & !LEAF)) as usize;
+        (node.kind & LEAF != 0).then(|| &self.part.primitives[range])
+    }
+
+    /// The children of an inner node that becomes a wide node: two to eight of them, in order.
+    #[inline]
+    pub fn wide_children(self) -> WideChildren<'t, P> {
+        let mut found = WideChildren { part: self.part, nodes: [0; 8], count: 0 };
+        found.share(self.node, 8);
+        found
+    }
+}
+
+/// Two to eight nodes of a part.
 pub(super) struct WideChildren<'t, P> {
-    items: [Cursor<'t, P>; 8],
+    part: &'t Part<'t, P>,
+    nodes: [u32; 8],
     count: usize,
 }
 
 impl<'t, P> WideChildren<'t, P> {
-    pub fn as_slice(&self) -> &[Cursor<'t, P>] {
-        &self.items[..self.count]
+    /// Adds what represents a subtree in so many slots.
+    fn share(&mut self, mut node: u32, mut slots: usize) {
+        while slots > 1 {
+            let own = &self.part.nodes[node as usize];
+            // (0 also if it is a leaf.)
+            let first = Choices(own.kind).first(slots);
+            if first == 0 {
+                break;
+            }
+            self.share(node + 1, first);
+            (node, slots) = (own.link, slots - first);
+        }
+        self.nodes[self.count] = node;
+        self.count += 1;
+    }
+
+    /// The nodes in order.
+    #[inline]
+    pub fn iter(&self) -> impl Iterator<Item = PartCursor<'t, P>> {
+        self.nodes[..self.count].iter().map(|&node| PartCursor { part: self.part, node })
     }
 }

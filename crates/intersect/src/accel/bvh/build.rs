@@ -55,8 +55,22 @@ pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOpti
     };
     let Wide { nodes, blocks, root, rest, depth } = wide;
     let objects = list.objects.clone();
-    let triangles = count;
-    Ok(GroupTree { nodes, blocks, root, rest, objects, unbounded, meshes, depth, triangles, skipped, empty, cache })
+    let (triangles, sah_cost) = (count, super::sah_cost(&nodes));
+    Ok(GroupTree {
+        nodes,
+        blocks,
+        root,
+        rest,
+        objects,
+        unbounded,
+        meshes,
+        depth,
+        triangles,
+        skipped,
+        empty,
+        cache,
+        sah_cost,
+    })
 }
 
 /// The tree in a file, or else a new one, which is then written there.

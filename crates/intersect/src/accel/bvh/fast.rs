@@ -83,7 +83,7 @@ pub(super) fn sorted(triangles: &Triangles, objects: &[Primitive]) -> Fast {
     let center2 = |[a, b, c]: [Vec3; 3]| (a.min(b).min(c) + a.max(b).max(c)).extend(0.0);
     let around = objects.iter().fold(triangles.centers(center2), |b, p| b.with_point(p.center2()));
     let grid = Grid::new(&around);
-    let mut keys = Storage::zeroed(triangles.count() + objects.len());
+    let mut keys = Storage::unset(triangles.count() + objects.len());
     let count = triangles.collect(&mut keys[..triangles.count()], |id, corners| grid.key(center2(corners), id));
     for (i, p) in objects.iter().enumerate() {
         keys[count + i] = grid.key(p.center2(), (p.number() & !OBJECT) | OBJECT_BIT);
@@ -102,25 +102,50 @@ fn digit(key: Key, pass: u32) -> usize {
     (key.0 >> (NUMBER_BITS + pass * DIGIT)) as usize & (DIGITS - 1)
 }
 
-/// Sorts the first `count` keys, whose numbers ascend: first by their highest digit, in one pass of all threads, then each bucket by the others.
+/// Fewer keys than this (a megabyte: in the second cache) are sorted by one digit after the other, the lowest first.
+const NEAR: usize = 1 << 17;
+
+/// Sorts the first `count` keys, whose numbers ascend. Many: first by their highest digit, in one pass of all threads, then each bucket by the others.
 fn sort(mut keys: Storage<Key>, count: usize) -> Storage<Key> {
     let input = &mut keys[..count];
-    if count < 1 << 15 {
+    if count < 1 << 12 {
         input.sort_unstable();
         return keys;
     }
     let threads = rayon::current_num_threads();
+    let mut output = Storage::unset(count);
+    if count < NEAR {
+        let chunk = count.div_ceil(threads);
+        sort_by(input, &mut output, 0, chunk);
+        sort_by(&output, input, 1, chunk);
+        sort_by(input, &mut output, 2, chunk);
+        return output;
+    }
     let chunk = (count / (4 * threads)).max(count.div_ceil(threads).min(2 * CHUNK));
+    let sizes = sort_by(input, &mut output, 2, chunk);
+    let mut buckets = Vec::with_capacity(DIGITS);
+    let (mut rest, mut spare) = (&mut output[..], input);
+    for size in sizes {
+        let (bucket, others) = rest.split_at_mut(size);
+        let (beside, others_beside) = spare.split_at_mut(size);
+        buckets.push((bucket, beside));
+        (rest, spare) = (others, others_beside);
+    }
+    buckets.into_par_iter().for_each(|(keys, spare)| sort_bucket(keys, spare));
+    output
+}
+
+/// One pass of a radix sort, a chunk for each thread at a time: keys of the same digit stay in order. Returns how many there are of each.
+fn sort_by(input: &[Key], output: &mut [Key], pass: u32, chunk: usize) -> Vec<usize> {
     let histogram = |keys: &[Key]| {
         let mut counts = vec![0u32; DIGITS];
-        keys.iter().for_each(|&key| counts[digit(key, 2)] += 1);
+        keys.iter().for_each(|&key| counts[digit(key, pass)] += 1);
         counts
     };
     let counts: Vec<Vec<u32>> = input.par_chunks(chunk).map(histogram).collect();
-    let mut output = Storage::zeroed(count);
     // For each chunk its place in each bucket.
     let mut places: Vec<Vec<std::slice::IterMut<Key>>> = counts.iter().map(|_| Vec::with_capacity(DIGITS)).collect();
-    let mut rest = &mut output[..];
+    let mut rest = output;
     for b in 0..DIGITS {
         for (places, counts) in places.iter_mut().zip(&counts) {
             let (place, others) = rest.split_at_mut(counts[b] as usize);
@@ -130,22 +155,12 @@ fn sort(mut keys: Storage<Key>, count: usize) -> Storage<Key> {
     }
     input.par_chunks(chunk).zip(places).for_each(|(keys, mut places)| {
         for &key in keys {
-            if let Some(place) = places[digit(key, 2)].next() {
+            if let Some(place) = places[digit(key, pass)].next() {
                 *place = key;
             }
         }
     });
-    let mut buckets = Vec::with_capacity(DIGITS);
-    let (mut rest, mut spare) = (&mut output[..], input);
-    for b in 0..DIGITS {
-        let size = counts.iter().map(|c| c[b] as usize).sum();
-        let (bucket, others) = rest.split_at_mut(size);
-        let (beside, others_beside) = spare.split_at_mut(size);
-        buckets.push((bucket, beside));
-        (rest, spare) = (others, others_beside);
-    }
-    buckets.into_par_iter().for_each(|(keys, spare)| sort_bucket(keys, spare));
-    output
+    (0..DIGITS).map(|b| counts.iter().map(|c| c[b] as usize).sum()).collect()
 }
 
 /// Buckets smaller than this are sorted by comparing, as that takes no longer.
@@ -235,7 +250,7 @@ pub(super) fn build<'a>(
     let most = (keys.len() / (8 * rayon::current_num_threads())).clamp(*PART.start(), *PART.end());
     let top = parts(keys, most, &mut sets);
     let outlines: Vec<Outline> = sets.par_iter().map(|set| Outline::of(set, has_objects)).collect();
-    let mut blocks = Storage::zeroed(outlines.iter().map(|outline| outline.blocks).sum());
+    let mut blocks = Storage::unset(outlines.iter().map(|outline| outline.blocks).sum());
     let mut rest = &mut blocks[..];
     let mut jobs = Vec::with_capacity(sets.len());
     for (&set, outline) in sets.iter().zip(outlines) {
@@ -333,7 +348,7 @@ mod tests {
 
     #[test]
     fn many_keys_are_sorted() {
-        for n in [0usize, 1, 1000, 1 << 15, 200_000] {
+        for n in [0usize, 1, 1000, 1 << 12, NEAR - 1, NEAR, 200_000] {
             for bits in [33, 30, 21, 11, 3, 0] {
                 let mut keys = Storage::zeroed(n + 5);
                 for (i, key) in keys[..n].iter_mut().enumerate() {

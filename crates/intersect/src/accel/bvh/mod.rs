@@ -112,6 +112,8 @@ pub(crate) struct GroupTree {
     empty: Vec<u32>,
     /// Whether it came from a file.
     pub cache: CacheUse,
+    /// Nodes and blocks that a random line through the bounds meets on average.
+    pub sah_cost: f32,
 }
 
 impl GroupTree {
@@ -142,19 +144,19 @@ impl GroupTree {
         7 * self.depth + 8
     }
 
-    /// Nodes and blocks that a random line through the bounds meets on average.
-    pub fn sah_cost(&self) -> f32 {
-        let Some(root) = self.nodes.first() else { return 0.0 };
-        let area = |node: &WideNode| (0..8).map(|slot| f64::from(node.slot_bounds(slot).half_area())).sum::<f64>();
-        let whole = (0..8).fold(Bounds3::EMPTY, |b, slot| b.union(&root.slot_bounds(slot))).half_area();
-        let pieces: Vec<f64> = self.nodes.par_chunks(1 << 12).map(|nodes| nodes.iter().map(area).sum()).collect();
-        (1.0 + pieces.iter().sum::<f64>() / f64::from(whole)) as f32
-    }
-
     /// Memory of the tree.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(&*self.nodes) + size_of_val(&*self.blocks) + self.objects.memory_bytes()
     }
+}
+
+/// Nodes and blocks that a random line through the bounds of these nodes, of which the first is the root, meets on average.
+fn sah_cost(nodes: &[WideNode]) -> f32 {
+    let Some(root) = nodes.first() else { return 0.0 };
+    let whole = root.bounds().half_area();
+    let area = |nodes: &[WideNode]| nodes.iter().map(WideNode::half_areas).sum::<f64>();
+    let pieces: Vec<f64> = nodes.par_chunks(1 << 12).map(area).collect();
+    (1.0 + pieces.iter().sum::<f64>() / f64::from(whole)) as f32
 }
 
 /// The trees of all groups; group 0 is the root.

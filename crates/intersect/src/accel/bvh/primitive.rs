@@ -174,7 +174,7 @@ fn close_gaps<T: Copy>(items: &mut [T], pieces: &[(usize, usize)]) -> usize {
 
 /// The boxes of all triangles that can be hit, and how many they are; there is room for `extra` more.
 pub(super) fn triangle_primitives(triangles: &Triangles, extra: usize) -> (Storage<Primitive>, usize) {
-    let mut primitives = Storage::zeroed(triangles.count() + extra);
+    let mut primitives = Storage::unset(triangles.count() + extra);
     let count = triangles.collect(&mut primitives[..triangles.count()], |id, corners| {
         let bounds = padded_bounds(&corners);
         Primitive::new(bounds.min, bounds.max, id)

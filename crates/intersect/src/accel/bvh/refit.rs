@@ -53,6 +53,7 @@ impl GroupTree {
             Refit { boxes: &boxes, blocks: &block_bounds }.subtree(&mut nodes, 0);
         }
         Some(Self {
+            sah_cost: super::sah_cost(&nodes),
             nodes,
             blocks,
             objects: list.objects.clone(),

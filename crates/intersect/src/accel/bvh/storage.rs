@@ -1,8 +1,8 @@
 //! The memory of trees: large pieces come from the system in huge pages where it has them, or from a mapped file.
 //!
 //! Fresh pages are a good part of the cost of a build, and address translation one of walking large trees, so pieces of some size
-//! are mapped by themselves and the system is asked for huge pages. All memory starts as zeros, which the system gives for
-//! nothing, so that several threads can write parts of it without anyone having to fill it before.
+//! are mapped by themselves and the system is asked for huge pages. No memory is filled before several threads write their parts of it:
+//! it starts as zeros, which the system gives for nothing, or holds what was in a piece that was given back ([`spare`]).
 
 use std::alloc::{Layout, alloc_zeroed, dealloc, handle_alloc_error};
 use std::fmt;
@@ -11,6 +11,10 @@ use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 use std::ptr::NonNull;
 
+mod spare;
+
+use spare::Piece;
+
 /// Plain old data.
 ///
 /// # Safety
@@ -18,22 +22,28 @@ use std::ptr::NonNull;
 pub(crate) unsafe trait Plain: Copy + Send + Sync + 'static {}
 
 /// Pieces at least this large are mapped by themselves.
-const MAPPED_BYTES: usize = 1 << 20;
+const MAPPED_BYTES: usize = 3 << 17;
 
 /// Bytes of a huge page where the system has them, and if not, what memory is aligned to.
 const HUGE_PAGE: usize = 1 << 21;
 
-/// Zeros from the system, aligned to huge pages. The end is in one if it fills half of it: so at most a megabyte is wasted, and no more than
-/// twice as many pages of the small kind are touched, a microsecond each on virtual machines.
-fn map_anonymous(bytes: usize) -> Option<(NonNull<u8>, memmap2::MmapMut)> {
-    let huge = (bytes + HUGE_PAGE / 2) / HUGE_PAGE * HUGE_PAGE;
-    let mut map = memmap2::MmapMut::map_anon(bytes.max(huge).checked_add(HUGE_PAGE)?).ok()?;
+/// How many of these bytes are in huge pages, and some more if it is more: the end is in one if it fills half of it. So at most a megabyte is wasted,
+/// and no more than twice as many pages of the small kind are touched, a microsecond each on virtual machines.
+fn huge_bytes(bytes: usize) -> usize {
+    (bytes.saturating_add(HUGE_PAGE / 2)) / HUGE_PAGE * HUGE_PAGE
+}
+
+/// Zeros from the system, aligned to huge pages, and how many bytes they are.
+fn map_anonymous(bytes: usize) -> Option<(NonNull<u8>, usize, memmap2::MmapMut)> {
+    let huge = huge_bytes(bytes);
+    let bytes = bytes.max(huge);
+    let mut map = memmap2::MmapMut::map_anon(bytes.checked_add(HUGE_PAGE)?).ok()?;
     let offset = map.as_ptr().align_offset(HUGE_PAGE);
     let start = map.get_mut(offset..offset + bytes)?.as_mut_ptr();
     #[cfg(target_os = "linux")]
     // Only a wish: without huge pages it is as before.
     let _ = map.advise_range(memmap2::Advice::HugePage, offset, huge);
-    Some((NonNull::new(start)?, map))
+    Some((NonNull::new(start)?, bytes, map))
 }
 
 /// A slice that owns its memory: on the heap, mapped, or in a file.
@@ -47,8 +57,11 @@ pub(crate) struct Storage<T> {
 /// Who frees the memory.
 enum Owner {
     Heap(Layout),
-    /// Held only to be dropped.
-    Mapped(#[expect(dead_code, reason = "held to be dropped")] memmap2::MmapMut),
+    Mapped(Piece),
+    /// A file, held only to be dropped.
+    File(#[expect(dead_code, reason = "held to be dropped")] memmap2::MmapMut),
+    /// Given back.
+    Nobody,
 }
 
 // SAFETY: `Storage` owns plain values, like a `Vec`.
@@ -59,11 +72,20 @@ unsafe impl<T: Plain> Sync for Storage<T> {}
 impl<T: Plain> Storage<T> {
     /// Memory for `len` values, all bits zero.
     pub fn zeroed(len: usize) -> Self {
+        Self::of_pieces(len, Piece::zeroed)
+    }
+
+    /// Memory for `len` values of any kind: zeros, or what somebody else left behind.
+    pub fn unset(len: usize) -> Self {
+        Self::of_pieces(len, Piece::unset)
+    }
+
+    fn of_pieces(len: usize, piece: impl FnOnce(usize) -> Option<Piece>) -> Self {
         let layout = Layout::array::<T>(len).expect("no world is larger than the address space");
         if layout.size() >= MAPPED_BYTES
-            && let Some((start, map)) = map_anonymous(layout.size())
+            && let Some(piece) = piece(layout.size())
         {
-            return Self { start: start.cast(), len, owner: Owner::Mapped(map), values: PhantomData };
+            return Self { start: piece.start.cast(), len, owner: Owner::Mapped(piece), values: PhantomData };
         }
         let start = if layout.size() == 0 {
             NonNull::dangling()
@@ -93,7 +115,7 @@ impl<T: Plain> Storage<T> {
         if !start.is_aligned() {
             return Err(std::io::Error::other("the memory of the file is not aligned"));
         }
-        Ok(Self { start, len, owner: Owner::Mapped(map), values: PhantomData })
+        Ok(Self { start, len, owner: Owner::File(map), values: PhantomData })
     }
 
     /// The values as they are in memory.
@@ -105,11 +127,11 @@ impl<T: Plain> Storage<T> {
 
 impl<T> Drop for Storage<T> {
     fn drop(&mut self) {
-        if let Owner::Heap(layout) = self.owner
-            && layout.size() > 0
-        {
+        match std::mem::replace(&mut self.owner, Owner::Nobody) {
             // SAFETY: it was allocated with this layout; plain values need no drop.
-            unsafe { dealloc(self.start.as_ptr().cast(), layout) };
+            Owner::Heap(layout) if layout.size() > 0 => unsafe { dealloc(self.start.as_ptr().cast(), layout) },
+            Owner::Mapped(piece) => piece.give_back(),
+            Owner::Heap(_) | Owner::File(_) | Owner::Nobody => {}
         }
     }
 }
@@ -133,7 +155,7 @@ impl<T> DerefMut for Storage<T> {
 
 impl<T: Plain> Clone for Storage<T> {
     fn clone(&self) -> Self {
-        let mut copy = Self::zeroed(self.len);
+        let mut copy = Self::unset(self.len);
         copy.copy_from_slice(self);
         copy
     }
@@ -162,5 +184,19 @@ mod tests {
             drop(memory);
             assert!(copy.iter().zip(0..).all(|(&x, i)| x == i));
         }
+    }
+
+    #[test]
+    fn memory_that_was_given_back_is_used_again_but_not_where_zeros_are_asked_for() {
+        // (A size that no other test asks for.)
+        let len = 1_234_567;
+        let mut memory = Storage::<u32>::unset(len);
+        memory.fill(7);
+        let place = memory.as_ptr();
+        drop(memory);
+        assert!(Storage::<u32>::zeroed(len).iter().all(|&x| x == 0));
+        let again = Storage::<u32>::unset(len - 1000);
+        assert!(again.as_ptr() == place && again.len() == len - 1000 && again.iter().all(|&x| x == 7));
+        assert_ne!(Storage::<u32>::unset(len / 2).as_ptr(), place);
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! Nodes and blocks are in preorder: those of a subtree are next to each other, and children come after their parents.
 
-use super::binary::{Cursor, Tree};
+use super::binary::{Cursor, PartCursor, Tree};
 use super::primitive::{Numbered, OBJECT, Triangles};
 use super::storage::Storage;
 use crate::kernel::node::{ChildRef, WideNode};
@@ -34,7 +34,7 @@ enum Step<'t, P> {
     /// A wide node above the parts, with its children and the steps that write them.
     Node(Vec<(Cursor<'t, P>, usize)>),
     /// A subtree in one part.
-    Piece(Cursor<'t, P>),
+    Piece(PartCursor<'t, P>),
 }
 
 /// Writes the tree. `written` are the blocks of its leaves, if the builder has filled them.
@@ -70,9 +70,9 @@ pub(super) fn write<P: Numbered>(
             ChildRef::MAX_BLOCKS
         ));
     }
-    let mut nodes = Storage::zeroed(end.nodes);
+    let mut nodes = Storage::unset(end.nodes);
     let write_blocks = written.is_none();
-    let mut blocks = written.unwrap_or_else(|| Storage::zeroed(end.blocks));
+    let mut blocks = written.unwrap_or_else(|| Storage::unset(end.blocks));
     let reference = |step: usize, cursor: Cursor<P>| match cursor.leaf() {
         None => ChildRef::node(places[step].nodes),
         Some(leaf) => leaf_reference(leaf, places[step].blocks),
@@ -112,26 +112,25 @@ pub(super) fn write<P: Numbered>(
 /// Adds the steps of a subtree, in preorder; returns the first.
 fn plan<'t, P>(cursor: Cursor<'t, P>, steps: &mut Vec<Step<'t, P>>) -> usize {
     let index = steps.len();
-    if matches!(cursor, Cursor::Part(..)) {
-        steps.push(Step::Piece(cursor));
+    if let Cursor::Part(part) = cursor {
+        steps.push(Step::Piece(part));
         return index;
     }
     steps.push(Step::Node(Vec::new()));
-    let children = cursor.wide_children().as_slice().iter().map(|&child| (child, plan(child, steps))).collect();
+    let children = cursor.wide_children().into_iter().map(|child| (child, plan(child, steps))).collect();
     steps[index] = Step::Node(children);
     index
 }
 
 /// What a subtree needs.
-fn count<P: Numbered>(cursor: Cursor<P>) -> Place {
+fn count<P: Numbered>(cursor: PartCursor<P>) -> Place {
     if let Some(leaf) = cursor.leaf() {
         return Place { nodes: 0, blocks: usize::from(leaf[0].id() & OBJECT == 0) };
     }
     cursor
         .wide_children()
-        .as_slice()
         .iter()
-        .map(|&child| count(child))
+        .map(count)
         .fold(Place { nodes: 1, blocks: 0 }, |a, b| Place { nodes: a.nodes + b.nodes, blocks: a.blocks + b.blocks })
 }
 
@@ -154,7 +153,7 @@ struct Writer<'a> {
 
 impl Writer<'_> {
     /// Returns the reference to the subtree, and its depth.
-    fn subtree<P: Numbered>(&mut self, cursor: Cursor<P>) -> (ChildRef, usize) {
+    fn subtree<P: Numbered>(&mut self, cursor: PartCursor<P>) -> (ChildRef, usize) {
         if let Some(leaf) = cursor.leaf() {
             return (self.leaf(leaf), 0);
         }
@@ -162,7 +161,7 @@ impl Writer<'_> {
         self.used.nodes += 1;
         let mut node = WideNode::EMPTY;
         let mut depth = 0;
-        for (slot, &child) in cursor.wide_children().as_slice().iter().enumerate() {
+        for (slot, child) in cursor.wide_children().iter().enumerate() {
             let (reference, below) = self.subtree(child);
             node.set(slot, &child.bounds(), reference);
             depth = depth.max(below);
@@ -184,7 +183,7 @@ impl Writer<'_> {
     }
 }
 
-/// Fills the block of a leaf, which is all zeros; returns the box around it.
+/// Fills the block of a leaf; returns the box around it.
 #[inline]
 pub(super) fn fill<P: Numbered>(block: &mut TriangleBlock, leaf: &[P], triangles: &Triangles) -> Bounds3 {
     let mut corners = [[Vec4::ZERO; 8]; 3];
