@@ -103,7 +103,7 @@ fn build_wide(
 ) -> Result<(Wide, usize), String> {
     let nothing = || {
         let none = ChildRef::NONE;
-        Wide { nodes: Storage::zeroed(0), blocks: Storage::zeroed(0), root: none, rest: none, depth: 0 }
+        Wide { nodes: Storage::unset(0), blocks: Storage::unset(0), root: none, rest: none, depth: 0 }
     };
     if options.quality == Quality::Fast {
         let sorted = fast::sorted(triangles, objects);

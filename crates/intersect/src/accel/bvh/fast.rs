@@ -350,7 +350,7 @@ mod tests {
     fn many_keys_are_sorted() {
         for n in [0usize, 1, 1000, 1 << 12, NEAR - 1, NEAR, 200_000] {
             for bits in [33, 30, 21, 11, 3, 0] {
-                let mut keys = Storage::zeroed(n + 5);
+                let mut keys = Storage::unset(n + 5);
                 for (i, key) in keys[..n].iter_mut().enumerate() {
                     let random = snell_math::rng::pcg4d([i as u32, 1, 2, 3]);
                     let cell = (u64::from(random[0]) << 32 | u64::from(random[1])) & ((1 << bits) - 1);

@@ -70,20 +70,11 @@ unsafe impl<T: Plain> Send for Storage<T> {}
 unsafe impl<T: Plain> Sync for Storage<T> {}
 
 impl<T: Plain> Storage<T> {
-    /// Memory for `len` values, all bits zero.
-    pub fn zeroed(len: usize) -> Self {
-        Self::of_pieces(len, Piece::zeroed)
-    }
-
     /// Memory for `len` values of any kind: zeros, or what somebody else left behind.
     pub fn unset(len: usize) -> Self {
-        Self::of_pieces(len, Piece::unset)
-    }
-
-    fn of_pieces(len: usize, piece: impl FnOnce(usize) -> Option<Piece>) -> Self {
         let layout = Layout::array::<T>(len).expect("no world is larger than the address space");
         if layout.size() >= MAPPED_BYTES
-            && let Some(piece) = piece(layout.size())
+            && let Some(piece) = Piece::unset(layout.size())
         {
             return Self { start: piece.start.cast(), len, owner: Owner::Mapped(piece), values: PhantomData };
         }
@@ -101,7 +92,7 @@ impl<T: Plain> Storage<T> {
     pub fn mapped(file: &File, start: u64, len: usize) -> std::io::Result<Self> {
         let layout = Layout::array::<T>(len).map_err(std::io::Error::other)?;
         if len == 0 {
-            return Ok(Self::zeroed(0));
+            return Ok(Self::unset(0));
         }
         let options = || {
             let mut options = memmap2::MmapOptions::new();
@@ -175,28 +166,14 @@ mod tests {
     unsafe impl Plain for u32 {}
 
     #[test]
-    fn memory_of_any_size_starts_as_zeros_and_holds_what_is_written() {
+    fn memory_of_any_size_holds_what_is_written() {
         for len in [0, 1, 1000, 1 << 20] {
-            let mut memory = Storage::<u32>::zeroed(len);
-            assert!(memory.len() == len && memory.iter().all(|&x| x == 0));
+            let mut memory = Storage::<u32>::unset(len);
+            assert_eq!(memory.len(), len);
             memory.iter_mut().zip(0..).for_each(|(x, i)| *x = i);
             let copy = memory.clone();
             drop(memory);
             assert!(copy.iter().zip(0..).all(|(&x, i)| x == i));
         }
-    }
-
-    #[test]
-    fn memory_that_was_given_back_is_used_again_but_not_where_zeros_are_asked_for() {
-        // (A size that no other test asks for.)
-        let len = 1_234_567;
-        let mut memory = Storage::<u32>::unset(len);
-        memory.fill(7);
-        let place = memory.as_ptr();
-        drop(memory);
-        assert!(Storage::<u32>::zeroed(len).iter().all(|&x| x == 0));
-        let again = Storage::<u32>::unset(len - 1000);
-        assert!(again.as_ptr() == place && again.len() == len - 1000 && again.iter().all(|&x| x == 7));
-        assert_ne!(Storage::<u32>::unset(len / 2).as_ptr(), place);
     }
 }

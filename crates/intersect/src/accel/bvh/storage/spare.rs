@@ -19,49 +19,91 @@ pub(super) struct Piece {
 // SAFETY: it owns the memory that `start` leads to.
 unsafe impl Send for Piece {}
 
+impl Piece {
+    /// What was given back, with whatever is in it, or else zeros from the system: at most an eighth more than a new piece would have.
+    pub fn unset(bytes: usize) -> Option<Self> {
+        SPARE.take(bytes).or_else(|| Self::new(bytes))
+    }
+
+    fn new(bytes: usize) -> Option<Self> {
+        let (start, bytes, map) = map_anonymous(bytes)?;
+        Some(Self { start, bytes, _map: map })
+    }
+
+    /// Keeps it for who asks next.
+    pub fn give_back(self) {
+        SPARE.keep(self);
+    }
+}
+
 /// What was given back, the oldest first.
-static SPARE: Mutex<Vec<Piece>> = Mutex::new(Vec::new());
+struct Spare(Mutex<Vec<Piece>>);
+
+static SPARE: Spare = Spare(Mutex::new(Vec::new()));
 
 /// Most that is kept, in bytes and in pieces (a fast build takes four).
 const MOST_BYTES: usize = 64 << 20;
 const MOST_PIECES: usize = 8;
 
-impl Piece {
-    /// Zeros from the system.
-    pub fn zeroed(bytes: usize) -> Option<Self> {
-        let (start, bytes, map) = map_anonymous(bytes)?;
-        Some(Self { start, bytes, _map: map })
-    }
-
-    /// What was given back, with whatever is in it, or else zeros: at most an eighth more than a new piece would have.
-    pub fn unset(bytes: usize) -> Option<Self> {
-        let mut spare = SPARE.lock().unwrap_or_else(PoisonError::into_inner);
+impl Spare {
+    fn take(&self, bytes: usize) -> Option<Piece> {
+        let mut pieces = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let least = bytes.max(huge_bytes(bytes));
         let fits = |piece: &Piece| (bytes..=least + least / 8).contains(&piece.bytes);
-        let best = (0..spare.len()).filter(|&i| fits(&spare[i])).min_by_key(|&i| spare[i].bytes);
-        if let Some(i) = best {
-            return Some(spare.remove(i));
-        }
-        drop(spare);
-        Self::zeroed(bytes)
+        let best = (0..pieces.len()).filter(|&i| fits(&pieces[i])).min_by_key(|&i| pieces[i].bytes);
+        best.map(|i| pieces.remove(i))
     }
 
-    /// Keeps the piece if there is room, where the oldest has to go for it.
-    pub fn give_back(self) {
-        if self.bytes > MOST_BYTES {
+    /// The oldest have to go where there is no room.
+    fn keep(&self, piece: Piece) {
+        if piece.bytes > MOST_BYTES {
             return;
         }
-        let mut spare = SPARE.lock().unwrap_or_else(PoisonError::into_inner);
-        spare.push(self);
-        let mut kept: usize = spare.iter().map(|piece| piece.bytes).sum();
+        let mut pieces = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        pieces.push(piece);
+        let mut bytes: usize = pieces.iter().map(|piece| piece.bytes).sum();
         let mut old = 0;
-        while kept > MOST_BYTES || spare.len() - old > MOST_PIECES {
-            kept -= spare[old].bytes;
+        while bytes > MOST_BYTES || pieces.len() - old > MOST_PIECES {
+            bytes -= pieces[old].bytes;
             old += 1;
         }
-        let dropped: Vec<Self> = spare.drain(..old).collect();
-        drop(spare);
-        // (The system takes its time.)
+        let dropped: Vec<Piece> = pieces.drain(..old).collect();
+        drop(pieces);
+        // (The system takes its time, and nobody else should wait for it.)
         drop(dropped);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_are_used_again_where_they_are_about_as_large() {
+        let spare = Spare(Mutex::default());
+        let piece = Piece::new(5_000_000).expect("memory");
+        let place = piece.start;
+        spare.keep(piece);
+        assert!(spare.take(2_000_000).is_none() && spare.take(8_000_000).is_none());
+        let again = spare.take(4_900_000).expect("it was given back");
+        assert!(again.start == place && again.bytes >= 4_900_000 && spare.take(4_900_000).is_none());
+    }
+
+    #[test]
+    fn no_more_is_kept_than_allowed() {
+        let spare = Spare(Mutex::default());
+        for _ in 0..MOST_PIECES + 3 {
+            spare.keep(Piece::new(1_000_000).expect("memory"));
+        }
+        assert_eq!((0..).take_while(|_| spare.take(1_000_000).is_some()).count(), MOST_PIECES);
+        for bytes in [MOST_BYTES / 2, MOST_BYTES / 4, MOST_BYTES / 2] {
+            spare.keep(Piece::new(bytes).expect("memory"));
+        }
+        // The oldest went.
+        let counts =
+            [MOST_BYTES / 2, MOST_BYTES / 4].map(|bytes| (0..).take_while(|_| spare.take(bytes).is_some()).count());
+        assert_eq!(counts, [1, 1]);
+        spare.keep(Piece::new(MOST_BYTES + 1).expect("memory"));
+        assert!(spare.take(MOST_BYTES + 1).is_none());
     }
 }
