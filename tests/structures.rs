@@ -25,6 +25,14 @@ fn random_worlds_give_the_same_hits_in_every_way() {
     assert!(hits > rays / 5, "{hits} of {rays}");
 }
 
+/// What a fuzzer found: two crossings of one segment of a curve that are equally far once they are rounded, of which the second has the lower `uv`.
+#[test]
+fn the_first_of_two_crossings_that_are_equally_far_is_the_closest() {
+    let bytes = b"\xb8\x9cXTX\x9c\xffXTXXXXU\x04UU\xff\xffUTU\x9cUUU\xff\xff";
+    let (rays, hits) = assert_agreement(bytes, 18, &[1, 16, 17]);
+    assert!(rays == 18 && hits > 0, "{hits} of {rays}");
+}
+
 #[test]
 #[ignore = "a look at one world: SNELL_RANDOM_WORLD=SEED"]
 fn one_random_world_gives_the_same_hits_in_every_way() {

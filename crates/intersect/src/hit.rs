@@ -32,7 +32,8 @@ impl Hit {
     }
 
     /// True if this hit is to be reported rather than `other`: nearer, or at equal `t` the lower (instance, geometry, primitive), and
-    /// for two hits on one primitive (a quad that is folded over) the lower `uv`. Any hit is better than a miss.
+    /// for two hits on one primitive (a quad that is folded over) the lower `uv`. Any hit is better than a miss. (Of a primitive of a set, which a ray may
+    /// cross twice within a rounding, the first crossing counts, whatever its `uv`.)
     pub fn is_before(&self, other: &Self) -> bool {
         self.t < other.t || (self.t == other.t && self.rank() < other.rank())
     }

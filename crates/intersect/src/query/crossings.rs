@@ -20,7 +20,8 @@ use crate::world::{Geometry, Structure, World};
 pub struct AllHits<P: Precision = Single> {
     /// Where the hits of each ray begin in `hits`, and after the last ray their number: one entry more than there are rays.
     pub ray_splits: Vec<usize>,
-    /// The hits, ray after ray; of each ray ascending by `t`, equal ones by instance, geometry and primitive.
+    /// The hits, ray after ray; of each ray ascending by `t`, equal ones by instance, geometry and primitive, and those of one primitive that is
+    /// no quad in their order along the ray.
     pub hits: Vec<P::Hit>,
 }
 
@@ -51,9 +52,12 @@ impl<P: Precision> AllHits<P> {
     }
 }
 
-/// What hits are sorted by.
-fn key<P: Rules>(hit: &P::Hit) -> Key<P> {
-    Key { t: P::t(hit), rank: P::rank(hit) }
+/// What hits are sorted by. Crossings of one primitive of a set are offered in their order along the ray, and stay in it where they are equally far
+/// once they are rounded: the first is also what is closest.
+fn key<P: Rules>(hit: &P::Hit, geometries: &[Geometry]) -> Key<P> {
+    let [instance, geometry, primitive, u, v] = P::rank(hit);
+    let [u, v] = if is_mesh(geometries, P::ids(hit)[1]) { [u, v] } else { [0; 2] };
+    Key { t: P::t(hit), rank: [instance, geometry, primitive, u, v] }
 }
 
 fn is_mesh(geometries: &[Geometry], geometry: u32) -> bool {
@@ -118,8 +122,9 @@ impl<P: Rules> Searcher<'_, P> {
     /// Sorts hits and leaves each crossing once.
     fn sort_and_deduplicate(&self, hits: &mut Vec<P::Hit>) {
         let geometries = &self.world.geometries;
-        hits.sort_by(|a, b| key::<P>(a).compare(&key(b)));
-        hits.dedup_by(|a, b| key::<P>(a) == key(b) && is_mesh(geometries, P::ids(a)[1]));
+        let key = |hit: &P::Hit| key::<P>(hit, geometries);
+        hits.sort_by(|a, b| key(a).compare(&key(b)));
+        hits.dedup_by(|a, b| key(a) == key(b) && is_mesh(geometries, P::ids(a)[1]));
     }
 
     /// [`World::count`].
@@ -249,16 +254,16 @@ impl<P: Rules> Goal for Distinct<'_, P> {
     }
 
     fn wants(&self, hit: &P::Hit) -> bool {
-        let key = key::<P>(hit);
+        let key = key::<P>(hit, self.geometries);
         P::t(hit) < self.limit && self.until.is_none_or(|until| key.compare(&until).is_le())
     }
 
     fn is_past(&self, hit: &P::Hit) -> bool {
-        self.after.is_some_and(|after| key::<P>(hit).compare(&after).is_le())
+        self.after.is_some_and(|after| key::<P>(hit, self.geometries).compare(&after).is_le())
     }
 
     fn take(&mut self, hit: P::Hit) -> bool {
-        self.found.push(key::<P>(&hit));
+        self.found.push(key::<P>(&hit, self.geometries));
         if self.found.len() >= self.buffer {
             self.compact();
         }
