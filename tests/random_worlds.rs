@@ -219,7 +219,7 @@ pub fn random_bytes(seed: u32, count: usize) -> Vec<u8> {
 
 /// Builds the world that the bytes describe with every accelerator at every level, and asserts that all answers to the rays that
 /// follow are those of testing everything, bit for bit: closest, any and all, one ray at a time and in batches of `batch`, on one
-/// thread and on several. Returns how many rays there were, and how many of them hit.
+/// thread and on several, and how many hits there are. Returns how many rays there were, and how many of them hit.
 ///
 /// # Panics
 /// If two answers differ.
@@ -290,16 +290,19 @@ fn assert_batches(world: &World, name: &str, queries: Rays, all: &[Vec<Hit>], ba
     for grouping in [Grouping::None, Grouping::Coherent] {
         let mut hits = vec![Hit::MISS; rays.len()];
         let mut blocked = vec![false; rays.len()];
+        let mut counts = vec![u32::MAX; rays.len()];
         for start in (0..rays.len()).step_by(batch) {
             let range = start..(start + batch).min(rays.len());
             world.closest(queries.slice(range.clone()), grouping, &AcceptAll, &mut hits[range.clone()]);
-            world.occluded(queries.slice(range.clone()), grouping, &AcceptAll, &mut blocked[range]);
+            world.occluded(queries.slice(range.clone()), grouping, &AcceptAll, &mut blocked[range.clone()]);
+            world.count(queries.slice(range.clone()), &AcceptAll, &mut counts[range]);
         }
         for (i, expected) in all.iter().enumerate() {
             let first = expected.first().copied().unwrap_or(Hit::MISS);
             let what = format!("{name}, batches of {batch}, {grouping:?}: {:?}", rays[i]);
             assert_eq!(bits(&hits[i]), bits(&first), "{what}, closest");
             assert_eq!(blocked[i], first.is_hit(), "{what}, any");
+            assert_eq!(counts[i] as usize, expected.len(), "{what}, count");
         }
     }
 }

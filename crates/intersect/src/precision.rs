@@ -569,8 +569,7 @@ impl Rules for Double {
 
     #[inline(always)]
     fn quad_hit(hit: &DHit) -> DHit {
-        let uv = if hit.primitive & 1 == 1 { DVec2::ONE - hit.uv } else { hit.uv };
-        DHit { primitive: hit.primitive >> 1, uv, ..*hit }
+        crate::geometry::quads::quad_hit_double(hit)
     }
 
     #[inline(always)]

@@ -1,8 +1,8 @@
 //! Quadrilaterals: pairs of triangles that answer as one primitive.
 
-use crate::hit::Hit;
+use crate::hit::{DHit, Hit};
 use crate::mesh::{MeshError, TriangleMesh};
-use snell_math::Vec2;
+use snell_math::{DVec2, Vec2};
 use std::sync::Arc;
 
 /// A mesh of quadrilaterals. Each is the two triangles (0, 1, 3) and (2, 3, 1) of its corners, which share the diagonal from 1 to 3 and
@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// are the same is a triangle.
 ///
 /// [`Hit::primitive`] is the quad and [`Hit::uv`] the place in it: (0, 0), (1, 0), (1, 1), (0, 1) at its corners, linear in each of the
-/// triangles (for a parallelogram in all of it). Vertex attributes are interpolated in the triangles too.
+/// triangles (for a parallelogram in all of it), with a sum above 1 on the second of them only. Vertex attributes are interpolated in the triangles too.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QuadMesh {
     triangles: Arc<TriangleMesh>,
@@ -56,8 +56,8 @@ impl QuadMesh {
     /// The hit on one of the triangles that stands for a hit on a quad.
     pub(crate) fn triangle_hit(&self, hit: &Hit) -> Hit {
         let quad = hit.primitive as usize;
-        // On the diagonal either will do, unless it is a triangle in name only.
-        let second = (hit.uv.x + hit.uv.y > 1.0 && !self.triangles.is_degenerate(2 * quad + 1))
+        // (A place on the diagonal that came from elsewhere may be on a triangle in name only.)
+        let second = (is_beyond_f32(hit.uv.x, hit.uv.y) && !self.triangles.is_degenerate(2 * quad + 1))
             || self.triangles.is_degenerate(2 * quad);
         let uv = if second { Vec2::ONE - hit.uv } else { hit.uv };
         Hit { primitive: 2 * hit.primitive + u32::from(second), uv, ..*hit }
@@ -67,9 +67,55 @@ impl QuadMesh {
 /// The hit on a quad that a hit on one of its triangles is.
 #[inline(always)]
 pub(crate) fn quad_hit(hit: &Hit) -> Hit {
-    let uv = if hit.primitive & 1 == 1 { Vec2::ONE - hit.uv } else { hit.uv };
+    let uv = Vec2::from(place_f32(hit.uv.into(), hit.primitive & 1 == 1));
     Hit { primitive: hit.primitive >> 1, uv, ..*hit }
 }
+
+/// As [`quad_hit`], in double precision.
+#[inline(always)]
+pub(crate) fn quad_hit_double(hit: &DHit) -> DHit {
+    let uv = DVec2::from(place_f64(hit.uv.into(), hit.primitive & 1 == 1));
+    DHit { primitive: hit.primitive >> 1, uv, ..*hit }
+}
+
+/// Places on quads: the first triangle has those with `u + v` up to 1, the second those beyond, exactly. So where a quad is folded over, and a ray meets
+/// both triangles on their common edge, these are two hits; what is moved over the edge for that, or by rounding, is moved by a unit in the last place or two.
+macro_rules! places {
+    ($place:ident, $is_beyond:ident, $float:ty) => {
+        /// True if the sum is more than 1.
+        #[inline(always)]
+        fn $is_beyond(u: $float, v: $float) -> bool {
+            // (Of a number from a half on, what is missing to 1 is exact.)
+            let (small, large) = (u.min(v), u.max(v));
+            large >= 0.5 && small > 1.0 - large
+        }
+
+        /// The place on the quad of one on the first or second triangle.
+        #[inline(always)]
+        fn $place([b1, b2]: [$float; 2], second: bool) -> [$float; 2] {
+            let [u, v] = if second { [1.0 - b1, 1.0 - b2] } else { [b1, b2] };
+            if $is_beyond(u, v) == second {
+                return [u, v];
+            }
+            let (mut small, mut large) = (u.min(v), u.max(v));
+            large = if second { large.max(1.0 - small) } else { large.min(1.0 - small) };
+            for _ in 0..2 {
+                if $is_beyond(small, large) == second {
+                    break;
+                }
+                match (second, large < 1.0) {
+                    (true, true) => large = large.next_up(),
+                    (true, false) => small = small.next_up(),
+                    (false, _) => large = large.next_down(),
+                }
+            }
+            if u < v { [small, large] } else { [large, small] }
+        }
+    };
+}
+
+places!(place_f32, is_beyond_f32, f32);
+places!(place_f64, is_beyond_f64, f64);
 
 #[cfg(test)]
 mod tests {
@@ -104,5 +150,59 @@ mod tests {
             assert_eq!(on_quad.uv, (a * (1.0 - b1 - b2) + b * b1 + c * b2).truncate());
             assert_eq!(quads.triangle_hit(&on_quad), hit);
         }
+    }
+
+    #[test]
+    fn places_tell_the_triangle_and_are_moved_by_a_rounding_at_most() {
+        for i in 0..2000u32 {
+            let [a, b, ..] = snell_math::rng::pcg4d([i, 4, 5, 6]).map(|x| x as f32 / u32::MAX as f32);
+            // In the triangle, and on the edge that both share, as far as rounding lets it be.
+            let b1 = if i % 3 == 0 { a * a * a * a * 1e-9 } else { a };
+            for b2 in [(1.0 - b1) * b, 1.0 - b1, (1.0 - b1).next_up(), (1.0 - b1).next_down(), 0.0] {
+                for (u, v) in [(b1, b2), (b2, b1)] {
+                    let (first, second) = (place_f32([u, v], false), place_f32([u, v], true));
+                    assert!(!is_beyond_f32(first[0], first[1]) && is_beyond_f32(second[0], second[1]), "{u} {v}");
+                    for (place, exact) in [(first, [u, v]), (second, [1.0 - u, 1.0 - v])] {
+                        assert!((0..2).all(|k| (place[k] - exact[k]).abs() <= 1.8e-7), "{u} {v} {place:?}");
+                        assert!(place.iter().all(|x| (0.0..=1.0).contains(x)) || b2 > 1.0, "{u} {v} {place:?}");
+                    }
+                }
+            }
+        }
+        assert_eq!(
+            [place_f64([0.25, 0.75], false), place_f64([0.25, 0.75], true)],
+            [[0.25, 0.75], [0.75f64.next_up(), 0.25]]
+        );
+        let corner = place_f64([0.0, 1.0], true);
+        assert!(corner[0] == 1.0 && corner[1] > 0.0 && corner[1] < 1e-300);
+    }
+
+    #[test]
+    fn a_ray_that_meets_the_edge_of_a_fold_meets_it_twice_or_not_at_all() {
+        let corner = |z: f32| Vec3::new(1.0, 0.0, z);
+        let positions = vec![corner(-0.5), Vec3::ZERO, corner(0.5), Vec3::Y];
+        let mesh = TriangleMesh { positions, ..TriangleMesh::default() };
+        let quads = QuadMesh::new(mesh, &[[0, 1, 2, 3]]).expect("valid");
+        let mut builder = crate::WorldBuilder::default();
+        builder.add_quads(crate::WorldBuilder::ROOT, Arc::new(quads));
+        let world = builder.build(&crate::BuildOptions::default()).expect("it builds");
+        let hits = |direction: Vec3, y: f32| {
+            let ray = snell_math::Ray::new(Vec3::new(0.0, y, 0.0) - direction, direction);
+            let (all, mut counts) = (world.all_one(&ray, &crate::AcceptAll), [u32::MAX]);
+            world.count(std::slice::from_ref(&ray), &crate::AcceptAll, &mut counts);
+            assert_eq!(counts[0] as usize, all.len(), "{direction} {all:?}");
+            all.len()
+        };
+        let mut met = 0;
+        for y in [0.25, 0.375, 0.5] {
+            // Both triangles are on one side of the edge.
+            let aside = [Vec3::Z, -Vec3::Z, Vec3::new(0.25, 0.0, 1.0), Vec3::new(-0.25, 0.125, -1.0)];
+            let counts = aside.map(|direction| hits(direction, y));
+            assert!(counts.iter().all(|&count| count == 0 || count == 2), "{counts:?}");
+            met += counts.iter().sum::<usize>();
+            // There is one on each side.
+            assert_eq!([Vec3::X, -Vec3::X, Vec3::new(1.0, 0.25, 0.125)].map(|direction| hits(direction, y)), [1; 3]);
+        }
+        assert!(met > 0, "a fold is met from somewhere");
     }
 }
