@@ -28,12 +28,15 @@ pub fn read(name: &str, bytes: Vec<u8>, places: Places) {
 }
 
 /// The target `fuzz_target!` of a reader: the name of the file says the format, and `before` and `after` stand around the bytes, so
-/// that they are always taken for it.
+/// that they are always taken for it; not around whole files, which hold what `before` says themselves.
 #[macro_export]
 macro_rules! reader_target {
     ($name:literal, $places:ident, $before:literal, $after:literal) => {
         libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-            $crate::read($name, [&$before[..], bytes, &$after[..]].concat(), $crate::Places::$places);
+            let start = $before.trim_ascii_end();
+            let is_whole = !start.is_empty() && bytes.windows(start.len()).any(|part| part == start);
+            let bytes = if is_whole { bytes.to_vec() } else { [&$before[..], bytes, &$after[..]].concat() };
+            $crate::read($name, bytes, $crate::Places::$places);
         });
     };
 }
