@@ -13,11 +13,17 @@
 //! | terrain, 4.2M | 40 (40), 19.7, 55 B | 11.2 (11.3), 14.6, 49 B | 7.1, 14.6, 49 B |
 //! | room, 1.7M | 29, 81.8, 55 B | 3.0, 25.1, 52 B (by splits; 70.2 without) | 3.1, 25.1, 52 B |
 //!
-//! On two cores of Zen 5 a bunny (69 thousand) takes 3.8 ms with `fast` on one thread. Where that goes: 0.25 looking for triangles that can never be hit, 0.55 cells,
-//! 0.65 sorting, 0.25 the shape of the tree, 1.3 its blocks and boxes, 0.6 gathering it into wide nodes. A page of fresh memory costs a microsecond on a virtual machine, so a large piece begins
-//! where a huge page does, and its end is in one too if it fills half of it (blocks and boxes took 1.4 to 2.3 ms before, by chance). The rest came from corners turned into lanes in
-//! registers, and choices of slots without branches. On two threads
-//! the same takes 2.0 to 2.9 ms, in ten stages (after some 20 ms without work the machine runs both threads on one processor for milliseconds, ours as Embree's: then 3.6).
+//! On two cores of Zen 5 a bunny (69 thousand) takes 2.3 ms with `fast` on one thread, if nothing else was done before, and 1.3 ms on two. Before what follows it was 3.2 ms on one: 0.17 looking for
+//! triangles that can never be hit, 0.46 cells, 0.53 sorting, 0.18 the shape of the tree, 1.17 its blocks and boxes, 0.54 gathering it into wide nodes, 0.11 costs.
+//! * Fresh memory comes from the system page by page, each filled with zeros: a sixth of the time. What was given back is used again (`storage/spare.rs`). Where there is nothing, a large
+//!   piece begins where a huge page does, and its end is in one too if it fills half of it (pages of the small kind take a microsecond each on virtual machines).
+//! * Up to 131 thousand keys are sorted by one digit after the other. (First by the highest and then each bucket by itself, as many keys are, leaves few in each:
+//!   comparing those took 0.4 of the 0.53 ms.)
+//! * Whoever builds from a thread outside of the pool enters it once, not for each of a dozen parallel stages.
+//! * The slots of wide nodes are shared out by numbers of nodes, not by references with their part, and without steps for "one slot less is no worse"; what the tree costs is worked out
+//!   once, eight boxes at a time.
+//!
+//! Rejected: bits of the three axes spread apart side by side in registers (getting them out again takes longer: 30 to 27 million triangles a second).
 //!
 //! 50M triangles (720 bunnies) are built with at most 5.4 GB (medium; 4.5 GB fast), the mesh of 0.9 GB included.
 
