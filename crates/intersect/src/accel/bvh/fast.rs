@@ -115,7 +115,8 @@ fn sort(mut keys: Storage<Key>, count: usize) -> Storage<Key> {
     let threads = rayon::current_num_threads();
     let mut output = Storage::unset(count);
     if count < NEAR {
-        let chunk = count.div_ceil(threads);
+        // (Not more chunks than pay: each has a place for every digit.)
+        let chunk = count.div_ceil(threads).max(CHUNK);
         sort_by(input, &mut output, 0, chunk);
         sort_by(&output, input, 1, chunk);
         sort_by(input, &mut output, 2, chunk);
