@@ -75,6 +75,14 @@ const fingerprint = (page) =>
     return hash;
   });
 
+/** The number of the picture once it is the expected one, or that of the last when patience is over. (A dot that is green may still be that of the picture before.) */
+async function settled(page, expected) {
+  for (const end = Date.now() + 10000; ; await page.waitForTimeout(50)) {
+    const found = await fingerprint(page);
+    if (found === expected || Date.now() > end) return found;
+  }
+}
+
 async function drag(page, dx, dy) {
   const box = await page.locator(".stage").boundingBox();
   const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
@@ -177,12 +185,11 @@ test("pixels are picked, materials changed and changed back, pictures saved", { 
     await generation(shown);
     await isDone(page);
     assert.notEqual(await fingerprint(page), before, "a material has changed");
+    const changed = await page.evaluate(() => document.querySelector("canvas").dataset.frame);
     await page.getByText("Undo", { exact: true }).click();
     await page.waitForSelector("button:has-text('Undo'):disabled");
-    await page.waitForSelector(".dot.moving, .dot:not(.done)").catch(() => {});
-    await isDone(page);
-    await page.waitForTimeout(300);
-    assert.equal(await fingerprint(page), before, "and back");
+    await generation(changed);
+    assert.equal(await settled(page, before), before, "and back");
 
     const download = page.waitForEvent("download");
     await page.getByText("Save", { exact: true }).click();
