@@ -668,14 +668,23 @@ impl World {
         &self.stats
     }
 
-    /// What the user should know of the build: files of [`BuildOptions::cache`] that were damaged or could not be written.
+    /// What the user should know of the build: files of [`BuildOptions::cache`] that were damaged or could not be written, and coordinates
+    /// so large that all rays are slow.
     pub fn warnings(&self) -> Vec<String> {
         let Structure::Bvh(forest) = &self.structure else { return Vec::new() };
         let warning = |tree: &std::sync::Arc<crate::accel::bvh::GroupTree>| match &tree.cache {
             CacheUse::Failed(warning) => Some(warning.clone()),
             _ => None,
         };
-        forest.trees.iter().filter_map(warning).collect()
+        let slow = (!forest.ordinary).then(|| {
+            let reach = forest.extents.iter().copied().fold(0.0, f32::max);
+            let usual = crate::kernel::quick::MAX_COORDINATE;
+            format!(
+                "coordinates reach {reach:.1e}, and beyond {usual:.0e} all rays are several times as slow; move what lies so far out, \
+                 or scale the scene"
+            )
+        });
+        forest.trees.iter().filter_map(warning).chain(slow).collect()
     }
 
     /// Memory of the acceleration structures in bytes, without the geometries.

@@ -46,8 +46,7 @@ impl Prepared {
             1 => warning.message.clone(),
             n => format!("{} ({n} times)", warning.message),
         };
-        let mut warnings: Vec<String> = scene.warnings.iter().chain(&compiled.warnings).map(shown).collect();
-        warnings.extend(compiled.world.warnings().iter().map(ToString::to_string));
+        let warnings = scene.warnings.iter().chain(&compiled.warnings).map(shown).collect();
         Ok(Self { compiled, scene, warnings })
     }
 }

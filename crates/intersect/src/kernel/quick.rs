@@ -13,7 +13,7 @@ use snell_math::simd::Lanes8;
 use snell_math::{DVec3, Ray, Vec3, Vec4};
 
 /// Coordinates of boxes and origins may be as large as this.
-const MAX_COORDINATE: f32 = 1e12;
+pub(crate) const MAX_COORDINATE: f32 = 1e12;
 
 /// Sides of directions may be zero, or from `MIN_SLOPE` to `MAX_SLOPE`; the largest must not be below `1 / MAX_SLOPE`.
 const MIN_SLOPE: f32 = 1e-24;

@@ -127,6 +127,7 @@ impl CompiledScene {
             Some(previous) => builder.rebuild(options, &previous.world)?,
             None => builder.build(options)?,
         });
+        world.warnings().into_iter().for_each(|message| Warning::note(&mut warnings, message, 1));
         let (textures, environment) = match previous {
             Some(previous) => (TextureSet::placed(previous.textures, &scene.textures), previous.environment),
             None => (

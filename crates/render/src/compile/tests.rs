@@ -90,6 +90,18 @@ fn a_singular_node_is_left_out_with_a_warning() {
 }
 
 #[test]
+fn a_vertex_so_far_out_that_all_rays_are_slow_is_told() {
+    for (x, is_told) in [(1e11, false), (3e38, true)] {
+        let mut mesh = TriangleMesh::clone(&square(2));
+        mesh.positions[0].x = -x;
+        let compiled = CompiledScene::new(&nested(Arc::new(mesh)), &BuildOptions::default()).expect("a valid scene");
+        let told =
+            compiled.warnings.iter().any(|w| w.message.starts_with("coordinates reach 3.0e38, and beyond 1e12 "));
+        assert_eq!(told, is_told, "{:?}", compiled.warnings);
+    }
+}
+
+#[test]
 fn a_changed_scene_is_the_scene_compiled_anew() {
     let before = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
     let compiled = CompiledScene::new(&before, &BuildOptions::default()).expect("a valid scene");

@@ -150,9 +150,6 @@ impl Summary<'_> {
                 self.image_sha256,
             );
         }
-        for warning in self.compiled.world.warnings() {
-            eprintln!("warning: {warning}");
-        }
         if self.statistics.invalid_samples > 0 {
             eprintln!(
                 "warning: {}: {} samples were not finite and count as black; lights, colours or sizes of the scene may be too large",
