@@ -1,4 +1,4 @@
-//! Many single rays at once in one thread: sixteen walks take turns, one step each, so that the processor always has another
+//! Many single rays at once in one thread: sixteen or more walks take turns, one step each, so that the processor always has another
 //! ray to work on while one waits for memory or for a long chain of operations. Rays do not influence each other.
 
 use super::list::Begun;
@@ -11,14 +11,21 @@ use crate::precision::Rules;
 use crate::query::answers::Answers;
 use crate::query::rays::Rays;
 use crate::query::search::{Context, Goal, RayOf, Search};
-use snell_math::simd::{Lanes8, Level, Portable8};
+use snell_math::simd::{Lanes8, Level, Portable8, first_cache_bytes};
 use std::mem::MaybeUninit;
 
-/// Rays in flight.
-const SLOTS: usize = 16;
+/// Rays in flight: so many where the first cache has room for them ([`ROOMY_CACHE`]), else the lesser number.
+const MAX_SLOTS: usize = 32;
+const MIN_SLOTS: usize = 16;
+
+/// Bytes of a first cache in which [`MAX_SLOTS`] rays have room.
+const ROOMY_CACHE: usize = 48 << 10;
+
+/// Forests of more bytes are fetched ahead: much of them is not in the second cache. (It costs a little in smaller ones.)
+const FETCHED_BYTES: usize = 8 << 20;
 
 /// See [`is_large`].
-const LARGE_BYTES: usize = 2 << 20;
+const LARGE_BYTES: usize = 32 << 20;
 
 /// Rays to search for, and what is common to them.
 pub(crate) struct Batch<'a, P: Rules> {
@@ -45,7 +52,7 @@ impl<'a, P: Rules> Batch<'a, P> {
     #[inline(always)]
     fn get<G>(&self, i: usize, answers: &impl Answers<G>) -> (usize, Option<&'a Begun<P::Hit>>) {
         if !self.order.is_empty()
-            && let Some(&later) = self.order.get(i + SLOTS)
+            && let Some(&later) = self.order.get(i + MIN_SLOTS)
         {
             let later = self.begun.map_or(later, |begun| begun[later as usize].number);
             fetch(self.rays.rays().as_ptr().wrapping_add(later as usize));
@@ -59,8 +66,8 @@ impl<'a, P: Rules> Batch<'a, P> {
     }
 }
 
-/// True if forests are so large that rays should be in an order, and memory is fetched ahead: most is not in the caches. (It costs a
-/// little in smaller ones.)
+/// True if forests are so large that rays should be in an order: most is not in the caches. (In smaller ones, sorting costs more than it
+/// saves.)
 pub(crate) fn is_large(forest: &Forest) -> bool {
     forest.memory_bytes() > LARGE_BYTES
 }
@@ -68,7 +75,12 @@ pub(crate) fn is_large(forest: &Forest) -> bool {
 /// True if walks through the forest fit the stacks of this kernel, and it has something to interleave.
 pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
     let tree = &forest.trees[0];
-    rays >= SLOTS && tree.unbounded.is_empty() && may_search(forest)
+    rays >= MIN_SLOTS && tree.unbounded.is_empty() && may_search(forest)
+}
+
+/// How many rays are in flight.
+fn slots() -> usize {
+    if first_cache_bytes().is_some_and(|bytes| bytes >= ROOMY_CACHE) { MAX_SLOTS } else { MIN_SLOTS }
 }
 
 /// True if walks through the bounded part of the forest fit the stacks of this kernel.
@@ -124,17 +136,17 @@ unsafe fn run<L: Lanes8, G: Goal>(
     enter: Walk<G>,
 ) {
     let tree = &forest.trees[0];
-    let prefetch = is_large(forest);
+    let prefetch = forest.memory_bytes() > FETCHED_BYTES;
     let mut below = [const { MaybeUninit::<Entry>::uninit() }; SMALL_STACK];
-    let mut memory: Box<[MaybeUninit<Slot<G>>]> = Box::new_uninit_slice(SLOTS);
+    let mut memory: Box<[MaybeUninit<Slot<G>>]> = Box::new_uninit_slice(slots().min(batch.len()));
     // At first all are at the end of a walk that never was.
-    let mut items: [Items<*mut Slot<G>>; 3] = [const { [const { MaybeUninit::uninit() }; SLOTS + 1] }; 3];
+    let mut items: [Items<*mut Slot<G>>; 3] = [const { [const { MaybeUninit::uninit() }; MAX_SLOTS + 1] }; 3];
     let [nodes, rest, mut hopeful] = items.each_mut().map(|items| Queue { items, count: 0 });
     let mut queues = Queues { nodes, rest };
-    let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; SLOTS + 1];
+    let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; MAX_SLOTS + 1];
     let (mut return_slots, mut object_slots) = (other_slots, other_slots);
     for slot in &mut memory {
-        // SAFETY: the memory is there, and there are as many slots as items.
+        // SAFETY: the memory is there, and there are no more slots than items.
         unsafe {
             Slot::init(slot.as_mut_ptr());
             queues.put(slot.as_mut_ptr(), ChildRef::NONE);
@@ -269,7 +281,7 @@ fn search_alone<G: Goal>(forest: &Forest, level: Level, mut search: Search<G>) -
 }
 
 /// The memory of a queue: all slots and one more.
-type Items<T> = [MaybeUninit<T>; SLOTS + 1];
+type Items<T> = [MaybeUninit<T>; MAX_SLOTS + 1];
 
 /// Slots in order of arrival; read and rewritten in one pass. (Items and count are apart, so that the count stays in a register.)
 struct Queue<'a, T> {
@@ -281,7 +293,7 @@ impl<T: Copy> Queue<'_, T> {
     /// Writes an item, and counts it or not: no branch on data.
     ///
     /// # Safety
-    /// The queue must have at most [`SLOTS`] items.
+    /// The queue must have at most [`MAX_SLOTS`] items.
     #[inline(always)]
     unsafe fn put(&mut self, item: T, counts: bool) {
         // SAFETY: as promised by the caller.
@@ -314,7 +326,7 @@ impl<T: Copy> Queues<'_, T> {
     /// Puts a slot where it belongs.
     ///
     /// # Safety
-    /// There must be less than [`SLOTS`] items in all.
+    /// There must be less than [`MAX_SLOTS`] items in all.
     #[inline(always)]
     unsafe fn put(&mut self, item: T, current: ChildRef) {
         // SAFETY: as promised by the caller.

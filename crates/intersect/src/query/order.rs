@@ -209,7 +209,7 @@ mod tests {
     #[test]
     fn a_sorted_batch_finds_what_single_rays_find() {
         let mut random = Random(3);
-        let mesh = dust(&mut random, 60_000);
+        let mesh = dust(&mut random, 700_000);
         let mut builder = WorldBuilder::default();
         builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
         let options = BuildOptions { accelerator: crate::accel::AcceleratorKind::Bvh, ..BuildOptions::default() };
