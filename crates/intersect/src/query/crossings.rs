@@ -87,11 +87,7 @@ impl World {
     fn may_repeat(&self) -> bool {
         *self.repeats.get_or_init(|| match &self.structure {
             Structure::None(_) | Structure::Walked(_) => false,
-            Structure::Bvh(forest) => {
-                let used = |ids: &[u32; 8]| ids.iter().filter(|&&id| id != u32::MAX).count() as u64;
-                let held: u64 = forest.trees.iter().flat_map(|t| t.blocks.iter()).map(|b| used(&b.ids)).sum();
-                held > self.stats().triangles - self.stats().skipped_triangles
-            }
+            Structure::Bvh(forest) => forest.trees.iter().any(|tree| tree.has_repeated_triangles()),
         })
     }
 }

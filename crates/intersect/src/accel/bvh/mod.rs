@@ -145,6 +145,19 @@ impl GroupTree {
         self.triangle(self.blocks[place as usize >> 3].ids[place as usize & 7])
     }
 
+    /// True if a triangle is in several blocks, as spatial splits leave them.
+    pub fn has_repeated_triangles(&self) -> bool {
+        let ids = || self.blocks.iter().flat_map(|block| block.ids).filter(|&id| id != u32::MAX);
+        let Some(last) = ids().max() else { return false };
+        let mut seen = vec![0u64; last as usize / 64 + 1];
+        ids().any(|id| {
+            let (word, bit) = (&mut seen[id as usize / 64], 1 << (id % 64));
+            let was_seen = *word & bit != 0;
+            *word |= bit;
+            was_seen
+        })
+    }
+
     /// Entries a walk through this group alone may need at once.
     fn stack_size(&self) -> usize {
         7 * self.depth + 8
