@@ -24,8 +24,8 @@ const ROOMY_CACHE: usize = 48 << 10;
 /// Forests of more bytes are fetched ahead: much of them is not in the second cache. (It costs a little in smaller ones.)
 const FETCHED_BYTES: usize = 8 << 20;
 
-/// See [`is_large`].
-const LARGE_BYTES: usize = 32 << 20;
+/// See [`pays_to_sort`].
+const SORTED_BYTES: usize = 32 << 20;
 
 /// Rays to search for, and what is common to them.
 pub(crate) struct Batch<'a, P: Rules> {
@@ -68,8 +68,8 @@ impl<'a, P: Rules> Batch<'a, P> {
 
 /// True if forests are so large that rays should be in an order: most is not in the caches. (In smaller ones, sorting costs more than it
 /// saves.)
-pub(crate) fn is_large(forest: &Forest) -> bool {
-    forest.memory_bytes() > LARGE_BYTES
+pub(crate) fn pays_to_sort(forest: &Forest) -> bool {
+    forest.memory_bytes() > SORTED_BYTES
 }
 
 /// True if walks through the forest fit the stacks of this kernel, and it has something to interleave.

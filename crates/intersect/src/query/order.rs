@@ -155,7 +155,7 @@ fn sort_by_digit(from: &[u64], to: &mut [u64], shift: u32) {
 mod tests {
     use super::*;
     use crate::hit::Hit;
-    use crate::kernel::interleave::is_large;
+    use crate::kernel::interleave::pays_to_sort;
     use crate::precision::Single;
     use crate::query::{AcceptAll, Grouping};
     use crate::world::tests::{Random, dust};
@@ -215,7 +215,7 @@ mod tests {
         let options = BuildOptions { accelerator: crate::accel::AcceleratorKind::Bvh, ..BuildOptions::default() };
         let world = builder.build(&options).expect("it builds");
         assert!(
-            matches!(&world.structure, Structure::Bvh(forest) if is_large(forest)),
+            matches!(&world.structure, Structure::Bvh(forest) if pays_to_sort(forest)),
             "large enough to be sorted for"
         );
         let mut rays = random_rays(MAX_RAYS + 100, 1.0);
