@@ -1,10 +1,12 @@
-//! Many single rays at once in one thread: sixteen or more walks take turns, one step each, so that the processor always has another
-//! ray to work on while one waits for memory or for a long chain of operations. Rays do not influence each other.
+//! Many single rays at once in one thread: dozens of walks take turns, one step each, so that the processor always has another
+//! ray to work on while one waits for memory or for a long chain of operations. Rays do not influence each other, but those that start
+//! one after another may take their first steps together ([`super::together`]).
 
 use super::list::Begun;
 use super::node::ChildRef;
 use super::prefetch::fetch;
 use super::slot::{STACK, Slot};
+use super::together::{PARTY, SetOff, Trial};
 use super::traverse::{Entry, SMALL_STACK, Walk, search_forest, walk_portable};
 use crate::accel::bvh::Forest;
 use crate::precision::Rules;
@@ -14,18 +16,23 @@ use crate::query::search::{Context, Goal, RayOf, Search};
 use snell_math::simd::{Lanes8, Level, Portable8, first_cache_bytes};
 use std::mem::MaybeUninit;
 
-/// Rays in flight: so many where the first cache has room for them ([`ROOMY_CACHE`]), else the lesser number.
-const MAX_SLOTS: usize = 32;
-const MIN_SLOTS: usize = 16;
+/// Rays in flight at most, and how many must have come to their ends before others start: so many where the first cache has room for them
+/// ([`ROOMY_CACHE`]), else as many as of [`FEW_SLOTS`].
+const MAX_SLOTS: [usize; 2] = [48, PARTY];
+const FEW_SLOTS: [usize; 2] = [32, PARTY / 2];
 
 /// Bytes of a first cache in which [`MAX_SLOTS`] rays have room.
 const ROOMY_CACHE: usize = 48 << 10;
 
+/// Batches of fewer rays are not worth it.
+const MIN_RAYS: usize = 16;
+
 /// Forests of more bytes are fetched ahead: much of them is not in the second cache. (It costs a little in smaller ones.)
 const FETCHED_BYTES: usize = 8 << 20;
 
-/// See [`pays_to_sort`].
+/// See [`pays_to_sort`]: rays that set off together in one register are worth more if neighbours start near each other.
 const SORTED_BYTES: usize = 32 << 20;
+const SORTED_BYTES_AVX512: usize = 128 << 10;
 
 /// Rays to search for, and what is common to them.
 pub(crate) struct Batch<'a, P: Rules> {
@@ -52,7 +59,7 @@ impl<'a, P: Rules> Batch<'a, P> {
     #[inline(always)]
     fn get<G>(&self, i: usize, answers: &impl Answers<G>) -> (usize, Option<&'a Begun<P::Hit>>) {
         if !self.order.is_empty()
-            && let Some(&later) = self.order.get(i + MIN_SLOTS)
+            && let Some(&later) = self.order.get(i + PARTY)
         {
             let later = self.begun.map_or(later, |begun| begun[later as usize].number);
             fetch(self.rays.rays().as_ptr().wrapping_add(later as usize));
@@ -66,21 +73,21 @@ impl<'a, P: Rules> Batch<'a, P> {
     }
 }
 
-/// True if forests are so large that rays should be in an order: most is not in the caches. (In smaller ones, sorting costs more than it
-/// saves.)
-pub(crate) fn pays_to_sort(forest: &Forest) -> bool {
-    forest.memory_bytes() > SORTED_BYTES
+/// True if forests are so large that rays should be in an order. (In smaller ones, sorting costs more than it saves.)
+pub(crate) fn pays_to_sort<G: Goal>(forest: &Forest, level: Level) -> bool {
+    let least = if G::WANTS_ONE && level == Level::Avx512 { SORTED_BYTES_AVX512 } else { SORTED_BYTES };
+    forest.memory_bytes() > least
 }
 
 /// True if walks through the forest fit the stacks of this kernel, and it has something to interleave.
 pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
     let tree = &forest.trees[0];
-    rays >= MIN_SLOTS && tree.unbounded.is_empty() && may_search(forest)
+    rays >= MIN_RAYS && tree.unbounded.is_empty() && may_search(forest)
 }
 
-/// How many rays are in flight.
-fn slots() -> usize {
-    if first_cache_bytes().is_some_and(|bytes| bytes >= ROOMY_CACHE) { MAX_SLOTS } else { MIN_SLOTS }
+/// How many rays are in flight at most, and how many start together.
+fn slots() -> [usize; 2] {
+    if first_cache_bytes().is_some_and(|bytes| bytes >= ROOMY_CACHE) { MAX_SLOTS } else { FEW_SLOTS }
 }
 
 /// True if walks through the bounded part of the forest fit the stacks of this kernel.
@@ -101,8 +108,8 @@ pub(crate) fn search_batch<G: Goal>(
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `World` holds only levels that the machine supports.
         Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, level, batch, start, answers) },
-        // SAFETY: portable code.
-        _ => unsafe { run::<Portable8, G>(forest, level, batch, start, answers, walk_portable::<G>) },
+        // SAFETY: portable code. (Without registers of many lanes, rays are as fast one by one.)
+        _ => unsafe { run::<Portable8, G>(forest, level, batch, start, answers, (walk_portable::<G>, None)) },
     }
 }
 
@@ -117,15 +124,17 @@ unsafe fn run_avx2<G: Goal>(
     start: impl Fn(&RayOf<G>) -> G,
     answers: impl Answers<G>,
 ) {
+    use super::together::{set_off_avx2, set_off_avx512};
     use super::traverse::walk_avx2;
+    let set_off: SetOff<G> = if level == Level::Avx512 { set_off_avx512::<G> } else { set_off_avx2::<G> };
     // SAFETY: as promised by the caller.
-    unsafe { run::<snell_math::simd::Avx8, G>(forest, level, batch, start, answers, walk_avx2::<G>) }
+    unsafe { run::<snell_math::simd::Avx8, G>(forest, level, batch, start, answers, (walk_avx2::<G>, Some(set_off))) }
 }
 
 /// The loop over all rays in flight: first a step for each that is at a node, then one for each that is at a leaf or done.
 ///
 /// # Safety
-/// The machine must have the instructions of `L`; [`is_suitable`] must hold; `enter` must be the entry of the same level.
+/// The machine must have the instructions of `L`; [`is_suitable`] must hold; `enter` and `set_off` must be entries of the same level.
 #[inline(always)]
 unsafe fn run<L: Lanes8, G: Goal>(
     forest: &Forest,
@@ -133,29 +142,78 @@ unsafe fn run<L: Lanes8, G: Goal>(
     batch: &Batch<G::Precision>,
     start: impl Fn(&RayOf<G>) -> G,
     mut answers: impl Answers<G>,
-    enter: Walk<G>,
+    (enter, set_off): (Walk<G>, Option<SetOff<G>>),
 ) {
     let tree = &forest.trees[0];
     let prefetch = forest.memory_bytes() > FETCHED_BYTES;
     let mut below = [const { MaybeUninit::<Entry>::uninit() }; SMALL_STACK];
-    let mut memory: Box<[MaybeUninit<Slot<G>>]> = Box::new_uninit_slice(slots().min(batch.len()));
-    // At first all are at the end of a walk that never was.
-    let mut items: [Items<*mut Slot<G>>; 3] = [const { [const { MaybeUninit::uninit() }; MAX_SLOTS + 1] }; 3];
-    let [nodes, rest, mut hopeful] = items.each_mut().map(|items| Queue { items, count: 0 });
+    let [slots, party] = slots();
+    let mut memory: Box<[MaybeUninit<Slot<G>>]> = Box::new_uninit_slice(slots.min(batch.len()));
+    let mut items: [Items<*mut Slot<G>>; 4] = [const { [const { MaybeUninit::uninit() }; MAX_SLOTS[0] + 1] }; 4];
+    let [nodes, rest, mut hopeful, mut idle] = items.each_mut().map(|items| Queue { items, count: 0 });
     let mut queues = Queues { nodes, rest };
-    let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; MAX_SLOTS + 1];
+    let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; MAX_SLOTS[0] + 1];
     let (mut return_slots, mut object_slots) = (other_slots, other_slots);
     for slot in &mut memory {
         // SAFETY: the memory is there, and there are no more slots than items.
         unsafe {
             Slot::init(slot.as_mut_ptr());
-            queues.put(slot.as_mut_ptr(), ChildRef::NONE);
+            idle.put(slot.as_mut_ptr(), true);
         }
     }
     let from = if batch.begun.is_some() { tree.rest } else { tree.root };
-    let mut number = 0;
-    while !queues.is_empty() {
-        // SAFETY: the queues hold slots, each at most once, which have a search unless they are at an end, and are at what their queue
+    let (mut number, mut trial) = (0, Trial::default());
+    loop {
+        // Rays that start, some at a time.
+        while number < batch.len() && idle.count >= party.min(batch.len() - number).min(memory.len()) {
+            let mut started: [*mut Slot<G>; PARTY] = [std::ptr::null_mut(); PARTY];
+            let mut count = 0;
+            while count < party && number < batch.len() && idle.count > 0 {
+                let (ray, begun) = batch.get(number, &answers);
+                number += 1;
+                let query = batch.rays.get(ray);
+                let search = || {
+                    let mut goal = start(query.ray);
+                    if let Some(hit) = begun.and_then(|begun| begun.hit) {
+                        goal.take(hit);
+                    }
+                    Search::new(query, batch.context, goal)
+                };
+                // SAFETY: slots that are idle are in no other queue; `L` as promised by the caller.
+                unsafe {
+                    let slot = idle.get(idle.count - 1);
+                    if (*slot).start::<L>(tree, from, ray, batch.context.data, search, query.ray) {
+                        idle.count -= 1;
+                        started[count] = slot;
+                        count += 1;
+                    } else {
+                        answers.put(ray, search_alone(forest, level, search()));
+                    }
+                }
+            }
+            let started = &started[..count];
+            if let Some(set_off) = set_off
+                && G::WANTS_ONE
+                && count != 0
+                && trial.is_on()
+            {
+                // SAFETY: they have just started; the level is that of `L`.
+                trial.count(count, unsafe { set_off(started) });
+            }
+            for &slot in started {
+                // SAFETY: slots that have started are in no queue.
+                unsafe {
+                    if prefetch {
+                        (*slot).fetch_ahead();
+                    }
+                    queues.put(slot, (*slot).current);
+                }
+            }
+        }
+        if queues.is_empty() {
+            break;
+        }
+        // SAFETY: the queues hold slots, each at most once, which have a search, and are at what their queue
         // says; a walk holds at most 7 entries per level and `is_suitable` has counted them.
         unsafe {
             let count = queues.nodes.take();
@@ -236,33 +294,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
                 if let Some(search) = (*slot).search.take() {
                     answers.put((*slot).number, search.goal);
                 }
-                let started = loop {
-                    if number == batch.len() {
-                        break false;
-                    }
-                    let (ray, begun) = batch.get(number, &answers);
-                    number += 1;
-                    let query = batch.rays.get(ray);
-                    let search = || {
-                        let mut goal = start(query.ray);
-                        if let Some(hit) = begun.and_then(|begun| begun.hit) {
-                            goal.take(hit);
-                        }
-                        Search::new(query, batch.context, goal)
-                    };
-                    if (*slot).start::<L>(tree, from, ray, batch.context.data, search, query.ray) {
-                        break true;
-                    }
-                    answers.put(ray, search_alone(forest, level, search()));
-                };
-                if !started {
-                    // Nothing left to do: the slot stays out of all queues.
-                    continue;
-                }
-                if prefetch {
-                    (*slot).fetch_ahead();
-                }
-                queues.put(slot, (*slot).current);
+                idle.put(slot, true);
             }
         }
     }
@@ -281,7 +313,7 @@ fn search_alone<G: Goal>(forest: &Forest, level: Level, mut search: Search<G>) -
 }
 
 /// The memory of a queue: all slots and one more.
-type Items<T> = [MaybeUninit<T>; MAX_SLOTS + 1];
+type Items<T> = [MaybeUninit<T>; MAX_SLOTS[0] + 1];
 
 /// Slots in order of arrival; read and rewritten in one pass. (Items and count are apart, so that the count stays in a register.)
 struct Queue<'a, T> {
@@ -293,7 +325,7 @@ impl<T: Copy> Queue<'_, T> {
     /// Writes an item, and counts it or not: no branch on data.
     ///
     /// # Safety
-    /// The queue must have at most [`MAX_SLOTS`] items.
+    /// The queue must have at most as many items as [`MAX_SLOTS`] says.
     #[inline(always)]
     unsafe fn put(&mut self, item: T, counts: bool) {
         // SAFETY: as promised by the caller.
@@ -326,7 +358,7 @@ impl<T: Copy> Queues<'_, T> {
     /// Puts a slot where it belongs.
     ///
     /// # Safety
-    /// There must be less than [`MAX_SLOTS`] items in all.
+    /// There must be less items than [`MAX_SLOTS`] says in all.
     #[inline(always)]
     unsafe fn put(&mut self, item: T, current: ChildRef) {
         // SAFETY: as promised by the caller.

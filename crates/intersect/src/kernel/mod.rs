@@ -14,5 +14,6 @@ pub(crate) mod prefetch;
 pub(crate) mod quick;
 pub(crate) mod ray;
 mod slot;
+mod together;
 pub(crate) mod traverse;
 pub(crate) mod triangle;

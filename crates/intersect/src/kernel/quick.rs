@@ -11,6 +11,7 @@ use crate::accel::bvh::GroupTree;
 use snell_math::glam::Vec4Swizzles;
 use snell_math::simd::Lanes8;
 use snell_math::{DVec3, Ray, Vec3, Vec4};
+use std::mem::offset_of;
 
 /// Coordinates of boxes and origins may be as large as this.
 pub(crate) const MAX_COORDINATE: f32 = 1e12;
@@ -208,6 +209,18 @@ impl QuickRay {
                 (self.near[i], self.far[i]) = (self.near[i] + side, self.far[i] - side);
             }
         }
+    }
+
+    /// Two rows: `inverse` and `near`, `far` and four numbers that mean nothing.
+    #[inline(always)]
+    pub fn slabs(&self) -> [&[f32; 8]; 2] {
+        const {
+            assert!(offset_of!(Self, inverse) == 0 && offset_of!(Self, near) == 16);
+            assert!(offset_of!(Self, far) == 32 && offset_of!(Self, planes) == 48);
+        }
+        let first: *const Self = self;
+        // SAFETY: these are the first 64 bytes, and any bits are an `f32`.
+        unsafe { [&*first.cast(), &*first.cast::<[f32; 8]>().add(1)] }
     }
 
     /// The octant of the direction.

@@ -10,7 +10,7 @@ use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::{Object, ObjectRef, offer_triangle};
 use crate::precision::Rules;
 use crate::query::search::{DataOf, Goal, RayOf, Search};
-use snell_math::simd::Lanes8;
+use snell_math::simd::{Lanes8, WideLanes};
 use snell_math::{DRay, DVec3};
 use std::mem::MaybeUninit;
 
@@ -40,6 +40,16 @@ impl Place {
         group: 0,
         instance: 0,
     };
+
+    #[inline(always)]
+    pub fn ray(&self) -> &QuickRay {
+        &self.ray
+    }
+
+    #[inline(always)]
+    pub fn nodes(&self) -> *const WideNode {
+        self.nodes
+    }
 
     /// The ray here; without an interval.
     fn exact(&self) -> DRay {
@@ -146,6 +156,49 @@ impl<'a, G: Goal> Slot<'a, G> {
         self.top -= 1;
         // SAFETY: `top` was between 1 and the size of the stack, and all entries below it are written.
         self.current = ChildRef(unsafe { self.children.get_unchecked(self.top as usize).assume_init() });
+    }
+
+    /// What is still to be visited, the next last, and where the boxes begin.
+    #[cfg(test)]
+    pub fn entries(&self) -> Vec<(f32, ChildRef)> {
+        if self.current == ChildRef::NONE {
+            return vec![];
+        }
+        // The current one was popped last, or is the root.
+        let at = |i: usize| {
+            // SAFETY: entries below the top are written, and what was popped last is still there.
+            unsafe { (self.distances[i].assume_init(), ChildRef(self.children[i].assume_init())) }
+        };
+        let top = self.top as usize;
+        let mut entries: Vec<_> = (1..top).map(at).collect();
+        entries.push(if entries.is_empty() && self.current.is_node() { (self.t_min, self.current) } else { at(top) });
+        entries
+    }
+
+    /// Where the search begins, and its padded limit.
+    #[inline(always)]
+    pub fn interval(&self) -> [f32; 2] {
+        [self.t_min, self.cull]
+    }
+
+    /// Goes on, after the start, with some of `children` instead of the root: those that the tags ([`WideLanes::look_up`]) of entries that are
+    /// not negative tell, which must come first, the last of them at once. Their boxes begin at least at `entries * factor - margin`.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`; the children must be of the same group, and no more than what the root would have left on the stack.
+    #[inline(always)]
+    pub unsafe fn go_on_with<L: WideLanes>(&mut self, entries: L, children: &[u32; 32], margin: f32, factor: f32) {
+        // SAFETY: as promised by the caller. References are plain `u32`, and the lowest entry stays.
+        unsafe {
+            let own = &mut *self.children.as_mut_ptr().add(1).cast::<[u32; 8]>();
+            entries.look_up(children, own);
+            if G::NARROWS {
+                let distances = &mut *self.distances.as_mut_ptr().add(1).cast::<[f32; 8]>();
+                entries.mul(L::splat(factor)).sub(L::splat(margin)).store(distances);
+            }
+            self.top = 1 + (!entries.signs() & 0xff).count_ones();
+            self.pop();
+        }
     }
 
     /// Tests the boxes of the current node. (The step is in two parts with the other slots between them: each waits less.)

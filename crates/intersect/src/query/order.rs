@@ -157,6 +157,7 @@ mod tests {
     use crate::hit::Hit;
     use crate::kernel::interleave::pays_to_sort;
     use crate::precision::Single;
+    use crate::query::search::Closest;
     use crate::query::{AcceptAll, Grouping};
     use crate::world::tests::{Random, dust};
     use crate::world::{BuildOptions, Structure, WorldBuilder};
@@ -215,7 +216,7 @@ mod tests {
         let options = BuildOptions { accelerator: crate::accel::AcceleratorKind::Bvh, ..BuildOptions::default() };
         let world = builder.build(&options).expect("it builds");
         assert!(
-            matches!(&world.structure, Structure::Bvh(forest) if pays_to_sort(forest)),
+            matches!(&world.structure, Structure::Bvh(forest) if pays_to_sort::<Closest<Single>>(forest, world.simd)),
             "large enough to be sorted for"
         );
         let mut rays = random_rays(MAX_RAYS + 100, 1.0);

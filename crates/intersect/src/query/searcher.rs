@@ -154,7 +154,8 @@ impl<P: Rules> Searcher<'_, P> {
         answers: &mut impl Answers<G>,
     ) -> usize {
         let (level, mut begun) = (self.world.simd, Vec::new());
-        let mut sorter = order::Sorter::new(rays.len(), forest.apart.is_some() && interleave::pays_to_sort(forest));
+        let mut sorter =
+            order::Sorter::new(rays.len(), forest.apart.is_some() && interleave::pays_to_sort::<G>(forest, level));
         let at_once = if forest.apart.is_some() { sorter.at_once(RAYS_AT_ONCE) } else { rays.len() };
         let mut first = 0;
         while first < rays.len() {
@@ -205,13 +206,14 @@ impl<P: Rules> Searcher<'_, P> {
     ) {
         match &self.world.structure {
             Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
-                let mut sorter = order::Sorter::new(rays.len(), interleave::pays_to_sort(forest));
+                let level = self.world.simd;
+                let mut sorter = order::Sorter::new(rays.len(), interleave::pays_to_sort::<G>(forest, level));
                 for part in sorter.parts() {
                     let own = Part { first: part.start, answers: &mut answers };
                     let rays = rays.slice(part);
                     let order = sorter.order(rays);
                     let batch = interleave::Batch { order, ..interleave::Batch::new(rays, &self.context) };
-                    interleave::search_batch(forest, self.world.simd, &batch, &start, own);
+                    interleave::search_batch(forest, level, &batch, &start, own);
                 }
             }
             Structure::Walked(structures) => {

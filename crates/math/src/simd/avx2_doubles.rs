@@ -151,6 +151,30 @@ impl WideLanes for Avx8 {
     }
 
     #[inline(always)]
+    fn with_tag(self, tag: u32) -> Self {
+        // SAFETY: a value of this type exists, and whoever made it promised AVX2.
+        unsafe {
+            let high = _mm256_and_si256(_mm256_castps_si256(self.0), _mm256_set1_epi32(!31));
+            Self(_mm256_castsi256_ps(_mm256_or_si256(high, _mm256_set1_epi32((tag & 31) as i32))))
+        }
+    }
+
+    #[inline(always)]
+    fn look_up(self, table: &[u32; 32], to: &mut [u32; 8]) {
+        // SAFETY: a value of this type exists, and whoever made it promised AVX2; the references cover all that is read and written.
+        unsafe {
+            // A permutation reads the lowest three bits of each lane, a blend the highest one.
+            let tags = _mm256_castps_si256(self.0);
+            let part = |i: usize| _mm256_permutevar8x32_ps(_mm256_loadu_ps(table.as_ptr().add(8 * i).cast()), tags);
+            let fourth = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(tags));
+            let fifth = _mm256_castsi256_ps(_mm256_slli_epi32::<27>(tags));
+            let low = _mm256_blendv_ps(part(0), part(1), fourth);
+            let high = _mm256_blendv_ps(part(2), part(3), fourth);
+            _mm256_storeu_ps(to.as_mut_ptr().cast(), _mm256_blendv_ps(low, high, fifth));
+        }
+    }
+
+    #[inline(always)]
     unsafe fn places_of(value: u32, values: &[u32; 8]) -> u32 {
         // SAFETY: the caller guarantees AVX2; the reference covers 32 bytes.
         unsafe {

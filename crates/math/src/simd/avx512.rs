@@ -140,6 +140,15 @@ impl Lanes16 for Avx16 {
     }
 
     #[inline(always)]
+    fn with_tag(self, tag: u32) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        unsafe {
+            let high = _mm512_and_epi32(_mm512_castps_si512(self.0), _mm512_set1_epi32(!31));
+            Self(_mm512_castsi512_ps(_mm512_or_epi32(high, _mm512_set1_epi32((tag & 31) as i32))))
+        }
+    }
+
+    #[inline(always)]
     unsafe fn write_where(mask: u32, value: u32, to: &mut [u32; 16]) {
         // SAFETY: the caller guarantees AVX-512; the reference covers 64 writable bytes.
         unsafe { _mm512_mask_storeu_epi32(to.as_mut_ptr().cast(), mask as u16, _mm512_set1_epi32(value as i32)) }

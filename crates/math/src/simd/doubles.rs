@@ -83,6 +83,12 @@ pub trait WideLanes: Lanes8 {
     /// The machine must have the instructions of the implementation.
     unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self;
 
+    /// The numbers with a tag instead of their lowest five bits. (What is infinite becomes NaN, zero a number that is not normal.)
+    fn with_tag(self, tag: u32) -> Self;
+
+    /// Writes what a table has for the tags.
+    fn look_up(self, table: &[u32; 32], to: &mut [u32; 8]);
+
     /// Where a value is: a bit for each place, the first lowest.
     ///
     /// # Safety
@@ -238,6 +244,18 @@ impl WideLanes for Portable8 {
     unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self {
         // SAFETY: portable code.
         unsafe { Self::load(&lanes.map(|lane| values[lane as usize & 7])) }
+    }
+
+    #[inline(always)]
+    fn with_tag(self, tag: u32) -> Self {
+        self.map(|x| f32::from_bits(x.to_bits() & !31 | tag & 31))
+    }
+
+    #[inline(always)]
+    fn look_up(self, table: &[u32; 32], to: &mut [u32; 8]) {
+        let mut numbers = [0.0f32; 8];
+        self.store(&mut numbers);
+        *to = numbers.map(|x| table[x.to_bits() as usize & 31]);
     }
 
     #[inline(always)]

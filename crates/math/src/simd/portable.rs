@@ -15,6 +15,11 @@ impl Portable8 {
         Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
     }
 
+    #[inline(always)]
+    pub(super) fn map(self, f: impl Fn(f32) -> f32) -> Self {
+        Self(self.0.map(f))
+    }
+
     #[cfg_attr(debug_assertions, inline(never))]
     #[cfg_attr(not(debug_assertions), inline(always))]
     fn compare(self, other: Self, f: impl Fn(f32, f32) -> bool) -> u32 {

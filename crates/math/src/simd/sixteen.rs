@@ -89,6 +89,9 @@ pub trait Lanes16: Copy {
     /// `other` where `low < high` (not for NaN), `self` elsewhere. Cheaper than a mask that becomes bits in between.
     fn where_less(self, low: Self, high: Self, other: Self) -> Self;
 
+    /// The numbers with a tag instead of their lowest five bits; see [`WideLanes::with_tag`].
+    fn with_tag(self, tag: u32) -> Self;
+
     /// Writes `value` where the mask has a bit.
     ///
     /// # Safety
@@ -231,6 +234,11 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     fn where_less(self, low: Self, high: Self, other: Self) -> Self {
         let [first, second] = self.0;
         Self([first.where_less(low.0[0], high.0[0], other.0[0]), second.where_less(low.0[1], high.0[1], other.0[1])])
+    }
+
+    #[inline(always)]
+    fn with_tag(self, tag: u32) -> Self {
+        Self([self.0[0].with_tag(tag), self.0[1].with_tag(tag)])
     }
 
     #[inline(always)]
