@@ -1,4 +1,5 @@
-//! Measures build time and ray rates on a mesh: `cargo run --release -p snell-intersect --example rates -- mesh.obj [copies]`.
+//! Measures build time and ray rates on a mesh: `cargo run --release -p snell-intersect --example rates -- mesh.obj [copies [kinds]]`, where
+//! kinds may be `diffuse,shuffled` (then nothing else is measured). With `SNELL_SIMD` set, at that level only.
 //!
 //! One thread, in processor time where Linux tells it (so that other work on the machine counts less); primary rays over 1024x1024 pixels in blocks of 4x4, one cosine bounce from the hits, the bounces shuffled, and
 //! shadow rays to a point above. Best of five.
@@ -87,8 +88,17 @@ fn primary_rays(world: &World) -> Vec<Ray> {
     rays
 }
 
+/// True if this kind of ray is to be measured.
+fn is_wanted(name: &str) -> bool {
+    std::env::args().nth(3).is_none_or(|kinds| kinds.split(',').any(|kind| kind == name))
+}
+
 fn report(name: &str, world: &World, rays: &[Ray], grouping: Grouping) -> Vec<Hit> {
     let mut hits = vec![Hit::MISS; rays.len()];
+    if !is_wanted(name) {
+        world.closest(rays, grouping, &AcceptAll, &mut hits);
+        return hits;
+    }
     let (seconds, ()) = best_of(5, || world.closest(rays, grouping, &AcceptAll, &mut hits));
     let (alone, ()) = best_of(3, || {
         for (ray, hit) in rays.iter().zip(&mut hits) {
@@ -118,7 +128,9 @@ fn main() -> std::io::Result<()> {
     let n = std::env::args().nth(2).and_then(|n| n.parse().ok()).unwrap_or(1);
     let mesh = read_obj(&path)?;
     let mesh = Arc::new(if n == 1 { mesh } else { copies(&mesh, n) });
-    for simd in Level::ALL.into_iter().filter(|l| l.is_supported()) {
+    let only = std::env::var("SNELL_SIMD").ok();
+    let is_chosen = |level: &Level| only.as_ref().is_none_or(|only| *only == level.to_string());
+    for simd in Level::ALL.into_iter().filter(|level| level.is_supported() && is_chosen(level)) {
         let options = BuildOptions { accelerator: AcceleratorKind::Bvh, simd, ..BuildOptions::default() };
         let start = Instant::now();
         let (_, world) = best_of(0, || {
@@ -146,6 +158,9 @@ fn main() -> std::io::Result<()> {
             bounces.swap(i, rng::hash32(i as u32) as usize % (i + 1));
         }
         report("shuffled", &world, &bounces, Grouping::None);
+        if !is_wanted("shadow") {
+            continue;
+        }
         let mut blocked = vec![false; shadows.len()];
         let (seconds, ()) = best_of(5, || world.occluded(&shadows, Grouping::Coherent, &AcceptAll, &mut blocked));
         let occluded = blocked.iter().filter(|b| **b).count();
