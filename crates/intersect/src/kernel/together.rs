@@ -2,11 +2,12 @@
 //!
 //! Wherever unrelated rays go, most nodes that they visit are those around the points where they start, and neighbours have these in
 //! common. So boxes of such a node are tested for sixteen rays in lanes, not for one ray after the other. What is then left to each ray, a few leaves
-//! and nodes, is handed to its slot in the order of its own distances, and the walk goes on from there, alone. Nothing is visited that the ray would
-//! not visit alone, since its limit cannot come nearer than where it starts.
+//! and nodes, is handed to its slot in the order of its own distances, and the walk goes on from there, alone. Nodes in which a ray starts are
+//! never visited in vain, since its limit cannot come nearer than that; nodes that half of a party meets seldom are.
 //!
 //! (Packets of rays that part when few are left are known: Benthin, Wald, Woop, Ernst and Mark, Combining Single and Packet-Ray Tracing for Arbitrary
-//! Ray Distributions on the Intel MIC Architecture, 2012. Here they part where they no longer start in a node, so that directions do not matter.)
+//! Ray Distributions on the Intel MIC Architecture, 2012. Here no triangle is tested before they part, and no order is common to them, so that
+//! directions do not matter.)
 
 #[cfg(test)]
 mod tests;
@@ -29,8 +30,9 @@ pub(super) const PARTY: usize = 2 * ROW;
 /// Rays that are tested with a box at once.
 const ROW: usize = 16;
 
-/// A node is visited together if so many rays start in it.
+/// A node is visited together if so many rays start in it, or so many meet it.
 const MIN_INSIDE: u32 = 8;
+const MIN_MET: u32 = 16;
 
 /// Nodes and leaves that are left to the rays of a party; as many as tags can tell.
 const MAX_LEFT: usize = 32;
@@ -225,7 +227,7 @@ impl<const N: usize> Left<N> {
     };
 }
 
-/// Visits all nodes in which enough rays start, in no particular order, and notes what is left. Returns how many visits these are, of all rays.
+/// Visits the root and all nodes below it that have enough rays, in no particular order, and notes what is left. Returns how many visits these are, of all rays.
 ///
 /// # Safety
 /// As [`set_off`], of the first slot.
@@ -264,7 +266,8 @@ unsafe fn visit<W: Lanes16, G: Goal, const N: usize>(
                 // (No branches: neither whether a child is met nor what becomes of it can be foreseen.)
                 met &= those & u32::from(child == ChildRef::NONE).wrapping_sub(1);
                 let has_room = count + 8 * (end - next) <= MAX_LEFT - 8;
-                let expands = child.is_node() & ((inside & met).count_ones() >= MIN_INSIDE) & has_room;
+                let is_common = ((inside & met).count_ones() >= MIN_INSIDE) | (met.count_ones() >= MIN_MET);
+                let expands = child.is_node() & is_common & has_room;
                 queue[end % QUEUE].write((child.0, met));
                 end += usize::from(expands);
                 *left.children.0.get_unchecked_mut(count) = child.0;
@@ -322,24 +325,18 @@ unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
     }
 }
 
-/// Whether setting off together pays: it does if rays have many visits in common.
+/// Whether setting off together pays: it does if rays have many visits in common, and neighbouring parties are alike.
 #[derive(Default)]
 pub(super) struct Trial {
-    parties: u32,
-    rays: u32,
-    visits: u32,
-    /// Parties that are still to set off alone.
+    /// Parties that are to set off alone before it is tried again.
     rest: u32,
 }
 
 impl Trial {
-    /// Parties that are looked at before it is decided.
-    const LENGTH: u32 = 8;
+    /// So many parties after one for which it did not pay.
+    const REST: u32 = 3;
 
-    /// For so many parties it is left then.
-    const REST: u32 = 120;
-
-    /// Visits that a ray must have together; it takes as long as two or three visits alone.
+    /// Visits that a ray must have together: they take as long as two or three visits alone.
     const MIN_VISITS: u32 = 3;
 
     /// True if the next party should set off together.
@@ -355,12 +352,8 @@ impl Trial {
     /// Told of a party.
     #[inline(always)]
     pub fn count(&mut self, rays: usize, visits: u32) {
-        self.parties += 1;
-        self.rays += rays as u32;
-        self.visits += visits;
-        if self.parties == Self::LENGTH {
-            let pays = self.visits >= Self::MIN_VISITS * self.rays;
-            *self = Self { rest: if pays { 0 } else { Self::REST }, ..Self::default() };
+        if visits < Self::MIN_VISITS * rays as u32 {
+            self.rest = Self::REST;
         }
     }
 }
