@@ -16,12 +16,17 @@ use crate::query::search::{Context, Goal, RayOf, Search};
 use snell_math::simd::{Lanes8, Level, Portable8, first_cache_bytes};
 use std::mem::MaybeUninit;
 
-/// Rays in flight at most, and how many must have come to their ends before others start: so many where the first cache has room for them
-/// ([`ROOMY_CACHE`]), else as many as of [`FEW_SLOTS`].
-const MAX_SLOTS: [usize; 2] = [48, PARTY];
-const FEW_SLOTS: [usize; 2] = [32, PARTY / 2];
+/// How many rays there are.
+struct Flight {
+    /// In flight at most.
+    slots: usize,
+    /// So many must have come to their ends before others start.
+    party: usize,
+}
 
-/// Bytes of a first cache in which [`MAX_SLOTS`] rays have room.
+/// Where the first cache has at least [`ROOMY_CACHE`] bytes, and elsewhere.
+const ROOMY: Flight = Flight { slots: 48, party: PARTY };
+const NARROW: Flight = Flight { slots: 32, party: PARTY / 2 };
 const ROOMY_CACHE: usize = 48 << 10;
 
 /// Batches of fewer rays are not worth it.
@@ -85,9 +90,9 @@ pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
     rays >= MIN_RAYS && tree.unbounded.is_empty() && may_search(forest)
 }
 
-/// How many rays are in flight at most, and how many start together.
-fn slots() -> [usize; 2] {
-    if first_cache_bytes().is_some_and(|bytes| bytes >= ROOMY_CACHE) { MAX_SLOTS } else { FEW_SLOTS }
+/// How many rays there are on this machine.
+fn flight() -> Flight {
+    if first_cache_bytes().is_some_and(|bytes| bytes >= ROOMY_CACHE) { ROOMY } else { NARROW }
 }
 
 /// True if walks through the bounded part of the forest fit the stacks of this kernel.
@@ -147,12 +152,12 @@ unsafe fn run<L: Lanes8, G: Goal>(
     let tree = &forest.trees[0];
     let prefetch = forest.memory_bytes() > FETCHED_BYTES;
     let mut below = [const { MaybeUninit::<Entry>::uninit() }; SMALL_STACK];
-    let [slots, party] = slots();
+    let Flight { slots, party } = flight();
     let mut memory: Box<[MaybeUninit<Slot<G>>]> = Box::new_uninit_slice(slots.min(batch.len()));
-    let mut items: [Items<*mut Slot<G>>; 4] = [const { [const { MaybeUninit::uninit() }; MAX_SLOTS[0] + 1] }; 4];
+    let mut items: [Items<*mut Slot<G>>; 4] = [const { [const { MaybeUninit::uninit() }; ROOMY.slots + 1] }; 4];
     let [nodes, rest, mut hopeful, mut idle] = items.each_mut().map(|items| Queue { items, count: 0 });
     let mut queues = Queues { nodes, rest };
-    let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; MAX_SLOTS[0] + 1];
+    let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; ROOMY.slots + 1];
     let (mut return_slots, mut object_slots) = (other_slots, other_slots);
     for slot in &mut memory {
         // SAFETY: the memory is there, and there are no more slots than items.
@@ -313,7 +318,7 @@ fn search_alone<G: Goal>(forest: &Forest, level: Level, mut search: Search<G>) -
 }
 
 /// The memory of a queue: all slots and one more.
-type Items<T> = [MaybeUninit<T>; MAX_SLOTS[0] + 1];
+type Items<T> = [MaybeUninit<T>; ROOMY.slots + 1];
 
 /// Slots in order of arrival; read and rewritten in one pass. (Items and count are apart, so that the count stays in a register.)
 struct Queue<'a, T> {
@@ -325,7 +330,7 @@ impl<T: Copy> Queue<'_, T> {
     /// Writes an item, and counts it or not: no branch on data.
     ///
     /// # Safety
-    /// The queue must have at most as many items as [`MAX_SLOTS`] says.
+    /// The queue must have at most as many items as [`ROOMY`] has slots.
     #[inline(always)]
     unsafe fn put(&mut self, item: T, counts: bool) {
         // SAFETY: as promised by the caller.
@@ -358,7 +363,7 @@ impl<T: Copy> Queues<'_, T> {
     /// Puts a slot where it belongs.
     ///
     /// # Safety
-    /// There must be less items than [`MAX_SLOTS`] says in all.
+    /// There must be fewer items in all than [`ROOMY`] has slots.
     #[inline(always)]
     unsafe fn put(&mut self, item: T, current: ChildRef) {
         // SAFETY: as promised by the caller.

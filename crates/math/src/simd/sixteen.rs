@@ -287,6 +287,7 @@ mod tests {
         let mut values = vec![x, y, swapped, five, unsafe { W::from_halves(high, low) }];
         values.extend([x.add(y), x.sub(y), x.mul(y), x.div(y), x.min(y), x.max(y), x.abs(), x.replace(mask, y)]);
         values.extend([x.where_less(x, y, five), five.where_less(y, x, swapped)]);
+        values.extend([x.with_tag(mask), y.with_tag(7)]);
         // Exact, so that it does not matter whether they are fused.
         values.extend([five.mul_add(five, x), five.mul_sub(five, x)]);
         let mut written = [7; 16];
@@ -295,6 +296,13 @@ mod tests {
         assert_eq!(written, std::array::from_fn(|lane| if mask >> lane & 1 == 1 { 9 } else { 7 }));
         // SAFETY: as above.
         assert_eq!(unsafe { W::places_of(9, &written) }, mask);
+        let (table, mut found) = (std::array::from_fn(|i| 1000 + i as u32), [0; 8]);
+        for tag in 0..32 {
+            low.with_tag(tag).look_up(&table, &mut found);
+            assert_eq!(found, [1000 + tag; 8]);
+        }
+        high.look_up(&table, &mut found);
+        assert_eq!(found, std::array::from_fn(|i| 1000 + (a[8 + i].to_bits() & 31)));
         let mut replaced = *b;
         x.store_where(mask, &mut replaced);
         assert_eq!(
