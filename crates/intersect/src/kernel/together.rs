@@ -142,11 +142,11 @@ impl<W: Lanes16> Row<W> {
     unsafe fn new<G: Goal>(slots: &[*mut Slot<'_, G>]) -> Self {
         let (mut t_min, mut cull) = (PerLane([0.0; ROW]), PerLane([0.0; ROW]));
         let mut slabs = [[&[0.0; 8]; 2]; ROW];
-        for lane in 0..ROW {
+        for (lane, slabs) in slabs.iter_mut().enumerate() {
             // (Lanes without a ray have the first one.)
             // SAFETY: there is at least one slot.
             let slot = unsafe { &**slots.get_unchecked(if lane < slots.len() { lane } else { 0 }) };
-            slabs[lane] = slot.place.ray().slabs();
+            *slabs = slot.place.ray().slabs();
             [t_min.0[lane], cull.0[lane]] = slot.interval();
         }
         // SAFETY: passed on to the caller.
