@@ -14,6 +14,7 @@ pub(crate) mod prefetch;
 pub(crate) mod quick;
 pub(crate) mod ray;
 mod slot;
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code, unused_imports, reason = "only levels of many lanes use it"))]
 mod together;
 pub(crate) mod traverse;
 pub(crate) mod triangle;
