@@ -182,19 +182,18 @@ impl<'a, G: Goal> Slot<'a, G> {
     }
 
     /// Goes on, after the start, with some of `children` instead of the root: those that the tags ([`WideLanes::look_up`]) of entries that are
-    /// not negative tell, which must come first, the last of them at once. Their boxes begin at least at `entries * factor - margin`.
+    /// not negative tell, which must come first, the last of them at once. Their boxes begin at these distances or farther.
     ///
     /// # Safety
     /// The machine must have the instructions of `L`; the children must be of the same group, and no more than what the root would have left on the stack.
     #[inline(always)]
-    pub unsafe fn go_on_with<L: WideLanes>(&mut self, entries: L, children: &[u32; 32], margin: f32, factor: f32) {
+    pub unsafe fn go_on_with<L: WideLanes>(&mut self, entries: L, distances: L, children: &[u32; 32]) {
         // SAFETY: as promised by the caller. References are plain `u32`, and the lowest entry stays.
         unsafe {
             let own = &mut *self.children.as_mut_ptr().add(1).cast::<[u32; 8]>();
             entries.look_up(children, own);
             if G::NARROWS {
-                let distances = &mut *self.distances.as_mut_ptr().add(1).cast::<[f32; 8]>();
-                entries.mul(L::splat(factor)).sub(L::splat(margin)).store(distances);
+                distances.store(&mut *self.distances.as_mut_ptr().add(1).cast::<[f32; 8]>());
             }
             self.top = 1 + (!entries.signs() & 0xff).count_ones();
             self.pop();

@@ -12,6 +12,7 @@
 #[cfg(test)]
 mod tests;
 
+use super::columns::columns;
 use super::node::ChildRef;
 use super::quick::FAR_FACTOR;
 use super::slot::Slot;
@@ -151,11 +152,10 @@ impl<W: Lanes16> Row<W> {
         }
         // SAFETY: passed on to the caller.
         unsafe {
-            let columns = |side: usize, half: usize| W::Half::load_columns(from_fn(|i| slabs[8 * half + i][side]));
-            let [a, b, c, d] = [columns(0, 0), columns(0, 1), columns(1, 0), columns(1, 1)];
-            let inverse = [W::from_halves(a[0], b[0]), W::from_halves(a[1], b[1]), W::from_halves(a[2], b[2])];
-            let near = [W::from_halves(a[4], b[4]), W::from_halves(a[5], b[5]), W::from_halves(a[6], b[6])];
-            let far = [W::from_halves(c[0], d[0]), W::from_halves(c[1], d[1]), W::from_halves(c[2], d[2])];
+            let rows = |side: usize, from: usize| from_fn(|i| slabs[from + i][side]);
+            let [i, j, k, _, a, b, c, _] = columns::<W>(rows(0, 0), rows(0, 8));
+            let [d, e, f, ..] = columns::<W>(rows(1, 0), rows(1, 8));
+            let (inverse, near, far) = ([i, j, k], [a, b, c], [d, e, f]);
             let half = W::splat(0.5);
             let offset = [near[0].add(far[0]).mul(half), near[1].add(far[1]).mul(half), near[2].add(far[2]).mul(half)];
             // (Twice of what it must be.)
@@ -320,7 +320,9 @@ unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
             let lane = rays.trailing_zeros() as usize & (ROW - 1);
             rays &= rays - 1;
             let slot = &mut **slots.get_unchecked(lane);
-            slot.go_on_with(entries[lane], &left.children.0, margins.0[lane] + 2.0 * LEAST, 1.0 - TAG_PADDING);
+            let margin = W::Half::splat(margins.0[lane] + 2.0 * LEAST);
+            let distances = entries[lane].mul(W::Half::splat(1.0 - TAG_PADDING)).sub(margin);
+            slot.go_on_with(entries[lane], distances, &left.children.0);
         }
     }
 }
