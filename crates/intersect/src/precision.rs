@@ -237,11 +237,12 @@ pub(crate) trait Rules: Precision {
         backward: bool,
     ) -> bool;
 
-    /// The exact test for up to eight pairs of a ray of the bundle and a triangle of the tree ([`packet::exact::exact_hits`]).
+    /// The exact test for up to eight pairs of a ray of the bundle and a triangle of the tree ([`packet::exact::exact_hits`]); rows of rays must
+    /// have been written if [triangles are elsewhere](Self::TRIANGLES_ELSEWHERE).
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`. All rays of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
-    unsafe fn exact_hits<L: WideLanes>(
+    /// The machine must have the instructions of `W`. All rays of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
+    unsafe fn exact_hits<W: Lanes16>(
         data: &Self::Data,
         tree: &GroupTree,
         bundle: &Bundle,
@@ -454,15 +455,9 @@ impl Rules for Single {
     }
 
     #[inline(always)]
-    unsafe fn exact_hits<L: WideLanes>(
-        _: &(),
-        tree: &GroupTree,
-        bundle: &Bundle,
-        pairs: &Pairs,
-        found: &mut Found<f32>,
-    ) {
+    unsafe fn exact_hits<W: Lanes16>(_: &(), tree: &GroupTree, bundle: &Bundle, pairs: &Pairs, found: &mut Found<f32>) {
         // SAFETY: passed on to the caller.
-        unsafe { packet::exact::exact_hits::<L>(&tree.blocks, bundle, pairs, found) }
+        unsafe { packet::exact::exact_hits::<W>(&tree.blocks, bundle, pairs, found) }
     }
 
     #[inline(always)]
@@ -666,7 +661,7 @@ impl Rules for Double {
     }
 
     #[inline(always)]
-    unsafe fn exact_hits<L: WideLanes>(
+    unsafe fn exact_hits<W: Lanes16>(
         data: &DoubleData,
         tree: &GroupTree,
         bundle: &Bundle,
@@ -674,7 +669,7 @@ impl Rules for Double {
         found: &mut Found<f64>,
     ) {
         // SAFETY: passed on to the caller.
-        unsafe { packet::doubles::exact_hits::<L::Doubles>(data, tree, bundle, pairs, found) }
+        unsafe { packet::doubles::exact_hits::<<W::Half as WideLanes>::Doubles>(data, tree, bundle, pairs, found) }
     }
 
     /// None: lists are in single precision.

@@ -4,7 +4,7 @@
 //! that does not decide are [`Expansion`]s needed (Shewchuk, Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric
 //! Predicates, 1997). Everything holds as long as nothing overflows and no product falls below some `1e-290`.
 
-use crate::simd::Lanes4;
+use crate::simd::{DoubleLanes, Lanes4};
 use std::cmp::Ordering;
 
 /// What sums and products with their errors are made of: an `f64`, or several side by side ([`Lanes4`]).
@@ -64,22 +64,22 @@ impl Number for f64 {
 impl<D: Lanes4> Number for D {
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        Lanes4::add(self, other)
+        DoubleLanes::add(self, other)
     }
 
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        Lanes4::sub(self, other)
+        DoubleLanes::sub(self, other)
     }
 
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
-        Lanes4::mul(self, other)
+        DoubleLanes::mul(self, other)
     }
 
     #[inline(always)]
     fn div(self, other: Self) -> Self {
-        Lanes4::div(self, other)
+        DoubleLanes::div(self, other)
     }
 
     #[inline(always)]

@@ -160,6 +160,8 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
         first: 0,
         searches: [const { None }; RAYS],
         begun: 0,
+        met: 0,
+        nearest: [G::Precision::MISS; RAYS],
         begin: &begin,
         found: Found::NONE,
         alive: 0,
@@ -256,7 +258,7 @@ impl<'w, G: Goal> Walker<'w, '_, G> {
     fn set_off(&mut self, rays: &'w [RayOf<G>], first: usize, masks: u32) {
         (self.rays, self.first, self.masks) = (rays, first, masks);
         self.alive = u32::MAX >> (32 - rays.len());
-        (self.waiting, self.known, self.given_up) = (0, 0, 0);
+        (self.waiting, self.known, self.met, self.given_up) = (0, 0, 0, 0);
     }
 
     /// Gives the answers of all rays that were not given up.
@@ -278,6 +280,12 @@ impl<'w, G: Goal> Walker<'w, '_, G> {
                 if t > G::Precision::interval(ray)[0] && goal.wants(&hit) {
                     goal.take(hit);
                 }
+                answers.put(number, goal);
+                continue;
+            }
+            if self.met >> lane & 1 == 1 {
+                let mut goal = start(ray);
+                goal.take(self.nearest[lane]);
                 answers.put(number, goal);
                 continue;
             }

@@ -1,19 +1,77 @@
 //! Four `f64` lanes in one AVX register.
 
-use super::{Avx8, Lanes4, WideLanes};
+use super::{Avx8, DoubleLanes, Lanes4, WideLanes};
 use std::arch::x86_64::*;
 
 /// Four lanes of AVX with FMA. As [`Avx8`]: a value exists only where it was allowed to make one.
 #[derive(Clone, Copy, Debug)]
 pub struct Avx4(__m256d);
 
-impl Lanes4 for Avx4 {
+impl DoubleLanes for Avx4 {
+    const LANES: usize = 4;
+
     #[inline(always)]
     unsafe fn splat(value: f64) -> Self {
         // SAFETY: the caller guarantees AVX.
         Self(unsafe { _mm256_set1_pd(value) })
     }
 
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_add_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_sub_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_mul_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_div_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_min_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_max_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0) })
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(self.0, other.0)) as u32 }
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(self.0, other.0)) as u32 }
+    }
+}
+
+impl Lanes4 for Avx4 {
     #[inline(always)]
     unsafe fn load(values: &[f64; 4]) -> Self {
         // SAFETY: the caller guarantees AVX; the reference covers 32 readable bytes.
@@ -56,30 +114,6 @@ impl Lanes4 for Avx4 {
     }
 
     #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe { _mm256_add_pd(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe { _mm256_sub_pd(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe { _mm256_mul_pd(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe { _mm256_div_pd(self.0, other.0) })
-    }
-
-    #[inline(always)]
     fn fused(self, factor: Self, summand: Self) -> Self {
         // SAFETY: a value of this type exists, so the machine has FMA.
         Self(unsafe { _mm256_fmadd_pd(self.0, factor.0, summand.0) })
@@ -92,39 +126,9 @@ impl Lanes4 for Avx4 {
     }
 
     #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe { _mm256_min_pd(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe { _mm256_max_pd(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0) })
-    }
-
-    #[inline(always)]
     fn sqrt(self) -> Self {
         // SAFETY: a value of this type exists, so the machine has AVX.
         Self(unsafe { _mm256_sqrt_pd(self.0) })
-    }
-
-    #[inline(always)]
-    fn le(self, other: Self) -> u32 {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(self.0, other.0)) as u32 }
-    }
-
-    #[inline(always)]
-    fn lt(self, other: Self) -> u32 {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(self.0, other.0)) as u32 }
     }
 
     #[inline(always)]

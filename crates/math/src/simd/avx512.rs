@@ -1,6 +1,6 @@
 //! Sixteen lanes in one AVX-512 register.
 
-use super::{Avx8, Avx16Doubles, Lanes8, Lanes16, WideLanes};
+use super::{Avx8, Avx8Doubles, Avx16Doubles, Lanes8, Lanes16, WideLanes};
 use std::arch::x86_64::*;
 
 /// Sixteen lanes of AVX-512. As [`Avx8`]: a value exists only where it was allowed to make one.
@@ -12,6 +12,7 @@ impl Lanes16 for Avx16 {
     const REGISTERS: u32 = 1;
     type Half = Avx8;
     type Doubles = Avx16Doubles;
+    type HalfDoubles = Avx8Doubles;
 
     #[inline(always)]
     unsafe fn splat(value: f32) -> Self {
@@ -29,6 +30,15 @@ impl Lanes16 for Avx16 {
     unsafe fn load_halves(low: &[f32; 8], high: &[f32; 8]) -> Self {
         // SAFETY: the caller guarantees AVX-512; the references cover 32 readable bytes each.
         unsafe { Self::from_halves(Avx8(_mm256_loadu_ps(low.as_ptr())), Avx8(_mm256_loadu_ps(high.as_ptr()))) }
+    }
+
+    #[inline(always)]
+    unsafe fn pick(values: &[f32; 16], lanes: &[u32; 8]) -> Avx8 {
+        // SAFETY: the caller guarantees AVX-512; the references cover 64 and 32 readable bytes. The lowest four bits of each lane are read.
+        unsafe {
+            let lanes = _mm512_castsi256_si512(_mm256_loadu_si256(lanes.as_ptr().cast()));
+            Avx8(_mm512_castps512_ps256(_mm512_permutexvar_ps(lanes, _mm512_loadu_ps(values.as_ptr()))))
+        }
     }
 
     #[inline(always)]

@@ -1,6 +1,6 @@
-//! Sixteen `f64` lanes in two AVX-512 registers.
+//! `f64` lanes in AVX-512 registers: sixteen in two, eight in one.
 
-use super::{Avx8, Avx16, Doubles16, Lanes16};
+use super::{Avx8, Avx16, DoubleLanes, Doubles16, DoublesOf, Lanes16};
 use std::arch::x86_64::*;
 
 /// Sixteen lanes in two registers. As [`Avx16`]: a value exists only where it was allowed to make one.
@@ -114,5 +114,98 @@ impl Doubles16 for Avx16Doubles {
         let ([a, b], [c, d]) = (self.0, other.0);
         // SAFETY: a value of this type exists, so the machine has AVX-512.
         Self(unsafe { [_mm512_mask_blend_pd(mask as u8, a, c), _mm512_mask_blend_pd((mask >> 8) as u8, b, d)] })
+    }
+}
+
+/// Eight lanes in one register. As [`Avx16`]: a value exists only where it was allowed to make one.
+#[derive(Clone, Copy, Debug)]
+pub struct Avx8Doubles(__m512d);
+
+impl DoubleLanes for Avx8Doubles {
+    const LANES: usize = 8;
+
+    #[inline(always)]
+    unsafe fn splat(value: f64) -> Self {
+        // SAFETY: the caller guarantees AVX-512.
+        Self(unsafe { _mm512_set1_pd(value) })
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { _mm512_add_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { _mm512_sub_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { _mm512_mul_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { _mm512_div_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { _mm512_min_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { _mm512_max_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { _mm512_abs_pd(self.0) })
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        unsafe { _mm512_cmp_pd_mask::<_CMP_LE_OQ>(self.0, other.0).into() }
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(self.0, other.0).into() }
+    }
+}
+
+impl DoublesOf<Avx8> for Avx8Doubles {
+    #[inline(always)]
+    fn of(singles: Avx8, _first: usize) -> Self {
+        // SAFETY: `Lanes16` uses it with values of the same level only, so the machine has AVX-512.
+        Self(unsafe { _mm512_cvtps_pd(singles.0) })
+    }
+
+    #[inline(always)]
+    unsafe fn pick(values: &[f64; 16], lanes: &[u32; 8], _first: usize) -> Self {
+        let (eights, _) = values.as_chunks::<8>();
+        // SAFETY: the caller guarantees AVX-512; the references cover 64, 64 and 32 readable bytes. The lowest four bits of each lane are read.
+        unsafe {
+            let lanes = _mm512_cvtepu32_epi64(_mm256_loadu_si256(lanes.as_ptr().cast()));
+            let [low, high] = [_mm512_loadu_pd(eights[0].as_ptr()), _mm512_loadu_pd(eights[1].as_ptr())];
+            Self(_mm512_permutex2var_pd(low, lanes, high))
+        }
+    }
+
+    #[inline(always)]
+    fn store_rounded_from(self, to: &mut [f32; 8], _first: usize) {
+        // SAFETY: a value of this type exists, so the machine has AVX-512; the reference covers 32 writable bytes.
+        unsafe { _mm256_storeu_ps(to.as_mut_ptr(), _mm512_cvtpd_ps(self.0)) }
     }
 }

@@ -2,15 +2,63 @@
 
 use super::{Lanes8, Portable8};
 
-/// Four numbers that are worked on together. Every implementation gives the same bits: nothing is fused but [`Lanes4::fused`], and `min`
-/// and `max` return the second operand if one is NaN.
-pub trait Lanes4: Copy {
+/// Numbers in double precision that are worked on together, as many as a register holds. Every implementation gives the same bits: nothing
+/// is fused, and `min` and `max` return the second operand if one is NaN.
+pub trait DoubleLanes: Copy {
+    /// How many they are.
+    const LANES: usize;
+
     /// The same number in all lanes.
     ///
     /// # Safety
     /// The machine must have the instructions of the implementation.
     unsafe fn splat(value: f64) -> Self;
 
+    /// `self + other`.
+    fn add(self, other: Self) -> Self;
+
+    /// `self - other`.
+    fn sub(self, other: Self) -> Self;
+
+    /// `self * other`.
+    fn mul(self, other: Self) -> Self;
+
+    /// `self / other`.
+    fn div(self, other: Self) -> Self;
+
+    /// The lesser of both; `other` if either is NaN.
+    fn min(self, other: Self) -> Self;
+
+    /// The greater of both; `other` if either is NaN.
+    fn max(self, other: Self) -> Self;
+
+    /// Absolute value.
+    fn abs(self) -> Self;
+
+    /// Bit `i` is set if `self <= other` in lane `i` (not for NaN).
+    fn le(self, other: Self) -> u32;
+
+    /// Bit `i` is set if `self < other` in lane `i` (not for NaN).
+    fn lt(self, other: Self) -> u32;
+}
+
+/// What some of eight numbers become in double precision: those from `first` on, a multiple of [`DoubleLanes::LANES`] below 8.
+pub trait DoublesOf<S>: DoubleLanes {
+    /// The numbers, exactly.
+    fn of(singles: S, first: usize) -> Self;
+
+    /// The values that `lanes` (below 16) tell.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn pick(values: &[f64; 16], lanes: &[u32; 8], first: usize) -> Self;
+
+    /// Writes them where they belong, rounded to nearest.
+    fn store_rounded_from(self, to: &mut [f32; 8], first: usize);
+}
+
+/// Four numbers that are worked on together, and may be fused ([`Lanes4::fused`]) and rearranged.
+pub trait Lanes4: DoubleLanes {
     /// Four numbers from memory.
     ///
     /// # Safety
@@ -32,50 +80,44 @@ pub trait Lanes4: Copy {
     /// Rounded to `f32`, and back.
     fn rounded(self) -> Self;
 
-    /// `self + other`.
-    fn add(self, other: Self) -> Self;
-
-    /// `self - other`.
-    fn sub(self, other: Self) -> Self;
-
-    /// `self * other`.
-    fn mul(self, other: Self) -> Self;
-
-    /// `self / other`.
-    fn div(self, other: Self) -> Self;
-
     /// `self * factor + summand`, rounded once.
     fn fused(self, factor: Self, summand: Self) -> Self;
 
     /// `-self`.
     fn negated(self) -> Self;
 
-    /// The lesser of both; `other` if either is NaN.
-    fn min(self, other: Self) -> Self;
-
-    /// The greater of both; `other` if either is NaN.
-    fn max(self, other: Self) -> Self;
-
-    /// Absolute value.
-    fn abs(self) -> Self;
-
     /// Square root.
     fn sqrt(self) -> Self;
-
-    /// Bit `i` is set if `self <= other` in lane `i` (not for NaN).
-    fn le(self, other: Self) -> u32;
-
-    /// Bit `i` is set if `self < other` in lane `i` (not for NaN).
-    fn lt(self, other: Self) -> u32;
 
     /// `other` in the lanes whose bit is set in `mask`, `self` in the others.
     fn replace(self, mask: u32, other: Self) -> Self;
 }
 
+/// Four of eight lanes, as [`WideLanes`] have them.
+impl<S: WideLanes<Doubles = D>, D: Lanes4> DoublesOf<S> for D {
+    #[inline(always)]
+    fn of(singles: S, first: usize) -> Self {
+        if first == 0 { singles.first_doubles() } else { singles.last_doubles() }
+    }
+
+    #[inline(always)]
+    unsafe fn pick(values: &[f64; 16], lanes: &[u32; 8], first: usize) -> Self {
+        let lane = |i: usize| values[lanes[first + i] as usize & 15];
+        // SAFETY: passed on to the caller.
+        unsafe { Self::load(&[lane(0), lane(1), lane(2), lane(3)]) }
+    }
+
+    #[inline(always)]
+    fn store_rounded_from(self, to: &mut [f32; 8], first: usize) {
+        let (halves, _) = to.as_chunks_mut::<4>();
+        self.store_rounded(&mut halves[first / 4]);
+    }
+}
+
 /// Eight lanes that can be rearranged and continued in double precision.
 pub trait WideLanes: Lanes8 {
     /// Four of them in double precision.
-    type Doubles: Lanes4;
+    type Doubles: Lanes4 + DoublesOf<Self>;
 
     /// Lane `i` of the result is lane `lanes[i]` (below 8) of `values`.
     ///
@@ -138,12 +180,61 @@ impl Portable4 {
     }
 }
 
-impl Lanes4 for Portable4 {
+impl DoubleLanes for Portable4 {
+    const LANES: usize = 4;
+
     #[inline(always)]
     unsafe fn splat(value: f64) -> Self {
         Self([value; 4])
     }
 
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.zip(other, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.zip(other, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.zip(other, |a, b| a * b)
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self.zip(other, |a, b| a / b)
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(self.0.map(f64::abs))
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        self.compare(other, |a, b| a <= b)
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        self.compare(other, |a, b| a < b)
+    }
+}
+
+impl Lanes4 for Portable4 {
     #[inline(always)]
     unsafe fn load(values: &[f64; 4]) -> Self {
         Self(*values)
@@ -169,26 +260,6 @@ impl Lanes4 for Portable4 {
         Self(self.0.map(|x| (x as f32).into()))
     }
 
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        self.zip(other, |a, b| a + b)
-    }
-
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        self.zip(other, |a, b| a - b)
-    }
-
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        self.zip(other, |a, b| a * b)
-    }
-
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        self.zip(other, |a, b| a / b)
-    }
-
     #[cfg_attr(debug_assertions, inline(never))]
     #[cfg_attr(not(debug_assertions), inline(always))]
     fn fused(self, factor: Self, summand: Self) -> Self {
@@ -201,33 +272,8 @@ impl Lanes4 for Portable4 {
     }
 
     #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a < b { a } else { b })
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a > b { a } else { b })
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        Self(self.0.map(f64::abs))
-    }
-
-    #[inline(always)]
     fn sqrt(self) -> Self {
         Self(self.0.map(f64::sqrt))
-    }
-
-    #[inline(always)]
-    fn le(self, other: Self) -> u32 {
-        self.compare(other, |a, b| a <= b)
-    }
-
-    #[inline(always)]
-    fn lt(self, other: Self) -> u32 {
-        self.compare(other, |a, b| a < b)
     }
 
     #[cfg_attr(debug_assertions, inline(never))]

@@ -24,9 +24,9 @@ pub use avx2_doubles::Avx4;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::Avx16;
 #[cfg(target_arch = "x86_64")]
-pub use avx512_doubles::Avx16Doubles;
+pub use avx512_doubles::{Avx8Doubles, Avx16Doubles};
 pub use cache::first_cache_bytes;
-pub use doubles::{Lanes4, Portable4, WideLanes};
+pub use doubles::{DoubleLanes, DoublesOf, Lanes4, Portable4, WideLanes};
 pub use lanes::Lanes8;
 pub use level::Level;
 pub use portable::Portable8;

@@ -1,6 +1,6 @@
 //! Sixteen `f32` at a time: in one register where there are such, in two of eight lanes else.
 
-use super::{Doubles16, PairDoubles, WideLanes};
+use super::{Doubles16, DoublesOf, PairDoubles, WideLanes};
 
 /// Sixteen numbers that are worked on together; masks have a bit for each, the first lowest. Every implementation gives the same bits, with
 /// the exception that [`super::Lanes8`] has.
@@ -13,6 +13,9 @@ pub trait Lanes16: Copy {
 
     /// As many in double precision.
     type Doubles: Doubles16<Singles = Self>;
+
+    /// Some of a half in double precision, as many as a register holds.
+    type HalfDoubles: DoublesOf<Self::Half>;
 
     /// The same number in all lanes.
     ///
@@ -31,6 +34,12 @@ pub trait Lanes16: Copy {
     /// # Safety
     /// The machine must have the instructions of the implementation.
     unsafe fn load_halves(low: &[f32; 8], high: &[f32; 8]) -> Self;
+
+    /// Eight of sixteen numbers in memory: those that `lanes` (below 16) tell.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn pick(values: &[f32; 16], lanes: &[u32; 8]) -> Self::Half;
 
     /// Of two halves.
     ///
@@ -119,6 +128,7 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     const REGISTERS: u32 = 2;
     type Half = L;
     type Doubles = PairDoubles<L>;
+    type HalfDoubles = L::Doubles;
 
     #[inline(always)]
     unsafe fn splat(value: f32) -> Self {
@@ -137,6 +147,13 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     unsafe fn load_halves(low: &[f32; 8], high: &[f32; 8]) -> Self {
         // SAFETY: passed on to the caller.
         unsafe { Self([L::load(low), L::load(high)]) }
+    }
+
+    #[inline(always)]
+    unsafe fn pick(values: &[f32; 16], lanes: &[u32; 8]) -> L {
+        let lane = |i: usize| values[lanes[i] as usize & 15];
+        // SAFETY: passed on to the caller.
+        unsafe { L::load(&[lane(0), lane(1), lane(2), lane(3), lane(4), lane(5), lane(6), lane(7)]) }
     }
 
     #[inline(always)]
@@ -269,6 +286,7 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
 #[cfg(test)]
 mod tests {
     use super::super::Portable8;
+    use super::super::{DoubleLanes, Lanes8};
     use super::*;
 
     /// Everything that [`Lanes16`] does with two vectors.
@@ -303,6 +321,35 @@ mod tests {
         }
         high.look_up(&table, &mut found);
         assert_eq!(found, std::array::from_fn(|i| 1000 + (a[8 + i].to_bits() & 31)));
+        let lanes = std::array::from_fn(|i| mask.rotate_right(i as u32) & 15);
+        let (mut picked, mut widened) = ([0.0; 8], [0.0; 8]);
+        let wide = a.map(|x| f64::from(x) * 1.1);
+        // SAFETY: as above.
+        unsafe {
+            W::pick(a, &lanes).store(&mut picked);
+            let mut first = 0;
+            while first < 8 {
+                let (low, high) = (W::HalfDoubles::of(low, first), W::HalfDoubles::of(high, first));
+                let more = W::HalfDoubles::pick(&wide, &lanes, first).mul(W::HalfDoubles::splat(3.0));
+                low.add(high).sub(more).min(low.div(high)).max(high.abs()).store_rounded_from(&mut widened, first);
+                let bit = |compared: u32, lane: usize| compared >> lane & 1 == 1;
+                for lane in 0..W::HalfDoubles::LANES {
+                    let (x, y) = (a[first + lane], a[8 + first + lane]);
+                    assert_eq!((bit(low.le(high), lane), bit(low.lt(high), lane)), (x <= y, x < y));
+                }
+                first += W::HalfDoubles::LANES;
+            }
+        }
+        assert_eq!(picked.map(bits), lanes.map(|lane| bits(a[lane as usize])));
+        let less = |x: f64, y: f64| if x < y { x } else { y };
+        assert_eq!(
+            widened.map(bits),
+            std::array::from_fn(|i| {
+                let (x, y) = (f64::from(a[i]), f64::from(a[8 + i]));
+                let least = less(x + y - wide[lanes[i] as usize] * 3.0, x / y);
+                bits(if least > y.abs() { least } else { y.abs() } as f32)
+            })
+        );
         let mut replaced = *b;
         x.store_where(mask, &mut replaced);
         assert_eq!(

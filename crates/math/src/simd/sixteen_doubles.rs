@@ -1,6 +1,6 @@
 //! Sixteen `f64` at a time, beside [`Lanes16`].
 
-use super::{Lanes4, Lanes8, Lanes16, Pair, WideLanes};
+use super::{DoubleLanes, Lanes4, Lanes8, Lanes16, Pair, WideLanes};
 
 /// Sixteen numbers of double precision; masks as in [`Lanes16`]. Every implementation gives the same bits, except for [`Self::mul_add`].
 pub trait Doubles16: Copy {

@@ -4,9 +4,9 @@
 //! the plane of the triangle, points outside of its box by rounding) is not decided here but handed back.
 
 use super::super::triangle::{PLACE_TOLERANCE, TriangleBlock};
-use super::bundle::Bundle;
+use super::bundle::{Bundle, PerRay};
 use crate::precision::Real;
-use snell_math::simd::{Lanes4, WideLanes};
+use snell_math::simd::{DoubleLanes, DoublesOf, Lanes16, WideLanes};
 
 /// Pairs that are tested together.
 pub(super) const PAIRS: usize = 8;
@@ -78,10 +78,10 @@ impl<R: Real> Found<R> {
 /// Tests up to eight pairs. Unused ones must be copies of others or those of [`Pairs::NONE`]; their results mean nothing.
 ///
 /// # Safety
-/// The machine must have the instructions of `L`; the triangles must be of these blocks. All rays of the bundle must be drawn along its z
+/// The machine must have the instructions of `W`; the triangles must be of these blocks. All rays of the bundle must be drawn along its z
 /// axis ([`Bundle::is_aligned`]).
 #[inline(always)]
-pub(crate) unsafe fn exact_hits<L: WideLanes>(
+pub(crate) unsafe fn exact_hits<W: Lanes16>(
     blocks: &[TriangleBlock],
     bundle: &Bundle,
     pairs: &Pairs,
@@ -101,20 +101,14 @@ pub(crate) unsafe fn exact_hits<L: WideLanes>(
             triangle(start, t[6]),
             triangle(start, t[7]),
         ];
-        let corners = [corner::<L>(&triangles, 0), corner::<L>(&triangles, 1), corner::<L>(&triangles, 2)];
-        let frame = Frame::<L>::new(bundle, pairs);
+        let corners =
+            [corner::<W::Half>(&triangles, 0), corner::<W::Half>(&triangles, 1), corner::<W::Half>(&triangles, 2)];
+        let frame = Frame::<W::Half>::new::<W>(bundle, pairs);
         let drawn = [frame.draw(&corners[0]), frame.draw(&corners[1]), frame.draw(&corners[2])];
-        let four = Four::<L::Doubles> {
-            drawn: [first(drawn[0]), first(drawn[1]), first(drawn[2])],
-            corners: [first3(corners[0]), first3(corners[1]), first3(corners[2])],
-        };
-        four.test(bundle, pairs, 0, found);
-        if pairs.count > 4 {
-            let four = Four::<L::Doubles> {
-                drawn: [last(drawn[0]), last(drawn[1]), last(drawn[2])],
-                corners: [last3(corners[0]), last3(corners[1]), last3(corners[2])],
-            };
-            four.test(bundle, pairs, 4, found);
+        let mut first = 0;
+        while first < pairs.count {
+            test::<W>([&drawn[0], &drawn[1], &drawn[2]], &corners, bundle, pairs, first, found);
+            first += W::HalfDoubles::LANES;
         }
     }
 }
@@ -153,26 +147,6 @@ unsafe fn row<L: WideLanes>(triangles: &[*const f32; PAIRS], row: usize) -> L {
     }
 }
 
-#[inline(always)]
-fn first<L: WideLanes>(v: [L; 2]) -> [L::Doubles; 2] {
-    [v[0].first_doubles(), v[1].first_doubles()]
-}
-
-#[inline(always)]
-fn last<L: WideLanes>(v: [L; 2]) -> [L::Doubles; 2] {
-    [v[0].last_doubles(), v[1].last_doubles()]
-}
-
-#[inline(always)]
-fn first3<L: WideLanes>(v: [L; 3]) -> [L::Doubles; 3] {
-    [v[0].first_doubles(), v[1].first_doubles(), v[2].first_doubles()]
-}
-
-#[inline(always)]
-fn last3<L: WideLanes>(v: [L; 3]) -> [L::Doubles; 3] {
-    [v[0].last_doubles(), v[1].last_doubles(), v[2].last_doubles()]
-}
-
 /// The planes that the rays of the pairs draw on: [`super::super::ray::LocalRay::draw`].
 struct Frame<L> {
     axes: [usize; 3],
@@ -182,21 +156,21 @@ struct Frame<L> {
 
 impl<L: WideLanes> Frame<L> {
     /// # Safety
-    /// The machine must have the instructions of `L`.
+    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn new(bundle: &Bundle, pairs: &Pairs) -> Self {
-        // SAFETY: passed on to the caller; axes are below 3, and `of_pairs` bounds the rays.
+    unsafe fn new<W: Lanes16<Half = L>>(bundle: &Bundle, pairs: &Pairs) -> Self {
+        // SAFETY: passed on to the caller; axes are below 3.
         unsafe {
             let [x, y, z] = bundle.axes;
             let sign = L::splat(bundle.sign);
-            let shear =
-                [of_pairs::<L>(&bundle.slope[0], pairs).mul(sign), of_pairs::<L>(&bundle.slope[1], pairs).mul(sign)];
+            let rays = &pairs.rays;
+            let shear = [W::pick(&bundle.slope[0], rays).mul(sign), W::pick(&bundle.slope[1], rays).mul(sign)];
             let origin = if bundle.kind.common {
                 let apex = &bundle.kind.apex;
                 [L::splat(*apex.get_unchecked(x)), L::splat(*apex.get_unchecked(y)), L::splat(*apex.get_unchecked(z))]
             } else {
                 let origin = &bundle.drawn_origin;
-                [of_pairs(&origin[0], pairs), of_pairs(&origin[1], pairs), of_pairs(&origin[2], pairs)]
+                [W::pick(&origin[0], rays), W::pick(&origin[1], rays), W::pick(&origin[2], rays)]
             };
             Self { axes: bundle.axes, origin, shear }
         }
@@ -217,103 +191,149 @@ impl<L: WideLanes> Frame<L> {
     }
 }
 
-/// The values of the rays of the pairs.
+/// Origins and directions of some of the pairs, by axis of the group.
 ///
 /// # Safety
-/// The machine must have the instructions of `L`.
+/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn of_pairs<L: WideLanes>(values: &[f32; 16], pairs: &Pairs) -> L {
-    let r = &pairs.rays;
-    let pick = |i: usize| values[r[i] as usize & 15];
+unsafe fn rays_of<W: Lanes16>(bundle: &Bundle, pairs: &Pairs, first: usize) -> [[W::HalfDoubles; 3]; 2] {
+    let (exact, rays) = (&bundle.exact, &pairs.rays);
+    // SAFETY: passed on to the caller; axes are below 3.
+    unsafe {
+        if bundle.kind.rounded {
+            return [picked3::<W>(&exact[0], rays, first), picked3::<W>(&exact[1], rays, first)];
+        }
+        let [dx, dy, dz] = &bundle.direction;
+        let direction = [
+            W::HalfDoubles::of(W::pick(dx, rays), first),
+            W::HalfDoubles::of(W::pick(dy, rays), first),
+            W::HalfDoubles::of(W::pick(dz, rays), first),
+        ];
+        if bundle.kind.common {
+            let [x, y, z] = bundle.kind.apex;
+            let origin =
+                [W::HalfDoubles::splat(x.into()), W::HalfDoubles::splat(y.into()), W::HalfDoubles::splat(z.into())];
+            return [origin, direction];
+        }
+        let mut origin = direction;
+        for (from, &axis) in bundle.drawn_origin.iter().zip(&bundle.axes) {
+            *origin.get_unchecked_mut(axis) = W::HalfDoubles::of(W::pick(from, rays), first);
+        }
+        [origin, direction]
+    }
+}
+
+/// Numbers of rays by axis.
+///
+/// # Safety
+/// The machine must have the instructions of `W`.
+#[inline(always)]
+unsafe fn picked3<W: Lanes16>([x, y, z]: &[PerRay<f64>; 3], rays: &[u32; PAIRS], first: usize) -> [W::HalfDoubles; 3] {
     // SAFETY: passed on to the caller.
-    unsafe { L::load(&[pick(0), pick(1), pick(2), pick(3), pick(4), pick(5), pick(6), pick(7)]) }
+    unsafe {
+        [
+            W::HalfDoubles::pick(x, rays, first),
+            W::HalfDoubles::pick(y, rays, first),
+            W::HalfDoubles::pick(z, rays, first),
+        ]
+    }
 }
 
-/// Four of the pairs in double precision.
-struct Four<D> {
-    drawn: [[D; 2]; 3],
-    corners: [[D; 3]; 3],
-}
-
-impl<D: Lanes4> Four<D> {
-    /// # Safety
-    /// The machine must have the instructions of `D`; `from` must be 0 or 4.
-    #[inline(always)]
-    unsafe fn test(&self, bundle: &Bundle, pairs: &Pairs, from: usize, found: &mut Found<f32>) {
-        let [p0, p1, p2] = self.drawn;
+/// Tests some of the pairs in double precision, as many as a register holds.
+///
+/// # Safety
+/// The machine must have the instructions of `W`; `first` must be below 8, and a multiple of what a register holds.
+#[inline(always)]
+unsafe fn test<W: Lanes16>(
+    [a, b, c]: [&[W::Half; 2]; 3],
+    corners: &[[W::Half; 3]; 3],
+    bundle: &Bundle,
+    pairs: &Pairs,
+    first: usize,
+    found: &mut Found<f32>,
+) {
+    // SAFETY: passed on to the caller; axes are below 3.
+    unsafe {
+        let all = (1 << W::HalfDoubles::LANES) - 1;
+        let (p0, p1, p2) = (exact2::<W>(a, first), exact2::<W>(b, first), exact2::<W>(c, first));
         let (w0, s0) = edge(p1, p2);
         let (w1, s1) = edge(p2, p0);
         let (w2, s2) = edge(p0, p1);
         let inside = (s0[0] & s1[0] & s2[0]) | (s0[1] & s1[1] & s2[1]);
         // Ties, and what is not a number.
-        let mut unsure = !((s0[0] | s0[1]) & (s1[0] | s1[1]) & (s2[0] | s2[1])) & 0xf;
+        let mut unsure = !((s0[0] | s0[1]) & (s1[0] | s1[1]) & (s2[0] | s2[1])) & all;
         if inside | unsure == 0 {
             return;
         }
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let row = |i: usize| pairs.rays[from + i] as usize & 15;
-            let rows = [row(0), row(1), row(2), row(3)];
-            let (o, d) = (&bundle.rays.origin, &bundle.rays.direction);
-            let [ox, oy, oz, t_min] = D::load_columns([&o[rows[0]], &o[rows[1]], &o[rows[2]], &o[rows[3]]]);
-            let [dx, dy, dz, _] = D::load_columns([&d[rows[0]], &d[rows[1]], &d[rows[2]], &d[rows[3]]]);
-            let [c0, c1, c2] = self.corners;
-            let relative = [minus(c0, [ox, oy, oz]), minus(c1, [ox, oy, oz]), minus(c2, [ox, oy, oz])];
-            let normal = cross(minus(c1, c0), minus(c2, c0));
-            let direction = [dx, dy, dz];
-            let t = dot(normal, relative[0]).div(dot(normal, direction));
-            unsure |= !t.abs().lt(D::splat(f64::INFINITY)) & 0xf;
-            let beyond = t_min.lt(t);
-            if inside & beyond | unsure == 0 {
-                return;
-            }
-            let scale = D::splat(1.0).div(w0.add(w1).add(w2));
-            let (b1, b2) = (w1.mul(scale), w2.mul(scale));
-            let [r0, r1, r2] = relative;
-            let low = [r0[0].min(r1[0]).min(r2[0]), r0[1].min(r1[1]).min(r2[1]), r0[2].min(r1[2]).min(r2[2])];
-            let high = [r0[0].max(r1[0]).max(r2[0]), r0[1].max(r1[1]).max(r2[1]), r0[2].max(r1[2]).max(r2[2])];
-            let size = high[0].sub(low[0]).max(high[1].sub(low[1])).max(high[2].sub(low[2]));
-            // Surely near the drawn place: without divisions, so a little stricter.
-            let z = *bundle.axes.get_unchecked(2);
-            let b0 = D::splat(1.0).sub(b1).sub(b2);
-            let place = r0.get_unchecked(z).mul(b0).add(r1.get_unchecked(z).mul(b1)).add(r2.get_unchecked(z).mul(b2));
-            let reach = place.abs().add(size).mul(D::splat(PLACE_TOLERANCE * (1.0 - 1e-9)));
-            let mut in_place = place.sub(t.mul(*direction.get_unchecked(z))).abs().le(reach);
-            let padding = size.mul(D::splat(0.8e-6));
-            for axis in 0..3 {
-                let point = direction[axis].mul(t);
-                let margin = point.abs().mul(D::splat(1e-8));
-                in_place &=
-                    low[axis].sub(padding).le(point.add(margin)) & point.sub(margin).le(high[axis].add(padding));
-            }
-            unsure |= inside & beyond & !in_place;
-            found.hits |= (inside & beyond & !unsure) << from;
-            found.unsure |= unsure << from;
-            t.store_rounded(&mut *found.t.as_mut_ptr().add(from).cast::<[f32; 4]>());
-            b1.store_rounded(&mut *found.b1.as_mut_ptr().add(from).cast::<[f32; 4]>());
-            b2.store_rounded(&mut *found.b2.as_mut_ptr().add(from).cast::<[f32; 4]>());
+        let [c0, c1, c2] =
+            [exact3::<W>(&corners[0], first), exact3::<W>(&corners[1], first), exact3::<W>(&corners[2], first)];
+        let [origin, direction] = rays_of::<W>(bundle, pairs, first);
+        let t_min = W::HalfDoubles::of(W::pick(&bundle.t_min, &pairs.rays), first);
+        let relative = [minus(c0, origin), minus(c1, origin), minus(c2, origin)];
+        let normal = cross(minus(c1, c0), minus(c2, c0));
+        let t = dot(normal, relative[0]).div(dot(normal, direction));
+        unsure |= !t.abs().lt(W::HalfDoubles::splat(f64::INFINITY)) & all;
+        let beyond = t_min.lt(t);
+        if inside & beyond | unsure == 0 {
+            return;
         }
+        let scale = W::HalfDoubles::splat(1.0).div(w0.add(w1).add(w2));
+        let (b1, b2) = (w1.mul(scale), w2.mul(scale));
+        let [r0, r1, r2] = relative;
+        let low = [r0[0].min(r1[0]).min(r2[0]), r0[1].min(r1[1]).min(r2[1]), r0[2].min(r1[2]).min(r2[2])];
+        let high = [r0[0].max(r1[0]).max(r2[0]), r0[1].max(r1[1]).max(r2[1]), r0[2].max(r1[2]).max(r2[2])];
+        let size = high[0].sub(low[0]).max(high[1].sub(low[1])).max(high[2].sub(low[2]));
+        // Surely near the drawn place: without divisions, so a little stricter.
+        let z = *bundle.axes.get_unchecked(2);
+        let b0 = W::HalfDoubles::splat(1.0).sub(b1).sub(b2);
+        let place = r0.get_unchecked(z).mul(b0).add(r1.get_unchecked(z).mul(b1)).add(r2.get_unchecked(z).mul(b2));
+        let reach = place.abs().add(size).mul(W::HalfDoubles::splat(PLACE_TOLERANCE * (1.0 - 1e-9)));
+        let mut in_place = place.sub(t.mul(*direction.get_unchecked(z))).abs().le(reach);
+        let padding = size.mul(W::HalfDoubles::splat(0.8e-6));
+        for axis in 0..3 {
+            let point = direction[axis].mul(t);
+            let margin = point.abs().mul(W::HalfDoubles::splat(1e-8));
+            in_place &= low[axis].sub(padding).le(point.add(margin)) & point.sub(margin).le(high[axis].add(padding));
+        }
+        unsure |= inside & beyond & !in_place;
+        found.hits |= (inside & beyond & !unsure) << first;
+        found.unsure |= unsure << first;
+        t.store_rounded_from(&mut found.t, first);
+        b1.store_rounded_from(&mut found.b1, first);
+        b2.store_rounded_from(&mut found.b2, first);
     }
+}
+
+/// Some of the pairs in double precision.
+#[inline(always)]
+fn exact2<W: Lanes16>(v: &[W::Half; 2], first: usize) -> [W::HalfDoubles; 2] {
+    [W::HalfDoubles::of(v[0], first), W::HalfDoubles::of(v[1], first)]
+}
+
+/// Some of the pairs in double precision.
+#[inline(always)]
+fn exact3<W: Lanes16>(v: &[W::Half; 3], first: usize) -> [W::HalfDoubles; 3] {
+    [W::HalfDoubles::of(v[0], first), W::HalfDoubles::of(v[1], first), W::HalfDoubles::of(v[2], first)]
 }
 
 /// As the function of the same name of the exact test: the area, and where it is surely positive and negative.
 #[inline(always)]
-fn edge<D: Lanes4>(p: [D; 2], q: [D; 2]) -> (D, [u32; 2]) {
+fn edge<D: DoubleLanes>(p: [D; 2], q: [D; 2]) -> (D, [u32; 2]) {
     let (a, b) = (p[0].mul(q[1]), p[1].mul(q[0]));
     (a.sub(b), [b.lt(a), a.lt(b)])
 }
 
 #[inline(always)]
-fn minus<D: Lanes4>(a: [D; 3], b: [D; 3]) -> [D; 3] {
+fn minus<D: DoubleLanes>(a: [D; 3], b: [D; 3]) -> [D; 3] {
     [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2])]
 }
 
 #[inline(always)]
-fn cross<D: Lanes4>(a: [D; 3], b: [D; 3]) -> [D; 3] {
+fn cross<D: DoubleLanes>(a: [D; 3], b: [D; 3]) -> [D; 3] {
     [a[1].mul(b[2]).sub(b[1].mul(a[2])), a[2].mul(b[0]).sub(b[2].mul(a[0])), a[0].mul(b[1]).sub(b[0].mul(a[1]))]
 }
 
 #[inline(always)]
-fn dot<D: Lanes4>(a: [D; 3], b: [D; 3]) -> D {
+fn dot<D: DoubleLanes>(a: [D; 3], b: [D; 3]) -> D {
     a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
 }

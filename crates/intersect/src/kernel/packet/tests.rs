@@ -278,7 +278,7 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
                 let pairs = Pairs { triangles: [triangle as u32; 8], rays: [lane as u32; 8], count: 8, waiting: 0 };
                 let mut found = Found::NONE;
                 // SAFETY: as above.
-                unsafe { exact_hits::<W::Half>(std::slice::from_ref(block), bundle, &pairs, &mut found) };
+                unsafe { exact_hits::<W>(std::slice::from_ref(block), bundle, &pairs, &mut found) };
                 prop_assert!([0, 0xff].contains(&found.unsure) && [0, 0xff].contains(&found.hits));
                 if found.unsure == 0 {
                     prop_assert_eq!(found.hits != 0, expected.is_some(), "{:?} {:?}", ray, corners);

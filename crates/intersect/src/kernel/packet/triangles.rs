@@ -1,5 +1,6 @@
 //! What bundles do with the triangles of leaves: some are surely missed, some surely hit, and the rest is tested exactly.
 
+use super::super::node::padded;
 use super::super::ray::LocalRay;
 use super::bundle::{Bundle, PerRay, RAYS};
 use super::drawing;
@@ -9,9 +10,8 @@ use super::sure::Decided;
 use super::walk::Walker;
 use crate::accel::bvh::GroupTree;
 use crate::accel::group::test_triangle;
-use crate::precision::Rules;
+use crate::precision::{Real, Rules};
 use crate::query::search::{Goal, RealOf, Verdict};
-use snell_math::Vec2;
 use snell_math::simd::Lanes16;
 use std::mem::MaybeUninit;
 
@@ -207,15 +207,11 @@ impl<G: Goal> Walker<'_, '_, G> {
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn take_any<W: Lanes16>(&mut self, mut rays: u32, bundle: &mut Bundle) {
+    unsafe fn take_any<W: Lanes16>(&mut self, rays: u32, bundle: &mut Bundle) {
         self.alive &= !rays;
+        self.met |= rays;
         // SAFETY: passed on to the caller.
         unsafe { bundle.finish::<W>(rays) };
-        while rays != 0 {
-            let ray = rays.trailing_zeros() as usize & (RAYS - 1);
-            rays &= rays - 1;
-            self.search(ray).goal.take(G::Precision::hit(0.0, Vec2::ZERO, [0; 3]));
-        }
     }
 
     /// Tests what was put off. If nothing comes after the `last` ones of the root group, what rays without a search hit is only noted; else
@@ -246,8 +242,8 @@ impl<G: Goal> Walker<'_, '_, G> {
             self.given_up |= moved;
             outcome.over |= moved;
             if last {
-                self.known = hits & !self.begun;
-                hits &= self.begun;
+                self.known = hits & !self.begun & !self.met;
+                hits &= !self.known;
             }
             while hits != 0 {
                 let ray = hits.trailing_zeros() as usize & (RAYS - 1);
@@ -285,14 +281,16 @@ impl<G: Goal> Walker<'_, '_, G> {
         instance: u32,
         last: bool,
     ) -> bool {
-        self.want_rays(bundle);
         let all = u32::MAX >> (32 - pairs.count);
         let mut outcome = Outcome::NONE;
         (self.found.hits, self.found.unsure) = (0, all);
         if bundle.is_aligned {
             self.found.unsure = 0;
+            if G::Precision::TRIANGLES_ELSEWHERE {
+                self.want_rays(bundle);
+            }
             // SAFETY: as promised by the caller.
-            unsafe { G::Precision::exact_hits::<W::Half>(self.data, tree, bundle, pairs, &mut self.found) };
+            unsafe { G::Precision::exact_hits::<W>(self.data, tree, bundle, pairs, &mut self.found) };
         }
         let (mut hits, mut unsure) = (self.found.hits & all, self.found.unsure & all);
         while hits != 0 {
@@ -301,6 +299,9 @@ impl<G: Goal> Walker<'_, '_, G> {
             let ray = pairs.rays[pair] as usize & (RAYS - 1);
             let (t, b) = (self.found.t[pair], [self.found.b1[pair], self.found.b2[pair]]);
             self.offer(tree, ray, pairs.triangles[pair], t, b, instance, &mut outcome);
+        }
+        if unsure != 0 {
+            self.want_rays(bundle);
         }
         while unsure != 0 {
             let pair = unsure.trailing_zeros() as usize & (PAIRS - 1);
@@ -336,14 +337,34 @@ impl<G: Goal> Walker<'_, '_, G> {
         instance: u32,
         outcome: &mut Outcome,
     ) {
-        let is_over = (self.alive & !outcome.over) >> ray & 1 == 0;
-        let search = self.search(ray);
-        if is_over || t > search.goal.limit() {
+        if (self.alive & !outcome.over) >> ray & 1 == 0 {
             return;
         }
-        let (geometry, primitive) = tree.triangle_at(place);
-        let verdict = search.offer(G::Precision::found(t, b, [instance, geometry, primitive]));
-        outcome.note(ray, search.cull(), verdict == Verdict::Finished);
+        let id = tree.id_at(place);
+        if !G::WANTS_ONE || self.begun >> ray & 1 == 1 || !self.is_plain(tree, id) {
+            let search = self.search(ray);
+            if t <= search.goal.limit() {
+                let (geometry, primitive) = tree.triangle(id);
+                let verdict = search.offer(G::Precision::found(t, b, [instance, geometry, primitive]));
+                outcome.note(ray, search.cull(), verdict == Verdict::Finished);
+            }
+            return;
+        }
+        // As searches do, without one.
+        let [start, end] = G::Precision::interval(&self.rays[ray]);
+        let (nearest, is_met) = (&mut self.nearest[ray], self.met >> ray & 1 == 1);
+        let limit = if is_met { G::Precision::t(nearest) } else { end };
+        if t > limit || t <= start {
+            return;
+        }
+        let (geometry, primitive) = tree.triangle(id);
+        let hit = G::Precision::found(t, b, [instance, geometry, primitive]);
+        let hit = if self.options[geometry as usize].quads { G::Precision::quad_hit(&hit) } else { hit };
+        if t < limit || (is_met && G::Precision::is_before(&hit, nearest)) {
+            *nearest = hit;
+            self.met |= 1 << ray;
+            outcome.note(ray, padded(t.above()), G::ANY);
+        }
     }
 
     /// What follows from tests for the bundle. True if it does; if nothing comes after the `last` ones, the bundle is left as it is.

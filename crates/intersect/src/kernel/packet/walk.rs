@@ -10,7 +10,7 @@ use super::objects::enter_object;
 use super::sure::Sure;
 use super::triangles::Locals;
 use crate::accel::bvh::{Forest, GroupTree};
-use crate::query::search::{DataOf, Goal, RayOf, RealOf, Search};
+use crate::query::search::{DataOf, Goal, HitOf, RayOf, RealOf, Search};
 use crate::world::GeometryOptions;
 #[cfg(target_arch = "x86_64")]
 use snell_math::simd::{Avx8, Avx16};
@@ -104,9 +104,12 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     /// The rays of the run, and the number of the first.
     pub(super) rays: &'w [RayOf<G>],
     pub(super) first: usize,
-    /// Begun when something was found that may count: rays that surely meet nothing need none.
+    /// Begun when something was found that must be asked about: rays that meet nothing, or plain triangles only, need none.
     pub(super) searches: PerRay<Option<Search<'s, G>>>,
     pub(super) begun: u32,
+    /// Rays without a search that met something that counts, and the nearest of that (anything where any hit will do).
+    pub(super) met: u32,
+    pub(super) nearest: PerRay<HitOf<G>>,
     /// Begins the search of a ray, given by its number. (In place: what is returned would be copied as a whole after it was written in pieces.)
     pub(super) begin: &'w dyn Fn(usize, &mut Option<Search<'s, G>>),
     /// Memory for what becomes of pairs.
@@ -433,6 +436,12 @@ impl<'s, G: Goal> Walker<'_, 's, G> {
         if self.begun >> ray & 1 == 0 {
             self.begun |= 1 << ray;
             (self.begin)(self.first + ray, search);
+            if let Some(search) = search
+                && self.met >> ray & 1 == 1
+            {
+                self.met &= !(1 << ray);
+                search.goal.take(self.nearest[ray]);
+            }
         }
         search.as_mut().expect("it has begun")
     }
