@@ -216,7 +216,7 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
             rest &= !alike;
             let mut rows = luggage.rows(walkers.each_mut());
             stacks.work = 0;
-            let is_small = detail.is_small();
+            let is_small = detail.is_small::<G>();
             for row in &mut rows {
                 row.memory.clear();
                 (row.walker.is_small, row.walker.counted) = (is_small, [0; 2]);

@@ -42,8 +42,9 @@ pub(super) struct SeenBlock {
     edges: [[[f32; 8]; 3]; 2],
     /// Its product with a direction is the sum of all three areas.
     normal: [[f32; 8]; 3],
-    /// The first corner, and how much farther the other two are.
+    /// The first corner, and how much farther the other two are; and the first corner moved away by the errors of `z` that do not follow from areas.
     depth: [[f32; 8]; 3],
+    late: [f32; 8],
     /// Of the errors of areas; where the sum of areas is clear; errors of `z` by the inverse of that sum, and others.
     bound: [f32; 8],
     clear: [f32; 8],
@@ -261,13 +262,14 @@ impl SeenBlock {
             clear.store(&mut to.clear);
             clear.mul(high.sub(low)).store(&mut to.depth_error);
             other.store(&mut to.other_error);
+            r0[2].add(other).store(&mut to.late);
             nearest.store(&mut to.nearest);
             seen.assume_init()
         }
     }
 
-    /// Takes two of the rays, or the last one, and tells which triangles their lines may meet, a bit for each, eight for the first ray, then eight
-    /// for the last: a quick look, worth it for few rays.
+    /// Takes two of the rays, or the last one, and tells which triangles they may meet where that may matter, a bit for each, eight for the first
+    /// ray, then eight for the last: a quick look, worth it for few rays.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`; there must be rays, all below 16.
@@ -277,22 +279,7 @@ impl SeenBlock {
         *rays &= !(1 << a | 1 << b);
         let mask = if a == b { 0xff } else { 0xffff };
         // SAFETY: passed on to the caller.
-        unsafe {
-            let (a, b) = (a as usize, b as usize);
-            let mut vectors = Vectors::<W> {
-                normal: twice3(&self.normal),
-                areas: [twice3(&self.areas[0]), twice3(&self.areas[1])],
-                moments: [W::splat(0.0); 2],
-            };
-            let slope = [both(&lines.slope[0], a, b), both(&lines.slope[1], a, b)];
-            if lines.apart {
-                let moment = [both(&lines.moment[0], a, b), both(&lines.moment[1], a, b), both(&lines.moment[2], a, b)];
-                vectors.moments = [dot(twice3(&self.edges[0]), moment), dot(twice3(&self.edges[1]), moment)];
-            }
-            let (zero, bound) = (W::splat(0.0), W::load_halves(&self.bound, &self.bound));
-            let outside = vectors.areas(slope, zero).inside.add(bound).lt(zero);
-            !outside & mask
-        }
+        unsafe { !self.all::<W>().missed(&LineLanes::two(lines, a as usize, b as usize)) & mask }
     }
 
     /// The triangles that the rays of a bundle may be near, by the range of their slopes and places.
@@ -326,6 +313,71 @@ impl SeenBlock {
         }
     }
 
+    /// Those of some triangles that any of some rays may meet where that may matter: without a branch on it, for many rays.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`; the triangles must be below 8.
+    #[inline(always)]
+    pub unsafe fn near_any<W: Lanes16>(&self, lines: &Lines, rays: u32, mut triangles: u32) -> u32 {
+        let mut near = 0;
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let lines = LineLanes::<W>::all(lines);
+            while triangles != 0 {
+                let triangle = triangles.trailing_zeros();
+                triangles &= triangles - 1;
+                let missed = self.one::<W>(triangle as usize & 7).missed(&lines);
+                near |= u32::from(rays & !missed != 0) << triangle;
+            }
+        }
+        near
+    }
+
+    /// A triangle, for all rays.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`; the triangle must be below 8.
+    #[inline(always)]
+    unsafe fn one<W: Lanes16>(&self, triangle: usize) -> TriangleLanes<W> {
+        let i = triangle;
+        // SAFETY: passed on to the caller.
+        unsafe {
+            TriangleLanes {
+                normal: of3(&self.normal, i),
+                areas: [of3(&self.areas[0], i), of3(&self.areas[1], i)],
+                edges: [of3(&self.edges[0], i), of3(&self.edges[1], i)],
+                farther: [of(&self.depth[1], i), of(&self.depth[2], i)],
+                late: of(&self.late, i),
+                bound: of(&self.bound, i),
+                clear: of(&self.clear, i),
+                depth_error: of(&self.depth_error, i),
+                nearest: of(&self.nearest, i),
+            }
+        }
+    }
+
+    /// All triangles, for two rays.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    unsafe fn all<W: Lanes16>(&self) -> TriangleLanes<W> {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            TriangleLanes {
+                normal: twice3(&self.normal),
+                areas: [twice3(&self.areas[0]), twice3(&self.areas[1])],
+                edges: [twice3(&self.edges[0]), twice3(&self.edges[1])],
+                farther: [twice(&self.depth[1]), twice(&self.depth[2])],
+                late: twice(&self.late),
+                bound: twice(&self.bound),
+                clear: twice(&self.clear),
+                depth_error: twice(&self.depth_error),
+                nearest: twice(&self.nearest),
+            }
+        }
+    }
+
     /// How some of the rays meet a triangle.
     ///
     /// # Safety
@@ -334,19 +386,10 @@ impl SeenBlock {
     pub unsafe fn meeting<W: Lanes16>(&self, lines: &Lines, triangle: usize, rays: u32) -> Meeting<W> {
         // SAFETY: passed on to the caller.
         unsafe {
-            let i = triangle;
-            let slope = [W::load(&lines.slope[0]), W::load(&lines.slope[1])];
-            let mut vectors = Vectors::<W> {
-                normal: of3(&self.normal, i),
-                areas: [of3(&self.areas[0], i), of3(&self.areas[1], i)],
-                moments: [W::splat(0.0); 2],
-            };
-            if lines.apart {
-                let moment = [W::load(&lines.moment[0]), W::load(&lines.moment[1]), W::load(&lines.moment[2])];
-                vectors.moments = [dot(of3(&self.edges[0], i), moment), dot(of3(&self.edges[1], i), moment)];
-            }
-            let (zero, bound) = (W::splat(0.0), of::<W>(&self.bound, i));
-            let Areas { sum, a1, a2, inside } = vectors.areas(slope, zero);
+            let (i, zero) = (triangle, W::splat(0.0));
+            let of_triangle = self.one::<W>(triangle);
+            let bound = of_triangle.bound;
+            let Areas { sum, a1, a2, inside } = of_triangle.areas(&LineLanes::all(lines), zero);
             // NaN is never sure.
             let outside = inside.add(bound).lt(zero);
             let too_far = W::load(&lines.end).lt(of(&self.nearest, i));
@@ -391,6 +434,16 @@ unsafe fn of3<W: Lanes16>([x, y, z]: &[[f32; 8]; 3], triangle: usize) -> [W; 3] 
     unsafe { [of(x, triangle), of(y, triangle), of(z, triangle)] }
 }
 
+/// A number of all triangles, for two rays.
+///
+/// # Safety
+/// The machine must have the instructions of `W`.
+#[inline(always)]
+unsafe fn twice<W: Lanes16>(row: &[f32; 8]) -> W {
+    // SAFETY: passed on to the caller.
+    unsafe { W::load_halves(row, row) }
+}
+
 /// The vectors of all triangles, for two rays.
 ///
 /// # Safety
@@ -398,7 +451,7 @@ unsafe fn of3<W: Lanes16>([x, y, z]: &[[f32; 8]; 3], triangle: usize) -> [W; 3] 
 #[inline(always)]
 unsafe fn twice3<W: Lanes16>([x, y, z]: &[[f32; 8]; 3]) -> [W; 3] {
     // SAFETY: passed on to the caller.
-    unsafe { [W::load_halves(x, x), W::load_halves(y, y), W::load_halves(z, z)] }
+    unsafe { [twice(x), twice(y), twice(z)] }
 }
 
 /// The numbers of two rays, for all triangles.
@@ -411,12 +464,96 @@ unsafe fn both<W: Lanes16>(values: &PerRay<f32>, a: usize, b: usize) -> W {
     unsafe { W::from_halves(Lanes8::splat(*values.get_unchecked(a)), Lanes8::splat(*values.get_unchecked(b))) }
 }
 
-/// What areas are worked out from.
-struct Vectors<W> {
+/// [`Lines`] in lanes: of all rays, for a triangle; or of two rays, for all triangles.
+struct LineLanes<W> {
+    slope: [W; 2],
+    moment: Option<[W; 3]>,
+    begin: W,
+    end: W,
+}
+
+impl<W: Lanes16> LineLanes<W> {
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    unsafe fn all(lines: &Lines) -> Self {
+        let ([sx, sy], [mx, my, mz]) = (&lines.slope, &lines.moment);
+        // SAFETY: passed on to the caller.
+        unsafe {
+            Self {
+                slope: [W::load(sx), W::load(sy)],
+                moment: if lines.apart { Some([W::load(mx), W::load(my), W::load(mz)]) } else { None },
+                begin: W::load(&lines.begin),
+                end: W::load(&lines.end),
+            }
+        }
+    }
+
+    /// # Safety
+    /// The machine must have the instructions of `W`; the rays must be below 16.
+    #[inline(always)]
+    unsafe fn two(lines: &Lines, a: usize, b: usize) -> Self {
+        let ([sx, sy], [mx, my, mz]) = (&lines.slope, &lines.moment);
+        // SAFETY: passed on to the caller.
+        unsafe {
+            Self {
+                slope: [both(sx, a, b), both(sy, a, b)],
+                moment: if lines.apart { Some([both(mx, a, b), both(my, a, b), both(mz, a, b)]) } else { None },
+                begin: both(&lines.begin, a, b),
+                end: both(&lines.end, a, b),
+            }
+        }
+    }
+}
+
+/// Some of [`SeenBlock`] in lanes: of a triangle, for all rays; or of all triangles, for two rays.
+struct TriangleLanes<W> {
     normal: [W; 3],
     areas: [[W; 3]; 2],
-    /// What the places of rays add to areas.
-    moments: [W; 2],
+    edges: [[W; 3]; 2],
+    farther: [W; 2],
+    late: W,
+    bound: W,
+    clear: W,
+    depth_error: W,
+    nearest: W,
+}
+
+impl<W: Lanes16> TriangleLanes<W> {
+    #[inline(always)]
+    fn areas(&self, lines: &LineLanes<W>, zero: W) -> Areas<W> {
+        let sum = along(self.normal, lines.slope);
+        let (mut a1, mut a2) = (along(self.areas[0], lines.slope), along(self.areas[1], lines.slope));
+        if let Some(moment) = lines.moment {
+            // What the places of rays add.
+            (a1, a2) = (a1.add(dot(self.edges[0], moment)), a2.add(dot(self.edges[1], moment)));
+        }
+        let a0 = sum.sub(a1).sub(a2);
+        let inside = a0.min(a1).min(a2).max(zero.sub(a0.max(a1).max(a2)));
+        Areas { sum, a1, a2, inside }
+    }
+
+    /// Where rays surely do not meet triangles, or before they begin, or beyond where they end.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    unsafe fn missed(&self, lines: &LineLanes<W>) -> u32 {
+        // SAFETY: passed on to the caller.
+        let zero = unsafe { W::splat(0.0) };
+        let Areas { sum, a1, a2, inside } = self.areas(lines, zero);
+        let outside = inside.add(self.bound).lt(zero);
+        let too_far = lines.end.lt(self.nearest);
+        if lines.moment.is_none() {
+            return outside | too_far;
+        }
+        // How far the greatest `z` is beyond the beginning, times the sum of areas; without a quotient, as in [`SeenBlock::meeting`].
+        let size = sum.abs();
+        let farther = a1.mul_add(self.farther[0], a2.mul(self.farther[1]));
+        let farther = farther.where_less(sum, zero, zero.sub(farther)).add(self.depth_error);
+        let ahead = self.late.sub(lines.begin).mul_add(size, farther);
+        outside | too_far | (ahead.lt(zero) & self.clear.lt(size))
+    }
 }
 
 /// The sum of three signed areas, two of them, and how far all are on one side, on the better side.
@@ -425,18 +562,6 @@ struct Areas<W> {
     a1: W,
     a2: W,
     inside: W,
-}
-
-impl<W: Lanes16> Vectors<W> {
-    #[inline(always)]
-    fn areas(&self, slope: [W; 2], zero: W) -> Areas<W> {
-        let sum = along(self.normal, slope);
-        let a1 = along(self.areas[0], slope).add(self.moments[0]);
-        let a2 = along(self.areas[1], slope).add(self.moments[1]);
-        let a0 = sum.sub(a1).sub(a2);
-        let inside = a0.min(a1).min(a2).max(zero.sub(a0.max(a1).max(a2)));
-        Areas { sum, a1, a2, inside }
-    }
 }
 
 /// The product of a vector and directions.

@@ -1,5 +1,7 @@
 //! Which way to go when any hit will do.
 
+use crate::query::search::Goal;
+
 /// Which way bundles to one point go, where any hit will do: from their starts (in a closed room the next wall is near) or from the
 /// point (towards the light, a rough surface is all that is in the way)? Now and then a few go each way, and the others as those that had
 /// less work. The way changes no answer.
@@ -52,10 +54,11 @@ impl Detail {
     /// So many triangles of eight, on average, are small. (In leaves of 7 to 12 rays a bunny of 280 thousand that fills the picture has 3.7, of 1.1 million
     /// 6.7; a terrain of 4 million has 6.1, a field of small bunnies 7.5, a room of slivers 2.8.)
     const SMALL: u32 = 5;
+    const SMALL_OF_ANY: u32 = 2;
 
-    pub fn is_small(&self) -> bool {
+    pub fn is_small<G: Goal>(&self) -> bool {
         let [leaves, near] = self.counted;
-        self.turn >= Self::TRIALS && near > Self::SMALL * leaves
+        self.turn >= Self::TRIALS && near > if G::ANY { Self::SMALL_OF_ANY } else { Self::SMALL } * leaves
     }
 
     /// Counts a walk, and what it has come to.

@@ -17,6 +17,7 @@ use std::mem::MaybeUninit;
 
 /// So few rays are taken one by one, or two at a time, before the triangles that they are near.
 const FEW_RAYS: u32 = 6;
+const FEW_RAYS_OF_ANY: u32 = 4;
 
 /// So many pairs may wait where the nearest hit is wanted.
 const WAITING_PAIRS: usize = 4;
@@ -62,7 +63,13 @@ impl<G: Goal> Walker<'_, '_, G> {
     /// [`FEW_RAYS`], or more where [triangles are small](super::trial::Detail).
     #[inline(always)]
     fn few_rays<W: Lanes16>(&self) -> u32 {
-        if self.is_small { FEW_RAYS * (1 + W::REGISTERS) } else { FEW_RAYS }
+        if G::ANY {
+            FEW_RAYS_OF_ANY
+        } else if self.is_small {
+            FEW_RAYS * (1 + W::REGISTERS)
+        } else {
+            FEW_RAYS
+        }
     }
 
     /// True if pairs are not to be left for later.
@@ -147,8 +154,14 @@ impl<G: Goal> Walker<'_, '_, G> {
                 }
                 triangles &= all | all >> 8;
             } else {
-                triangles &= seen.near_bundle::<W::Half>(bundle);
-                self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
+                if !G::ANY || !self.is_small {
+                    triangles &= seen.near_bundle::<W::Half>(bundle);
+                    self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
+                }
+                if G::ANY {
+                    // Most rays meet only what they start on, behind their start.
+                    triangles = seen.near_any::<W>(&bundle.lines, rays, triangles);
+                }
             }
             while triangles != 0 {
                 let triangle = triangles.trailing_zeros();
