@@ -76,13 +76,15 @@ impl Detail {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::precision::Single;
+    use crate::query::search::Closest;
 
     #[test]
     fn triangles_are_small_where_bundles_are_near_many() {
         for (near, expected) in [(4, false), (6, true)] {
             let mut detail = Detail::default();
             for turn in 0..2 * Detail::PERIOD {
-                assert_eq!(detail.is_small(), expected && turn % Detail::PERIOD >= Detail::TRIALS);
+                assert_eq!(detail.is_small::<Closest<Single>>(), expected && turn % Detail::PERIOD >= Detail::TRIALS);
                 detail.count(if turn % Detail::PERIOD < Detail::TRIALS { [2, 2 * near] } else { [100, 100] });
             }
         }
