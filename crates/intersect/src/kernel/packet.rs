@@ -265,14 +265,16 @@ impl<'w, G: Goal> Walker<'w, '_, G> {
     #[inline(always)]
     fn answer(&mut self, start: &impl Fn(&RayOf<G>) -> G, answers: &mut impl Answers<G>) {
         let begun = std::mem::take(&mut self.begun);
-        for (lane, (ray, search)) in self.rays.iter().zip(&mut self.searches).enumerate() {
-            let number = self.first + lane;
-            if self.given_up >> lane & 1 == 1 {
-                continue;
-            }
-            if self.known >> lane & 1 == 1 {
+        let special = begun | self.known | self.met | self.given_up;
+        for (lane, ray) in self.rays.iter().enumerate() {
+            let (number, is_in) = (self.first + lane, |rays: u32| rays >> lane & 1 == 1);
+            if !is_in(special) {
+                answers.put(number, start(ray));
+            } else if is_in(self.given_up) {
+                // Others answer.
+            } else if is_in(self.known) {
                 let (t, b) = (self.sure.t[lane], [self.sure.b1[lane], self.sure.b2[lane]]);
-                let (geometry, primitive) = self.forest.trees[0].triangle_at(self.put_off[lane]);
+                let (geometry, primitive) = self.forest.trees[0].triangle(self.put_off_ids[lane]);
                 let hit = G::Precision::found(t, b, [0, geometry, primitive]);
                 let is_quad = self.options[geometry as usize].quads;
                 let hit = if is_quad { G::Precision::quad_hit(&hit) } else { hit };
@@ -281,16 +283,13 @@ impl<'w, G: Goal> Walker<'w, '_, G> {
                     goal.take(hit);
                 }
                 answers.put(number, goal);
-                continue;
-            }
-            if self.met >> lane & 1 == 1 {
+            } else if is_in(self.met) {
                 let mut goal = start(ray);
                 goal.take(self.nearest[lane]);
                 answers.put(number, goal);
-                continue;
+            } else if let Some(search) = self.searches[lane].take() {
+                answers.put(number, search.goal);
             }
-            let search = if begun >> lane & 1 == 1 { search.take() } else { None };
-            answers.put(number, search.map_or_else(|| start(ray), |search| search.goal));
         }
     }
 }

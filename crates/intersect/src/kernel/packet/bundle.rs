@@ -119,8 +119,6 @@ pub(crate) struct Columns<W> {
     pub direction: [W; 3],
     /// What `from_point` is seen from.
     pub point: [f32; 3],
-    /// The direction of the first ray.
-    pub first_direction: [f32; 3],
     /// Not negative.
     pub t_min: W,
     /// The padded limits of the searches; negative for rays whose search is over, and lanes without a ray.
@@ -200,28 +198,29 @@ impl Bundle {
                 apex = Vec3::new(self.drawn_origin[0][0], self.drawn_origin[1][0], self.drawn_origin[2][0]);
                 point = apex;
             }
-            self.kind = Kind { apex: apex.to_array(), rounded: true, slack: P::slack(data, group), ..*kind };
+            let kind = Kind { apex: apex.to_array(), rounded: true, slack: P::slack(data, group), ..*kind };
             let (from_apex, from_point) =
                 if kind.common { ([zero; 3], [zero; 3]) } else { (rays.seen_from(apex), rays.seen_from(point)) };
             let [dx, dy, dz] = &self.exact[1];
-            let first_direction = [dx[0] as f32, dy[0] as f32, dz[0] as f32];
+            let first = [dx[0] as f32, dy[0] as f32, dz[0] as f32];
             let point = point.to_array();
-            self.set_up::<W, P>(&Columns { from_apex, from_point, direction, point, first_direction, t_min, cull })
+            self.set_up::<W, P>(&Columns { from_apex, from_point, direction, point, t_min, cull }, first, kind)
         }
     }
 
-    /// Works out everything else from `kind`, `drawn_origin` by axis of the group, `columns`, and `exact` if anything was rounded. False if these
-    /// rays do not make a bundle.
+    /// Works out everything else from the kind, `columns`, the direction of the first ray, `drawn_origin` by axis of the group if the rays do not share
+    /// their origin or anything was rounded, and `exact` if that was. False if these rays do not make a bundle.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn set_up<W: Lanes16, P: Rules>(&mut self, columns: &Columns<W>) -> bool {
-        let kind = self.kind;
-        let (directions, first) = (&columns.direction, columns.first_direction);
-        self.axes = axes([first[0].abs(), first[1].abs(), first[2].abs()]);
-        let [x, y, z] = self.axes;
-        let forward: f32 = if first[z] < 0.0 { -1.0 } else { 1.0 };
+    pub unsafe fn set_up<W: Lanes16, P: Rules>(&mut self, columns: &Columns<W>, first: [f32; 3], kind: Kind) -> bool {
+        // (What was just written is not read here, where it would have been written in other pieces.)
+        self.kind = kind;
+        let directions = &columns.direction;
+        let [x, y, z] = axes([first[0].abs(), first[1].abs(), first[2].abs()]);
+        self.axes = [x, y, z];
+        let forward: f32 = if [first[0] < 0.0, first[1] < 0.0, first[2] < 0.0][z] { -1.0 } else { 1.0 };
         let sign = if kind.reversed { -forward } else { forward };
         self.sign = sign;
         // Quotients as in [`super::super::ray::LocalRay`], whose shears these are if triangles are drawn in `f32`.
@@ -277,7 +276,7 @@ impl Bundle {
             }
             self.lines.forward = forward;
             let slopes = [shear_x.mul(W::splat(forward)), shear_y.mul(W::splat(forward))];
-            self.lines.set_up(columns, &kind, self.axes, slopes, along);
+            self.lines.set_up(columns, &kind, [x, y, z], slopes, along);
             self.octant = (0..3).fold(0, |octant, axis| {
                 let down = (first[axis] < 0.0) != kind.backward;
                 octant | usize::from(down) << axis

@@ -16,12 +16,16 @@ const NEAR: f64 = 1.0 / 64.0;
 /// The ray by which a run is described: one of a run before, if both start at one point or end at about one, or else its own first.
 #[inline(always)]
 pub(super) fn anchor<'a, P: Rules>(before: &'a P::Ray, rays: &'a [P::Ray]) -> &'a P::Ray {
-    let [a, b, c] = [P::exact(before), P::exact(&rays[0]), P::exact(&rays[rays.len() - 1])];
+    let [a, b] = [P::exact(before), P::exact(&rays[0])];
+    if a.origin == b.origin {
+        return before;
+    }
+    let c = P::exact(&rays[rays.len() - 1]);
     let (way_of_a, way_of_b) = (a.direction * a.t_max, b.direction * b.t_max);
     // (Infinite and undefined lengths compare as false.)
     let gap = (a.origin + way_of_a).distance_squared(b.origin + way_of_b);
     let is_near = gap <= NEAR * NEAR * way_of_b.length_squared() && b.t_max < f64::INFINITY;
-    if a.origin == b.origin || (is_near && b.origin != c.origin) { before } else { &rays[0] }
+    if is_near && b.origin != c.origin { before } else { &rays[0] }
 }
 
 /// Makes a bundle of a run, described from where `anchor` starts or ends, and seen from where that starts; false if it is none. Lanes without
@@ -66,10 +70,12 @@ pub(crate) unsafe fn set_up<W: Lanes16>(bundle: &mut Bundle, rays: &[Ray], ancho
         // A little beyond the ends, so that all rays end before it.
         let end = anchor.origin + anchor.direction * (anchor.t_max * (1.0 + 1.0 / 1024.0));
         let apex = if reversed { end } else { anchor.origin }.to_array();
-        bundle.kind = Kind { apex, reversed, common, backward: reversed && backward, rounded: false, slack: 0.0 };
-        ox.store(&mut bundle.drawn_origin[0]);
-        oy.store(&mut bundle.drawn_origin[1]);
-        oz.store(&mut bundle.drawn_origin[2]);
+        let kind = Kind { apex, reversed, common, backward: reversed && backward, rounded: false, slack: 0.0 };
+        if !common {
+            ox.store(&mut bundle.drawn_origin[0]);
+            oy.store(&mut bundle.drawn_origin[1]);
+            oz.store(&mut bundle.drawn_origin[2]);
+        }
         dx.store(&mut bundle.direction[0]);
         dy.store(&mut bundle.direction[1]);
         dz.store(&mut bundle.direction[2]);
@@ -77,8 +83,8 @@ pub(crate) unsafe fn set_up<W: Lanes16>(bundle: &mut Bundle, rays: &[Ray], ancho
         let unused = 0xffff << rays.len() & 0xffff;
         let cull = t_max.add(t_max.abs().mul(W::splat(CULL_PADDING))).replace(unused, W::splat(-1.0));
         let direction = [dx, dy, dz];
-        let first_direction = first.direction.to_array();
-        bundle.set_up::<W, Single>(&Columns { from_apex, from_point, direction, point, first_direction, t_min, cull })
+        let columns = Columns { from_apex, from_point, direction, point, t_min, cull };
+        bundle.set_up::<W, Single>(&columns, first.direction.to_array(), kind)
     }
 }
 
