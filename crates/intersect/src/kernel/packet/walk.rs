@@ -270,7 +270,7 @@ unsafe fn descend<W: Lanes16, G: Goal>(
         unsafe {
             let pushed = push_children::<W, G>(tree, node, rows, [first as u32, meeting], far, stacks, top);
             if prefetch {
-                for i in top..top + pushed {
+                for i in (top..top + pushed).rev() {
                     fetch_ahead(tree, child_at(tree, *stacks.places.get_unchecked(i)));
                 }
             }
