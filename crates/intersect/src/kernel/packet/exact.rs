@@ -89,6 +89,7 @@ pub(crate) unsafe fn exact_hits<W: Lanes16>(
 ) {
     // SAFETY: passed on to the caller.
     unsafe {
+        debug_assert!(pairs.triangles.iter().all(|&place| (place as usize >> 3) < blocks.len()), "{pairs:?}");
         let start = blocks.as_ptr();
         let t = &pairs.triangles;
         let triangles = [

@@ -340,6 +340,59 @@ fn bundles_agree_with_the_oracle_on_nested_instances_with_masks_and_rejections()
     }
 }
 
+/// What is tested beside the last pairs are those from before, which must be of the same tree.
+#[test]
+fn instances_of_large_groups_leave_nothing_behind_for_small_ones() {
+    let soup = |seed: u32, count: u32| {
+        let positions = (0..3 * count).map(|i| vector(seed, i / 3) + 0.3 * vector(seed ^ 1, i)).collect();
+        let indices = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        Arc::new(TriangleMesh { positions, indices, ..TriangleMesh::default() })
+    };
+    let (large, small) = (soup(1, 4000), soup(2, 30));
+    let double = |mesh: &TriangleMesh| {
+        let positions = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
+        Arc::new(DTriangleMesh { positions, indices: mesh.indices.clone() })
+    };
+    let (double_large, double_small) = (double(&large), double(&small));
+    let places: Vec<_> = (0..8).map(|i| Transform::translation(vector(3, i).as_dvec3() * 3.0)).collect();
+    let make = |accelerator, simd| {
+        let mut builder = WorldBuilder::default();
+        for mesh in [&large, &small] {
+            let child = builder.add_group();
+            builder.add_mesh(child, mesh.clone());
+            for placed in &places {
+                builder.add_instance(WorldBuilder::ROOT, child, *placed);
+            }
+        }
+        build(builder, accelerator, simd)
+    };
+    let make_double = |simd| {
+        let mut builder = DWorldBuilder::default();
+        for mesh in [&double_large, &double_small] {
+            let child = builder.add_group();
+            builder.add_mesh(child, mesh.clone());
+            for placed in &places {
+                builder.add_instance(DWorldBuilder::ROOT, child, *placed);
+            }
+        }
+        builder.build(&BuildOptions { simd, ..BuildOptions::default() }).expect("a world")
+    };
+    let oracle = make(AcceleratorKind::None, Level::Scalar);
+    for level in levels() {
+        let (world, double) = (make(AcceleratorKind::Bvh, level), make_double(level));
+        for seed in 0..20 {
+            let kind = [Kind::FromPoint, Kind::ToPoint, Kind::Parallel][seed as usize % 3];
+            let rays = rays(kind, seed, 64, vector(seed, 100) * 6.0, vector(seed, 101), 0.3);
+            check(&world, &oracle, Rays::from(&rays), &AcceptAll).expect("the same hits");
+            let exact: Vec<DRay> = rays.iter().map(DRay::from).collect();
+            let mut hits = vec![DHit::MISS; rays.len()];
+            double.closest(&exact, Grouping::Coherent, &AcceptAll, &mut hits);
+            let alone = exact.iter().map(|ray| double.closest_one(ray, &AcceptAll));
+            assert!(hits.iter().zip(alone).all(|(hit, alone)| *hit == alone), "{seed}");
+        }
+    }
+}
+
 /// Far away, what is drawn is off by more than the padding of the box of a small triangle.
 #[test]
 fn rays_that_hit_the_drawing_of_a_triangle_beside_its_box_are_left_to_others() {

@@ -151,10 +151,10 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// Prepares it for another bundle.
+    /// Prepares it for another bundle, perhaps in another group: places of triangles must not stay, since what is not used is read, too.
     #[inline(always)]
     pub(super) fn clear(&mut self) {
-        self.pairs.clear();
+        self.pairs = Pairs::NONE;
         self.locals.clear();
     }
 }
