@@ -20,7 +20,7 @@ const FEW_RAYS: u32 = 6;
 const FEW_RAYS_OF_ANY: u32 = 4;
 
 /// So many pairs may wait where the nearest hit is wanted.
-const WAITING_PAIRS: usize = 4;
+const WAITING_PAIRS: usize = 6;
 
 impl<G: Goal> Walker<'_, '_, G> {
     /// Only the nearest hit counts: if it is certain which that is, the exact test of others is saved.
