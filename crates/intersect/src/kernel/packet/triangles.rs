@@ -15,7 +15,8 @@ use crate::query::search::{Goal, RealOf, Verdict};
 use snell_math::simd::Lanes16;
 use std::mem::MaybeUninit;
 
-/// So few rays are taken one by one, or two at a time, before the triangles that they are near.
+/// So few rays are taken one by one, or two at a time, before the triangles that they are near; where any hit will do, so few by register of a
+/// vector of sixteen.
 const FEW_RAYS: u32 = 6;
 const FEW_RAYS_OF_ANY: u32 = 4;
 
@@ -60,13 +61,13 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
     }
 
-    /// [`FEW_RAYS`], or more where [triangles are small](super::trial::Detail).
+    /// [`FEW_RAYS`], or all where [triangles are small](super::trial::Detail).
     #[inline(always)]
     fn few_rays<W: Lanes16>(&self) -> u32 {
         if G::ANY {
-            FEW_RAYS_OF_ANY
+            FEW_RAYS_OF_ANY * W::REGISTERS
         } else if self.is_small {
-            FEW_RAYS * (1 + W::REGISTERS)
+            RAYS as u32
         } else {
             FEW_RAYS
         }
@@ -154,7 +155,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                 }
                 triangles &= all | all >> 8;
             } else {
-                if !G::ANY || !self.is_small {
+                if !G::ANY || !self.is_small || W::REGISTERS > 1 {
                     triangles &= seen.near_bundle::<W::Half>(bundle);
                     self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
                 }
