@@ -167,12 +167,17 @@ proptest! {
         let mut rays = rays(kind, seed, RAYS, from, to, width);
         for ray in &mut rays {
             (ray.origin, ray.direction) = ((ray.origin + far) * scale, ray.direction * scale);
+            ray.t_min = if seed % 3 == 0 { 0.1 * unit(seed, 99) } else { 0.0 };
         }
         let mut block = TriangleBlock::EMPTY;
         for (lane, ray) in rays.iter().enumerate().take(8) {
             // Around points on the rays; some on the lattice, where edges are met.
             let u = unit(seed, lane as u32);
-            let at = ray.at(if lane % 2 == 0 { 0.5 * u } else { 1.0 + (u - 0.5) * 1e-3 });
+            let at = ray.at(match lane % 4 {
+                0 => 0.5 * u,
+                2 => ray.t_min + (u - 0.5) * 10.0f32.powf(-7.0 * unit(seed, 90 + lane as u32)),
+                _ => 1.0 + (u - 0.5) * 1e-3,
+            });
             let corner = |k: u32| {
                 let p = at + vector(seed ^ 5, 8 * k + lane as u32) * (size * scale);
                 (if lane < 4 { p } else { (p / scale).round() * scale }).to_array()
@@ -243,6 +248,9 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
             prop_assert!(near_bundle >> triangle & 1 == 1 || wanted.is_none(), "{ray:?} {corners:?}");
             // SAFETY: as above.
             let near = unsafe { seen.near_two::<W>(&bundle.lines, &mut (1 << lane | 1 << (lane / 2))) };
+            // SAFETY: as above.
+            let any = unsafe { seen.near_any::<W>(&bundle.lines, 1 << lane, 1 << triangle) };
+            prop_assert!(any != 0 || wanted.is_none(), "{ray:?} {corners:?}");
             // It is the last of the two, or both.
             let half = u32::from(lane > 0);
             prop_assert!(near >> (8 * half) >> triangle & 1 == 1 || wanted.is_none(), "{ray:?} {corners:?}");
