@@ -187,8 +187,8 @@ impl DoubleLanes for Avx8Doubles {
 
 impl DoublesOf<Avx8> for Avx8Doubles {
     #[inline(always)]
-    fn of(singles: Avx8, _first: usize) -> Self {
-        // SAFETY: `Lanes16` uses it with values of the same level only, so the machine has AVX-512.
+    unsafe fn of(singles: Avx8, _first: usize) -> Self {
+        // SAFETY: the caller guarantees AVX-512.
         Self(unsafe { _mm512_cvtps_pd(singles.0) })
     }
 

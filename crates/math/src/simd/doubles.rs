@@ -45,7 +45,10 @@ pub trait DoubleLanes: Copy {
 /// What some of eight numbers become in double precision: those from `first` on, a multiple of [`DoubleLanes::LANES`] below 8.
 pub trait DoublesOf<S>: DoubleLanes {
     /// The numbers, exactly.
-    fn of(singles: S, first: usize) -> Self;
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn of(singles: S, first: usize) -> Self;
 
     /// The values that `lanes` (below 16) tell.
     ///
@@ -96,7 +99,7 @@ pub trait Lanes4: DoubleLanes {
 /// Four of eight lanes, as [`WideLanes`] have them.
 impl<S: WideLanes<Doubles = D>, D: Lanes4> DoublesOf<S> for D {
     #[inline(always)]
-    fn of(singles: S, first: usize) -> Self {
+    unsafe fn of(singles: S, first: usize) -> Self {
         if first == 0 { singles.first_doubles() } else { singles.last_doubles() }
     }
 

@@ -306,15 +306,23 @@ unsafe fn test<W: Lanes16>(
 }
 
 /// Some of the pairs in double precision.
+///
+/// # Safety
+/// The machine must have the instructions of `W`.
 #[inline(always)]
-fn exact2<W: Lanes16>(v: &[W::Half; 2], first: usize) -> [W::HalfDoubles; 2] {
-    [W::HalfDoubles::of(v[0], first), W::HalfDoubles::of(v[1], first)]
+unsafe fn exact2<W: Lanes16>(v: &[W::Half; 2], first: usize) -> [W::HalfDoubles; 2] {
+    // SAFETY: passed on to the caller.
+    unsafe { [W::HalfDoubles::of(v[0], first), W::HalfDoubles::of(v[1], first)] }
 }
 
 /// Some of the pairs in double precision.
+///
+/// # Safety
+/// The machine must have the instructions of `W`.
 #[inline(always)]
-fn exact3<W: Lanes16>(v: &[W::Half; 3], first: usize) -> [W::HalfDoubles; 3] {
-    [W::HalfDoubles::of(v[0], first), W::HalfDoubles::of(v[1], first), W::HalfDoubles::of(v[2], first)]
+unsafe fn exact3<W: Lanes16>(v: &[W::Half; 3], first: usize) -> [W::HalfDoubles; 3] {
+    // SAFETY: passed on to the caller.
+    unsafe { [W::HalfDoubles::of(v[0], first), W::HalfDoubles::of(v[1], first), W::HalfDoubles::of(v[2], first)] }
 }
 
 /// As the function of the same name of the exact test: the area, and where it is surely positive and negative.

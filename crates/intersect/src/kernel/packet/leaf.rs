@@ -547,7 +547,8 @@ impl<W: Lanes16> TriangleLanes<W> {
         if lines.moment.is_none() {
             return outside | too_far;
         }
-        // How far the greatest `z` is beyond the beginning, times the sum of areas; without a quotient, as in [`SeenBlock::meeting`].
+        // How far the greatest `z` is beyond the beginning, times the sum of areas: without a quotient, else as in [`SeenBlock::meeting`]. (Instead of
+        // the roundings of that quotient and two products there are those of three sums, all within the bound of other errors.)
         let size = sum.abs();
         let farther = a1.mul_add(self.farther[0], a2.mul(self.farther[1]));
         let farther = farther.where_less(sum, zero, zero.sub(farther)).add(self.depth_error);
