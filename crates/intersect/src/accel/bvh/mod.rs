@@ -139,10 +139,10 @@ impl GroupTree {
         (geometry, id - first)
     }
 
-    /// The triangle in a lane of a block, as the group numbers it; both as one number: that of the block eight times, and the lane.
+    /// Geometry and triangle of what is in a lane of a block, both as one number: that of the block eight times, and the lane.
     #[inline(always)]
-    pub fn id_at(&self, place: u32) -> u32 {
-        self.blocks[place as usize >> 3].ids[place as usize & 7]
+    pub fn triangle_at(&self, place: u32) -> (u32, u32) {
+        self.triangle(self.blocks[place as usize >> 3].ids[place as usize & 7])
     }
 
     /// True if a triangle is in several blocks, as spatial splits leave them.

@@ -182,7 +182,10 @@ impl<G: Goal> Walker<'_, '_, G> {
                     }
                 }
                 let hit = sure | drawn;
-                if hit != 0 && (G::ANY || (Self::PUTS_OFF && !bundle.kind.reversed)) && self.is_plain(tree, id) {
+                if hit != 0
+                    && (G::ANY || (Self::PUTS_OFF && !bundle.kind.reversed))
+                    && self.is_plain(tree.triangle(id).0)
+                {
                     if G::ANY {
                         self.take_any::<W>(hit, bundle);
                         rays &= !hit;
@@ -209,10 +212,10 @@ impl<G: Goal> Walker<'_, '_, G> {
         found
     }
 
-    /// True if hits of a triangle count for all rays, whatever they are.
+    /// True if hits of a geometry count for all rays, whatever they are.
     #[inline(always)]
-    fn is_plain(&self, tree: &GroupTree, triangle: u32) -> bool {
-        let options = &self.options[tree.triangle(triangle).0 as usize];
+    fn is_plain(&self, geometry: u32) -> bool {
+        let options = &self.options[geometry as usize];
         options.mask & self.masks != 0 && !options.filtered
     }
 
@@ -354,11 +357,10 @@ impl<G: Goal> Walker<'_, '_, G> {
         if (self.alive & !outcome.over) >> ray & 1 == 0 {
             return;
         }
-        let id = tree.id_at(place);
-        if !G::WANTS_ONE || self.begun >> ray & 1 == 1 || !self.is_plain(tree, id) {
+        let (geometry, primitive) = tree.triangle_at(place);
+        if !G::WANTS_ONE || self.begun >> ray & 1 == 1 || !self.is_plain(geometry) {
             let search = self.search(ray);
             if t <= search.goal.limit() {
-                let (geometry, primitive) = tree.triangle(id);
                 let verdict = search.offer(G::Precision::found(t, b, [instance, geometry, primitive]));
                 outcome.note(ray, search.cull(), verdict == Verdict::Finished);
             }
@@ -371,7 +373,6 @@ impl<G: Goal> Walker<'_, '_, G> {
         if t > limit || t <= start {
             return;
         }
-        let (geometry, primitive) = tree.triangle(id);
         let hit = G::Precision::found(t, b, [instance, geometry, primitive]);
         let hit = if self.options[geometry as usize].quads { G::Precision::quad_hit(&hit) } else { hit };
         if t < limit || (is_met && G::Precision::is_before(&hit, nearest)) {
