@@ -65,6 +65,8 @@ pub(crate) struct Bundle {
     /// Per axis and ray.
     pub slope: [PerRay<f32>; 2],
     offset: [PerRay<f32>; 2],
+    /// The vector product of slopes and offsets.
+    across: PerRay<f32>,
     /// Where each ray starts and ends on the z axis; it ends before it starts when nothing is wanted of it any more.
     near: PerRay<f32>,
     far: PerRay<f32>,
@@ -133,6 +135,7 @@ impl Bundle {
         direction: [[0.0; RAYS]; 3],
         slope: [[0.0; RAYS]; 2],
         offset: [[0.0; RAYS]; 2],
+        across: [0.0; RAYS],
         near: [0.0; RAYS],
         far: [0.0; RAYS],
         start: [0.0; RAYS],
@@ -261,6 +264,7 @@ impl Bundle {
                 zero.store(&mut self.start);
                 zero.store(&mut self.offset[0]);
                 zero.store(&mut self.offset[1]);
+                zero.store(&mut self.across);
                 self.lines.point = [kind.apex[x], kind.apex[y], kind.apex[z]];
             } else {
                 self.place::<W>(columns);
@@ -393,8 +397,11 @@ impl Bundle {
             let (from_x, from_y, from_z) = (from[x], from[y], from[z]);
             let start = from_z.mul(W::splat(self.sign));
             start.store(&mut self.start);
-            from_x.sub(W::load(&self.slope[0]).mul(start)).store(&mut self.offset[0]);
-            from_y.sub(W::load(&self.slope[1]).mul(start)).store(&mut self.offset[1]);
+            let (slope_x, slope_y) = (W::load(&self.slope[0]), W::load(&self.slope[1]));
+            let (offset_x, offset_y) = (from_x.sub(slope_x.mul(start)), from_y.sub(slope_y.mul(start)));
+            offset_x.store(&mut self.offset[0]);
+            offset_y.store(&mut self.offset[1]);
+            slope_y.mul(offset_x).sub(slope_x.mul(offset_y)).store(&mut self.across);
             from_x.abs().add(from_y.abs()).add(from_z.abs()).greatest()
         };
         self.margin = distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
@@ -587,15 +594,22 @@ impl Bundle {
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn one_box<W: Lanes16>(&self, node: &WideNode, slot: usize) -> Boxes<W> {
+    pub unsafe fn one_box<W: Lanes16>(&self, node: &WideNode, slot: usize) -> OneBox<W> {
         let [x, y, z] = self.axes;
         let up = usize::from(self.sign < 0.0);
         // SAFETY: passed on to the caller; sides are 0 or 1, axes below 3.
         unsafe {
             let near = self.plane(node, up, z, slot) * self.sign - self.margin;
             let far = self.plane(node, up ^ 1, z, slot) * self.sign * (1.0 + PADDING) + self.margin;
-            let sides = [self.padded_sides(node, x, slot), self.padded_sides(node, y, slot)];
-            Boxes { near: W::splat(near), far: W::splat(far), sides }
+            let [x_sides, y_sides] = [self.padded_sides(node, x, slot), self.padded_sides(node, y, slot)];
+            let ([x, half_x], [y, half_y]) = (middle(x_sides), middle(y_sides));
+            OneBox {
+                near: W::splat(near),
+                far: W::splat(far),
+                sides: [x_sides.map(|side| W::splat(side)), y_sides.map(|side| W::splat(side))],
+                middle: [W::splat(x), W::splat(y)],
+                half: [W::splat(half_x), W::splat(half_y)],
+            }
         }
     }
 
@@ -612,14 +626,12 @@ impl Bundle {
     /// The sides of a box on an axis, moved out.
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`; `axis` must be below 3.
+    /// `axis` must be below 3.
     #[inline(always)]
-    unsafe fn padded_sides<W: Lanes16>(&self, node: &WideNode, axis: usize, slot: usize) -> [W; 2] {
+    unsafe fn padded_sides(&self, node: &WideNode, axis: usize, slot: usize) -> [f32; 2] {
         // SAFETY: passed on to the caller.
-        unsafe {
-            let (low, high) = (self.plane(node, 0, axis, slot), self.plane(node, 1, axis, slot));
-            [W::splat(low - low.abs() * PADDING - self.margin), W::splat(high + high.abs() * PADDING + self.margin)]
-        }
+        let (low, high) = unsafe { (self.plane(node, 0, axis, slot), self.plane(node, 1, axis, slot)) };
+        [low - low.abs() * PADDING - self.margin, high + high.abs() * PADDING + self.margin]
     }
 
     /// Which rays meet [a box](Self::one_box).
@@ -627,14 +639,19 @@ impl Bundle {
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn rays_meeting<W: Lanes16>(&self, boxes: &Boxes<W>) -> u32 {
+    pub unsafe fn rays_meeting<W: Lanes16>(&self, one: &OneBox<W>) -> u32 {
         // SAFETY: passed on to the caller.
         unsafe {
-            let near = boxes.near.max(W::load(&self.near));
-            let far = boxes.far.min(W::load(&self.far));
+            let near = one.near.max(W::load(&self.near));
+            let far = one.far.min(W::load(&self.far));
+            // Seen along the axis of the bundle: how far the line is from the middle of the box (times the length of both slopes).
+            let (slope_x, slope_y) = (W::load(&self.slope[0]), W::load(&self.slope[1]));
+            let from_middle = W::load(&self.across).sub(slope_y.mul(one.middle[0])).add(slope_x.mul(one.middle[1]));
+            let reach = slope_y.abs().mul_add(one.half[0], slope_x.abs().mul(one.half[1]));
+            let beside = from_middle.abs().sub(reach);
             // The last one is always a number.
-            let gap = self.gap_of_rays(boxes, 1, near, far).max(near.sub(far));
-            self.gap_of_rays(boxes, 0, near, far).max(gap).le(W::splat(0.0))
+            let gap = self.gap_of_rays(one, 1, near, far).max(near.sub(far));
+            self.gap_of_rays(one, 0, near, far).max(beside).max(gap).le(W::splat(0.0))
         }
     }
 
@@ -643,11 +660,11 @@ impl Bundle {
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn gap_of_rays<W: Lanes16>(&self, boxes: &Boxes<W>, i: usize, near: W, far: W) -> W {
+    unsafe fn gap_of_rays<W: Lanes16>(&self, one: &OneBox<W>, i: usize, near: W, far: W) -> W {
         // SAFETY: passed on to the caller.
         let (slope, offset) = unsafe { (W::load(&self.slope[i]), W::load(&self.offset[i])) };
         let (a, b) = (near.mul_add(slope, offset), far.mul_add(slope, offset));
-        let [low, high] = boxes.sides[i];
+        let [low, high] = one.sides[i];
         a.min(b).sub(high).max(low.sub(a.max(b)))
     }
 }
@@ -658,6 +675,22 @@ pub(crate) struct Boxes<L> {
     near: L,
     far: L,
     sides: [[L; 2]; 2],
+}
+
+/// One of these, moved out by all errors.
+pub(crate) struct OneBox<W> {
+    near: W,
+    far: W,
+    sides: [[W; 2]; 2],
+    /// Of its sides; and half of their distance, with more for the roundings there.
+    middle: [W; 2],
+    half: [W; 2],
+}
+
+/// The middle of two sides, and half of their distance, with more for roundings.
+#[inline(always)]
+fn middle([low, high]: [f32; 2]) -> [f32; 2] {
+    [(low + high) * 0.5, (high - low) * 0.5 + (low.abs() + high.abs()) * (0.5 * PADDING)]
 }
 
 /// Numbers by axis and ray.

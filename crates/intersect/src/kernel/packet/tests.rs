@@ -10,6 +10,7 @@ use crate::accel::AcceleratorKind;
 use crate::accel::group::mapped;
 use crate::hit::{DHit, Hit};
 use crate::kernel::double::frame::Frame;
+use crate::kernel::node::{ChildRef, WideNode};
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::{TriangleBlock, exact_hit, plane_distance};
 use crate::mesh::{DTriangleMesh, TriangleMesh};
@@ -21,7 +22,7 @@ use crate::world::tests::{build, check, lattice_point, levels, nested_scene};
 use crate::world::{BuildOptions, GeometryId, WorldBuilder};
 use proptest::prelude::*;
 use snell_math::simd::{Lanes16, Level, Pair, Portable8};
-use snell_math::{Bounds3d, DAffine3, DRay, DVec3, Ray, Transform, Vec3, rng};
+use snell_math::{Bounds3, Bounds3d, DAffine3, DRay, DVec3, Ray, Transform, Vec3, rng};
 use std::sync::Arc;
 
 /// Unit numbers from a seed.
@@ -152,6 +153,39 @@ proptest! {
                 prop_assert_eq!(hits[i], expected, "{:?} {:?}", level, ray);
                 prop_assert_eq!(hits[i].t.to_bits(), expected.t.to_bits());
                 prop_assert_eq!(blocked[i], expected.is_hit(), "{:?} {:?}", level, ray);
+            }
+        }
+    }
+
+    #[test]
+    fn boxes_that_rays_pass_through_are_met(
+        (kind, seed, backward) in (kinds(), 0u32..1_000_000, any::<bool>()),
+        (from, to, width) in (lattice_point(), lattice_point(), widths()),
+        (at, sizes) in (0.0f32..1.0, prop::array::uniform3(prop_oneof![Just(0.0f32), Just(1e-3), Just(0.1), Just(20.0)])),
+        (scale, far) in (-20i32..20, prop_oneof![Just(0.0f32), Just(100.0)]),
+    ) {
+        let (scale, far) = (2.0f32.powi(scale), Vec3::new(far, -far, far));
+        let mut rays = rays(kind, seed, RAYS, from, to, width);
+        for ray in &mut rays {
+            (ray.origin, ray.direction) = ((ray.origin + far) * scale, ray.direction * scale);
+        }
+        let mut bundle = Bundle::NONE;
+        // SAFETY: portable code.
+        if unsafe { set_up::<Pair<Portable8>>(&mut bundle, &rays, &rays[0], backward) } {
+            let mut node = WideNode::EMPTY;
+            for (lane, ray) in rays.iter().enumerate() {
+                // A corner, an edge or the inside of the box is on the ray.
+                let on_ray = ray.origin.as_dvec3() + ray.direction.as_dvec3() * f64::from(at);
+                let share = (vector(seed, 40 + lane as u32) * 1.5).clamp(Vec3::NEG_ONE, Vec3::ONE) * 0.5 + 0.5;
+                let size = Vec3::from_array(sizes) * scale;
+                let (low, high) = (on_ray - (share * size).as_dvec3(), on_ray + ((1.0 - share) * size).as_dvec3());
+                let (low, high) = (low.as_vec3(), high.as_vec3());
+                // (As for triangles there.)
+                let bounds = Bounds3 { min: low - low.abs() * f32::EPSILON, max: high + high.abs() * f32::EPSILON };
+                node.set(lane & 7, &bounds, ChildRef::node(0));
+                // SAFETY: portable code.
+                let met = unsafe { bundle.rays_meeting(&bundle.one_box::<Pair<Portable8>>(&node, lane & 7)) };
+                prop_assert!(met >> lane & 1 == 1, "{ray:?} {low} {high}");
             }
         }
     }
@@ -299,6 +333,24 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
         }
     }
     Ok(())
+}
+
+#[test]
+fn long_boxes_beside_rays_are_not_met() {
+    // Seen from the sides it seems that rays pass through, but not from above.
+    let mut bundle = Bundle::NONE;
+    let (from, to) = (Vec3::new(0.0, 0.0, -10.0), Vec3::new(5.0, 5.0, 10.0));
+    for kind in [Kind::FromPoint, Kind::ToPoint, Kind::Parallel] {
+        assert!(is_bundle(&mut bundle, &rays(kind, 1, RAYS, from, to, 0.1)));
+        let mut node = WideNode::EMPTY;
+        let column = |x: f32, y: f32| Bounds3 { min: Vec3::new(x, y, -10.0), max: Vec3::new(x + 0.5, y + 0.5, 10.0) };
+        for (slot, (x, y)) in [(1.0, 3.5), (3.5, 1.0), (2.25, 2.25)].into_iter().enumerate() {
+            node.set(slot, &column(x, y), ChildRef::node(0));
+            // SAFETY: portable code.
+            let met = unsafe { bundle.rays_meeting(&bundle.one_box::<Pair<Portable8>>(&node, slot)) };
+            assert_eq!(met, if x == y { 0xffff } else { 0 }, "{kind:?} {x} {y}");
+        }
+    }
 }
 
 #[test]
