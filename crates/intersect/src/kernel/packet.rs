@@ -11,9 +11,11 @@ pub(crate) mod doubles;
 mod drawing;
 pub(crate) mod exact;
 pub(crate) mod exact_rays;
+mod facing;
 mod leaf;
 mod lines;
 mod objects;
+mod planes;
 pub(crate) mod runs;
 pub(crate) mod sure;
 #[cfg(test)]

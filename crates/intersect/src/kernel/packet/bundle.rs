@@ -379,6 +379,7 @@ impl Bundle {
     pub fn widen(&mut self, other: &Self) {
         self.margin = self.margin.max(other.margin);
         self.lines.spread = self.lines.spread.max(other.lines.spread);
+        self.lines.latest = self.lines.latest.max(other.lines.latest);
         self.lines.margin = self.lines.margin.max(other.lines.margin);
     }
 

@@ -7,8 +7,10 @@
 
 use super::super::node::ChildRef;
 use super::super::triangle::TriangleBlock;
-use super::bundle::{Bundle, PerRay};
+use super::bundle::Bundle;
+use super::facing::{Areas, LineLanes, PlaneLanes, TriangleLanes, of};
 use super::lines::Lines;
+use super::planes::{Of, Planes};
 use crate::accel::bvh::GroupTree;
 use crate::precision::Rules;
 use snell_math::simd::{Lanes8, Lanes16};
@@ -34,24 +36,42 @@ const MARGIN_ERROR: f32 = 16.0;
 /// times the depth away, over a sum that is 0.7 of what it seems. (Inside, from a sum of six on: over half, for corners within the depth.)
 const CLEAR: f32 = 10.0;
 
+/// What is to be known of a block besides areas.
+#[derive(Clone, Copy)]
+pub(super) struct Wanted {
+    /// Where rays do not share their origin, or any hit will do.
+    pub planes: bool,
+    /// Unless any hit will do.
+    pub depths: bool,
+}
+
 /// A block of triangles seen from where the rays of a bundle start: numbers by triangle.
 #[repr(C, align(64))]
 pub(super) struct SeenBlock {
     /// Of two edges, by axis of the bundle.
-    areas: [[[f32; 8]; 3]; 2],
-    edges: [[[f32; 8]; 3]; 2],
+    pub(super) areas: [[[f32; 8]; 3]; 2],
+    pub(super) edges: [[[f32; 8]; 3]; 2],
     /// Its product with a direction is the sum of all three areas.
-    normal: [[f32; 8]; 3],
-    /// The first corner, and how much farther the other two are; and the first corner moved away by the errors of `z` that do not follow from areas.
-    depth: [[f32; 8]; 3],
-    late: [f32; 8],
-    /// Of the errors of areas; where the sum of areas is clear; errors of `z` by the inverse of that sum, and others.
-    bound: [f32; 8],
+    pub(super) normal: [[f32; 8]; 3],
+    /// Of the errors of areas.
+    pub(super) bound: [f32; 8],
+    /// Between these places a hit may be put.
+    pub(super) nearest: [f32; 8],
+    pub(super) farthest: [f32; 8],
+    /// Written if they are wanted.
+    pub(super) planes: MaybeUninit<Planes>,
+    depths: MaybeUninit<Depths>,
+}
+
+/// Where the triangles of a block are along the axis of a bundle.
+#[repr(C, align(32))]
+struct Depths {
+    /// The first corner, and how much farther the other two are.
+    corners: [[f32; 8]; 3],
+    /// Where the sum of areas is clear; errors of `z` by the inverse of that sum, and others.
     clear: [f32; 8],
-    depth_error: [f32; 8],
+    error: [f32; 8],
     other_error: [f32; 8],
-    /// The nearest place where a hit may be put.
-    nearest: [f32; 8],
 }
 
 /// A block of triangles seen from where all rays of a bundle start. Each ray costs two products an edge, so nothing is worth being shared by
@@ -109,7 +129,7 @@ impl<L: Lanes8> SharedOrigin<L> {
 }
 
 /// A leaf on the way of bundles that are seen from one point: what is known of its triangles is worked out once for all.
-pub(super) struct Leaf<'t, L> {
+pub(super) struct Leaf<'t, W: Lanes16> {
     pub block: &'t TriangleBlock,
     /// Of its first triangle: eight times the number of the block.
     pub place: u32,
@@ -117,10 +137,10 @@ pub(super) struct Leaf<'t, L> {
     pub used: u32,
     seen: MaybeUninit<SeenBlock>,
     is_seen: bool,
-    of_origin: Option<SharedOrigin<L>>,
+    of_origin: Option<SharedOrigin<W::Half>>,
 }
 
-impl<'t, L: Lanes8> Leaf<'t, L> {
+impl<'t, W: Lanes16> Leaf<'t, W> {
     /// # Safety
     /// `child` must be a block of the tree.
     #[inline(always)]
@@ -131,16 +151,16 @@ impl<'t, L: Lanes8> Leaf<'t, L> {
         Self { block, place, used, seen: MaybeUninit::uninit(), is_seen: false, of_origin: None }
     }
 
-    /// Its triangles as all bundles see them that are seen from the same point as this one.
+    /// Its triangles as all bundles see them that are seen from the same point as this one. The same must be wanted whenever this is called.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`.
+    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn seen<P: Rules>(&mut self, bundle: &Bundle) -> &SeenBlock {
+    pub unsafe fn seen<P: Rules>(&mut self, bundle: &Bundle, wanted: Wanted) -> &SeenBlock {
         if !self.is_seen {
             self.is_seen = true;
             // SAFETY: passed on to the caller; axes of bundles are below 3.
-            self.seen.write(unsafe { SeenBlock::new::<L, P>(self.block, &bundle.lines, bundle.axes) });
+            self.seen.write(unsafe { SeenBlock::new::<W, P>(self.block, &bundle.lines, bundle.axes, wanted) });
         }
         // SAFETY: written now or before.
         unsafe { self.seen.assume_init_ref() }
@@ -149,9 +169,9 @@ impl<'t, L: Lanes8> Leaf<'t, L> {
     /// The same for bundles whose rays share their origin.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`.
+    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn of_origin<P: Rules>(&mut self, bundle: &Bundle) -> SharedOrigin<L> {
+    pub unsafe fn of_origin<P: Rules>(&mut self, bundle: &Bundle) -> SharedOrigin<W::Half> {
         if let Some(seen) = self.of_origin {
             return seen;
         }
@@ -232,21 +252,27 @@ pub(super) struct Meeting<W> {
 
 impl SeenBlock {
     /// # Safety
-    /// The machine must have the instructions of `L`; the axes must be below 3.
+    /// The machine must have the instructions of `W`; the axes must be below 3.
     #[inline(always)]
-    pub unsafe fn new<L: Lanes8, P: Rules>(block: &TriangleBlock, lines: &Lines, axes: [usize; 3]) -> Self {
+    pub unsafe fn new<W: Lanes16, P: Rules>(
+        block: &TriangleBlock,
+        lines: &Lines,
+        axes: [usize; 3],
+        wanted: Wanted,
+    ) -> Self {
         // SAFETY: passed on to the caller.
         unsafe {
             let [px, py, pz] = lines.point;
-            let (point, forward) = ([L::splat(px), L::splat(py), L::splat(pz)], L::splat(lines.forward));
-            let [v0, v1, v2] = corners(block, axes);
+            let (point, forward) =
+                ([W::Half::splat(px), W::Half::splat(py), W::Half::splat(pz)], W::Half::splat(lines.forward));
+            let [v0, v1, v2] = corners::<W::Half>(block, axes);
             let (r0, r1, r2) = (minus(v0, point, forward), minus(v1, point, forward), minus(v2, point, forward));
             let (e1, e2) = (minus(v0, v2, forward), minus(v1, v0, forward));
             let (low, high) = (r0[2].min(r1[2]).min(r2[2]), r0[2].max(r1[2]).max(r2[2]));
-            let length = size(e1).max(size(e2));
-            let far = size(r0).add(length).add(L::splat(lines.spread));
-            let bound = bound::<L, P>(far, length, lines.margin);
-            let clear = bound.mul(L::splat(CLEAR));
+            let sizes = [size(e1), size(e2)];
+            let length = sizes[0].max(sizes[1]);
+            let far = size(r0).add(length).add(W::Half::splat(lines.spread));
+            let bound = bound::<W::Half, P>(far, length, lines.margin);
             let other = other_error(far, lines.margin);
             let nearest = nearest(low, far, other);
             let mut seen = MaybeUninit::<Self>::uninit();
@@ -256,14 +282,23 @@ impl SeenBlock {
             store3(e1, &mut to.edges[0]);
             store3(e2, &mut to.edges[1]);
             // (The product of the edges with the opposite sign, so that all turn the same way.)
-            store3(cross(e1, e2), &mut to.normal);
-            store3([r0[2], r1[2].sub(r0[2]), r2[2].sub(r0[2])], &mut to.depth);
+            let normal = cross(e1, e2);
+            store3(normal, &mut to.normal);
+            if wanted.planes {
+                let of_block = Of::<W::Half> { corners: [v0, v1, v2], point, forward, first: r0, normal, sizes };
+                of_block.write::<W, P>(lines, &mut to.normal, &mut *to.planes.as_mut_ptr());
+            }
+            if wanted.depths {
+                let to = &mut *to.depths.as_mut_ptr();
+                store3([r0[2], r1[2].sub(r0[2]), r2[2].sub(r0[2])], &mut to.corners);
+                let clear = bound.mul(W::Half::splat(CLEAR));
+                clear.store(&mut to.clear);
+                clear.mul(high.sub(low)).store(&mut to.error);
+                other.store(&mut to.other_error);
+            }
             bound.store(&mut to.bound);
-            clear.store(&mut to.clear);
-            clear.mul(high.sub(low)).store(&mut to.depth_error);
-            other.store(&mut to.other_error);
-            r0[2].add(other).store(&mut to.late);
             nearest.store(&mut to.nearest);
+            high.add(other).store(&mut to.farthest);
             seen.assume_init()
         }
     }
@@ -272,14 +307,18 @@ impl SeenBlock {
     /// ray, then eight for the last: a quick look, worth it for few rays.
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`; there must be rays, all below 16.
+    /// The machine must have the instructions of `W`; there must be rays, all below 16, and planes that were wanted.
     #[inline(always)]
     pub unsafe fn near_two<W: Lanes16>(&self, lines: &Lines, rays: &mut u32) -> u32 {
         let (a, b) = (rays.trailing_zeros(), 31 - rays.leading_zeros());
         *rays &= !(1 << a | 1 << b);
         let mask = if a == b { 0xff } else { 0xffff };
         // SAFETY: passed on to the caller.
-        unsafe { !self.all::<W>().missed(&LineLanes::two(lines, a as usize, b as usize)) & mask }
+        unsafe {
+            !TriangleLanes::<W>::all(self)
+                .missed(&PlaneLanes::all(self), &LineLanes::two(lines, a as usize, b as usize))
+                & mask
+        }
     }
 
     /// The triangles that the rays of a bundle may be near, by the range of their slopes and places.
@@ -313,97 +352,37 @@ impl SeenBlock {
         }
     }
 
-    /// Those of some triangles that any of some rays may meet where that may matter: without a branch on it, for many rays.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; the triangles must be below 8.
-    #[inline(always)]
-    pub unsafe fn near_any<W: Lanes16>(&self, lines: &Lines, rays: u32, mut triangles: u32) -> u32 {
-        let mut near = 0;
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let lines = LineLanes::<W>::all(lines);
-            while triangles != 0 {
-                let triangle = triangles.trailing_zeros();
-                triangles &= triangles - 1;
-                let missed = self.one::<W>(triangle as usize & 7).missed(&lines);
-                near |= u32::from(rays & !missed != 0) << triangle;
-            }
-        }
-        near
-    }
-
-    /// A triangle, for all rays.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; the triangle must be below 8.
-    #[inline(always)]
-    unsafe fn one<W: Lanes16>(&self, triangle: usize) -> TriangleLanes<W> {
-        let i = triangle;
-        // SAFETY: passed on to the caller.
-        unsafe {
-            TriangleLanes {
-                normal: of3(&self.normal, i),
-                areas: [of3(&self.areas[0], i), of3(&self.areas[1], i)],
-                edges: [of3(&self.edges[0], i), of3(&self.edges[1], i)],
-                farther: [of(&self.depth[1], i), of(&self.depth[2], i)],
-                late: of(&self.late, i),
-                bound: of(&self.bound, i),
-                clear: of(&self.clear, i),
-                depth_error: of(&self.depth_error, i),
-                nearest: of(&self.nearest, i),
-            }
-        }
-    }
-
-    /// All triangles, for two rays.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
-    #[inline(always)]
-    unsafe fn all<W: Lanes16>(&self) -> TriangleLanes<W> {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            TriangleLanes {
-                normal: twice3(&self.normal),
-                areas: [twice3(&self.areas[0]), twice3(&self.areas[1])],
-                edges: [twice3(&self.edges[0]), twice3(&self.edges[1])],
-                farther: [twice(&self.depth[1]), twice(&self.depth[2])],
-                late: twice(&self.late),
-                bound: twice(&self.bound),
-                clear: twice(&self.clear),
-                depth_error: twice(&self.depth_error),
-                nearest: twice(&self.nearest),
-            }
-        }
-    }
-
     /// How some of the rays meet a triangle.
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`; the triangle must be below 8.
+    /// The machine must have the instructions of `W`; the triangle must be below 8. Depths must have been wanted, and planes if rays do not share
+    /// their origin.
     #[inline(always)]
     pub unsafe fn meeting<W: Lanes16>(&self, lines: &Lines, triangle: usize, rays: u32) -> Meeting<W> {
         // SAFETY: passed on to the caller.
         unsafe {
             let (i, zero) = (triangle, W::splat(0.0));
-            let of_triangle = self.one::<W>(triangle);
+            let depths = self.depths.assume_init_ref();
+            let (of_triangle, of_rays) = (TriangleLanes::<W>::one(self, triangle), LineLanes::all(lines));
             let bound = of_triangle.bound;
-            let Areas { sum, a1, a2, inside } = of_triangle.areas(&LineLanes::all(lines), zero);
-            // NaN is never sure.
-            let outside = inside.add(bound).lt(zero);
-            let too_far = W::load(&lines.end).lt(of(&self.nearest, i));
-            let possible = rays & !outside & !too_far;
+            let areas = of_triangle.areas(&of_rays, zero);
+            let too_far = of_rays.end.lt(of_triangle.nearest);
+            let mut possible = rays & !of_triangle.outside(&areas) & !too_far;
+            if lines.apart {
+                let planes = PlaneLanes::one(self, triangle);
+                possible &= !planes.behind(&of_triangle, &areas, &of_rays);
+            }
             if possible == 0 {
                 return Meeting { possible, sure: 0, nearer: 0, low: zero, high: zero };
             }
+            let Areas { sum, a1, a2, inside } = areas;
             let size = sum.abs();
             let inverse = W::splat(1.0).div(sum);
-            let [z0, z1, z2] = &self.depth;
+            let [z0, z1, z2] = &depths.corners;
             let z = a1.mul_add(of(z1, i), a2.mul(of(z2, i))).mul_add(inverse, of(z0, i));
-            let error = of::<W>(&self.depth_error, i).mul_add(inverse.abs(), of(&self.other_error, i));
+            let error = of::<W>(&depths.error, i).mul_add(inverse.abs(), of(&depths.other_error, i));
             let (low, high) = (z.sub(error), z.add(error));
-            let clear = of::<W>(&self.clear, i).lt(size);
+            let clear = of::<W>(&depths.clear, i).lt(size);
             let behind = high.lt(W::load(&lines.begin)) & clear;
             let surely_inside = bound.add(bound).lt(inside);
             let beyond = W::load(&lines.end).lt(low) & surely_inside;
@@ -412,163 +391,6 @@ impl SeenBlock {
             Meeting { possible, sure: nearer & surely_inside, nearer: nearer & clear, low, high }
         }
     }
-}
-
-/// A number of a triangle, for all rays.
-///
-/// # Safety
-/// The machine must have the instructions of `W`; the triangle must be below 8.
-#[inline(always)]
-unsafe fn of<W: Lanes16>(row: &[f32; 8], triangle: usize) -> W {
-    // SAFETY: passed on to the caller.
-    unsafe { W::splat(*row.get_unchecked(triangle)) }
-}
-
-/// A vector of a triangle, for all rays.
-///
-/// # Safety
-/// As [`of`].
-#[inline(always)]
-unsafe fn of3<W: Lanes16>([x, y, z]: &[[f32; 8]; 3], triangle: usize) -> [W; 3] {
-    // SAFETY: passed on to the caller.
-    unsafe { [of(x, triangle), of(y, triangle), of(z, triangle)] }
-}
-
-/// A number of all triangles, for two rays.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
-#[inline(always)]
-unsafe fn twice<W: Lanes16>(row: &[f32; 8]) -> W {
-    // SAFETY: passed on to the caller.
-    unsafe { W::load_halves(row, row) }
-}
-
-/// The vectors of all triangles, for two rays.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
-#[inline(always)]
-unsafe fn twice3<W: Lanes16>([x, y, z]: &[[f32; 8]; 3]) -> [W; 3] {
-    // SAFETY: passed on to the caller.
-    unsafe { [twice(x), twice(y), twice(z)] }
-}
-
-/// The numbers of two rays, for all triangles.
-///
-/// # Safety
-/// The machine must have the instructions of `W`; the rays must be below 16.
-#[inline(always)]
-unsafe fn both<W: Lanes16>(values: &PerRay<f32>, a: usize, b: usize) -> W {
-    // SAFETY: passed on to the caller.
-    unsafe { W::from_halves(Lanes8::splat(*values.get_unchecked(a)), Lanes8::splat(*values.get_unchecked(b))) }
-}
-
-/// [`Lines`] in lanes: of all rays, for a triangle; or of two rays, for all triangles.
-struct LineLanes<W> {
-    slope: [W; 2],
-    moment: Option<[W; 3]>,
-    begin: W,
-    end: W,
-}
-
-impl<W: Lanes16> LineLanes<W> {
-    /// # Safety
-    /// The machine must have the instructions of `W`.
-    #[inline(always)]
-    unsafe fn all(lines: &Lines) -> Self {
-        let ([sx, sy], [mx, my, mz]) = (&lines.slope, &lines.moment);
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self {
-                slope: [W::load(sx), W::load(sy)],
-                moment: if lines.apart { Some([W::load(mx), W::load(my), W::load(mz)]) } else { None },
-                begin: W::load(&lines.begin),
-                end: W::load(&lines.end),
-            }
-        }
-    }
-
-    /// # Safety
-    /// The machine must have the instructions of `W`; the rays must be below 16.
-    #[inline(always)]
-    unsafe fn two(lines: &Lines, a: usize, b: usize) -> Self {
-        let ([sx, sy], [mx, my, mz]) = (&lines.slope, &lines.moment);
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self {
-                slope: [both(sx, a, b), both(sy, a, b)],
-                moment: if lines.apart { Some([both(mx, a, b), both(my, a, b), both(mz, a, b)]) } else { None },
-                begin: both(&lines.begin, a, b),
-                end: both(&lines.end, a, b),
-            }
-        }
-    }
-}
-
-/// Some of [`SeenBlock`] in lanes: of a triangle, for all rays; or of all triangles, for two rays.
-struct TriangleLanes<W> {
-    normal: [W; 3],
-    areas: [[W; 3]; 2],
-    edges: [[W; 3]; 2],
-    farther: [W; 2],
-    late: W,
-    bound: W,
-    clear: W,
-    depth_error: W,
-    nearest: W,
-}
-
-impl<W: Lanes16> TriangleLanes<W> {
-    #[inline(always)]
-    fn areas(&self, lines: &LineLanes<W>, zero: W) -> Areas<W> {
-        let sum = along(self.normal, lines.slope);
-        let (mut a1, mut a2) = (along(self.areas[0], lines.slope), along(self.areas[1], lines.slope));
-        if let Some(moment) = lines.moment {
-            // What the places of rays add.
-            (a1, a2) = (a1.add(dot(self.edges[0], moment)), a2.add(dot(self.edges[1], moment)));
-        }
-        let a0 = sum.sub(a1).sub(a2);
-        let inside = a0.min(a1).min(a2).max(zero.sub(a0.max(a1).max(a2)));
-        Areas { sum, a1, a2, inside }
-    }
-
-    /// Where rays surely do not meet triangles, or before they begin, or beyond where they end.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
-    #[inline(always)]
-    unsafe fn missed(&self, lines: &LineLanes<W>) -> u32 {
-        // SAFETY: passed on to the caller.
-        let zero = unsafe { W::splat(0.0) };
-        let Areas { sum, a1, a2, inside } = self.areas(lines, zero);
-        let outside = inside.add(self.bound).lt(zero);
-        let too_far = lines.end.lt(self.nearest);
-        if lines.moment.is_none() {
-            return outside | too_far;
-        }
-        // How far the greatest `z` is beyond the beginning, times the sum of areas: without a quotient, else as in [`SeenBlock::meeting`]. (Instead of
-        // the roundings of that quotient and two products there are those of three sums, all within the bound of other errors.)
-        let size = sum.abs();
-        let farther = a1.mul_add(self.farther[0], a2.mul(self.farther[1]));
-        let farther = farther.where_less(sum, zero, zero.sub(farther)).add(self.depth_error);
-        let ahead = self.late.sub(lines.begin).mul_add(size, farther);
-        outside | too_far | (ahead.lt(zero) & self.clear.lt(size))
-    }
-}
-
-/// The sum of three signed areas, two of them, and how far all are on one side, on the better side.
-struct Areas<W> {
-    sum: W,
-    a1: W,
-    a2: W,
-    inside: W,
-}
-
-/// The product of a vector and directions.
-#[inline(always)]
-fn along<W: Lanes16>([x, y, z]: [W; 3], slope: [W; 2]) -> W {
-    slope[0].mul_add(x, slope[1].mul_add(y, z))
 }
 
 /// The least and greatest product of a vector and directions of a range of slopes.
@@ -607,11 +429,6 @@ unsafe fn load3<L: Lanes8>([x, y, z]: &[[f32; 8]; 3]) -> [L; 3] {
 }
 
 #[inline(always)]
-fn dot<W: Lanes16>(a: [W; 3], b: [W; 3]) -> W {
-    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2].mul(b[2])))
-}
-
-#[inline(always)]
 fn minus<L: Lanes8>(a: [L; 3], b: [L; 3], forward: L) -> [L; 3] {
     [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2]).mul(forward)]
 }
@@ -630,6 +447,6 @@ fn cross<L: Lanes8>(a: [L; 3], b: [L; 3]) -> [L; 3] {
 
 /// The largest coordinate.
 #[inline(always)]
-fn size<L: Lanes8>(a: [L; 3]) -> L {
+pub(super) fn size<L: Lanes8>(a: [L; 3]) -> L {
     a[0].abs().max(a[1].abs()).max(a[2].abs())
 }

@@ -42,6 +42,8 @@ pub(crate) struct Lines {
     pub forward: f32,
     /// How far the rays start from there at most.
     pub spread: f32,
+    /// And how far from the plane of that point across the axis.
+    pub latest: f32,
     /// How far vertices may be from where they should be, seen from there, besides roundings that are relative to the distance.
     pub margin: f32,
     /// The rays do not share their origin.
@@ -63,6 +65,7 @@ impl Lines {
         point: [0.0; 3],
         forward: 1.0,
         spread: 0.0,
+        latest: 0.0,
         margin: 0.0,
         apart: false,
     };
@@ -109,6 +112,7 @@ impl Lines {
             let error = self.error(start, early);
             begin.sub(error).store(&mut self.begin);
             begin.add(error).store(&mut self.sure_begin);
+            self.latest = begin.abs().add(error).greatest();
             // (Of rays that want nothing this is unspecified.)
             let [sure_end, end] = self.ends(columns.cull.mul(along));
             sure_end.store(&mut self.sure_end);

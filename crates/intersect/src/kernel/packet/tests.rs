@@ -2,7 +2,7 @@ use super::bundle::{Bundle, RAYS};
 use super::drawing::sides;
 use super::exact::{Found, Pairs, exact_hits};
 use super::exact_rays::{ExactColumns, LaneRays};
-use super::leaf::{SeenBlock, SharedOrigin};
+use super::leaf::{SeenBlock, SharedOrigin, Wanted};
 use super::runs::set_up;
 use super::sure::{self, Sure};
 use super::triangles::Locals;
@@ -212,8 +212,14 @@ proptest! {
                 2 => ray.t_min + (u - 0.5) * 10.0f32.powf(-7.0 * unit(seed, 90 + lane as u32)),
                 _ => 1.0 + (u - 0.5) * 1e-3,
             });
+            // Some are slivers, and some have the point in their middle.
+            let width = [1.0, 1e-3, 1e-6][lane % 3];
+            let away = |k: u32| {
+                let along = vector(seed ^ 5, 8 * (k / 2) + lane as u32);
+                (along + vector(seed ^ 5, 8 * k + lane as u32) * width) * (size * scale)
+            };
             let corner = |k: u32| {
-                let p = at + vector(seed ^ 5, 8 * k + lane as u32) * (size * scale);
+                let p = at + if k == 2 && lane % 2 == 0 { -away(0) - away(1) } else { away(k) };
                 (if lane < 4 { p } else { (p / scale).round() * scale }).to_array()
             };
             block.set(lane, &[corner(0), corner(1), corner(2)], 0);
@@ -253,7 +259,9 @@ unsafe fn check_block_avx512(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray
 #[inline(always)]
 unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray]) -> Result<(), TestCaseError> {
     // SAFETY: as promised by the caller.
-    let seen = unsafe { SeenBlock::new::<W::Half, Single>(block, &bundle.lines, bundle.axes) };
+    let seen = unsafe {
+        SeenBlock::new::<W, Single>(block, &bundle.lines, bundle.axes, Wanted { planes: true, depths: true })
+    };
     let [_, _, axis] = bundle.axes;
     // SAFETY: as above.
     let near_bundle = unsafe { seen.near_bundle::<W::Half>(bundle) };
@@ -283,8 +291,10 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
             // SAFETY: as above.
             let near = unsafe { seen.near_two::<W>(&bundle.lines, &mut (1 << lane | 1 << (lane / 2))) };
             // SAFETY: as above.
-            let any = unsafe { seen.near_any::<W>(&bundle.lines, 1 << lane, 1 << triangle) };
-            prop_assert!(any != 0 || wanted.is_none(), "{ray:?} {corners:?}");
+            let facing = unsafe { seen.facing::<W>(&bundle.lines, 1 << lane, 1 << triangle) };
+            prop_assert!(facing.near != 0 || wanted.is_none(), "{ray:?} {corners:?}");
+            prop_assert!(facing.sure == 0 || wanted.is_some(), "{ray:?} {corners:?}");
+            prop_assert_eq!(facing.rays[triangle], [facing.near, facing.sure].map(|of| of >> triangle << lane));
             // It is the last of the two, or both.
             let half = u32::from(lane > 0);
             prop_assert!(near >> (8 * half) >> triangle & 1 == 1 || wanted.is_none(), "{ray:?} {corners:?}");

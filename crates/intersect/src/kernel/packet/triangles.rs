@@ -5,7 +5,8 @@ use super::super::ray::LocalRay;
 use super::bundle::{Bundle, PerRay, RAYS};
 use super::drawing;
 use super::exact::{PAIRS, Pairs};
-use super::leaf::{Leaf, Meeting};
+use super::facing::Facing;
+use super::leaf::{Leaf, Meeting, SeenBlock, Wanted};
 use super::sure::Decided;
 use super::walk::Walker;
 use crate::accel::bvh::GroupTree;
@@ -36,7 +37,7 @@ impl<G: Goal> Walker<'_, '_, G> {
     pub(super) unsafe fn test_triangles<W: Lanes16>(
         &mut self,
         tree: &GroupTree,
-        leaf: &mut Leaf<W::Half>,
+        leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
         rays: u32,
         pairs: &mut Pairs,
@@ -46,8 +47,10 @@ impl<G: Goal> Walker<'_, '_, G> {
         // SAFETY: as promised by the caller.
         unsafe {
             let few = self.few_rays::<W>();
-            let is_quick = !G::ANY && !bundle.lines.apart && (!Self::PUTS_OFF || rays.count_ones() <= few);
-            let mut found = if is_quick {
+            let is_quick = !bundle.lines.apart && (!Self::PUTS_OFF || rays.count_ones() <= few);
+            let mut found = if G::ANY {
+                self.find_any::<W>(tree, leaf, bundle, rays, pairs, locals, instance)
+            } else if is_quick {
                 self.find_pairs_of_origin::<W>(tree, leaf, bundle, rays, pairs, locals, instance)
             } else {
                 self.find_pairs::<W>(tree, leaf, bundle, rays, pairs, locals, instance)
@@ -96,7 +99,7 @@ impl<G: Goal> Walker<'_, '_, G> {
     unsafe fn find_pairs_of_origin<W: Lanes16>(
         &mut self,
         tree: &GroupTree,
-        leaf: &mut Leaf<W::Half>,
+        leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
         mut rays: u32,
         pairs: &mut Pairs,
@@ -136,7 +139,7 @@ impl<G: Goal> Walker<'_, '_, G> {
     unsafe fn find_pairs<W: Lanes16>(
         &mut self,
         tree: &GroupTree,
-        leaf: &mut Leaf<W::Half>,
+        leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
         mut rays: u32,
         pairs: &mut Pairs,
@@ -147,22 +150,12 @@ impl<G: Goal> Walker<'_, '_, G> {
         // SAFETY: as promised by the caller.
         unsafe {
             let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
-            let seen = leaf.seen::<G::Precision>(bundle);
+            let seen = leaf.seen::<G::Precision>(bundle, Wanted { planes: bundle.lines.apart, depths: true });
             if rays.count_ones() <= self.few_rays::<W>() {
-                let (mut all, mut rest) = (0, rays);
-                while rest != 0 {
-                    all |= seen.near_two::<W>(&bundle.lines, &mut rest);
-                }
-                triangles &= all | all >> 8;
+                triangles &= near_few::<W>(seen, bundle, rays);
             } else {
-                if !G::ANY || !self.is_small || W::REGISTERS > 1 {
-                    triangles &= seen.near_bundle::<W::Half>(bundle);
-                    self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
-                }
-                if G::ANY {
-                    // Most rays meet only what they start on, behind their start.
-                    triangles = seen.near_any::<W>(&bundle.lines, rays, triangles);
-                }
+                triangles &= seen.near_bundle::<W::Half>(bundle);
+                self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
             }
             while triangles != 0 {
                 let triangle = triangles.trailing_zeros();
@@ -182,20 +175,12 @@ impl<G: Goal> Walker<'_, '_, G> {
                     }
                 }
                 let hit = sure | drawn;
-                if hit != 0
-                    && (G::ANY || (Self::PUTS_OFF && !bundle.kind.reversed))
-                    && self.is_plain(tree.triangle(id).0)
-                {
-                    if G::ANY {
-                        self.take_any::<W>(hit, bundle);
-                        rays &= !hit;
-                    } else {
-                        W::write_where(hit, place + triangle, &mut self.put_off);
-                        W::write_where(hit, id, &mut self.put_off_ids);
-                        self.waiting |= hit;
-                        self.drawn = self.drawn & !hit | drawn;
-                        bundle.tighten_to(hit, low, high);
-                    }
+                if hit != 0 && Self::PUTS_OFF && !bundle.kind.reversed && self.is_plain(tree.triangle(id).0) {
+                    W::write_where(hit, place + triangle, &mut self.put_off);
+                    W::write_where(hit, id, &mut self.put_off_ids);
+                    self.waiting |= hit;
+                    self.drawn = self.drawn & !hit | drawn;
+                    bundle.tighten_to(hit, low, high);
                     possible &= !hit;
                     found = true;
                 }
@@ -210,6 +195,71 @@ impl<G: Goal> Walker<'_, '_, G> {
             }
         }
         found
+    }
+
+    /// Where any hit will do: ends the searches of rays that surely hit something of a block, and finds what others may hit. True if anything
+    /// counted already.
+    ///
+    /// # Safety
+    /// As [`Self::test_triangles`].
+    #[inline(always)]
+    unsafe fn find_any<W: Lanes16>(
+        &mut self,
+        tree: &GroupTree,
+        leaf: &mut Leaf<W>,
+        bundle: &mut Bundle,
+        mut rays: u32,
+        pairs: &mut Pairs,
+        locals: &mut Locals,
+        instance: u32,
+    ) -> bool {
+        // SAFETY: as promised by the caller.
+        unsafe {
+            let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
+            let seen = leaf.seen::<G::Precision>(bundle, Wanted { planes: true, depths: false });
+            if rays.count_ones() <= self.few_rays::<W>() {
+                triangles &= near_few::<W>(seen, bundle, rays);
+            } else {
+                if !self.is_small || W::REGISTERS > 1 {
+                    triangles &= seen.near_bundle::<W::Half>(bundle);
+                    self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
+                }
+                // Most rays meet only what they start on, behind their start.
+                triangles = seen.near_any::<W>(&bundle.lines, rays, triangles);
+            }
+            if triangles == 0 {
+                return false;
+            }
+            let Facing { mut near, mut sure, rays: facing } = seen.facing::<W>(&bundle.lines, rays, triangles);
+            let mut hit = 0;
+            while sure != 0 {
+                let triangle = sure.trailing_zeros() as usize & 7;
+                sure &= sure - 1;
+                if self.is_plain(tree.triangle(block.ids[triangle]).0) {
+                    hit |= facing[triangle][1];
+                }
+            }
+            let mut found = hit != 0;
+            if found {
+                self.take_any::<W>(hit, bundle);
+                rays &= !hit;
+            }
+            while near != 0 {
+                let triangle = near.trailing_zeros();
+                near &= near - 1;
+                let mut possible = facing[triangle as usize & 7][0] & rays;
+                while possible != 0 {
+                    pairs.push(possible.trailing_zeros(), place + triangle);
+                    possible &= possible - 1;
+                    if pairs.is_full() {
+                        found |= self.test_pairs::<W>(tree, bundle, pairs, locals, instance, false);
+                        rays &= self.alive;
+                        possible &= rays;
+                    }
+                }
+            }
+            found
+        }
     }
 
     /// True if hits of a geometry count for all rays, whatever they are.
@@ -397,6 +447,20 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
         is_narrowed
     }
+}
+
+/// The triangles of a block that any of a few rays may meet.
+///
+/// # Safety
+/// As [`SeenBlock::near_two`].
+#[inline(always)]
+unsafe fn near_few<W: Lanes16>(seen: &SeenBlock, bundle: &Bundle, mut rays: u32) -> u32 {
+    let mut near = 0;
+    while rays != 0 {
+        // SAFETY: passed on to the caller.
+        near |= unsafe { seen.near_two::<W>(&bundle.lines, &mut rays) };
+    }
+    near | near >> 8
 }
 
 /// What became of rays that were tested.

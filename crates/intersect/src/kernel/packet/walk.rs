@@ -332,7 +332,7 @@ unsafe fn descend<W: Lanes16, G: Goal>(
             // SAFETY: as promised by the caller.
             unsafe {
                 if child.is_triangles() {
-                    let mut leaf = Leaf::<W::Half>::new(tree, child);
+                    let mut leaf = Leaf::<W>::new(tree, child);
                     while let Some(number) = next(&mut meeting) {
                         let Row { walker, bundle, memory: Memory { pairs, locals } } = rows.get_unchecked_mut(number);
                         walker.test_triangles::<W>(tree, &mut leaf, bundle, rays[number], pairs, locals, instance);

@@ -1,0 +1,142 @@
+//! The planes of the triangles of a block, as a bundle sees them: whether a ray begins before or behind them.
+//!
+//! Areas say badly where a ray meets a sliver, since it is hardly wider than what they may be off by. Its plane says it well, for all triangles
+//! that rays begin near: what remains of the rounding is relative to how far the rays begin from the point that all is seen from.
+
+use super::leaf::size;
+use super::lines::Lines;
+use crate::precision::Rules;
+use snell_math::simd::{DoubleLanes, DoublesOf, Lanes8, Lanes16};
+
+/// Half a unit in the last place of 1.
+const ROUNDING: f32 = f32::EPSILON / 2.0;
+
+/// Triangles are worked out in double precision if their normal is so many times smaller than the product of two edges: then differences of
+/// products have lost so much.
+const SLIVER: f32 = 8.0;
+
+/// Planes of eight triangles.
+#[derive(Clone, Copy)]
+#[repr(C, align(32))]
+pub(super) struct Planes {
+    /// The product of the normal with a corner.
+    pub height: [f32; 8],
+    /// What [heights of rays](super::facing::TriangleLanes) may be off by, each times the normal.
+    ///
+    /// With unit `u = 2^-24`, normals off by `dn`, rays that begin up to `s` from the point and `b` from where their lines cross it, and corners
+    /// up to `r` from there: the height of a corner is off by `3 r dn + 15 u r n`; the place of a line (`3 s` away at most) by `8 u s` on each
+    /// axis, so its height by `6 s dn + 16 u s n`; the product with a direction (of slopes up to 1.25) by `4 dn + 10 u n`, times `b`; the sums by
+    /// `u` of what they come to. Together that is less than `(r + s + b) (6 dn + 64 u n)`, where `dn` is `8 u` of the product of two edges, and
+    /// `n` up to twice that; or in double precision `u n` and less, and `r` only counts with the height itself.
+    pub error: [f32; 8],
+    /// From where on the sign of its product with a direction is certain.
+    pub upright: [f32; 8],
+}
+
+/// What [`Planes`] are worked out from.
+pub(super) struct Of<L> {
+    pub corners: [[L; 3]; 3],
+    /// From where they are seen, and the direction of the axis.
+    pub point: [L; 3],
+    pub forward: L,
+    /// The first corner, seen from there.
+    pub first: [L; 3],
+    /// The product of the edges to the other two, and their sizes.
+    pub normal: [L; 3],
+    pub sizes: [L; 2],
+}
+
+impl<L: Lanes8> Of<L> {
+    /// Writes the planes, and better normals if there are slivers.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    pub unsafe fn write<W: Lanes16<Half = L>, P: Rules>(
+        &self,
+        lines: &Lines,
+        normals: &mut [[f32; 8]; 3],
+        to: &mut Planes,
+    ) {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let product = self.sizes[0].mul(self.sizes[1]);
+            let (near, tiny) = (L::splat(lines.spread + lines.latest), L::splat(f32::MIN_POSITIVE));
+            let reach = size(self.first).add(near);
+            let mut length = size(self.normal);
+            let (mut error, mut upright);
+            if length.mul(L::splat(SLIVER)).lt(product) == 0 {
+                let ([nx, ny, nz], [x, y, z]) = (self.normal, self.first);
+                nx.mul_add(x, ny.mul_add(y, nz.mul(z))).store(&mut to.height);
+                let product = product.add(tiny);
+                error = product.mul(reach).mul(L::splat(192.0 * ROUNDING));
+                upright = product.mul(L::splat(64.0 * ROUNDING));
+            } else {
+                self.write_exactly::<W>(normals, to);
+                length = size([L::load(&normals[0]), L::load(&normals[1]), L::load(&normals[2])]);
+                let rest = product.mul(L::splat(2e-14)).add(L::splat(1e-44));
+                let of_height = L::load(&to.height).abs().mul(L::splat(8.0 * ROUNDING));
+                error = length.mul(near).mul_add(L::splat(64.0 * ROUNDING), rest.mul_add(reach, of_height));
+                upright = length.mul_add(L::splat(16.0 * ROUNDING), rest);
+            }
+            if lines.margin > 0.0 {
+                let margin = L::splat(lines.margin);
+                error = length.mul(margin).mul_add(L::splat(8.0), error);
+                if P::TRIANGLES_ELSEWHERE {
+                    // Corners are elsewhere, too, and edges: triangles that are met have them no longer than this.
+                    let edge = self.sizes[0].max(self.sizes[1]).add(margin.mul(L::splat(8.0)));
+                    let off = edge.mul(margin);
+                    error = off.mul(reach).mul_add(L::splat(64.0), error);
+                    upright = off.mul_add(L::splat(16.0), upright);
+                }
+            }
+            error.add(tiny).store(&mut to.error);
+            upright.add(tiny).store(&mut to.upright);
+        }
+    }
+
+    /// Writes normals and heights from double precision.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    unsafe fn write_exactly<W: Lanes16<Half = L>>(&self, normals: &mut [[f32; 8]; 3], to: &mut Planes) {
+        let mut from = 0;
+        while from < 8 {
+            // SAFETY: passed on to the caller.
+            unsafe {
+                let [v0, v1, v2] = &self.corners;
+                let (v0, v1, v2) = (exact::<W>(v0, from), exact::<W>(v1, from), exact::<W>(v2, from));
+                let forward = W::HalfDoubles::of(self.forward, from);
+                let first = minus(v0, exact::<W>(&self.point, from), forward);
+                let (e1, e2) = (minus(v0, v2, forward), minus(v1, v0, forward));
+                let normal = [
+                    e1[1].mul(e2[2]).sub(e1[2].mul(e2[1])),
+                    e1[2].mul(e2[0]).sub(e1[0].mul(e2[2])),
+                    e1[0].mul(e2[1]).sub(e1[1].mul(e2[0])),
+                ];
+                let height = normal[0].mul(first[0]).add(normal[1].mul(first[1])).add(normal[2].mul(first[2]));
+                normal[0].store_rounded_from(&mut normals[0], from);
+                normal[1].store_rounded_from(&mut normals[1], from);
+                normal[2].store_rounded_from(&mut normals[2], from);
+                height.store_rounded_from(&mut to.height, from);
+            }
+            from += W::HalfDoubles::LANES;
+        }
+    }
+}
+
+/// Some of eight vectors in double precision.
+///
+/// # Safety
+/// The machine must have the instructions of `W`.
+#[inline(always)]
+unsafe fn exact<W: Lanes16>(v: &[W::Half; 3], first: usize) -> [W::HalfDoubles; 3] {
+    // SAFETY: passed on to the caller.
+    unsafe { [W::HalfDoubles::of(v[0], first), W::HalfDoubles::of(v[1], first), W::HalfDoubles::of(v[2], first)] }
+}
+
+#[inline(always)]
+fn minus<D: DoubleLanes>(a: [D; 3], b: [D; 3], forward: D) -> [D; 3] {
+    [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2]).mul(forward)]
+}
