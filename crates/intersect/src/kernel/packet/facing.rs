@@ -125,10 +125,17 @@ impl<W: Lanes16> TriangleLanes<W> {
     #[inline(always)]
     pub unsafe fn missed(&self, planes: &PlaneLanes<W>, lines: &LineLanes<W>) -> u32 {
         // SAFETY: passed on to the caller.
-        unsafe {
-            let areas = self.areas(lines, W::splat(0.0));
-            self.outside(&areas) | lines.end.lt(self.nearest) | planes.behind(self, &areas, lines)
-        }
+        unsafe { self.missed_by(&self.areas(lines, W::splat(0.0)), planes, lines) }
+    }
+
+    /// The same by the areas.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    unsafe fn missed_by(&self, areas: &Areas<W>, planes: &PlaneLanes<W>, lines: &LineLanes<W>) -> u32 {
+        // SAFETY: passed on to the caller.
+        unsafe { self.outside(areas) | lines.end.lt(self.nearest) | planes.behind(self, areas, lines) }
     }
 
     /// Where lines surely pass by.
@@ -150,13 +157,10 @@ impl<W: Lanes16> TriangleLanes<W> {
         // SAFETY: passed on to the caller.
         unsafe {
             let areas = self.areas(lines, W::splat(0.0));
-            let size = areas.sum.abs();
-            let distance = planes.distance(self, &areas, lines);
-            let upright = planes.upright.lt(size);
-            let behind = distance.sub(lines.begin.mul(size)).add(planes.error).lt(W::splat(0.0)) & upright;
-            let missed = self.outside(&areas) | lines.end.lt(self.nearest) | behind;
-            // Rays through the middle of a triangle hit it between its corners.
-            let ahead = planes.error.lt(distance.sub(sure_begin.mul(size))) & upright;
+            let (size, missed) = (areas.sum.abs(), self.missed_by(&areas, planes, lines));
+            let ahead = planes.distance(self, &areas, lines).sub(sure_begin.mul(size));
+            let ahead = planes.error.lt(ahead) & planes.upright.lt(size);
+            // Rays through the inside of a triangle hit it between its corners.
             let inside = self.bound.add(self.bound).lt(areas.inside);
             [!missed & 0xffff, inside & ahead & self.farthest.lt(sure_end) & !missed]
         }
