@@ -320,7 +320,7 @@ unsafe fn exact2<W: Lanes16>(v: &[W::Half; 2], first: usize) -> [W::HalfDoubles;
 /// # Safety
 /// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn exact3<W: Lanes16>(v: &[W::Half; 3], first: usize) -> [W::HalfDoubles; 3] {
+pub(super) unsafe fn exact3<W: Lanes16>(v: &[W::Half; 3], first: usize) -> [W::HalfDoubles; 3] {
     // SAFETY: passed on to the caller.
     unsafe { [W::HalfDoubles::of(v[0], first), W::HalfDoubles::of(v[1], first), W::HalfDoubles::of(v[2], first)] }
 }
@@ -338,11 +338,11 @@ fn minus<D: DoubleLanes>(a: [D; 3], b: [D; 3]) -> [D; 3] {
 }
 
 #[inline(always)]
-fn cross<D: DoubleLanes>(a: [D; 3], b: [D; 3]) -> [D; 3] {
+pub(super) fn cross<D: DoubleLanes>(a: [D; 3], b: [D; 3]) -> [D; 3] {
     [a[1].mul(b[2]).sub(b[1].mul(a[2])), a[2].mul(b[0]).sub(b[2].mul(a[0])), a[0].mul(b[1]).sub(b[0].mul(a[1]))]
 }
 
 #[inline(always)]
-fn dot<D: DoubleLanes>(a: [D; 3], b: [D; 3]) -> D {
+pub(super) fn dot<D: DoubleLanes>(a: [D; 3], b: [D; 3]) -> D {
     a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
 }

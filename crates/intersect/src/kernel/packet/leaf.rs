@@ -10,14 +10,14 @@ use super::super::triangle::TriangleBlock;
 use super::bundle::Bundle;
 use super::facing::{Areas, LineLanes, PlaneLanes, TriangleLanes, of};
 use super::lines::Lines;
-use super::planes::{Of, Planes};
+use super::planes::{Planes, SeenCorners};
 use crate::accel::bvh::GroupTree;
 use crate::precision::Rules;
 use snell_math::simd::{Lanes8, Lanes16};
 use std::mem::MaybeUninit;
 
 /// Half a unit in the last place of 1.
-const ROUNDING: f32 = f32::EPSILON / 2.0;
+pub(super) const ROUNDING: f32 = f32::EPSILON / 2.0;
 
 /// Bound of the errors of signed areas, relative to the distance of the triangle (from where it is seen and from where rays start) and the
 /// length of the longer of two of its edges, against the true ones and against those that the exact test draws.
@@ -151,10 +151,10 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
         Self { block, place, used, seen: MaybeUninit::uninit(), is_seen: false, of_origin: None }
     }
 
-    /// Its triangles as all bundles see them that are seen from the same point as this one. The same must be wanted whenever this is called.
+    /// Its triangles as all bundles see them that are seen from the same point as this one.
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`.
+    /// The machine must have the instructions of `W`. The same must be wanted whenever this is called: nothing else is written.
     #[inline(always)]
     pub unsafe fn seen<P: Rules>(&mut self, bundle: &Bundle, wanted: Wanted) -> &SeenBlock {
         if !self.is_seen {
@@ -285,8 +285,8 @@ impl SeenBlock {
             let normal = cross(e1, e2);
             store3(normal, &mut to.normal);
             if wanted.planes {
-                let of_block = Of::<W::Half> { corners: [v0, v1, v2], point, forward, first: r0, normal, sizes };
-                of_block.write::<W, P>(lines, &mut to.normal, &mut *to.planes.as_mut_ptr());
+                let seen = SeenCorners::<W::Half> { corners: [v0, v1, v2], point, forward, first: r0, normal, sizes };
+                seen.write::<W, P>(lines, &mut to.normal, &mut *to.planes.as_mut_ptr());
             }
             if wanted.depths {
                 let to = &mut *to.depths.as_mut_ptr();

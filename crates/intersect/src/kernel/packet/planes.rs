@@ -3,13 +3,11 @@
 //! Areas say badly where a ray meets a sliver, since it is hardly wider than what they may be off by. Its plane says it well, for all triangles
 //! that rays begin near: what remains of the rounding is relative to how far the rays begin from the point that all is seen from.
 
-use super::leaf::size;
+use super::exact::{cross, dot, exact3};
+use super::leaf::{ROUNDING, size};
 use super::lines::Lines;
 use crate::precision::Rules;
 use snell_math::simd::{DoubleLanes, DoublesOf, Lanes8, Lanes16};
-
-/// Half a unit in the last place of 1.
-const ROUNDING: f32 = f32::EPSILON / 2.0;
 
 /// Triangles are worked out in double precision if their normal is so many times smaller than the product of two edges: then differences of
 /// products have lost so much.
@@ -34,7 +32,7 @@ pub(super) struct Planes {
 }
 
 /// What [`Planes`] are worked out from.
-pub(super) struct Of<L> {
+pub(super) struct SeenCorners<L> {
     pub corners: [[L; 3]; 3],
     /// From where they are seen, and the direction of the axis.
     pub point: [L; 3],
@@ -46,7 +44,7 @@ pub(super) struct Of<L> {
     pub sizes: [L; 2],
 }
 
-impl<L: Lanes8> Of<L> {
+impl<L: Lanes8> SeenCorners<L> {
     /// Writes the planes, and better normals if there are slivers.
     ///
     /// # Safety
@@ -106,16 +104,11 @@ impl<L: Lanes8> Of<L> {
             // SAFETY: passed on to the caller.
             unsafe {
                 let [v0, v1, v2] = &self.corners;
-                let (v0, v1, v2) = (exact::<W>(v0, from), exact::<W>(v1, from), exact::<W>(v2, from));
+                let (v0, v1, v2) = (exact3::<W>(v0, from), exact3::<W>(v1, from), exact3::<W>(v2, from));
                 let forward = W::HalfDoubles::of(self.forward, from);
-                let first = minus(v0, exact::<W>(&self.point, from), forward);
-                let (e1, e2) = (minus(v0, v2, forward), minus(v1, v0, forward));
-                let normal = [
-                    e1[1].mul(e2[2]).sub(e1[2].mul(e2[1])),
-                    e1[2].mul(e2[0]).sub(e1[0].mul(e2[2])),
-                    e1[0].mul(e2[1]).sub(e1[1].mul(e2[0])),
-                ];
-                let height = normal[0].mul(first[0]).add(normal[1].mul(first[1])).add(normal[2].mul(first[2]));
+                let first = minus(v0, exact3::<W>(&self.point, from), forward);
+                let normal = cross(minus(v0, v2, forward), minus(v1, v0, forward));
+                let height = dot(normal, first);
                 normal[0].store_rounded_from(&mut normals[0], from);
                 normal[1].store_rounded_from(&mut normals[1], from);
                 normal[2].store_rounded_from(&mut normals[2], from);
@@ -124,16 +117,6 @@ impl<L: Lanes8> Of<L> {
             from += W::HalfDoubles::LANES;
         }
     }
-}
-
-/// Some of eight vectors in double precision.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
-#[inline(always)]
-unsafe fn exact<W: Lanes16>(v: &[W::Half; 3], first: usize) -> [W::HalfDoubles; 3] {
-    // SAFETY: passed on to the caller.
-    unsafe { [W::HalfDoubles::of(v[0], first), W::HalfDoubles::of(v[1], first), W::HalfDoubles::of(v[2], first)] }
 }
 
 #[inline(always)]
