@@ -184,14 +184,8 @@ impl<G: Goal> Walker<'_, '_, G> {
                     possible &= !hit;
                     found = true;
                 }
-                while possible != 0 {
-                    pairs.push(possible.trailing_zeros(), place + triangle);
-                    possible &= possible - 1;
-                    if pairs.is_full() {
-                        found |= self.test_pairs::<W>(tree, bundle, pairs, locals, instance, false);
-                        rays &= self.alive;
-                    }
-                }
+                found |= self.push_pairs::<W>(tree, bundle, possible, place + triangle, pairs, locals, instance);
+                rays &= self.alive;
             }
         }
         found
@@ -247,19 +241,40 @@ impl<G: Goal> Walker<'_, '_, G> {
             while near != 0 {
                 let triangle = near.trailing_zeros();
                 near &= near - 1;
-                let mut possible = facing[triangle as usize & 7][0] & rays;
-                while possible != 0 {
-                    pairs.push(possible.trailing_zeros(), place + triangle);
-                    possible &= possible - 1;
-                    if pairs.is_full() {
-                        found |= self.test_pairs::<W>(tree, bundle, pairs, locals, instance, false);
-                        rays &= self.alive;
-                        possible &= rays;
-                    }
-                }
+                let possible = facing[triangle as usize & 7][0] & rays;
+                found |= self.push_pairs::<W>(tree, bundle, possible, place + triangle, pairs, locals, instance);
+                rays &= self.alive;
             }
             found
         }
+    }
+
+    /// Adds pairs of some rays and a triangle. True if anything was tested, because there were many, and counted.
+    ///
+    /// # Safety
+    /// As [`Self::test_pairs`].
+    #[inline(always)]
+    unsafe fn push_pairs<W: Lanes16>(
+        &mut self,
+        tree: &GroupTree,
+        bundle: &mut Bundle,
+        mut rays: u32,
+        triangle: u32,
+        pairs: &mut Pairs,
+        locals: &mut Locals,
+        instance: u32,
+    ) -> bool {
+        let mut found = false;
+        while rays != 0 {
+            pairs.push(rays.trailing_zeros(), triangle);
+            rays &= rays - 1;
+            if pairs.is_full() {
+                // SAFETY: as promised by the caller.
+                found |= unsafe { self.test_pairs::<W>(tree, bundle, pairs, locals, instance, false) };
+                rays &= self.alive;
+            }
+        }
+        found
     }
 
     /// True if hits of a geometry count for all rays, whatever they are.
