@@ -5,6 +5,7 @@
 
 use rayon::prelude::*;
 use snell_intersect::TriangleMesh;
+use snell_math::glam::Vec3Swizzles;
 use snell_math::{Bounds3, DVec3, Vec3};
 
 /// A face that is the copy of another.
@@ -85,6 +86,15 @@ pub struct Topology {
 
 /// Of faces that belong to no component.
 const NONE: u32 = u32::MAX;
+
+/// True if three points lie on a line, but for rounding. (Not by a ratio of area and length: a face may be as thin as its coordinates allow,
+/// and rays still hit it.)
+fn is_on_a_line([a, b, c]: [DVec3; 3]) -> bool {
+    const ROUNDING: f64 = 4.0 * f64::EPSILON;
+    let (u, v) = (b - a, c - a);
+    let (first, second) = (u.yzx() * v.zxy(), u.zxy() * v.yzx());
+    (first - second).abs().cmple((first.abs() + second.abs()) * ROUNDING).all()
+}
 
 /// Numbers of vertices such that those in one place have the same.
 fn welded(mesh: &TriangleMesh) -> Vec<u32> {
@@ -171,12 +181,7 @@ impl Topology {
             if a == b || b == c || c == a {
                 return Kind::Flat;
             }
-            let [a, b, c] = corners;
-            let (u, v) = (b - a, c - a);
-            let longest = u.length_squared().max(v.length_squared()).max((c - b).length_squared());
-            // Thinner than the coordinates can say.
-            let is_flat = u.cross(v).length() <= 1e-7 * longest;
-            if is_flat { Kind::Flat } else { Kind::Sound }
+            if is_on_a_line(corners) { Kind::Flat } else { Kind::Sound }
         };
         let kinds: Vec<Kind> = faces.par_iter().enumerate().map(kind).collect();
         let all_of =
@@ -336,6 +341,12 @@ mod tests {
         let duplicate = |face, is_wound_alike| Duplicate { face, of: 7, is_wound_alike };
         assert_eq!(topology.duplicates, [duplicate(12, true), duplicate(13, false)]);
         assert_eq!((topology.degenerate, topology.boundary.len()), (vec![14], 0));
+        let mut thin = cube();
+        let at = |x, y, z| Vec3::new(x, y, z) + 2.0;
+        thin.positions.extend([at(0.0, 0.0, 0.0), at(0.1, 0.2, 0.3), at(0.3, 0.6, 0.9), at(0.1, 0.2 + 1e-6, 0.3)]);
+        thin.positions.extend([Vec3::ZERO, Vec3::X, Vec3::new(0.0, 0.5, 1e30), Vec3::splat(1.0), Vec3::splat(-7.0)]);
+        thin.indices.extend([[24, 25, 26], [24, 26, 27], [28, 29, 30], [28, 31, 32]]);
+        assert_eq!(Topology::of(&thin).degenerate, [15], "only points on a line: a face of 1e30 by 1 has an area");
         let mut fin = cube();
         fin.positions.push(Vec3::splat(3.0));
         let edge = fin.indices[0];

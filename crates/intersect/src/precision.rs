@@ -159,9 +159,6 @@ pub(crate) trait Rules: Precision {
     /// About where the ray starts.
     fn origin(ray: &Self::Ray) -> Vec3;
 
-    /// About where it goes.
-    fn direction(ray: &Self::Ray) -> Vec3;
-
     /// A hit: distance (rounded), parameters, and instance, geometry and primitive.
     fn hit(t: f64, uv: Vec2, ids: [u32; 3]) -> Self::Hit;
 
@@ -325,11 +322,6 @@ impl Rules for Single {
     #[inline(always)]
     fn origin(ray: &Ray) -> Vec3 {
         ray.origin
-    }
-
-    #[inline(always)]
-    fn direction(ray: &Ray) -> Vec3 {
-        ray.direction
     }
 
     #[inline(always)]
@@ -534,11 +526,6 @@ impl Rules for Double {
     #[inline(always)]
     fn origin(ray: &DRay) -> Vec3 {
         ray.origin.as_vec3()
-    }
-
-    #[inline(always)]
-    fn direction(ray: &DRay) -> Vec3 {
-        ray.direction.as_vec3()
     }
 
     #[inline(always)]

@@ -1,8 +1,8 @@
 //! The order in which the rays of a large batch are traced: rays from one place one after another, because they visit the same
 //! parts of the tree.
 //!
-//! Rays are sorted by the cell of their origin along a Morton curve and by the octant of their direction, if they are not in some such
-//! order already. Each ray is still traced for itself, so the results are the same.
+//! Rays are sorted by the cell of their origin along a Morton curve, by counting, if they are not in some such order already. Each ray is still
+//! traced for itself, so the results are the same.
 
 use super::rays::Rays;
 use crate::precision::Rules;
@@ -16,13 +16,16 @@ const MIN_RAYS: usize = 1 << 14;
 const MAX_RAYS: usize = 1 << 16;
 
 /// Bits of a cell's place on each axis.
-const CELL_BITS: u32 = 7;
+const CELL_BITS: u32 = 5;
 
-/// Bits of a key that a pass of the sort looks at: two passes for all of them.
-const DIGIT_BITS: u32 = 12;
+/// All cells. (Few enough to count the rays of each in the second cache.)
+const CELLS: usize = 1 << (3 * CELL_BITS);
 
 /// Neighbours of which so many are looked at to see whether rays are in order.
 const SAMPLES: usize = 256;
+
+/// Of so many origins one is looked at to know their extent.
+const STEP: usize = 61;
 
 /// Neighbours are close together within this part of the extent of all origins.
 const CLOSE: f32 = 1.0 / 16.0;
@@ -33,9 +36,10 @@ pub(crate) struct Sorter {
     /// Rays of a part.
     size: usize,
     sorts: bool,
-    /// A key above, the number of a ray below.
-    entries: Vec<u64>,
-    scratch: Vec<u64>,
+    /// The cell of each ray.
+    cells: Vec<u16>,
+    /// By cell: how many rays there are, then where its next ray goes.
+    places: Vec<u32>,
     order: Vec<u32>,
 }
 
@@ -44,7 +48,7 @@ impl Sorter {
     pub fn new(rays: usize, sorts: bool) -> Self {
         let sorts = sorts && rays >= MIN_RAYS;
         let parts = if sorts { rays.div_ceil(MAX_RAYS) } else { 1 };
-        Self { rays, size: rays.div_ceil(parts).max(1), sorts, entries: vec![], scratch: vec![], order: vec![] }
+        Self { rays, size: rays.div_ceil(parts).max(1), sorts, cells: vec![], places: vec![], order: vec![] }
     }
 
     /// The parts, of equal size.
@@ -69,26 +73,40 @@ impl Sorter {
         if !self.sorts || rays.len() < MIN_RAYS {
             return &self.order;
         }
-        let (low, high) = rays.clone().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), ray| {
-            let o = P::origin(ray);
-            if o.is_finite() { (low.min(o), high.max(o)) } else { (low, high) }
-        });
-        let cells = Cells::new(low, high);
+        let (low, high) = extent_of(rays.clone().map(P::origin));
         if is_in_order(rays.clone().map(P::origin), high - low) {
             return &self.order;
         }
-        let entry = |(number, ray): (usize, &P::Ray)| {
-            let key = cells.morton(P::origin(ray)) << 3 | octant(P::direction(ray));
-            u64::from(key) << 32 | number as u64
-        };
-        self.entries.clear();
-        self.entries.extend(rays.enumerate().map(entry));
-        self.scratch.resize(self.entries.len(), 0);
-        sort_by_digit(&self.entries, &mut self.scratch, 32);
-        sort_by_digit(&self.scratch, &mut self.entries, 32 + DIGIT_BITS);
-        self.order.extend(self.entries.iter().map(|&entry| entry as u32));
-        &self.order
+        let Self { cells, places, order, .. } = self;
+        let grid = Grid::new(low, high);
+        places.clear();
+        places.resize(CELLS, 0);
+        cells.clear();
+        cells.extend(rays.map(|ray| {
+            let cell = grid.cell(P::origin(ray));
+            places[cell as usize % CELLS] += 1;
+            cell
+        }));
+        let mut sum = 0;
+        for place in places.iter_mut() {
+            sum += std::mem::replace(place, sum);
+        }
+        order.resize(cells.len(), 0);
+        for (number, &cell) in cells.iter().enumerate() {
+            let place = &mut places[cell as usize % CELLS];
+            order[*place as usize] = number as u32;
+            *place += 1;
+        }
+        order
     }
+}
+
+/// Nearly the bounds of all origins: of one in [`STEP`]. (The few that are beyond count as on the border.)
+fn extent_of(origins: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
+    origins
+        .step_by(STEP)
+        .filter(|o| o.is_finite())
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), o| (low.min(o), high.max(o)))
 }
 
 /// True if most rays start close to the one before.
@@ -101,55 +119,43 @@ fn is_in_order(origins: impl ExactSizeIterator<Item = Vec3> + Clone, extent: Vec
 }
 
 /// A grid over the origins.
-struct Cells {
+struct Grid {
     low: Vec3,
     scale: Vec3,
 }
 
-impl Cells {
+impl Grid {
     const LAST: f32 = ((1 << CELL_BITS) - 1) as f32;
 
     fn new(low: Vec3, high: Vec3) -> Self {
-        Self { low, scale: Vec3::splat(Self::LAST + 1.0) / (high - low) }
+        Self { low, scale: Vec3::splat(Self::LAST) / (high - low) }
     }
 
-    /// The number of a point's cell on the curve; anything in range for what is not finite.
+    /// The number of a point's cell on a Morton curve; anything in range for what is not finite.
     #[inline(always)]
-    fn morton(&self, point: Vec3) -> u32 {
-        let at = ((point - self.low) * self.scale).min(Vec3::splat(Self::LAST));
-        spread(at.x as u32) | spread(at.y as u32) << 1 | spread(at.z as u32) << 2
+    fn cell(&self, point: Vec3) -> u16 {
+        // (To the nearest whole numbers by their last bits, which takes no checks.)
+        const TO_WHOLE: f32 = (1 << 23) as f32;
+        let at = ((point - self.low) * self.scale).max(Vec3::ZERO).min(Vec3::splat(Self::LAST)) + TO_WHOLE;
+        let spread = |x: f32| SPREAD[x.to_bits() as usize % SPREAD.len()];
+        spread(at.x) | spread(at.y) << 1 | spread(at.z) << 2
     }
 }
 
-/// Every bit of a number with [`CELL_BITS`] bits at three times its place.
-#[inline(always)]
-fn spread(x: u32) -> u32 {
-    let x = (x | x << 8) & 0x0000_f00f;
-    let x = (x | x << 4) & 0x000c_30c3;
-    (x | x << 2) & 0x0024_9249
-}
-
-#[inline(always)]
-fn octant(d: Vec3) -> u32 {
-    u32::from(d.x < 0.0) | u32::from(d.y < 0.0) << 1 | u32::from(d.z < 0.0) << 2
-}
-
-/// Sorts by [`DIGIT_BITS`] bits from `shift` on; what is equal there stays in order.
-fn sort_by_digit(from: &[u64], to: &mut [u64], shift: u32) {
-    const DIGITS: usize = 1 << DIGIT_BITS;
-    let digit = |entry: u64| (entry >> shift) as usize & (DIGITS - 1);
-    let mut next = [0u32; DIGITS];
-    from.iter().for_each(|&entry| next[digit(entry)] += 1);
-    let mut sum = 0;
-    for count in &mut next {
-        sum += std::mem::replace(count, sum);
+/// Every bit of a number at three times its place.
+static SPREAD: [u16; 1 << CELL_BITS] = {
+    let mut table = [0; 1 << CELL_BITS];
+    let mut x = 0;
+    while x < table.len() {
+        let mut bit = 0;
+        while bit < CELL_BITS {
+            table[x] |= ((x >> bit & 1) << (3 * bit)) as u16;
+            bit += 1;
+        }
+        x += 1;
     }
-    for &entry in from {
-        let at = &mut next[digit(entry)];
-        to[*at as usize] = entry;
-        *at += 1;
-    }
-}
+    table
+};
 
 #[cfg(test)]
 mod tests {
