@@ -90,20 +90,7 @@ pub(crate) unsafe fn exact_hits<W: Lanes16>(
     // SAFETY: passed on to the caller.
     unsafe {
         debug_assert!(pairs.triangles.iter().all(|&place| (place as usize >> 3) < blocks.len()), "{pairs:?}");
-        let start = blocks.as_ptr();
-        let t = &pairs.triangles;
-        let triangles = [
-            triangle(start, t[0]),
-            triangle(start, t[1]),
-            triangle(start, t[2]),
-            triangle(start, t[3]),
-            triangle(start, t[4]),
-            triangle(start, t[5]),
-            triangle(start, t[6]),
-            triangle(start, t[7]),
-        ];
-        let corners =
-            [corner::<W::Half>(&triangles, 0), corner::<W::Half>(&triangles, 1), corner::<W::Half>(&triangles, 2)];
+        let corners = corners::<W::Half>(blocks, pairs);
         let frame = Frame::<W::Half>::new::<W>(bundle, pairs);
         let drawn = [frame.draw(&corners[0]), frame.draw(&corners[1]), frame.draw(&corners[2])];
         let mut first = 0;
@@ -114,37 +101,49 @@ pub(crate) unsafe fn exact_hits<W: Lanes16>(
     }
 }
 
-/// Where the numbers of a triangle are: one in each row of eight.
+/// The corners of the triangles. (Mostly these are in a few blocks, so it is a permutation or two for each row of a block, not a load for each number.)
 ///
 /// # Safety
-/// The triangle must be one of the blocks.
+/// The machine must have the instructions of `L`; there must be pairs, and their triangles must be of these blocks.
 #[inline(always)]
-unsafe fn triangle(blocks: *const TriangleBlock, place: u32) -> *const f32 {
-    // SAFETY: as promised by the caller.
-    unsafe { (&raw const (*blocks.add(place as usize >> 3)).vertices).cast::<f32>().add(place as usize & 7) }
+unsafe fn corners<L: WideLanes>(blocks: &[TriangleBlock], pairs: &Pairs) -> [[L; 3]; 3] {
+    let (places, numbers) = (&pairs.triangles, pairs.triangles.map(|place| place >> 3));
+    // SAFETY: passed on to the caller. Only the lanes in a block are read from places.
+    unsafe {
+        let mut number = numbers[0];
+        let mut corners = rows::<L>(blocks.get_unchecked(number as usize), places);
+        let mut rest = u32::MAX >> (32 - pairs.count) & !L::places_of(number, &numbers);
+        while rest != 0 {
+            number = numbers[rest.trailing_zeros() as usize & (PAIRS - 1)];
+            let own = L::places_of(number, &numbers);
+            rest &= !own;
+            let others = rows::<L>(blocks.get_unchecked(number as usize), places);
+            for (corner, other) in corners.iter_mut().zip(others) {
+                *corner = [
+                    corner[0].replace(own, other[0]),
+                    corner[1].replace(own, other[1]),
+                    corner[2].replace(own, other[2]),
+                ];
+            }
+        }
+        corners
+    }
 }
 
-/// A corner of each of the triangles.
+/// The corners of eight triangles as if all were of one block.
 ///
 /// # Safety
-/// The machine must have the instructions of `L`; the corner must be below 3.
+/// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn corner<L: WideLanes>(triangles: &[*const f32; PAIRS], corner: usize) -> [L; 3] {
-    // SAFETY: passed on to the caller.
-    unsafe { [row(triangles, 3 * corner), row(triangles, 3 * corner + 1), row(triangles, 3 * corner + 2)] }
-}
-
-/// The number in a row of each of the triangles.
-///
-/// # Safety
-/// The machine must have the instructions of `L`; the row must be below 9.
-#[inline(always)]
-unsafe fn row<L: WideLanes>(triangles: &[*const f32; PAIRS], row: usize) -> L {
-    let [a, b, c, d, e, f, g, h] = triangles;
-    let at = 8 * row;
+unsafe fn rows<L: WideLanes>(block: &TriangleBlock, lanes: &[u32; PAIRS]) -> [[L; 3]; 3] {
+    let [a, b, c] = &block.vertices;
     // SAFETY: passed on to the caller.
     unsafe {
-        L::load(&[*a.add(at), *b.add(at), *c.add(at), *d.add(at), *e.add(at), *f.add(at), *g.add(at), *h.add(at)])
+        [
+            [L::load_permuted(&a[0], lanes), L::load_permuted(&a[1], lanes), L::load_permuted(&a[2], lanes)],
+            [L::load_permuted(&b[0], lanes), L::load_permuted(&b[1], lanes), L::load_permuted(&b[2], lanes)],
+            [L::load_permuted(&c[0], lanes), L::load_permuted(&c[1], lanes), L::load_permuted(&c[2], lanes)],
+        ]
     }
 }
 
