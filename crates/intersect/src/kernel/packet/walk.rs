@@ -20,6 +20,9 @@ use std::mem::MaybeUninit;
 /// Trees larger than this are fetched ahead.
 const PREFETCH_BYTES: usize = 2 << 20;
 
+/// In trees larger than this all leaves below a node are fetched with it, whether they are met or not: the bundles that come next will meet them.
+const LEAVES_BYTES: usize = 32 << 20;
+
 /// Bundles that walk together at most.
 pub(super) const ROWS: usize = 4;
 
@@ -259,7 +262,8 @@ unsafe fn descend<W: Lanes16, G: Goal>(
     position: Position,
 ) {
     let (base, instance) = (position.top, position.instance);
-    let prefetch = tree.memory_bytes() > PREFETCH_BYTES;
+    let bytes = tree.memory_bytes();
+    let (prefetch, fetches_leaves) = (bytes > PREFETCH_BYTES, bytes > LEAVES_BYTES);
     let first = first(members);
     let common = rows[first].bundle.kind.common;
     let mut top = base;
@@ -269,6 +273,10 @@ unsafe fn descend<W: Lanes16, G: Goal>(
         // SAFETY: the builder makes only references to nodes that exist; a walk holds at most 7 entries per level.
         unsafe {
             let pushed = push_children::<W, G>(tree, node, rows, [first as u32, meeting], far, stacks, top);
+            if fetches_leaves {
+                let leaves = tree.nodes.get_unchecked(node).children.into_iter().filter(|child| child.is_triangles());
+                leaves.for_each(|leaf| fetch_ahead(tree, leaf));
+            }
             if prefetch {
                 for i in (top..top + pushed).rev() {
                     fetch_ahead(tree, child_at(tree, *stacks.places.get_unchecked(i)));
