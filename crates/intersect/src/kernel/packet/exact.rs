@@ -75,7 +75,7 @@ impl<R: Real> Found<R> {
     pub const NONE: Self = Self { t: [R::ZERO; PAIRS], b1: [R::ZERO; PAIRS], b2: [R::ZERO; PAIRS], hits: 0, unsure: 0 };
 }
 
-/// Tests up to eight pairs. Unused ones must be copies of others or those of [`Pairs::NONE`]; their results mean nothing.
+/// Tests up to eight pairs, at least one. Results of those that are not used mean nothing.
 ///
 /// # Safety
 /// The machine must have the instructions of `W`; the triangles must be of these blocks. All rays of the bundle must be drawn along its z

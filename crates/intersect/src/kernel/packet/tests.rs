@@ -342,6 +342,48 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
             }
         }
     }
+    if bundle.is_aligned {
+        // SAFETY: as promised by the caller.
+        unsafe { check_pairs::<W>(bundle, block, rays.len())? };
+    }
+    Ok(())
+}
+
+#[inline(always)]
+unsafe fn tested<W: Lanes16>(blocks: &[TriangleBlock], bundle: &Bundle, pairs: &Pairs) -> Found<f32> {
+    let mut found = Found::NONE;
+    // SAFETY: passed on to the caller.
+    unsafe { exact_hits::<W>(blocks, bundle, pairs, &mut found) };
+    found
+}
+
+/// Pairs of triangles of several blocks give what each gives alone.
+#[inline(always)]
+unsafe fn check_pairs<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: usize) -> Result<(), TestCaseError> {
+    let mut blocks = [*block; 3];
+    for (turn, turned) in blocks.iter_mut().enumerate() {
+        (0..8).for_each(|lane| turned.set((lane + 3 * turn) % 8, &block.corners(lane), 0));
+    }
+    for count in [1, 3, 8] {
+        let mut pairs = Pairs::NONE;
+        for i in 0..count {
+            let (block, lane, ray) = (i * (count - 1) % 3, (5 * i + count) % 8, 3 * i % rays);
+            pairs.push(ray as u32, (8 * block + lane) as u32);
+        }
+        // SAFETY: as promised by the caller; the triangles are of these blocks.
+        let together = unsafe { tested::<W>(&blocks, bundle, &pairs) };
+        for i in 0..count {
+            let mut one = Pairs::NONE;
+            one.push(pairs.rays[i], pairs.triangles[i]);
+            // SAFETY: as above.
+            let alone = unsafe { tested::<W>(&blocks, bundle, &one) };
+            prop_assert_eq!([together.hits >> i & 1, together.unsure >> i & 1], [alone.hits & 1, alone.unsure & 1]);
+            if alone.hits & 1 == 1 {
+                let bits = |found: &Found<f32>, i: usize| [found.t[i], found.b1[i], found.b2[i]].map(f32::to_bits);
+                prop_assert_eq!(bits(&together, i), bits(&alone, 0));
+            }
+        }
+    }
     Ok(())
 }
 
