@@ -11,7 +11,8 @@ use crate::kernel::double::plane::{LARGE, ROUGH, SURE, TINY, determinants};
 use snell_math::DVec3;
 use snell_math::simd::Lanes4;
 
-/// Tests up to eight pairs, as [`super::exact::exact_hits`].
+/// Tests up to eight pairs, as [`super::exact::exact_hits`]. Unlike there, those that are not used are read, too: they must be of this tree, or those of
+/// [`Pairs::NONE`].
 ///
 /// # Safety
 /// The machine must have the instructions of `D`. All rays of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).

@@ -89,7 +89,10 @@ pub(crate) unsafe fn exact_hits<W: Lanes16>(
 ) {
     // SAFETY: passed on to the caller.
     unsafe {
-        debug_assert!(pairs.triangles.iter().all(|&place| (place as usize >> 3) < blocks.len()), "{pairs:?}");
+        debug_assert!(
+            pairs.triangles[..pairs.count].iter().all(|&place| (place as usize >> 3) < blocks.len()),
+            "{pairs:?}"
+        );
         let corners = corners::<W::Half>(blocks, pairs);
         let frame = Frame::<W::Half>::new::<W>(bundle, pairs);
         let drawn = [frame.draw(&corners[0]), frame.draw(&corners[1]), frame.draw(&corners[2])];

@@ -154,7 +154,8 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// Prepares it for another bundle, perhaps in another group: places of triangles must not stay, since what is not used is read, too.
+    /// Prepares it for another bundle, perhaps in another group: places of triangles must not stay, since in double precision
+    /// what is not used is read, too.
     #[inline(always)]
     pub(super) fn clear(&mut self) {
         self.pairs = Pairs::NONE;
