@@ -4,7 +4,7 @@
 //! that are met, rays in the plane of the triangle, numbers out of range) is not decided here but handed back.
 
 use super::bundle::Bundle;
-use super::exact::{Found, Pairs};
+use super::exact::{Found, Pairs, cross, dot, minus};
 use crate::accel::bvh::GroupTree;
 use crate::kernel::double::DoubleData;
 use crate::kernel::double::plane::{LARGE, ROUGH, SURE, TINY, determinants};
@@ -194,11 +194,6 @@ unsafe fn edge<D: Lanes4>(p: [D; 2], q: [D; 2]) -> (D, u32, u32) {
 }
 
 #[inline(always)]
-fn minus<D: Lanes4>(a: [D; 3], b: [D; 3]) -> [D; 3] {
-    [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2])]
-}
-
-#[inline(always)]
 fn add<D: Lanes4>(a: [D; 3], b: [D; 3]) -> [D; 3] {
     [a[0].add(b[0]), a[1].add(b[1]), a[2].add(b[2])]
 }
@@ -206,14 +201,4 @@ fn add<D: Lanes4>(a: [D; 3], b: [D; 3]) -> [D; 3] {
 #[inline(always)]
 fn abs<D: Lanes4>(a: [D; 3]) -> [D; 3] {
     [a[0].abs(), a[1].abs(), a[2].abs()]
-}
-
-#[inline(always)]
-fn cross<D: Lanes4>(a: [D; 3], b: [D; 3]) -> [D; 3] {
-    [a[1].mul(b[2]).sub(b[1].mul(a[2])), a[2].mul(b[0]).sub(b[2].mul(a[0])), a[0].mul(b[1]).sub(b[0].mul(a[1]))]
-}
-
-#[inline(always)]
-fn dot<D: Lanes4>(a: [D; 3], b: [D; 3]) -> D {
-    a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
 }

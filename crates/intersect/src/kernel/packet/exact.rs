@@ -335,7 +335,7 @@ fn edge<D: DoubleLanes>(p: [D; 2], q: [D; 2]) -> (D, [u32; 2]) {
 }
 
 #[inline(always)]
-fn minus<D: DoubleLanes>(a: [D; 3], b: [D; 3]) -> [D; 3] {
+pub(super) fn minus<D: DoubleLanes>(a: [D; 3], b: [D; 3]) -> [D; 3] {
     [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2])]
 }
 
