@@ -23,8 +23,8 @@
 //! * The slots of wide nodes are shared out by numbers of nodes, not by references with their part, and without steps for "one slot less is no worse"; what the tree costs is worked out
 //!   once, eight boxes at a time.
 //!
-//! With two threads that slept before, the bunny's 3.0 ms become 1.95 to 2.5: the second thread wakes only when the survey of all triangles (0.2) is over, and the writing of blocks (1.1 to 0.65) takes 0.95 at times, as if the two cores were
-//! shared, too; no pages are asked for.
+//! With two threads that slept before, the bunny's 3.0 ms become 2.1 to 2.8: the survey of all triangles takes 0.2 with one thread or two (it seems that the second is still waking up), and the writing of blocks (1.1) takes 0.65 at times and
+//! 0.95 at others, with two; no pages are asked for.
 //!
 //! Rejected: bits of the three axes spread apart side by side in registers (getting them out again takes longer: 30 to 27 million triangles a second).
 //!
