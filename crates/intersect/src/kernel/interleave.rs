@@ -13,21 +13,11 @@ use crate::precision::Rules;
 use crate::query::answers::Answers;
 use crate::query::rays::Rays;
 use crate::query::search::{Context, Goal, RayOf, Search};
-use snell_math::simd::{Lanes8, Level, Portable8, first_cache_bytes};
+use snell_math::simd::{Lanes8, Level, Portable8};
 use std::mem::MaybeUninit;
 
-/// How many rays there are.
-struct Flight {
-    /// In flight at most.
-    slots: usize,
-    /// So many must have come to their ends before others start.
-    party: usize,
-}
-
-/// Where the first cache has at least [`ROOMY_CACHE`] bytes, and elsewhere.
-const ROOMY: Flight = Flight { slots: 48, party: PARTY };
-const NARROW: Flight = Flight { slots: 32, party: PARTY / 2 };
-const ROOMY_CACHE: usize = 48 << 10;
+/// How many rays are in flight at most. When [`PARTY`] of them have come to their ends, others start.
+const SLOTS: usize = 48;
 
 /// Batches of fewer rays are not worth it.
 const MIN_RAYS: usize = 16;
@@ -90,11 +80,6 @@ pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
     rays >= MIN_RAYS && tree.unbounded.is_empty() && may_search(forest)
 }
 
-/// How many rays there are on this machine.
-fn flight() -> Flight {
-    if first_cache_bytes().is_some_and(|bytes| bytes >= ROOMY_CACHE) { ROOMY } else { NARROW }
-}
-
 /// True if walks through the bounded part of the forest fit the stacks of this kernel.
 pub(crate) fn may_search(forest: &Forest) -> bool {
     forest.ordinary && forest.trees[0].root.is_node() && forest.stack_size + 8 <= STACK
@@ -152,12 +137,11 @@ unsafe fn run<L: Lanes8, G: Goal>(
     let tree = &forest.trees[0];
     let prefetch = forest.memory_bytes() > FETCHED_BYTES;
     let mut below = [const { MaybeUninit::<Entry>::uninit() }; SMALL_STACK];
-    let Flight { slots, party } = flight();
-    let mut memory: Box<[MaybeUninit<Slot<G>>]> = Box::new_uninit_slice(slots.min(batch.len()));
-    let mut items: [Items<*mut Slot<G>>; 4] = [const { [const { MaybeUninit::uninit() }; ROOMY.slots + 1] }; 4];
+    let mut memory: Box<[MaybeUninit<Slot<G>>]> = Box::new_uninit_slice(SLOTS.min(batch.len()));
+    let mut items: [Items<*mut Slot<G>>; 4] = [const { [const { MaybeUninit::uninit() }; SLOTS + 1] }; 4];
     let [nodes, rest, mut hopeful, mut idle] = items.each_mut().map(|items| Queue { items, count: 0 });
     let mut queues = Queues { nodes, rest };
-    let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; ROOMY.slots + 1];
+    let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; SLOTS + 1];
     let (mut return_slots, mut object_slots) = (other_slots, other_slots);
     for slot in &mut memory {
         // SAFETY: the memory is there, and there are no more slots than items.
@@ -170,10 +154,10 @@ unsafe fn run<L: Lanes8, G: Goal>(
     let (mut number, mut trial) = (0, Trial::default());
     loop {
         // Rays that start, some at a time.
-        while number < batch.len() && idle.count >= party.min(batch.len() - number).min(memory.len()) {
+        while number < batch.len() && idle.count >= PARTY.min(batch.len() - number).min(memory.len()) {
             let mut started: [*mut Slot<G>; PARTY] = [std::ptr::null_mut(); PARTY];
             let mut count = 0;
-            while count < party && number < batch.len() && idle.count > 0 {
+            while count < PARTY && number < batch.len() && idle.count > 0 {
                 let (ray, begun) = batch.get(number, &answers);
                 number += 1;
                 let query = batch.rays.get(ray);
@@ -318,7 +302,7 @@ fn search_alone<G: Goal>(forest: &Forest, level: Level, mut search: Search<G>) -
 }
 
 /// The memory of a queue: all slots and one more.
-type Items<T> = [MaybeUninit<T>; ROOMY.slots + 1];
+type Items<T> = [MaybeUninit<T>; SLOTS + 1];
 
 /// Slots in order of arrival; read and rewritten in one pass. (Items and count are apart, so that the count stays in a register.)
 struct Queue<'a, T> {
@@ -330,7 +314,7 @@ impl<T: Copy> Queue<'_, T> {
     /// Writes an item, and counts it or not: no branch on data.
     ///
     /// # Safety
-    /// The queue must have at most as many items as [`ROOMY`] has slots.
+    /// The queue must have at most as many items as there are slots.
     #[inline(always)]
     unsafe fn put(&mut self, item: T, counts: bool) {
         // SAFETY: as promised by the caller.
@@ -363,7 +347,7 @@ impl<T: Copy> Queues<'_, T> {
     /// Puts a slot where it belongs.
     ///
     /// # Safety
-    /// There must be fewer items in all than [`ROOMY`] has slots.
+    /// There must be fewer items in all than there are slots.
     #[inline(always)]
     unsafe fn put(&mut self, item: T, current: ChildRef) {
         // SAFETY: as promised by the caller.

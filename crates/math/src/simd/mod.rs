@@ -8,7 +8,6 @@ mod avx2_doubles;
 mod avx512;
 #[cfg(target_arch = "x86_64")]
 mod avx512_doubles;
-mod cache;
 mod doubles;
 mod lanes;
 mod level;
@@ -25,7 +24,6 @@ pub use avx2_doubles::Avx4;
 pub use avx512::Avx16;
 #[cfg(target_arch = "x86_64")]
 pub use avx512_doubles::{Avx8Doubles, Avx16Doubles};
-pub use cache::first_cache_bytes;
 pub use doubles::{DoubleLanes, DoublesOf, Lanes4, Portable4, WideLanes};
 pub use lanes::Lanes8;
 pub use level::Level;
