@@ -3,9 +3,8 @@
 use super::super::node::ChildRef;
 use super::super::traverse::{Stack, test_object};
 use super::bundle::{Bundle, PerRay, RAYS};
-use super::walk::{Luggage, Members, Position, ROWS, Row, Rows, Stacks, Walker, next};
+use super::walk::{Group, Luggage, Members, Position, ROWS, Row, Rows, Stacks, Walker, next};
 use super::{MIN_RAYS, fits};
-use crate::accel::bvh::GroupTree;
 use crate::accel::group::{Object, ObjectRef, Placement};
 use crate::precision::Rules;
 use crate::query::search::Goal;
@@ -20,17 +19,16 @@ impl<G: Goal> Walker<'_, '_, G> {
     #[inline(always)]
     pub(super) unsafe fn test_objects<W: Lanes16>(
         &mut self,
-        tree: &GroupTree,
+        group: Group,
         object: usize,
         bundle: &mut Bundle,
         rays: u32,
-        instance: u32,
         stack: &mut Stack,
     ) {
         let mut culls = [0.0; RAYS];
         // SAFETY: as promised by the caller.
         unsafe {
-            let over = self.test_one_by_one(tree, object, bundle, rays, instance, &mut culls, stack);
+            let over = self.test_one_by_one(group, object, bundle, rays, &mut culls, stack);
             self.alive &= !over;
             bundle.narrow::<W>(rays, over, &culls);
             bundle.update_limits::<W>();
@@ -44,11 +42,10 @@ impl<G: Goal> Walker<'_, '_, G> {
     #[inline(never)]
     unsafe fn test_one_by_one(
         &mut self,
-        tree: &GroupTree,
+        group: Group,
         object: usize,
         bundle: &mut Bundle,
         mut rays: u32,
-        instance: u32,
         culls: &mut PerRay<f32>,
         stack: &mut Stack,
     ) -> u32 {
@@ -60,8 +57,9 @@ impl<G: Goal> Walker<'_, '_, G> {
             self.search(lane);
             let (Some(search), ray) = (&mut self.searches[lane], bundle.rays.get(lane)) else { continue };
             // SAFETY: as promised by the caller.
-            let is_over =
-                unsafe { test_object(self.forest, tree, object, &ray, instance, search, stack, self.enter_single) };
+            let is_over = unsafe {
+                test_object(self.forest, group.tree, object, &ray, group.instance, search, stack, self.enter_single)
+            };
             culls[lane] = search.cull();
             over |= u32::from(is_over) << lane;
         }
@@ -115,7 +113,7 @@ impl<G: Goal> Walker<'_, '_, G> {
 /// As [`super::walk::WalkBundles`], in the group of the position.
 #[inline(always)]
 pub(super) unsafe fn enter_object<W: Lanes16, G: Goal>(
-    tree: &GroupTree,
+    group: Group,
     object: ChildRef,
     rows: &mut Rows<'_, '_, '_, G>,
     mut members: Members,
@@ -130,7 +128,7 @@ pub(super) unsafe fn enter_object<W: Lanes16, G: Goal>(
             offset,
             child_from_group: Placement::Still(child_from_group),
             mask: visible,
-        }) = tree.objects.get(object.index())
+        }) = group.tree.objects.get(object.index())
             && fits::<W::Half>(&rows[0].walker.forest.trees[*child])
         {
             let mut luggage = stacks.spare.pop().unwrap_or_else(Luggage::new);
@@ -146,7 +144,7 @@ pub(super) unsafe fn enter_object<W: Lanes16, G: Goal>(
                 }
             }
             members &= !inside;
-            let position = Position { group: *child, instance: position.instance + offset, ..*position };
+            let position = Position { group: *child, instance: group.instance + offset, ..*position };
             while inside != 0 {
                 let alike = luggage.alike(inside);
                 inside &= !alike;
@@ -157,7 +155,7 @@ pub(super) unsafe fn enter_object<W: Lanes16, G: Goal>(
         while let Some(number) = next(&mut members) {
             let Row { walker, bundle, .. } = &mut rows[number];
             let (object, single) = (object.index(), &mut stacks.single);
-            walker.test_objects::<W>(tree, object, bundle, rays[number], position.instance, single);
+            walker.test_objects::<W>(group, object, bundle, rays[number], single);
         }
     }
 }

@@ -8,8 +8,7 @@ use super::exact::{PAIRS, Pairs};
 use super::facing::Facing;
 use super::leaf::{Leaf, Meeting, SeenBlock, Wanted};
 use super::sure::Decided;
-use super::walk::Walker;
-use crate::accel::bvh::GroupTree;
+use super::walk::{Group, Memory, Walker};
 use crate::accel::group::test_triangle;
 use crate::precision::{Real, Rules};
 use crate::query::search::{Goal, RealOf, Verdict};
@@ -32,31 +31,29 @@ impl<G: Goal> Walker<'_, '_, G> {
     /// hit something else.
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`; `leaf` must be one of the tree.
+    /// The machine must have the instructions of `W`; `leaf` must be one of the group.
     #[inline(always)]
     pub(super) unsafe fn test_triangles<W: Lanes16>(
         &mut self,
-        tree: &GroupTree,
+        group: Group,
         leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
         rays: u32,
-        pairs: &mut Pairs,
-        locals: &mut Locals,
-        instance: u32,
+        memory: &mut Memory,
     ) {
         // SAFETY: as promised by the caller.
         unsafe {
             let few = self.few_rays::<W>();
             let is_quick = !bundle.lines.apart && (!Self::PUTS_OFF || rays.count_ones() <= few);
             let mut found = if G::ANY {
-                self.find_any::<W>(tree, leaf, bundle, rays, pairs, locals, instance)
+                self.find_any::<W>(group, leaf, bundle, rays, memory)
             } else if is_quick {
-                self.find_pairs_of_origin::<W>(tree, leaf, bundle, rays, pairs, locals, instance)
+                self.find_pairs_of_origin::<W>(group, leaf, bundle, rays, memory)
             } else {
-                self.find_pairs::<W>(tree, leaf, bundle, rays, pairs, locals, instance)
+                self.find_pairs::<W>(group, leaf, bundle, rays, memory)
             };
-            if pairs.count != 0 && self.is_urgent::<W>(bundle, pairs) {
-                found |= self.test_pairs::<W>(tree, bundle, pairs, locals, instance, false);
+            if memory.pairs.count != 0 && self.is_urgent::<W>(bundle, &memory.pairs) {
+                found |= self.test_pairs::<W>(group, bundle, &mut memory.pairs, &mut memory.locals, false);
             }
             if found {
                 bundle.update_limits::<W>();
@@ -98,13 +95,11 @@ impl<G: Goal> Walker<'_, '_, G> {
     #[inline(always)]
     unsafe fn find_pairs_of_origin<W: Lanes16>(
         &mut self,
-        tree: &GroupTree,
+        group: Group,
         leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
         mut rays: u32,
-        pairs: &mut Pairs,
-        locals: &mut Locals,
-        instance: u32,
+        memory: &mut Memory,
     ) -> bool {
         let mut found = false;
         // SAFETY: as promised by the caller.
@@ -117,9 +112,9 @@ impl<G: Goal> Walker<'_, '_, G> {
                 let mut triangles = seen.candidates(&bundle.lines, ray as usize & (RAYS - 1)) & used;
                 // Mostly there is one.
                 loop {
-                    pairs.push_if(ray, place + (triangles.trailing_zeros() & 7), triangles != 0);
-                    if pairs.is_full() {
-                        found |= self.test_pairs::<W>(tree, bundle, pairs, locals, instance, false);
+                    memory.pairs.push_if(ray, place + (triangles.trailing_zeros() & 7), triangles != 0);
+                    if memory.pairs.is_full() {
+                        found |= self.test_pairs::<W>(group, bundle, &mut memory.pairs, &mut memory.locals, false);
                     }
                     triangles &= triangles.wrapping_sub(1);
                     if triangles == 0 {
@@ -138,13 +133,11 @@ impl<G: Goal> Walker<'_, '_, G> {
     #[inline(always)]
     unsafe fn find_pairs<W: Lanes16>(
         &mut self,
-        tree: &GroupTree,
+        group: Group,
         leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
         mut rays: u32,
-        pairs: &mut Pairs,
-        locals: &mut Locals,
-        instance: u32,
+        memory: &mut Memory,
     ) -> bool {
         let mut found = false;
         // SAFETY: as promised by the caller.
@@ -175,7 +168,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                     }
                 }
                 let hit = sure | drawn;
-                if hit != 0 && Self::PUTS_OFF && !bundle.kind.reversed && self.is_plain(tree.triangle(id).0) {
+                if hit != 0 && Self::PUTS_OFF && !bundle.kind.reversed && self.is_plain(group.tree.triangle(id).0) {
                     W::write_where(hit, place + triangle, &mut self.put_off);
                     W::write_where(hit, id, &mut self.put_off_ids);
                     self.waiting |= hit;
@@ -184,7 +177,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                     possible &= !hit;
                     found = true;
                 }
-                found |= self.push_pairs::<W>(tree, bundle, possible, place + triangle, pairs, locals, instance);
+                found |= self.push_pairs::<W>(group, bundle, possible, place + triangle, memory);
                 rays &= self.alive;
             }
         }
@@ -199,13 +192,11 @@ impl<G: Goal> Walker<'_, '_, G> {
     #[inline(always)]
     unsafe fn find_any<W: Lanes16>(
         &mut self,
-        tree: &GroupTree,
+        group: Group,
         leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
         mut rays: u32,
-        pairs: &mut Pairs,
-        locals: &mut Locals,
-        instance: u32,
+        memory: &mut Memory,
     ) -> bool {
         // SAFETY: as promised by the caller.
         unsafe {
@@ -229,7 +220,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             while sure != 0 {
                 let triangle = sure.trailing_zeros() as usize & 7;
                 sure &= sure - 1;
-                if self.is_plain(tree.triangle(block.ids[triangle]).0) {
+                if self.is_plain(group.tree.triangle(block.ids[triangle]).0) {
                     hit |= facing[triangle][1];
                 }
             }
@@ -242,7 +233,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                 let triangle = near.trailing_zeros();
                 near &= near - 1;
                 let possible = facing[triangle as usize & 7][0] & rays;
-                found |= self.push_pairs::<W>(tree, bundle, possible, place + triangle, pairs, locals, instance);
+                found |= self.push_pairs::<W>(group, bundle, possible, place + triangle, memory);
                 rays &= self.alive;
             }
             found
@@ -256,21 +247,19 @@ impl<G: Goal> Walker<'_, '_, G> {
     #[inline(always)]
     unsafe fn push_pairs<W: Lanes16>(
         &mut self,
-        tree: &GroupTree,
+        group: Group,
         bundle: &mut Bundle,
         mut rays: u32,
         triangle: u32,
-        pairs: &mut Pairs,
-        locals: &mut Locals,
-        instance: u32,
+        memory: &mut Memory,
     ) -> bool {
         let mut found = false;
         while rays != 0 {
-            pairs.push(rays.trailing_zeros(), triangle);
+            memory.pairs.push(rays.trailing_zeros(), triangle);
             rays &= rays - 1;
-            if pairs.is_full() {
+            if memory.pairs.is_full() {
                 // SAFETY: as promised by the caller.
-                found |= unsafe { self.test_pairs::<W>(tree, bundle, pairs, locals, instance, false) };
+                found |= unsafe { self.test_pairs::<W>(group, bundle, &mut memory.pairs, &mut memory.locals, false) };
                 rays &= self.alive;
             }
         }
@@ -300,14 +289,13 @@ impl<G: Goal> Walker<'_, '_, G> {
     /// [`Bundle::update_limits`] must follow.
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`; what was put off must be in this tree.
+    /// The machine must have the instructions of `W`; what was put off must be in this group.
     #[inline(always)]
     pub(super) unsafe fn test_put_off<W: Lanes16>(
         &mut self,
-        tree: &GroupTree,
+        group: Group,
         bundle: &mut Bundle,
         locals: &mut Locals,
-        instance: u32,
         last: bool,
     ) {
         if !Self::PUTS_OFF {
@@ -318,7 +306,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             let mut outcome = Outcome::NONE;
             // SAFETY: as promised by the caller.
             let Decided { mut hits, moved } = unsafe {
-                G::Precision::sure_hits::<W>(tree, bundle, [rays, self.drawn], &self.put_off, &mut self.sure)
+                G::Precision::sure_hits::<W>(group.tree, bundle, [rays, self.drawn], &self.put_off, &mut self.sure)
             };
             rays &= !hits & !moved;
             self.given_up |= moved;
@@ -331,7 +319,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                 let ray = hits.trailing_zeros() as usize & (RAYS - 1);
                 hits &= hits - 1;
                 let (t, b) = (self.sure.t[ray], [self.sure.b1[ray], self.sure.b2[ray]]);
-                self.offer(tree, ray, self.put_off[ray], t, b, instance, &mut outcome);
+                self.offer(group, ray, self.put_off[ray], t, b, &mut outcome);
             }
             // SAFETY: as promised by the caller.
             unsafe { self.conclude::<W>(bundle, &outcome, last) };
@@ -344,7 +332,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                 pairs.push(ray, self.put_off[ray as usize & (RAYS - 1)]);
             }
             // SAFETY: as promised by the caller.
-            unsafe { self.test_pairs::<W>(tree, bundle, &mut pairs, locals, instance, last) };
+            unsafe { self.test_pairs::<W>(group, bundle, &mut pairs, locals, last) };
         }
     }
 
@@ -352,15 +340,14 @@ impl<G: Goal> Walker<'_, '_, G> {
     /// `last` ones, the bundle is left as it is.
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`; the triangles must be of the tree.
+    /// The machine must have the instructions of `W`; the triangles must be of the group.
     #[inline(always)]
     pub(super) unsafe fn test_pairs<W: Lanes16>(
         &mut self,
-        tree: &GroupTree,
+        group: Group,
         bundle: &mut Bundle,
         pairs: &mut Pairs,
         locals: &mut Locals,
-        instance: u32,
         last: bool,
     ) -> bool {
         let all = u32::MAX >> (32 - pairs.count);
@@ -372,7 +359,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                 self.want_rays(bundle);
             }
             // SAFETY: as promised by the caller.
-            unsafe { G::Precision::exact_hits::<W>(self.data, tree, bundle, pairs, &mut self.found) };
+            unsafe { G::Precision::exact_hits::<W>(self.data, group.tree, bundle, pairs, &mut self.found) };
         }
         let (mut hits, mut unsure) = (self.found.hits & all, self.found.unsure & all);
         while hits != 0 {
@@ -380,7 +367,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             hits &= hits - 1;
             let ray = pairs.rays[pair] as usize & (RAYS - 1);
             let (t, b) = (self.found.t[pair], [self.found.b1[pair], self.found.b2[pair]]);
-            self.offer(tree, ray, pairs.triangles[pair], t, b, instance, &mut outcome);
+            self.offer(group, ray, pairs.triangles[pair], t, b, &mut outcome);
         }
         if unsure != 0 {
             self.want_rays(bundle);
@@ -393,10 +380,10 @@ impl<G: Goal> Walker<'_, '_, G> {
                 continue;
             }
             let (block, triangle) = pairs.place(pair);
-            let block = &tree.blocks[block];
+            let block = &group.tree.blocks[block];
             let ids = || {
-                let (geometry, primitive) = tree.triangle(block.ids[triangle]);
-                [instance, geometry, primitive]
+                let (geometry, primitive) = group.tree.triangle(block.ids[triangle]);
+                [group.instance, geometry, primitive]
             };
             let (local, search) = (locals.get(bundle, ray), self.search(ray));
             let is_over = test_triangle(search, local, &block.corners(triangle), ids);
@@ -409,24 +396,15 @@ impl<G: Goal> Walker<'_, '_, G> {
 
     /// Offers a hit of the triangle at a place.
     #[inline(always)]
-    fn offer(
-        &mut self,
-        tree: &GroupTree,
-        ray: usize,
-        place: u32,
-        t: RealOf<G>,
-        b: [RealOf<G>; 2],
-        instance: u32,
-        outcome: &mut Outcome,
-    ) {
+    fn offer(&mut self, group: Group, ray: usize, place: u32, t: RealOf<G>, b: [RealOf<G>; 2], outcome: &mut Outcome) {
         if (self.alive & !outcome.over) >> ray & 1 == 0 {
             return;
         }
-        let (geometry, primitive) = tree.triangle_at(place);
+        let (geometry, primitive) = group.tree.triangle_at(place);
         if !G::WANTS_ONE || self.begun >> ray & 1 == 1 || !self.is_plain(geometry) {
             let search = self.search(ray);
             if t <= search.goal.limit() {
-                let verdict = search.offer(G::Precision::found(t, b, [instance, geometry, primitive]));
+                let verdict = search.offer(G::Precision::found(t, b, [group.instance, geometry, primitive]));
                 outcome.note(ray, search.cull(), verdict == Verdict::Finished);
             }
             return;
@@ -438,7 +416,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         if t > limit || t <= start {
             return;
         }
-        let hit = G::Precision::found(t, b, [instance, geometry, primitive]);
+        let hit = G::Precision::found(t, b, [group.instance, geometry, primitive]);
         let hit = if self.options[geometry as usize].quads { G::Precision::quad_hit(&hit) } else { hit };
         if t < limit || (is_met && G::Precision::is_before(&hit, nearest)) {
             *nearest = hit;

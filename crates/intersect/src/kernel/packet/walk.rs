@@ -47,6 +47,14 @@ pub(super) type WalkBundles<G> = unsafe fn(&mut Rows<'_, '_, '_, G>, Members, &m
 /// Some of the rows: the first bit of a byte for each.
 pub(super) type Members = u32;
 
+/// The group that bundles are in.
+#[derive(Clone, Copy)]
+pub(super) struct Group<'t> {
+    pub(super) tree: &'t GroupTree,
+    /// Its occurrence number.
+    pub(super) instance: u32,
+}
+
 /// Where bundles are.
 #[derive(Clone, Copy)]
 pub(super) struct Position {
@@ -149,8 +157,8 @@ pub(super) type Rows<'r, 'w, 's, G> = [Row<'r, 'w, 's, G>; ROWS];
 
 /// What a bundle keeps on its way through a group.
 pub(super) struct Memory {
-    pairs: Pairs,
-    locals: Locals,
+    pub(super) pairs: Pairs,
+    pub(super) locals: Locals,
 }
 
 impl Memory {
@@ -225,7 +233,7 @@ unsafe fn walk<W: Lanes16, G: Goal>(
     position: Position,
 ) {
     let tree = &rows[first(members)].walker.forest.trees[position.group];
-    let instance = position.instance;
+    let group = Group { tree, instance: position.instance };
     // SAFETY: as promised by the caller.
     unsafe {
         for &object in &tree.unbounded {
@@ -233,36 +241,36 @@ unsafe fn walk<W: Lanes16, G: Goal>(
             while let Some(number) = next(&mut rest) {
                 let Row { walker, bundle, .. } = &mut rows[number];
                 let alive = walker.alive;
-                walker.test_objects::<W>(tree, object as usize, bundle, alive, instance, &mut stacks.single);
+                walker.test_objects::<W>(group, object as usize, bundle, alive, &mut stacks.single);
             }
         }
-        descend::<W, G>(tree, rows, members, stacks, position);
+        descend::<W, G>(group, rows, members, stacks, position);
         // (From an instance, the limits of the rays are taken back.)
         let last = position.group == 0;
         let mut rest = members;
         while let Some(number) = next(&mut rest) {
             let Row { walker, bundle, memory: Memory { pairs, locals } } = &mut rows[number];
             if pairs.count != 0 && walker.alive != 0 {
-                walker.test_pairs::<W>(tree, bundle, pairs, locals, instance, last);
+                walker.test_pairs::<W>(group, bundle, pairs, locals, last);
             }
-            walker.test_put_off::<W>(tree, bundle, locals, instance, last);
+            walker.test_put_off::<W>(group, bundle, locals, last);
         }
     }
 }
 
-/// Walks the tree of a group.
+/// Walks the tree of the group at the position.
 ///
 /// # Safety
 /// As [`walk`].
 #[inline(always)]
 unsafe fn descend<W: Lanes16, G: Goal>(
-    tree: &GroupTree,
+    group: Group,
     rows: &mut Rows<'_, '_, '_, G>,
     members: Members,
     stacks: &mut Stacks,
     position: Position,
 ) {
-    let (base, instance) = (position.top, position.instance);
+    let (base, tree) = (position.top, group.tree);
     let bytes = tree.memory_bytes();
     let (prefetch, fetches_leaves) = (bytes > PREFETCH_BYTES, bytes > LEAVES_BYTES);
     let first = first(members);
@@ -343,17 +351,17 @@ unsafe fn descend<W: Lanes16, G: Goal>(
                 if child.is_triangles() {
                     let mut leaf = Leaf::<W>::new(tree, child);
                     while let Some(number) = next(&mut meeting) {
-                        let Row { walker, bundle, memory: Memory { pairs, locals } } = rows.get_unchecked_mut(number);
-                        walker.test_triangles::<W>(tree, &mut leaf, bundle, rays[number], pairs, locals, instance);
+                        let Row { walker, bundle, memory } = rows.get_unchecked_mut(number);
+                        walker.test_triangles::<W>(group, &mut leaf, bundle, rays[number], memory);
                     }
                 } else {
                     let mut rest = meeting;
                     while let Some(number) = next(&mut rest) {
                         let Row { walker, bundle, memory } = &mut rows[number];
-                        walker.test_put_off::<W>(tree, bundle, &mut memory.locals, instance, false);
+                        walker.test_put_off::<W>(group, bundle, &mut memory.locals, false);
                     }
                     let inside = Position { top, ..position };
-                    enter_object::<W, G>(tree, child, rows, meeting, &rays, &inside, stacks);
+                    enter_object::<W, G>(group, child, rows, meeting, &rays, &inside, stacks);
                 }
                 (far, fars) = limits(rows, members);
             }
