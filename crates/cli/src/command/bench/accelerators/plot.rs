@@ -9,6 +9,12 @@ use snell_intersect::accel::AcceleratorKind;
 
 const SIZE: [f64; 2] = [1600.0, 900.0];
 
+/// From here on names stand beside the lines, as wide as in a wide font; where the second panel begins, and how much is left of it for its units.
+const NAMES: f64 = 774.0;
+const NAME_SIZE: f64 = 21.0;
+const SWEEP: f64 = 1190.0;
+const UNITS: f64 = 100.0;
+
 /// Colour and dashes of a structure.
 fn style(kind: AcceleratorKind) -> (&'static str, &'static str) {
     match kind {
@@ -69,7 +75,7 @@ fn growth_panel(svg: &mut Svg, growths: &[Growth]) {
     let points = || growths.iter().flat_map(|g| &g.points);
     let panel = Panel {
         left: 140.0,
-        right: 800.0,
+        right: NAMES - 34.0,
         top: 190.0,
         bottom: 800.0,
         x: range(points().map(|p| p.triangles), 0.02),
@@ -89,16 +95,19 @@ fn growth_panel(svg: &mut Svg, growths: &[Growth]) {
         svg.polyline(&line, color, dash);
         line.iter().for_each(|p| svg.dot(*p, color));
         if let Some(end) = line.last() {
-            let name = format!("{}  ({:.2})", growth.kind.name(), growth.exponents().0);
+            let name = line_name(growth.kind, growth.exponents().0);
             names.push(Name { end: *end, y: end[1], color, name });
         }
     }
     place(&mut names, panel.top, panel.bottom);
     for name in names {
-        let x = panel.right + 34.0;
-        svg.line([name.end[0] + 8.0, name.end[1]], [x - 6.0, name.y], name.color, 1.0);
-        svg.label([x, name.y + 7.0], 21.0, name.color, Anchor::Start, true, &name.name);
+        svg.line([name.end[0] + 8.0, name.end[1]], [NAMES - 6.0, name.y], name.color, 1.0);
+        svg.label([NAMES, name.y + 7.0], NAME_SIZE, name.color, Anchor::Start, true, &name.name);
     }
+}
+
+fn line_name(kind: AcceleratorKind, exponent: f64) -> String {
+    format!("{}  ({exponent:.2})", kind.name())
 }
 
 /// The name of a line, and where it goes.
@@ -129,7 +138,7 @@ fn place(names: &mut [Name], top: f64, bottom: f64) {
 
 fn sweep_panel(svg: &mut Svg, sweep: &[SweepPoint]) {
     let panel = Panel {
-        left: 1190.0,
+        left: SWEEP,
         right: 1560.0,
         top: 190.0,
         bottom: 800.0,
@@ -153,8 +162,8 @@ fn sweep_panel(svg: &mut Svg, sweep: &[SweepPoint]) {
     line.iter().for_each(|p| svg.dot(*p, color));
     if let Some((best, point)) = sweep.iter().zip(&line).min_by(|a, b| a.0.1.total_cmp(&b.0.1)) {
         let text = format!("best: {} cells, {:.2} µs", best.0, best.1);
-        // Some 220 wide, and within the panel.
-        let x = point[0].clamp(panel.left + 110.0, panel.right - 110.0);
+        // Some 220 to 260 wide, and within the panel.
+        let x = point[0].clamp(panel.left + 130.0, panel.right - 130.0);
         svg.label([x, point[1] + 38.0], 20.0, INK, Anchor::Middle, true, &text);
     }
 }
@@ -167,6 +176,14 @@ mod tests {
     fn durations_have_units_that_read_well() {
         let names: Vec<String> = (-8..=1).map(duration_name).collect();
         assert_eq!(names, ["10 ns", "100 ns", "1 µs", "10 µs", "100 µs", "1 ms", "10 ms", "100 ms", "1 s", "10 s"]);
+    }
+
+    #[test]
+    fn names_have_room_in_a_wide_font() {
+        // (The longest name takes 0.53 of its size a letter in DejaVu Sans Bold.)
+        let width = |kind: &AcceleratorKind| line_name(*kind, 0.25).len() as f64 * NAME_SIZE * 0.55;
+        let widest = AcceleratorKind::ALL.iter().map(width).fold(0.0, f64::max);
+        assert!(NAMES + widest < SWEEP - UNITS, "{widest}");
     }
 
     #[test]
