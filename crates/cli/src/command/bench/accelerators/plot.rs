@@ -9,11 +9,10 @@ use snell_intersect::accel::AcceleratorKind;
 
 const SIZE: [f64; 2] = [1600.0, 900.0];
 
-/// From here on names stand beside the lines, as wide as in a wide font; where the second panel begins, and how much is left of it for its units.
+/// From here on names stand beside the lines, and where the second panel begins.
 const NAMES: f64 = 774.0;
 const NAME_SIZE: f64 = 21.0;
 const SWEEP: f64 = 1190.0;
-const UNITS: f64 = 100.0;
 
 /// Colour and dashes of a structure.
 fn style(kind: AcceleratorKind) -> (&'static str, &'static str) {
@@ -180,7 +179,8 @@ mod tests {
 
     #[test]
     fn names_have_room_in_a_wide_font() {
-        // (The longest name takes 0.53 of its size a letter in DejaVu Sans Bold.)
+        // Of the second panel. (The longest name takes 0.53 of its size a letter in DejaVu Sans Bold.)
+        const UNITS: f64 = 100.0;
         let width = |kind: &AcceleratorKind| line_name(*kind, 0.25).len() as f64 * NAME_SIZE * 0.55;
         let widest = AcceleratorKind::ALL.iter().map(width).fold(0.0, f64::max);
         assert!(NAMES + widest < SWEEP - UNITS, "{widest}");
