@@ -314,7 +314,7 @@ impl<T: Copy> Queue<'_, T> {
     /// Writes an item, and counts it or not: no branch on data.
     ///
     /// # Safety
-    /// The queue must have at most as many items as there are slots.
+    /// The queue must have at most as many items as there are [`SLOTS`].
     #[inline(always)]
     unsafe fn put(&mut self, item: T, counts: bool) {
         // SAFETY: as promised by the caller.
@@ -347,7 +347,7 @@ impl<T: Copy> Queues<'_, T> {
     /// Puts a slot where it belongs.
     ///
     /// # Safety
-    /// There must be fewer items in all than there are slots.
+    /// There must be fewer items in all than there are [`SLOTS`].
     #[inline(always)]
     unsafe fn put(&mut self, item: T, current: ChildRef) {
         // SAFETY: as promised by the caller.
