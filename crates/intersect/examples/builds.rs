@@ -4,6 +4,7 @@
 //! `terrain:N` with N by N squares. Prints for each quality the best time of five builds, triangles per second, the surface area
 //! heuristic's cost (nodes and blocks a random ray through the bounds would visit), bytes per triangle and, with `--rays`, rates on one thread.
 
+mod clock;
 mod scenes;
 
 use scenes::{diffuse_rays, primary_rays};
@@ -15,13 +16,6 @@ fn build(mesh: &Arc<TriangleMesh>, options: &BuildOptions) -> World {
     let mut builder = WorldBuilder::default();
     builder.add_mesh(WorldBuilder::ROOT, mesh.clone());
     builder.build(options).expect("a mesh builds")
-}
-
-/// Processor time of all threads so far in seconds, where Linux tells it: on a shared machine a better measure than the clock.
-fn processor_time() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let fields = stat.rsplit(')').next().unwrap_or_default().split_whitespace().skip(11).take(2);
-    fields.filter_map(|ticks| ticks.parse::<f64>().ok()).sum::<f64>() * 0.01
 }
 
 fn rate(world: &World, rays: &[snell_math::Ray]) -> f64 {
@@ -58,10 +52,10 @@ fn main() {
             let mut last = None;
             for _ in 0..repeat {
                 drop(last.take());
-                let (start, before) = (Instant::now(), processor_time());
+                let (start, before) = (Instant::now(), clock::of_process());
                 last = Some(build(&mesh, &options));
                 best = best.min(start.elapsed().as_secs_f64());
-                processor = processor.min(processor_time() - before);
+                processor = processor.min(clock::of_process() - before);
             }
             let Some(world) = last else { continue };
             let stats = world.stats();

@@ -4,6 +4,7 @@
 //! One thread, in processor time where Linux tells it; medians of alternating runs. Single precision traces the scene where it is,
 //! double precision does so too, and once more with everything moved to a city in UTM coordinates.
 
+mod clock;
 mod scenes;
 
 use scenes::{diffuse_rays, primary_rays};
@@ -13,7 +14,6 @@ use snell_intersect::{
 };
 use snell_math::{DRay, DVec3, Ray, Vec3, rng};
 use std::sync::Arc;
-use std::time::Instant;
 
 const CITY: DVec3 = DVec3::new(500_000.123, 4_649_776.22, 300.0);
 
@@ -31,22 +31,14 @@ fn double_world(mesh: &TriangleMesh, offset: DVec3) -> DWorld {
     builder.build(&BuildOptions::default()).expect("a mesh builds")
 }
 
-/// Processor time of this thread in seconds, or else wall time.
-fn clock(start: Instant) -> f64 {
-    let own = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = own.and_then(|s| s.split_whitespace().next().and_then(|n| n.parse::<f64>().ok()));
-    nanoseconds.map_or_else(|| start.elapsed().as_secs_f64(), |n| n * 1e-9)
-}
-
 /// The median time of each, run by turns.
 fn medians<const N: usize>(mut runs: [&mut dyn FnMut(); N]) -> [f64; N] {
-    let start = Instant::now();
     let mut times = [const { Vec::new() }; N];
     for _ in 0..7 {
         for (run, times) in runs.iter_mut().zip(&mut times) {
-            let before = clock(start);
+            let before = clock::of_thread();
             run();
-            times.push(clock(start) - before);
+            times.push(clock::of_thread() - before);
         }
     }
     times.map(|mut times| {

@@ -4,6 +4,7 @@
 //! One thread, in processor time where Linux tells it. Points in the mesh's box grown by half, points near the surface, rays
 //! through the box. Best of three.
 
+mod clock;
 #[allow(dead_code, reason = "shared with other examples")]
 mod scenes;
 
@@ -75,17 +76,9 @@ fn main() {
 fn rate(name: &str, count: usize, mut run: impl FnMut()) {
     let mut best = f64::INFINITY;
     for _ in 0..3 {
-        let before = processor_time();
+        let before = clock::of_thread();
         run();
-        best = best.min(processor_time() - before);
+        best = best.min(clock::of_thread() - before);
     }
     println!("{name}: {:.3} M/s ({:.2} us each)", count as f64 / best * 1e-6, best / count as f64 * 1e6);
-}
-
-/// Processor time of this thread in seconds, or else wall time.
-fn processor_time() -> f64 {
-    let own = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = own.and_then(|s| s.split_whitespace().next().and_then(|n| n.parse::<f64>().ok()));
-    static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
-    nanoseconds.map_or_else(|| START.get_or_init(Instant::now).elapsed().as_secs_f64(), |n| n * 1e-9)
 }

@@ -4,6 +4,8 @@
 //! One thread, in processor time where Linux tells it (so that other work on the machine counts less); primary rays over 1024x1024 pixels in blocks of 4x4, one cosine bounce from the hits, the bounces shuffled, and
 //! shadow rays to a point above. Best of five.
 
+mod clock;
+
 use snell_intersect::{
     AcceptAll, BuildOptions, Grouping, Hit, TriangleMesh, World, WorldBuilder, accel::AcceleratorKind,
 };
@@ -32,26 +34,18 @@ fn read_obj(path: &str) -> std::io::Result<TriangleMesh> {
     Ok(mesh)
 }
 
-/// Processor time of this thread in seconds, or else wall time.
-fn clock(start: Instant) -> f64 {
-    let own = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = own.and_then(|s| s.split_whitespace().next().and_then(|n| n.parse::<f64>().ok()));
-    nanoseconds.map_or_else(|| start.elapsed().as_secs_f64(), |n| n * 1e-9)
-}
-
 const AT_ONCE: u32 = 8;
 
 fn best_of<T>(n: u32, mut run: impl FnMut() -> T) -> (f64, T) {
-    let origin = Instant::now();
     let mut best = (f64::INFINITY, run());
     for _ in 0..n {
-        let start = clock(origin);
+        let start = clock::of_thread();
         // (Several at once: the processor time comes in steps of some milliseconds.)
         for _ in 1..AT_ONCE {
             run();
         }
         let result = run();
-        best = (best.0.min((clock(origin) - start) / f64::from(AT_ONCE)), result);
+        best = (best.0.min((clock::of_thread() - start) / f64::from(AT_ONCE)), result);
     }
     best
 }

@@ -2,6 +2,8 @@
 //!
 //! Only those whose name contains NAME, if given. One thread, in processor time where Linux tells it. Rays start around the cloud and aim into it; best of five batches.
 
+mod clock;
+
 use snell_intersect::{
     AcceptAll, BuildOptions, CubicCurves, CurveBasis, Curves, Grouping, Hit, LinearCurves, MeshKey, MovingMesh,
     PrimitiveSet, Rays, Spheres, StrandBasis, TriangleMesh, World, WorldBuilder,
@@ -16,13 +18,6 @@ fn random(i: u32, k: u32) -> f32 {
 
 fn point(i: u32, k: u32) -> Vec3 {
     Vec3::new(random(i, k), random(i, k + 1), random(i, k + 2)) * 2.0 - 1.0
-}
-
-/// Processor time of this thread in seconds, or else wall time.
-fn clock(start: Instant) -> f64 {
-    let own = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = own.and_then(|s| s.split_whitespace().next().and_then(|n| n.parse::<f64>().ok()));
-    nanoseconds.map_or_else(|| start.elapsed().as_secs_f64(), |n| n * 1e-9)
 }
 
 fn report(name: &str, primitives: usize, source_bytes: usize, fill: impl FnOnce(&mut WorldBuilder)) {
@@ -45,9 +40,9 @@ fn report(name: &str, primitives: usize, source_bytes: usize, fill: impl FnOnce(
     let mut hits = vec![Hit::MISS; rays.len()];
     let best = (0..9)
         .map(|_| {
-            let start = clock(Instant::now());
+            let start = clock::of_thread();
             world.closest(queries, Grouping::None, &AcceptAll, &mut hits);
-            clock(Instant::now()) - start
+            clock::of_thread() - start
         })
         .fold(f64::INFINITY, f64::min);
     let found = hits.iter().filter(|h| h.is_hit()).count();
