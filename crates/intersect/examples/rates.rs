@@ -34,18 +34,12 @@ fn read_obj(path: &str) -> std::io::Result<TriangleMesh> {
     Ok(mesh)
 }
 
-const AT_ONCE: u32 = 8;
-
 fn best_of<T>(n: u32, mut run: impl FnMut() -> T) -> (f64, T) {
     let mut best = (f64::INFINITY, run());
     for _ in 0..n {
         let start = clock::of_thread();
-        // (Several at once: the processor time comes in steps of some milliseconds.)
-        for _ in 1..AT_ONCE {
-            run();
-        }
         let result = run();
-        best = (best.0.min((clock::of_thread() - start) / f64::from(AT_ONCE)), result);
+        best = (best.0.min(clock::of_thread() - start), result);
     }
     best
 }
