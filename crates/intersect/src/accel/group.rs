@@ -82,9 +82,15 @@ impl Placement {
     /// The ray in the child; `None` if it overflows on the way or the child is flattened, then nothing there can be hit.
     #[inline(always)]
     pub fn ray_in_child(&self, ray: &DRay, time: f32) -> Option<DRay> {
+        self.mapped(ray, time).filter(is_finite)
+    }
+
+    /// The same of a ray that may overflow.
+    #[inline(always)]
+    pub fn mapped(&self, ray: &DRay, time: f32) -> Option<DRay> {
         match self {
-            Self::Still(map) => ray_in_child(map, ray),
-            Self::Moving(keys) => ray_in_child(transform_at(keys, time)?.inverse_matrix(), ray),
+            Self::Still(map) => Some(mapped(map, ray)),
+            Self::Moving(keys) => Some(mapped(transform_at(keys, time)?.inverse_matrix(), ray)),
         }
     }
 }
@@ -257,8 +263,11 @@ pub(crate) fn mapped(map: &DAffine3, ray: &DRay) -> DRay {
 /// The ray in the coordinates of an instanced group; `None` if it overflows on the way, then nothing there can be hit.
 #[inline(always)]
 pub(crate) fn ray_in_child(child_from_group: &DAffine3, ray: &DRay) -> Option<DRay> {
-    let ray = mapped(child_from_group, ray);
-    (ray.origin.is_finite() && ray.direction.is_finite()).then_some(ray)
+    Some(mapped(child_from_group, ray)).filter(is_finite)
+}
+
+fn is_finite(ray: &DRay) -> bool {
+    ray.origin.is_finite() && ray.direction.is_finite()
 }
 
 /// How often one object is asked again after a hit on it did not count. No shape has that many crossings.

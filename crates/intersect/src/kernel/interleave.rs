@@ -142,7 +142,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
     let [nodes, rest, mut hopeful, mut idle] = items.each_mut().map(|items| Queue { items, count: 0 });
     let mut queues = Queues { nodes, rest };
     let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; SLOTS + 1];
-    let (mut return_slots, mut object_slots) = (other_slots, other_slots);
+    let (mut leaf_slots, mut return_slots, mut object_slots) = (other_slots, other_slots, other_slots);
     for slot in &mut memory {
         // SAFETY: the memory is there, and there are no more slots than items.
         unsafe {
@@ -205,6 +205,19 @@ unsafe fn run<L: Lanes8, G: Goal>(
         // SAFETY: the queues hold slots, each at most once, which have a search, and are at what their queue
         // says; a walk holds at most 7 entries per level and `is_suitable` has counted them.
         unsafe {
+            // Leaves apart from the others.
+            let (mut leaves, mut others) = (0, 0);
+            for i in 0..queues.rest.take() {
+                let slot = queues.rest.get(i);
+                let is_leaf = (*slot).current.is_triangles();
+                leaf_slots.get_unchecked_mut(leaves).write(slot);
+                leaves += usize::from(is_leaf);
+                if !prefetch {
+                    (*slot).fetch_leaf();
+                }
+                other_slots.get_unchecked_mut(others).write(slot);
+                others += usize::from(!is_leaf);
+            }
             let count = queues.nodes.take();
             for i in 0..count {
                 (*queues.nodes.get(i)).boxes_step::<L>();
@@ -217,21 +230,11 @@ unsafe fn run<L: Lanes8, G: Goal>(
                 }
                 queues.put(slot, (*slot).current);
             }
-            // Leaves to the front, the others apart.
-            let (mut leaves, mut others) = (0, 0);
-            for i in 0..queues.rest.take() {
-                let slot = queues.rest.get(i);
-                let is_leaf = (*slot).current.is_triangles();
-                queues.rest.items.get_unchecked_mut(leaves).write(slot);
-                leaves += usize::from(is_leaf);
-                other_slots.get_unchecked_mut(others).write(slot);
-                others += usize::from(!is_leaf);
+            for i in 0..leaves {
+                (*leaf_slots.get_unchecked(i).assume_init()).leaf_step::<L>();
             }
             for i in 0..leaves {
-                (*queues.rest.get(i)).leaf_step::<L>();
-            }
-            for i in 0..leaves {
-                let slot = queues.rest.get(i);
+                let slot = leaf_slots.get_unchecked(i).assume_init();
                 let found = (*slot).leave_leaf();
                 if prefetch {
                     (*slot).fetch_ahead();

@@ -134,6 +134,8 @@ impl<'a, G: Goal> Slot<'a, G> {
         let exact = G::Precision::exact(ray);
         (place.origin, place.direction) = (exact.origin, exact.direction);
         (place.group, place.instance) = (0, 0);
+        // (A search that was over in an instance has not returned.)
+        self.outside.clear();
         let search = self.search.insert(search());
         (self.t_min, self.cull) = (search.start, search.cull());
         self.children[0].write(ChildRef::NONE.0);
@@ -344,13 +346,13 @@ impl<'a, G: Goal> Slot<'a, G> {
     pub unsafe fn object_step<L: Lanes8>(&mut self, forest: &Forest, below: &mut Stack, enter: Walk<G>) {
         // SAFETY: as promised by the caller.
         unsafe {
-            let (object, exact) = (self.current.index(), self.place.exact());
+            let object = self.current.index();
             let tree = forest.trees.get_unchecked(self.place.group as usize);
             if self.enter_instance::<L>(forest, tree.objects.get(object)) {
                 return;
             }
             self.pop();
-            let instance = self.place.instance;
+            let (exact, instance) = (self.place.exact(), self.place.instance);
             if test_object(forest, tree, object, &exact, instance, self.search(), below, enter) {
                 self.current = ChildRef::NONE;
             } else {
@@ -370,14 +372,13 @@ impl<'a, G: Goal> Slot<'a, G> {
         };
         let tree = &forest.trees[*child];
         // SAFETY: as promised by the caller.
-        let (visible, time) = unsafe { (self.search().mask, self.search().time) };
+        let (visible, time, data) = unsafe { (self.search().mask, self.search().time, self.search().context.data) };
         if mask & visible == 0 || tree.root == ChildRef::NONE || !tree.unbounded.is_empty() {
             return false;
         }
-        let Some(ray) = child_from_group.ray_in_child(&self.place.exact(), time) else { return false };
+        // (If it overflows, it is not ordinary.)
+        let Some(ray) = child_from_group.mapped(&self.place.exact(), time) else { return false };
         self.outside.push(self.place);
-        // SAFETY: as promised by the caller.
-        let data = unsafe { self.search() }.context.data;
         let place = &mut self.place;
         if !G::Precision::prepare::<L>(data, *child, &mut place.ray, &ray) {
             self.return_outside();
@@ -437,11 +438,85 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
     }
 
+    /// Asks for the memory of what is current if it is a leaf. (Without a branch, too.)
+    #[inline(always)]
+    pub fn fetch_leaf(&self) {
+        let block = self.place.blocks.wrapping_add(self.current.block()).cast::<u8>();
+        let this = (&raw const *self).cast::<u8>();
+        fetch_lines(std::hint::select_unpredictable(self.current.is_triangles(), block, this), 5);
+    }
+
     /// Asks for the memory of what is current. (Without a branch: whether it is a node or a leaf is as good as random.)
     #[inline(always)]
     pub fn fetch_ahead(&self) {
         let node = self.place.nodes.wrapping_add(self.current.index()).cast::<u8>();
         let block = self.place.blocks.wrapping_add(self.current.block()).cast::<u8>();
         fetch_lines(std::hint::select_unpredictable(self.current.is_node(), node, block), 5);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::AcceleratorKind;
+    use crate::kernel::traverse::{SMALL_STACK, walk_portable};
+    use crate::precision::Single;
+    use crate::query::AcceptAll;
+    use crate::query::search::{Any, Context};
+    use crate::world::tests::{Random, build, dust};
+    use crate::world::{Structure, WorldBuilder};
+    use snell_math::simd::{Level, Portable8};
+    use snell_math::{DVec3, Ray, Transform};
+    use std::sync::Arc;
+
+    /// A search that is over in an instance does not return from it, so the next one has to forget where it was.
+    #[test]
+    fn searches_that_end_in_instances_leave_nothing_behind() {
+        let mut random = Random(3);
+        let mut builder = WorldBuilder::default();
+        let [outer, inner] = [builder.add_group(), builder.add_group()];
+        builder.add_mesh(inner, Arc::new(dust(&mut random, 3000)));
+        for (group, child) in [(outer, inner), (WorldBuilder::ROOT, outer)] {
+            for x in [-0.1, 0.0, 0.2] {
+                builder.add_instance(group, child, Transform::translation(DVec3::splat(x)));
+            }
+        }
+        let world = build(builder, AcceleratorKind::Bvh, Level::Scalar);
+        let Structure::Bvh(forest) = &world.structure else { panic!("the product's own structure") };
+        let tree = &forest.trees[0];
+        let context = Context { filter: &AcceptAll, options: &world.options, data: &() };
+        let rays: Vec<Ray> = (0..200).map(|_| Ray::new(random.point(0.5), random.direction())).collect();
+        let mut below = [const { MaybeUninit::uninit() }; SMALL_STACK];
+        let mut slot = Box::<Slot<Any<Single>>>::new_uninit();
+        // SAFETY: the steps follow from what is current; a forest of three levels needs fewer entries than there are.
+        unsafe {
+            Slot::init(slot.as_mut_ptr());
+            let mut slot = slot.assume_init();
+            let mut found = 0;
+            for (i, ray) in rays.iter().enumerate() {
+                let search = || Search::new(ray.into(), &context, Any::new(ray));
+                assert!(slot.start::<Portable8>(tree, tree.root, i, &(), search, ray));
+                assert_eq!((slot.outside.len(), slot.place.group), (0, 0));
+                while slot.current != ChildRef::NONE {
+                    if slot.current.is_node() {
+                        slot.boxes_step::<Portable8>();
+                        slot.push_step::<Portable8>();
+                    } else if slot.current.is_triangles() {
+                        slot.leaf_step::<Portable8>();
+                        if slot.leave_leaf() {
+                            slot.triangles_step(forest);
+                        }
+                    } else if slot.current == ChildRef::RETURN {
+                        slot.leave_instance();
+                    } else {
+                        slot.object_step::<Portable8>(forest, &mut below, walk_portable::<Any<Single>>);
+                    }
+                }
+                let is_found = slot.search().goal.found;
+                assert_eq!(slot.outside.is_empty(), !is_found, "what is found is two instances deep");
+                found += usize::from(is_found);
+            }
+            assert!((20..180).contains(&found), "{found}");
+        }
     }
 }
