@@ -1,7 +1,7 @@
 //! Measures build time and ray rates on a mesh: `cargo run --release -p snell-intersect --example rates -- mesh.obj [copies [kinds]]`, where
 //! kinds may be `diffuse,shuffled` (then nothing else is measured). With `SNELL_SIMD` set, at that level only.
 //!
-//! One thread, in processor time where Linux tells it (so that other work on the machine counts less); primary rays over 1024x1024 pixels in blocks of 4x4, one cosine bounce from the hits, the bounces shuffled, and
+//! One thread, in processor time where the system tells it (so that other work on the machine counts less); primary rays over 1024x1024 pixels in blocks of 4x4, one cosine bounce from the hits, the bounces shuffled, and
 //! shadow rays to a point above. Best of five.
 
 mod clock;
