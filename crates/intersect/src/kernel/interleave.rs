@@ -5,7 +5,7 @@
 use super::list::Begun;
 use super::node::ChildRef;
 use super::prefetch::fetch;
-use super::slot::{STACK, Slot};
+use super::slot::{Enters, Slot, Slots};
 use super::together::{PARTY, SetOff, Trial};
 use super::traverse::{Entry, SMALL_STACK, Walk, search_forest, walk_portable};
 use crate::accel::bvh::Forest;
@@ -82,7 +82,7 @@ pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
 
 /// True if walks through the bounded part of the forest fit the stacks of this kernel.
 pub(crate) fn may_search(forest: &Forest) -> bool {
-    forest.ordinary && forest.trees[0].root.is_node() && forest.stack_size + 8 <= STACK
+    forest.ordinary && forest.trees[0].root.is_node() && forest.stack_size <= SMALL_STACK
 }
 
 /// Searches for every ray of a batch; `answers` get the number of a ray and what was found, in no particular order.
@@ -137,24 +137,25 @@ unsafe fn run<L: Lanes8, G: Goal>(
     let tree = &forest.trees[0];
     let prefetch = forest.memory_bytes() > FETCHED_BYTES;
     let mut below = [const { MaybeUninit::<Entry>::uninit() }; SMALL_STACK];
-    let mut memory: Box<[MaybeUninit<Slot<G>>]> = Box::new_uninit_slice(SLOTS.min(batch.len()));
-    let mut items: [Items<*mut Slot<G>>; 4] = [const { [const { MaybeUninit::uninit() }; SLOTS + 1] }; 4];
-    let [nodes, rest, mut hopeful, mut idle] = items.each_mut().map(|items| Queue { items, count: 0 });
+    let slots = Slots::<G>::new(SLOTS.min(batch.len()), forest.stack_size);
+    let mut items: [Items<*mut Slot<G>>; 3] = [const { [const { MaybeUninit::uninit() }; SLOTS + 1] }; 3];
+    let [nodes, rest, mut idle] = items.each_mut().map(|items| Queue { items, count: 0 });
+    let mut hopeful_items: Items<(*mut Slot<G>, u32, u32)> = [const { MaybeUninit::uninit() }; SLOTS + 1];
+    let mut hopeful = Queue { items: &mut hopeful_items, count: 0 };
+    // What a step leaves for the next.
+    let (mut enters, mut found) = ([Enters([0.0; 8]); SLOTS], [0; SLOTS]);
     let mut queues = Queues { nodes, rest };
     let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; SLOTS + 1];
     let (mut leaf_slots, mut return_slots, mut object_slots) = (other_slots, other_slots, other_slots);
-    for slot in &mut memory {
-        // SAFETY: the memory is there, and there are no more slots than items.
-        unsafe {
-            Slot::init(slot.as_mut_ptr());
-            idle.put(slot.as_mut_ptr(), true);
-        }
+    for i in 0..slots.len() {
+        // SAFETY: there are no more slots than items.
+        unsafe { idle.put(slots.get(i), true) };
     }
     let from = if batch.begun.is_some() { tree.rest } else { tree.root };
     let (mut number, mut trial) = (0, Trial::default());
     loop {
         // Rays that start, some at a time.
-        while number < batch.len() && idle.count >= PARTY.min(batch.len() - number).min(memory.len()) {
+        while number < batch.len() && idle.count >= PARTY.min(batch.len() - number).min(slots.len()) {
             let mut started: [*mut Slot<G>; PARTY] = [std::ptr::null_mut(); PARTY];
             let mut count = 0;
             while count < PARTY && number < batch.len() && idle.count > 0 {
@@ -220,34 +221,34 @@ unsafe fn run<L: Lanes8, G: Goal>(
             }
             let count = queues.nodes.take();
             for i in 0..count {
-                (*queues.nodes.get(i)).boxes_step::<L>();
+                *found.get_unchecked_mut(i) = (*queues.nodes.get(i)).boxes_step::<L>(enters.get_unchecked_mut(i));
             }
             for i in 0..count {
                 let slot = queues.nodes.get(i);
-                (*slot).push_step::<L>();
+                Slot::push_step::<L>(slot, *found.get_unchecked(i), enters.get_unchecked(i));
                 if prefetch {
                     (*slot).fetch_ahead();
                 }
                 queues.put(slot, (*slot).current);
             }
             for i in 0..leaves {
-                (*leaf_slots.get_unchecked(i).assume_init()).leaf_step::<L>();
+                *found.get_unchecked_mut(i) = (*leaf_slots.get_unchecked(i).assume_init()).leaf_step::<L>();
             }
             for i in 0..leaves {
-                let slot = leaf_slots.get_unchecked(i).assume_init();
-                let found = (*slot).leave_leaf();
+                let (slot, lanes) = (leaf_slots.get_unchecked(i).assume_init(), *found.get_unchecked(i));
+                let block = Slot::leave_leaf(slot);
                 if prefetch {
                     (*slot).fetch_ahead();
-                    (*slot).fetch_triangles(forest);
+                    (*slot).fetch_triangles(forest, lanes, block);
                 }
-                hopeful.put(slot, found);
-                let is_node = (*slot).current.is_node();
-                queues.nodes.put(slot, is_node & !found);
-                queues.rest.put(slot, !is_node & !found);
+                let (is_hopeful, is_node) = (lanes != 0, (*slot).current.is_node());
+                hopeful.put((slot, lanes, block), is_hopeful);
+                queues.nodes.put(slot, is_node & !is_hopeful);
+                queues.rest.put(slot, !is_node & !is_hopeful);
             }
             for i in 0..hopeful.take() {
-                let slot = hopeful.get(i);
-                (*slot).triangles_step(forest);
+                let (slot, lanes, block) = hopeful.get(i);
+                Slot::triangles_step(slot, forest, lanes, block);
                 queues.put(slot, (*slot).current);
             }
             // Those at an end to the front, the others apart again.
@@ -264,7 +265,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
             }
             for i in 0..returns {
                 let slot = return_slots.get_unchecked(i).assume_init();
-                (*slot).leave_instance();
+                Slot::leave_instance(slot);
                 if prefetch {
                     (*slot).fetch_ahead();
                 }
@@ -275,7 +276,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
             }
             for i in 0..objects {
                 let slot = object_slots.get_unchecked(i).assume_init();
-                (*slot).object_step::<L>(forest, &mut below, enter);
+                Slot::object_step::<L>(slot, forest, &mut below, enter);
                 if prefetch {
                     (*slot).fetch_ahead();
                 }
@@ -289,10 +290,6 @@ unsafe fn run<L: Lanes8, G: Goal>(
                 idle.put(slot, true);
             }
         }
-    }
-    for slot in &mut memory {
-        // SAFETY: all slots were made.
-        unsafe { slot.assume_init_drop() };
     }
 }
 

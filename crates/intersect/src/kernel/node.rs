@@ -275,11 +275,11 @@ pub(crate) unsafe fn quick_distances<L: Lanes8>(node: &WideNode, ray: &QuickRay,
 /// # Safety
 /// As [`quick_distances`].
 #[inline(always)]
-unsafe fn quick<L: Lanes8>(node: &WideNode, ray: &QuickRay, offsets: &[f32; 4], axis: usize, side: usize) -> L {
+unsafe fn quick<L: Lanes8>(node: &WideNode, ray: &QuickRay, offsets: &[f32; 3], axis: usize, side: usize) -> L {
     // SAFETY: passed on to the caller.
     unsafe {
         let (inverse, offset) = (L::splat(ray.inverse[axis]), L::splat(offsets[axis]));
-        crossing(node, ray.planes[axis + side] as usize, inverse, offset)
+        crossing(node, usize::from(ray.planes()[axis + side]), inverse, offset)
     }
 }
 
@@ -288,7 +288,7 @@ pub(crate) struct QuickBoxes<L> {
     inverse: [L; 3],
     near: [L; 3],
     far: [L; 3],
-    planes: [u32; 6],
+    planes: [usize; 6],
 }
 
 /// Instead of [`FAR_FACTOR`]: far planes are this much farther, relative to the largest distance at which the ray may meet any plane. A
@@ -306,20 +306,21 @@ impl<L: Lanes8> QuickBoxes<L> {
     /// The machine must have the instructions of `L`, and the ray must be prepared for [`Lanes8::FUSED`].
     #[inline(always)]
     pub unsafe fn new(ray: &QuickRay, extent: f32) -> Self {
-        let (inverse, far) = (Vec4::from_array(ray.inverse), Vec4::from_array(ray.far));
+        let (inverse, far) = (Vec3::from_array(ray.inverse).extend(1.0), Vec3::from_array(ray.far).extend(1.0));
         let far = if L::FUSED {
             far + ((inverse.abs() * extent + far.abs()) * FAR_PADDING).min(Vec4::splat(MAX_FAR_PADDING))
         } else {
             far - ((far.abs() + extent) * FAR_PADDING).copysign(inverse)
         };
-        let ([x, y, z, _], near, far, planes) = (ray.inverse, &ray.near, far.to_array(), &ray.planes);
-        // SAFETY: passed on to the caller. (No closures: those are not always inlined.)
+        let ([x, y, z], near, far, planes) = (ray.inverse, &ray.near, far.to_array(), ray.planes());
+        let plane = |i: usize| usize::from(planes[i]);
+        // SAFETY: passed on to the caller. (No closures for lanes: those are not always inlined.)
         unsafe {
             Self {
                 inverse: [L::splat(x), L::splat(y), L::splat(z)],
                 near: [L::splat(near[0]), L::splat(near[1]), L::splat(near[2])],
                 far: [L::splat(far[0]), L::splat(far[1]), L::splat(far[2])],
-                planes: [planes[0], planes[1], planes[2], planes[3], planes[4], planes[5]],
+                planes: [plane(0), plane(1), plane(2), plane(3), plane(4), plane(5)],
             }
         }
     }
@@ -343,7 +344,7 @@ impl<L: Lanes8> QuickBoxes<L> {
     #[inline(always)]
     unsafe fn near(&self, node: &WideNode, axis: usize) -> L {
         // SAFETY: passed on to the caller.
-        unsafe { crossing(node, self.planes[axis] as usize, self.inverse[axis], self.near[axis]) }
+        unsafe { crossing(node, self.planes[axis], self.inverse[axis], self.near[axis]) }
     }
 
     /// # Safety
@@ -351,7 +352,7 @@ impl<L: Lanes8> QuickBoxes<L> {
     #[inline(always)]
     unsafe fn far(&self, node: &WideNode, axis: usize) -> L {
         // SAFETY: passed on to the caller.
-        unsafe { crossing(node, self.planes[axis + 3] as usize, self.inverse[axis], self.far[axis]) }
+        unsafe { crossing(node, self.planes[axis + 3], self.inverse[axis], self.far[axis]) }
     }
 }
 

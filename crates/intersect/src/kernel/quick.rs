@@ -11,7 +11,6 @@ use crate::accel::bvh::GroupTree;
 use snell_math::glam::Vec4Swizzles;
 use snell_math::simd::Lanes8;
 use snell_math::{DVec3, Ray, Vec3, Vec4};
-use std::mem::offset_of;
 
 /// Coordinates of boxes and origins may be as large as this.
 pub(crate) const MAX_COORDINATE: f32 = 1e12;
@@ -27,43 +26,42 @@ const BEYOND: f32 = 4e24;
 /// [`BEYOND`] away, unless they are as close as `4e-13` (or rounding of the origin).
 const PARALLEL: f32 = 1e37;
 
-/// What the kernels want to know about an ordinary ray in the coordinates of a group.
+/// What the kernels want to know about an ordinary ray in the coordinates of a group. (First what boxes are tested with, without gaps: with
+/// dozens of rays in flight, each line of the cache counts.)
 #[derive(Clone, Copy, Debug)]
-#[repr(C, align(32))]
+#[repr(C)]
 pub(crate) struct QuickRay {
     /// Inverse direction, `x y z`; a large number where the ray does not move along the axis.
-    pub inverse: [f32; 4],
+    pub inverse: [f32; 3],
     /// Per axis, for distances to near planes. If operations are fused, what to add to the product of the plane and `inverse`;
     /// else what to subtract from the plane. Rounded so that planes come nearer.
-    pub near: [f32; 4],
+    pub near: [f32; 3],
     /// The same for far planes; rounded so that they go farther.
-    pub far: [f32; 4],
-    /// Where the planes are within [`super::node::WideNode::bounds`], in numbers: near `x y z`, far `x y z`; then the octant of the
-    /// direction, as [`super::node::WideNode::order`] counts them.
-    pub planes: [u32; 8],
+    pub far: [f32; 3],
+    /// The octant of the direction, as [`super::node::WideNode::order`] counts them.
+    octant: u32,
     /// The origin rounded to nearest: all vertices are drawn relative to it.
-    pub origin: [f32; 4],
+    pub origin: [f32; 3],
     /// As in [`super::ray::LocalRay`].
     pub shear: [f32; 2],
     /// As in [`super::ray::LocalRay`].
-    pub axes: [u32; 4],
+    pub axes: [u8; 4],
     /// How far a vertex may be from where it should be, seen from the origin; 0 in single precision.
     pub slack: f32,
 }
 
-/// Offsets of planes by octant, and the octant.
-static PLANES: [[u32; 8]; 8] = {
+/// By octant, where the planes are within [`super::node::WideNode::bounds`], in numbers: near `x y z`, far `x y z`, and two that mean nothing.
+static PLANES: [[u8; 8]; 8] = {
     let mut table = [[0; 8]; 8];
     let mut octant = 0;
     while octant < 8 {
         let mut axis = 0;
         while axis < 3 {
             let near = if octant >> axis & 1 == 1 { 24 } else { 0 };
-            table[octant][axis] = near + 8 * axis as u32;
-            table[octant][axis + 3] = 24 - near + 8 * axis as u32;
+            table[octant][axis] = near + 8 * axis as u8;
+            table[octant][axis + 3] = 24 - near + 8 * axis as u8;
             axis += 1;
         }
-        table[octant][6] = octant as u32;
         octant += 1;
     }
     table
@@ -91,11 +89,11 @@ pub(crate) fn is_ordinary(extent: f32) -> bool {
 impl QuickRay {
     /// Nothing yet.
     pub const UNSET: Self = Self {
-        inverse: [0.0; 4],
-        near: [0.0; 4],
-        far: [0.0; 4],
-        planes: [0; 8],
-        origin: [0.0; 4],
+        inverse: [0.0; 3],
+        near: [0.0; 3],
+        far: [0.0; 3],
+        octant: 0,
+        origin: [0.0; 3],
         shear: [0.0; 2],
         axes: [0; 4],
         slack: 0.0,
@@ -117,9 +115,8 @@ impl QuickRay {
     /// What the exact test wants of the ray; `origin` and `direction` are those it was prepared from.
     #[inline(always)]
     pub fn exact(&self, origin: DVec3, direction: DVec3) -> ExactRay {
-        let [x, y, z, _] = self.origin;
-        let [kx, ky, kz, _] = self.axes.map(|k| k as usize);
-        let drawing = Drawing { origin: [x, y, z], axes: [kx, ky, kz], shear: self.shear };
+        let [kx, ky, kz, _] = self.axes.map(usize::from);
+        let drawing = Drawing { origin: self.origin, axes: [kx, ky, kz], shear: self.shear };
         ExactRay { origin, direction, drawing }
     }
 
@@ -137,7 +134,7 @@ impl QuickRay {
         self.axes = *axes;
         let slopes: &[f64; 3] = direction.as_ref();
         // SAFETY: axes are below 3.
-        let slope = |i: usize| unsafe { *slopes.get_unchecked(axes[i] as usize) };
+        let slope = |i: usize| unsafe { *slopes.get_unchecked(usize::from(axes[i])) };
         self.shear = [(slope(0) / slope(2)) as f32, (slope(1) / slope(2)) as f32];
         self.set_slabs::<L>(o, d)
     }
@@ -155,11 +152,11 @@ impl QuickRay {
             let side = (o.abs() * ROUNDING + f32::MIN_POSITIVE).copysign(d);
             (o + side, o - side)
         };
-        self.inverse = inverse.to_array();
-        self.near = near.to_array();
-        self.far = far.to_array();
-        self.origin = o.to_array();
-        self.planes = PLANES[d.is_negative_bitmask() as usize & 7];
+        self.inverse = inverse.truncate().to_array();
+        self.near = near.truncate().to_array();
+        self.far = far.truncate().to_array();
+        self.origin = o.truncate().to_array();
+        self.octant = d.is_negative_bitmask() & 7;
         !is_slow(d) || self.set_slow::<L>(&d.to_array())
     }
 
@@ -170,9 +167,10 @@ impl QuickRay {
         if d[..3].iter().all(|slope| slope.abs() < 1.0 / MAX_SLOPE) {
             return false;
         }
-        let mut octant = 0;
+        self.octant = 0;
         for (i, &slope) in d.iter().enumerate().take(3) {
-            octant |= usize::from(slope < 0.0) << i;
+            // (Zero counts as up, whatever its sign.)
+            self.octant |= u32::from(slope < 0.0) << i;
             if slope != 0.0 {
                 if slope.abs() < MIN_SLOPE {
                     return false;
@@ -190,8 +188,6 @@ impl QuickRay {
                 (self.near[i], self.far[i]) = (middle + slack, middle - slack);
             }
         }
-        // Zero counts as up, whatever its sign.
-        self.planes = PLANES[octant];
         true
     }
 
@@ -211,22 +207,16 @@ impl QuickRay {
         }
     }
 
-    /// Two rows: `inverse` and `near`, `far` and four numbers that mean nothing.
+    /// Where the planes are, see [`PLANES`].
     #[inline(always)]
-    pub fn slabs(&self) -> [&[f32; 8]; 2] {
-        const {
-            assert!(offset_of!(Self, inverse) == 0 && offset_of!(Self, near) == 16);
-            assert!(offset_of!(Self, far) == 32 && offset_of!(Self, planes) == 48);
-        }
-        let first: *const Self = self;
-        // SAFETY: these are the first 64 bytes, and any bits are an `f32`.
-        unsafe { [&*first.cast(), &*first.cast::<[f32; 8]>().add(1)] }
+    pub fn planes(&self) -> &'static [u8; 8] {
+        &PLANES[self.octant()]
     }
 
     /// The octant of the direction.
     #[inline(always)]
     pub fn octant(&self) -> usize {
-        self.planes[6] as usize
+        self.octant as usize & 7
     }
 }
 
@@ -242,12 +232,12 @@ fn halves(ray: &Ray) -> [Vec4; 2] {
 
 /// The axes of the drawing and its shear, by a direction and its sizes.
 #[inline(always)]
-fn axes_and_shear(direction: &Vec3, sizes: Vec4) -> ([u32; 4], [f32; 2]) {
+fn axes_and_shear(direction: &Vec3, sizes: Vec4) -> ([u8; 4], [f32; 2]) {
     let axes = &AXES[(sizes.xxyw().cmpge(sizes.yzzw()).bitmask() & 7) as usize];
     // By memory instead of conditions: signs and sizes are as good as random.
     let slopes: &[f32; 3] = direction.as_ref();
     // SAFETY: axes are below 3.
-    let slope = |i: usize| unsafe { *slopes.get_unchecked(axes[i] as usize) };
+    let slope = |i: usize| unsafe { *slopes.get_unchecked(usize::from(axes[i])) };
     (*axes, [slope(0) / slope(2), slope(1) / slope(2)])
 }
 
@@ -271,8 +261,8 @@ fn is_too_slow(direction: &DVec3) -> bool {
 }
 
 /// The axes of the drawing by comparisons of the sizes of the direction, in bits: x at least y, x at least z, y at least z.
-static AXES: [[u32; 4]; 8] = {
-    const FIRST: [[u32; 4]; 3] = [[1, 2, 0, 0], [2, 0, 1, 0], [0, 1, 2, 0]];
+static AXES: [[u8; 4]; 8] = {
+    const FIRST: [[u8; 4]; 3] = [[1, 2, 0, 0], [2, 0, 1, 0], [0, 1, 2, 0]];
     [FIRST[2], FIRST[2], FIRST[2], FIRST[0], FIRST[1], FIRST[1], FIRST[1], FIRST[0]]
 };
 
@@ -354,11 +344,11 @@ mod tests {
             if quick.set_from_ray::<Portable8>(&ray) {
                 prop_assert!(exact.set_from_exact::<Portable8>(&o, &d));
                 let careful = LocalRay::new(&DRay::new(o, d));
-                let axes = careful.axes.map(|k| k as u32);
-                prop_assert_eq!([&quick.axes[..3], &exact.axes[..3]], [&axes[..], &axes[..]]);
+                let [x, y, z] = careful.axes.map(|k| k as u8);
+                prop_assert_eq!([quick.axes, exact.axes], [[x, y, z, 0]; 2]);
                 prop_assert_eq!(quick.shear.map(f32::to_bits), careful.shear.map(f32::to_bits));
                 prop_assert_eq!(exact.shear.map(f32::to_bits), careful.shear.map(f32::to_bits));
-                prop_assert_eq!(&quick.origin[..3], &careful.origin[..]);
+                prop_assert_eq!(quick.origin, careful.origin);
             }
         }
     }

@@ -12,22 +12,22 @@ use crate::precision::Rules;
 use crate::query::search::{DataOf, Goal, RayOf, Search};
 use snell_math::simd::{Lanes8, WideLanes};
 use snell_math::{DRay, DVec3};
-use std::mem::MaybeUninit;
-
-/// Entries of each stack.
-pub(super) const STACK: usize = 504;
+use std::cell::UnsafeCell;
+use std::marker::PhantomData;
+use std::mem::{MaybeUninit, offset_of};
 
 /// Where a ray is: in which group, with which coordinates.
 #[derive(Clone, Copy)]
+#[repr(C)]
 pub(super) struct Place {
-    ray: QuickRay,
     nodes: *const WideNode,
-    blocks: *const TriangleBlock,
-    origin: DVec3,
-    direction: DVec3,
+    ray: QuickRay,
     /// The group, and the occurrence number of it.
     group: u32,
     instance: u32,
+    blocks: *const TriangleBlock,
+    origin: DVec3,
+    direction: DVec3,
 }
 
 impl Place {
@@ -41,7 +41,7 @@ impl Place {
         instance: 0,
     };
 
-    #[inline(always)]
+    #[cfg(test)]
     pub fn ray(&self) -> &QuickRay {
         &self.ray
     }
@@ -58,14 +58,14 @@ impl Place {
 }
 
 /// Where boxes begin; aligned, so that it is in one line of the cache.
+#[derive(Clone, Copy)]
 #[repr(align(32))]
-struct Enters([f32; 8]);
+pub(super) struct Enters(pub [f32; 8]);
 
-/// A ray in flight.
+/// A ray in flight. (What boxes need is in the first line of the cache. What one step leaves for the next is elsewhere, side by side for all rays: with
+/// dozens of them in flight, each line counts.)
 #[repr(C, align(64))]
 pub(super) struct Slot<'a, G: Goal> {
-    /// Where it is.
-    pub place: Place,
     t_min: f32,
     /// Padded limit of the search.
     cull: f32,
@@ -73,48 +73,80 @@ pub(super) struct Slot<'a, G: Goal> {
     pub current: ChildRef,
     /// Entries on the stack; the lowest one ends the walk.
     top: u32,
-    /// What the last leaf left to be tested exactly.
-    block: *const TriangleBlock,
-    lanes: u32,
-    node: *const WideNode,
-    /// The children of the current node that are met, in order, and where.
-    met: u32,
-    enters: Enters,
-    /// Which ray this is.
-    pub number: usize,
+    /// Where it is.
+    pub place: Place,
     /// `None` before the first ray and after the last.
     pub search: Option<Search<'a, G>>,
+    /// Which ray this is.
+    pub number: usize,
     /// The places to return to.
     outside: Vec<Place>,
-    /// Where the boxes of the entries begin, if the goal narrows, and what they lead to.
-    distances: [MaybeUninit<f32>; STACK],
-    children: [MaybeUninit<u32>; STACK],
+}
+
+/// Bytes that are in the cache together.
+#[repr(align(64))]
+struct Line(#[expect(dead_code, reason = "slots lie in it")] UnsafeCell<MaybeUninit<[u8; 64]>>);
+
+/// Slots, each with its stack behind it.
+pub(super) struct Slots<'a, G: Goal> {
+    memory: Box<[Line]>,
+    /// Lines of each.
+    lines: usize,
+    slots: PhantomData<Slot<'a, G>>,
+}
+
+impl<'a, G: Goal> Slots<'a, G> {
+    /// Idle slots, for walks of so many entries at most.
+    pub fn new(count: usize, entries: usize) -> Self {
+        // (Eight are written at a time.)
+        let stack = (entries + 16) * Slot::<G>::ENTRY * size_of::<u32>();
+        // An odd number: so they do not compete for the same places in the cache.
+        let lines = (size_of::<Slot<G>>() + stack).div_ceil(size_of::<Line>()) | 1;
+        let memory = (0..count * lines).map(|_| Line(UnsafeCell::new(MaybeUninit::uninit()))).collect();
+        let slots = Self { memory, lines, slots: PhantomData };
+        for i in 0..count {
+            let slot = slots.get(i);
+            // SAFETY: the memory is there, and aligned; nobody else has it.
+            unsafe {
+                slot.write(Slot {
+                    t_min: 0.0,
+                    cull: 0.0,
+                    current: ChildRef::NONE,
+                    top: 1,
+                    place: Place::UNSET,
+                    search: None,
+                    number: 0,
+                    outside: Vec::new(),
+                });
+                Slot::entry(slot, 0).write(ChildRef::NONE.0);
+            }
+        }
+        slots
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.memory.len() / self.lines
+    }
+
+    /// One of them.
+    pub fn get(&self, i: usize) -> *mut Slot<'a, G> {
+        let lines = &raw const self.memory[i * self.lines..][..self.lines];
+        // (All of it is in cells.)
+        lines.cast::<Slot<'a, G>>().cast_mut()
+    }
+}
+
+impl<G: Goal> Drop for Slots<'_, G> {
+    fn drop(&mut self) {
+        for i in 0..self.len() {
+            // SAFETY: they were made in `new`.
+            unsafe { self.get(i).drop_in_place() };
+        }
+    }
 }
 
 impl<'a, G: Goal> Slot<'a, G> {
-    /// Makes an idle slot, all but its stack.
-    ///
-    /// # Safety
-    /// `slot` must be writable.
-    pub unsafe fn init(slot: *mut Self) {
-        // SAFETY: as promised by the caller. The stack needs no values.
-        unsafe {
-            (&raw mut (*slot).place).write(Place::UNSET);
-            (&raw mut (*slot).t_min).write(0.0);
-            (&raw mut (*slot).cull).write(0.0);
-            (&raw mut (*slot).current).write(ChildRef::NONE);
-            (&raw mut (*slot).top).write(1);
-            (&raw mut (*slot).block).write(std::ptr::null());
-            (&raw mut (*slot).lanes).write(0);
-            (&raw mut (*slot).node).write(std::ptr::null());
-            (&raw mut (*slot).met).write(0);
-            (&raw mut (*slot).enters).write(Enters([0.0; 8]));
-            (&raw mut (*slot).number).write(0);
-            (&raw mut (*slot).search).write(None);
-            (&raw mut (*slot).outside).write(Vec::new());
-        }
-    }
-
     /// Begins the walk of a ray through the root's tree, or from there on. False, and nothing done, if the ray is not ordinary.
     #[inline(always)]
     pub fn start<L: Lanes8>(
@@ -138,7 +170,6 @@ impl<'a, G: Goal> Slot<'a, G> {
         self.outside.clear();
         let search = self.search.insert(search());
         (self.t_min, self.cull) = (search.start, search.cull());
-        self.children[0].write(ChildRef::NONE.0);
         (self.current, self.top, self.number) = (from, 1, number);
         true
     }
@@ -151,177 +182,212 @@ impl<'a, G: Goal> Slot<'a, G> {
         unsafe { self.search.as_mut().unwrap_unchecked() }
     }
 
+    /// Numbers of an entry of the stack: what it leads to, and the bits of where its box begins, if the goal narrows.
+    const ENTRY: usize = if G::NARROWS { 2 } else { 1 };
+
+    /// An entry of the stack, which is behind the slot.
+    ///
     /// # Safety
-    /// `top` must not be 0: the entry that ends the walk is still there.
+    /// It must be a slot of [`Slots`], and have this entry.
     #[inline(always)]
-    pub unsafe fn pop(&mut self) {
-        self.top -= 1;
+    unsafe fn entry(this: *mut Self, i: usize) -> *mut u32 {
+        // SAFETY: as promised by the caller.
+        unsafe { this.add(1).cast::<u32>().add(Self::ENTRY * i) }
+    }
+
+    /// # Safety
+    /// It must be a slot of [`Slots`]; `top` must not be 0: the entry that ends the walk is still there.
+    #[inline(always)]
+    pub unsafe fn pop(this: *mut Self) {
         // SAFETY: `top` was between 1 and the size of the stack, and all entries below it are written.
-        self.current = ChildRef(unsafe { self.children.get_unchecked(self.top as usize).assume_init() });
+        unsafe {
+            (*this).top -= 1;
+            (*this).current = ChildRef(Self::entry(this, (*this).top as usize).read());
+        }
     }
 
     /// What is still to be visited, the next last, and where the boxes begin.
     #[cfg(test)]
-    pub fn entries(&self) -> Vec<(f32, ChildRef)> {
-        if self.current == ChildRef::NONE {
-            return vec![];
+    pub unsafe fn entries(this: *mut Self) -> Vec<(f32, ChildRef)> {
+        // SAFETY: entries below the top are written, and what was popped last is still there.
+        unsafe {
+            let (current, top) = ((*this).current, (*this).top as usize);
+            if current == ChildRef::NONE {
+                return vec![];
+            }
+            // The current one was popped last, or is the root.
+            let at =
+                |i: usize| (f32::from_bits(Self::entry(this, i).add(1).read()), ChildRef(Self::entry(this, i).read()));
+            let mut entries: Vec<_> = (1..top).map(at).collect();
+            entries.push(if entries.is_empty() && current.is_node() { ((*this).t_min, current) } else { at(top) });
+            entries
         }
-        // The current one was popped last, or is the root.
-        let at = |i: usize| {
-            // SAFETY: entries below the top are written, and what was popped last is still there.
-            unsafe { (self.distances[i].assume_init(), ChildRef(self.children[i].assume_init())) }
-        };
-        let top = self.top as usize;
-        let mut entries: Vec<_> = (1..top).map(at).collect();
-        entries.push(if entries.is_empty() && self.current.is_node() { (self.t_min, self.current) } else { at(top) });
-        entries
     }
 
     /// Where the search begins, and its padded limit.
-    #[inline(always)]
+    #[cfg(test)]
     pub fn interval(&self) -> [f32; 2] {
         [self.t_min, self.cull]
+    }
+
+    /// Its first sixteen numbers: where the search begins, its padded limit, four that mean nothing, then `inverse`, `near` and `far` of the ray,
+    /// and one that means nothing.
+    #[inline(always)]
+    pub fn rows(&self) -> [&[f32; 8]; 2] {
+        const {
+            assert!(offset_of!(Slot<'static, G>, place) == 16);
+            assert!(offset_of!(Place, ray) == 8);
+            assert!(offset_of!(QuickRay, near) == 12 && offset_of!(QuickRay, far) == 24);
+        }
+        let first: *const Self = self;
+        // SAFETY: these are the first 64 bytes, all of plain numbers and a pointer, and any bits are an `f32`.
+        unsafe { [&*first.cast(), &*first.cast::<[f32; 8]>().add(1)] }
     }
 
     /// Goes on, after the start, with some of `children` instead of the root: those that the tags ([`WideLanes::look_up`]) of entries that are
     /// not negative tell, which must come first, the last of them at once. Their boxes begin at these distances or farther.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`; the children must be of the same group, and no more than what the root would have left on the stack.
+    /// It must be a slot of [`Slots`]. The machine must have the instructions of `L`; the children must be of the same group, and no more than what the root would have left on the stack.
     #[inline(always)]
-    pub unsafe fn go_on_with<L: WideLanes>(&mut self, entries: L, distances: L, children: &[u32; 32]) {
+    pub unsafe fn go_on_with<L: WideLanes>(this: *mut Self, entries: L, distances: L, children: &[u32; 32]) {
         // SAFETY: as promised by the caller. References are plain `u32`, and the lowest entry stays.
         unsafe {
-            let own = &mut *self.children.as_mut_ptr().add(1).cast::<[u32; 8]>();
-            entries.look_up(children, own);
+            let first = Self::entry(this, 1);
             if G::NARROWS {
-                distances.store(&mut *self.distances.as_mut_ptr().add(1).cast::<[f32; 8]>());
+                let mut own = [0; 8];
+                entries.look_up(children, &mut own);
+                distances.store_after(&own, &mut *first.cast());
+            } else {
+                entries.look_up(children, &mut *first.cast());
             }
-            self.top = 1 + (!entries.signs() & 0xff).count_ones();
-            self.pop();
+            (*this).top = 1 + (!entries.signs() & 0xff).count_ones();
+            Self::pop(this);
         }
     }
 
-    /// Tests the boxes of the current node. (The step is in two parts with the other slots between them: each waits less.)
+    /// Tests the boxes of the current node: tells which children are met, in order, and writes where, if the goal narrows. (The step is in two parts with
+    /// the other slots between them: each waits less.)
     ///
     /// # Safety
     /// The machine must have the instructions of `L`; there must be a search; the current reference must be a node of the group.
     #[inline(always)]
-    pub unsafe fn boxes_step<L: Lanes8>(&mut self) {
+    pub unsafe fn boxes_step<L: Lanes8>(&mut self, enters: &mut Enters) -> u32 {
         // SAFETY: as promised by the caller.
         unsafe {
             self.search().goal.count_node();
             let node = &*self.place.nodes.add(self.current.node_index());
-            self.node = node;
             let (enter, limit) = quick_distances::<L>(node, &self.place.ray, self.t_min, self.cull);
-            self.met = enter.le_in_order(limit, *node.order.get_unchecked(self.place.ray.octant()));
             if G::NARROWS {
-                enter.store(&mut self.enters.0);
+                enter.store(&mut enters.0);
             }
+            enter.le_in_order(limit, *node.order.get_unchecked(self.place.ray.octant()))
         }
     }
 
     /// Goes on to the nearest box that was met, and notes the others.
     ///
     /// # Safety
-    /// As [`Self::boxes_step`], which must have been done before; the stack must have room for eight more entries.
+    /// It must be a slot of [`Slots`]. As [`Self::boxes_step`], which must have given `met` and `enters`; the stack must have room for eight more entries.
     #[inline(always)]
-    pub unsafe fn push_step<L: Lanes8>(&mut self) {
+    pub unsafe fn push_step<L: Lanes8>(this: *mut Self, met: u32, enters: &Enters) {
         // SAFETY: as promised by the caller. References are plain `u32`, and `top` is at least 1.
         unsafe {
-            let (node, top) = (&*self.node, self.top as usize);
-            let values = &mut *self.distances.as_mut_ptr().add(top).cast::<[f32; 8]>();
-            let children = &mut *self.children.as_mut_ptr().add(top).cast::<[u32; 8]>();
+            let (Place { nodes, ray, .. }, top) = (&(*this).place, (*this).top as usize);
+            let node = &*nodes.add((*this).current.node_index());
             let payload = &*node.children.as_ptr().cast::<[u32; 8]>();
-            let order = *node.order.get_unchecked(self.place.ray.octant());
+            let order = *node.order.get_unchecked(ray.octant());
+            let to = Self::entry(this, top);
             if G::NARROWS {
-                L::load(&self.enters.0).compress::<true>(self.met, order, payload, values, children);
+                L::load(&enters.0).compress(met, order, payload, &mut *to.cast());
             } else {
-                L::splat(0.0).compress::<false>(self.met, order, payload, values, children);
+                L::compress_payload(met, order, payload, &mut *to.cast());
             }
-            self.top += self.met.count_ones();
-            self.pop();
+            (*this).top += met.count_ones();
+            Self::pop(this);
         }
     }
 
-    /// Finds which triangles of the current leaf the ray's line may pass through.
+    /// Tells which triangles of the current leaf the ray's line may pass through.
     ///
     /// # Safety
     /// The machine must have the instructions of `L`; there must be a search; the current reference must be a block of the group.
     #[inline(always)]
-    pub unsafe fn leaf_step<L: Lanes8>(&mut self) {
+    pub unsafe fn leaf_step<L: Lanes8>(&mut self) -> u32 {
         // SAFETY: as promised by the caller.
         unsafe {
-            self.block = self.place.blocks.add(self.current.block());
-            let count = self.current.count();
-            self.lanes = G::Precision::lines_through::<L>(&*self.block, &self.place.ray) & ((2 << (count - 1)) - 1);
+            let (block, count) = (&*self.place.blocks.add(self.current.block()), self.current.count());
             self.search().goal.count_primitives(count);
+            G::Precision::lines_through::<L>(block, &self.place.ray) & ((2 << (count - 1)) - 1)
         }
     }
 
-    /// Goes on after a leaf. True if [`Self::leaf_step`] has found any triangles.
+    /// Goes on after a leaf. Returns the number of its block.
     ///
     /// # Safety
-    /// The current entry must be a leaf.
+    /// It must be a slot of [`Slots`]. The current entry must be a leaf.
     #[inline(always)]
-    pub unsafe fn leave_leaf(&mut self) -> bool {
+    pub unsafe fn leave_leaf(this: *mut Self) -> u32 {
         // SAFETY: the entry that ends the walk is below that of a leaf.
-        unsafe { self.pop() };
-        self.lanes != 0
+        unsafe {
+            let block = (*this).current.block() as u32;
+            Self::pop(this);
+            block
+        }
     }
 
     /// Tests triangles exactly that [`Self::leaf_step`] has found.
     ///
     /// # Safety
-    /// There must be a search; the last step must have found triangles.
+    /// It must be a slot of [`Slots`]. There must be a search; `lanes` must be what the last leaf step has found in this block.
     #[inline(always)]
-    pub unsafe fn triangles_step(&mut self, forest: &Forest) {
+    pub unsafe fn triangles_step(this: *mut Self, forest: &Forest, mut lanes: u32, block: u32) {
         // SAFETY: as promised by the caller.
         unsafe {
-            let (block, mut lanes) = (&*self.block, self.lanes);
+            let slot = &mut *this;
+            let block = &*slot.place.blocks.add(block as usize);
             while lanes != 0 {
                 let lane = lanes.trailing_zeros() as usize & 7;
                 lanes &= lanes - 1;
-                let Place { ray, origin, direction, group, instance, .. } = &self.place;
+                let Place { ray, origin, direction, group, instance, .. } = &slot.place;
                 let ids = || {
                     let (geometry, primitive) = forest.trees.get_unchecked(*group as usize).triangle(block.ids[lane]);
                     [*instance, geometry, primitive]
                 };
-                let search = self.search.as_ref().unwrap_unchecked();
+                let search = slot.search.as_ref().unwrap_unchecked();
                 let corners = block.corners(lane);
                 let found = G::Precision::hit_on_line(search, ray, origin, direction, &corners, ids);
-                if offer_triangle(self.search(), found) {
-                    self.current = ChildRef::NONE;
+                if offer_triangle(slot.search(), found) {
+                    slot.current = ChildRef::NONE;
                     return;
                 }
             }
-            self.tighten();
+            Self::tighten(this);
         }
     }
 
     /// After hits: a new limit, and the stack without what lies beyond it. The current entry must have been popped last.
     ///
     /// # Safety
-    /// There must be a search.
+    /// It must be a slot of [`Slots`], with a search.
     #[inline(always)]
-    pub unsafe fn tighten(&mut self) {
+    pub unsafe fn tighten(this: *mut Self) {
         if !G::NARROWS {
             return;
         }
         // SAFETY: as promised by the caller; all entries up to the one popped last are written, and the lowest stays.
         unsafe {
-            let cull = self.search().cull();
-            if cull < self.cull {
-                self.cull = cull;
+            let cull = (*this).search().cull();
+            if cull < (*this).cull {
+                (*this).cull = cull;
                 let mut kept = 1;
-                for i in 1..=self.top as usize {
-                    let (distance, child) = (*self.distances.get_unchecked(i), *self.children.get_unchecked(i));
-                    *self.distances.get_unchecked_mut(kept) = distance;
-                    *self.children.get_unchecked_mut(kept) = child;
-                    kept += usize::from(distance.assume_init() <= cull);
+                for i in 1..=(*this).top as usize {
+                    let entry = Self::entry(this, i).cast::<[u32; 2]>().read();
+                    Self::entry(this, kept).cast::<[u32; 2]>().write(entry);
+                    kept += usize::from(f32::from_bits(entry[1]) <= cull);
                 }
-                self.top = kept as u32;
-                self.pop();
+                (*this).top = kept as u32;
+                Self::pop(this);
             }
         }
     }
@@ -340,23 +406,33 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// Tests the shape that is the current object and goes on to the next entry, or goes into an instance.
     ///
     /// # Safety
-    /// There must be a search; the current reference must be an object of the group; the stack must have room for one more entry, and
+    /// It must be a slot of [`Slots`]. There must be a search; the current reference must be an object of the group; the stack must have room for one more entry, and
     /// `below` for all groups; `enter` must be the entry of the level of `L`, which the machine must have.
     #[inline(always)]
-    pub unsafe fn object_step<L: Lanes8>(&mut self, forest: &Forest, below: &mut Stack, enter: Walk<G>) {
+    pub unsafe fn object_step<L: Lanes8>(this: *mut Self, forest: &Forest, below: &mut Stack, enter: Walk<G>) {
         // SAFETY: as promised by the caller.
         unsafe {
-            let object = self.current.index();
-            let tree = forest.trees.get_unchecked(self.place.group as usize);
-            if self.enter_instance::<L>(forest, tree.objects.get(object)) {
+            let slot = &mut *this;
+            let object = slot.current.index();
+            let tree = forest.trees.get_unchecked(slot.place.group as usize);
+            if let Some(root) = slot.enter_instance::<L>(forest, tree.objects.get(object)) {
+                let entry = Self::entry(this, slot.top as usize);
+                entry.write(ChildRef::RETURN.0);
+                if G::NARROWS {
+                    // Nearer than any limit.
+                    entry.add(1).write(f32::NEG_INFINITY.to_bits());
+                }
+                (*this).top += 1;
+                (*this).current = root;
                 return;
             }
-            self.pop();
-            let (exact, instance) = (self.place.exact(), self.place.instance);
-            if test_object(forest, tree, object, &exact, instance, self.search(), below, enter) {
-                self.current = ChildRef::NONE;
+            Self::pop(this);
+            let slot = &mut *this;
+            let (exact, instance) = (slot.place.exact(), slot.place.instance);
+            if test_object(forest, tree, object, &exact, instance, slot.search(), below, enter) {
+                slot.current = ChildRef::NONE;
             } else {
-                self.tighten();
+                Self::tighten(this);
             }
         }
     }
@@ -366,37 +442,28 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// # Safety
     /// There must be a search; the stack must have room for one more entry.
     #[inline(always)]
-    unsafe fn enter_instance<L: Lanes8>(&mut self, forest: &Forest, object: ObjectRef) -> bool {
+    unsafe fn enter_instance<L: Lanes8>(&mut self, forest: &Forest, object: ObjectRef) -> Option<ChildRef> {
         let ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) = object else {
-            return false;
+            return None;
         };
         let tree = &forest.trees[*child];
         // SAFETY: as promised by the caller.
         let (visible, time, data) = unsafe { (self.search().mask, self.search().time, self.search().context.data) };
         if mask & visible == 0 || tree.root == ChildRef::NONE || !tree.unbounded.is_empty() {
-            return false;
+            return None;
         }
         // (If it overflows, it is not ordinary.)
-        let Some(ray) = child_from_group.mapped(&self.place.exact(), time) else { return false };
+        let ray = child_from_group.mapped(&self.place.exact(), time)?;
         self.outside.push(self.place);
         let place = &mut self.place;
         if !G::Precision::prepare::<L>(data, *child, &mut place.ray, &ray) {
             self.return_outside();
-            return false;
+            return None;
         }
         (place.nodes, place.blocks) = (tree.nodes.as_ptr(), tree.blocks.as_ptr());
         (place.origin, place.direction) = (ray.origin, ray.direction);
         (place.group, place.instance) = (*child as u32, place.instance + offset);
-        let top = self.top as usize;
-        // SAFETY: as promised by the caller.
-        unsafe {
-            // Nearer than any limit.
-            self.distances.get_unchecked_mut(top).write(f32::NEG_INFINITY);
-            self.children.get_unchecked_mut(top).write(ChildRef::RETURN.0);
-        }
-        self.top += 1;
-        self.current = tree.root;
-        true
+        Some(tree.root)
     }
 
     #[inline(always)]
@@ -409,29 +476,30 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// Returns from an instance and goes on there.
     ///
     /// # Safety
-    /// The current entry must be [`ChildRef::RETURN`].
+    /// It must be a slot of [`Slots`]. The current entry must be [`ChildRef::RETURN`].
     #[inline(always)]
-    pub unsafe fn leave_instance(&mut self) {
-        self.return_outside();
+    pub unsafe fn leave_instance(this: *mut Self) {
         // SAFETY: the entry that ends the walk is below that of the instance.
-        unsafe { self.pop() }
+        unsafe {
+            (*this).return_outside();
+            Self::pop(this);
+        }
     }
 
     /// Asks for the memory of the triangles that [`Self::leaf_step`] has found, if they are not in the block.
     ///
     /// # Safety
-    /// There must be a search; the last step must have been that of a leaf.
+    /// As [`Self::triangles_step`].
     #[inline(always)]
-    pub unsafe fn fetch_triangles(&mut self, forest: &Forest) {
+    pub unsafe fn fetch_triangles(&mut self, forest: &Forest, mut lanes: u32, block: u32) {
         if <G::Precision as Rules>::TRIANGLES_ELSEWHERE {
-            let mut lanes = self.lanes;
             while lanes != 0 {
                 let lane = lanes.trailing_zeros() as usize & 7;
                 lanes &= lanes - 1;
                 // SAFETY: as promised by the caller.
                 unsafe {
                     let tree = forest.trees.get_unchecked(self.place.group as usize);
-                    let (geometry, triangle) = tree.triangle((*self.block).ids[lane]);
+                    let (geometry, triangle) = tree.triangle((*self.place.blocks.add(block as usize)).ids[lane]);
                     G::Precision::fetch_triangle(self.search().context.data, geometry, triangle);
                 }
             }
@@ -451,7 +519,16 @@ impl<'a, G: Goal> Slot<'a, G> {
     pub fn fetch_ahead(&self) {
         let node = self.place.nodes.wrapping_add(self.current.index()).cast::<u8>();
         let block = self.place.blocks.wrapping_add(self.current.block()).cast::<u8>();
-        fetch_lines(std::hint::select_unpredictable(self.current.is_node(), node, block), 5);
+        let is_node = self.current.is_node();
+        let at = std::hint::select_unpredictable(is_node, node, block);
+        const {
+            assert!(
+                size_of::<WideNode>() == 4 * size_of::<Line>() && size_of::<TriangleBlock>() == 5 * size_of::<Line>()
+            )
+        };
+        fetch_lines(at, 4);
+        // (Of a node, the fourth again.)
+        fetch_lines(at.wrapping_add((4 - usize::from(is_node)) * size_of::<Line>()), 1);
     }
 }
 
@@ -468,6 +545,13 @@ mod tests {
     use snell_math::simd::{Level, Portable8};
     use snell_math::{DVec3, Ray, Transform};
     use std::sync::Arc;
+
+    /// Dozens are in flight, and the first cache is small.
+    #[test]
+    #[cfg(target_pointer_width = "64")]
+    fn a_slot_of_rays_of_single_precision_has_four_lines() {
+        assert_eq!(size_of::<Slot<crate::query::search::Closest<Single>>>(), 4 * size_of::<Line>());
+    }
 
     /// A search that is over in an instance does not return from it, so the next one has to forget where it was.
     #[test]
@@ -487,33 +571,33 @@ mod tests {
         let context = Context { filter: &AcceptAll, options: &world.options, data: &() };
         let rays: Vec<Ray> = (0..200).map(|_| Ray::new(random.point(0.5), random.direction())).collect();
         let mut below = [const { MaybeUninit::uninit() }; SMALL_STACK];
-        let mut slot = Box::<Slot<Any<Single>>>::new_uninit();
+        let slots = Slots::<Any<Single>>::new(1, forest.stack_size);
         // SAFETY: the steps follow from what is current; a forest of three levels needs fewer entries than there are.
         unsafe {
-            Slot::init(slot.as_mut_ptr());
-            let mut slot = slot.assume_init();
+            let slot = slots.get(0);
             let mut found = 0;
             for (i, ray) in rays.iter().enumerate() {
                 let search = || Search::new(ray.into(), &context, Any::new(ray));
-                assert!(slot.start::<Portable8>(tree, tree.root, i, &(), search, ray));
-                assert_eq!((slot.outside.len(), slot.place.group), (0, 0));
-                while slot.current != ChildRef::NONE {
-                    if slot.current.is_node() {
-                        slot.boxes_step::<Portable8>();
-                        slot.push_step::<Portable8>();
-                    } else if slot.current.is_triangles() {
-                        slot.leaf_step::<Portable8>();
-                        if slot.leave_leaf() {
-                            slot.triangles_step(forest);
+                assert!((*slot).start::<Portable8>(tree, tree.root, i, &(), search, ray));
+                assert_eq!(((*slot).outside.len(), (*slot).place.group), (0, 0));
+                while (*slot).current != ChildRef::NONE {
+                    if (*slot).current.is_node() {
+                        let mut enters = Enters([0.0; 8]);
+                        let met = (*slot).boxes_step::<Portable8>(&mut enters);
+                        Slot::push_step::<Portable8>(slot, met, &enters);
+                    } else if (*slot).current.is_triangles() {
+                        let (lanes, block) = ((*slot).leaf_step::<Portable8>(), Slot::leave_leaf(slot));
+                        if lanes != 0 {
+                            Slot::triangles_step(slot, forest, lanes, block);
                         }
-                    } else if slot.current == ChildRef::RETURN {
-                        slot.leave_instance();
+                    } else if (*slot).current == ChildRef::RETURN {
+                        Slot::leave_instance(slot);
                     } else {
-                        slot.object_step::<Portable8>(forest, &mut below, walk_portable::<Any<Single>>);
+                        Slot::object_step::<Portable8>(slot, forest, &mut below, walk_portable::<Any<Single>>);
                     }
                 }
-                let is_found = slot.search().goal.found;
-                assert_eq!(slot.outside.is_empty(), !is_found, "what is found is two instances deep");
+                let is_found = (*slot).search().goal.found;
+                assert_eq!((*slot).outside.is_empty(), !is_found, "what is found is two instances deep");
                 found += usize::from(is_found);
             }
             assert!((20..180).contains(&found), "{found}");

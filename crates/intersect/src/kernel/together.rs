@@ -141,20 +141,18 @@ impl<W: Lanes16> Row<W> {
     /// As [`set_off`], of up to sixteen slots.
     #[inline(always)]
     unsafe fn new<G: Goal>(slots: &[*mut Slot<'_, G>]) -> Self {
-        let (mut t_min, mut cull) = (PerLane([0.0; ROW]), PerLane([0.0; ROW]));
         let mut slabs = [[&[0.0; 8]; 2]; ROW];
         for (lane, slabs) in slabs.iter_mut().enumerate() {
             // (Lanes without a ray have the first one.)
             // SAFETY: there is at least one slot.
             let slot = unsafe { &**slots.get_unchecked(if lane < slots.len() { lane } else { 0 }) };
-            *slabs = slot.place.ray().slabs();
-            [t_min.0[lane], cull.0[lane]] = slot.interval();
+            *slabs = slot.rows();
         }
         // SAFETY: passed on to the caller.
         unsafe {
             let rows = |side: usize, from: usize| from_fn(|i| slabs[from + i][side]);
-            let [i, j, k, _, a, b, c, _] = columns::<W>(rows(0, 0), rows(0, 8));
-            let [d, e, f, ..] = columns::<W>(rows(1, 0), rows(1, 8));
+            let [t_min, cull, _, _, _, _, i, j] = columns::<W>(rows(0, 0), rows(0, 8));
+            let [k, a, b, c, d, e, f, _] = columns::<W>(rows(1, 0), rows(1, 8));
             let (inverse, near, far) = ([i, j, k], [a, b, c], [d, e, f]);
             let half = W::splat(0.5);
             let offset = [near[0].add(far[0]).mul(half), near[1].add(far[1]).mul(half), near[2].add(far[2]).mul(half)];
@@ -165,8 +163,8 @@ impl<W: Lanes16> Row<W> {
                 margin = margin.max(if Self::FUSED { side } else { side.mul(inverse[axis].abs()) });
             }
             let rays = margin.lt(W::splat(MAX_MARGIN)) & (0xffff >> (ROW - slots.len().min(ROW)));
-            let t_min = W::load(&t_min.0).max(W::splat(LEAST));
-            Self { inverse, offset, t_min, cull: W::load(&cull.0).add(margin), margin, rays }
+            let t_min = t_min.max(W::splat(LEAST));
+            Self { inverse, offset, t_min, cull: cull.add(margin), margin, rays }
         }
     }
 
@@ -319,10 +317,9 @@ unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
         while rays != 0 {
             let lane = rays.trailing_zeros() as usize & (ROW - 1);
             rays &= rays - 1;
-            let slot = &mut **slots.get_unchecked(lane);
             let margin = W::Half::splat(margins.0[lane] + 2.0 * LEAST);
             let distances = entries[lane].mul(W::Half::splat(1.0 - TAG_PADDING)).sub(margin);
-            slot.go_on_with(entries[lane], distances, &left.children.0);
+            Slot::go_on_with(*slots.get_unchecked(lane), entries[lane], distances, &left.children.0);
         }
     }
 }

@@ -163,7 +163,7 @@ pub(crate) const fn edge_error(is_fused: bool) -> f32 {
 pub(crate) unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32 {
     // SAFETY: passed on to the caller; the axes are below 3.
     unsafe {
-        let [kx, ky, kz, _] = ray.axes.map(|k| k as usize);
+        let [kx, ky, kz, _] = ray.axes.map(usize::from);
         let frame = MirroredFrame {
             axes: [kx, ky, kz],
             origin: [kx, ky, kz].map(|k| L::splat(*ray.origin.get_unchecked(k))),
@@ -233,7 +233,7 @@ impl<L: Lanes8> DrawingFrame<L> {
     /// The machine must have the instructions of `L`; the axes must be below 3.
     #[inline(always)]
     pub unsafe fn of_quick(ray: &QuickRay) -> Self {
-        let [x, y, z, _] = ray.axes.map(|k| k as usize);
+        let [x, y, z, _] = ray.axes.map(usize::from);
         // SAFETY: passed on to the caller.
         unsafe {
             Self {

@@ -127,25 +127,39 @@ impl Lanes8 for Avx8 {
     }
 
     #[inline(always)]
-    fn compress<const VALUES: bool>(
-        self,
-        mask: u32,
-        order: u32,
-        payload: &[u32; 8],
-        values_out: &mut [f32; 8],
-        payload_out: &mut [u32; 8],
-    ) {
-        // SAFETY: a value of this type exists, and whoever made it promised AVX2; the references cover 32 bytes each, and the number
-        // is below 256.
+    fn compress(self, mask: u32, order: u32, payload: &[u32; 8], to: &mut [[u32; 2]; 8]) {
+        // SAFETY: a value of this type exists, and whoever made it promised AVX2; the references cover 32 and 64 bytes.
         unsafe {
-            let shifts = _mm256_load_si256((&raw const FRONT_SHIFTS.0[mask as usize & 0xff]).cast());
-            // A permutation reads only the lowest three bits of each lane.
-            let order = _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts);
+            let order = front(mask, order);
+            let payload = _mm256_permutevar8x32_epi32(_mm256_loadu_si256(payload.as_ptr().cast()), order);
+            let numbers = _mm256_castps_si256(_mm256_permutevar8x32_ps(self.0, order));
+            // (In the order of `front`, these are the first four pairs and the last four.)
+            let to = to.as_mut_ptr().cast::<__m256i>();
+            _mm256_storeu_si256(to, _mm256_unpacklo_epi32(payload, numbers));
+            _mm256_storeu_si256(to.add(1), _mm256_unpackhi_epi32(payload, numbers));
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn compress_payload(mask: u32, order: u32, payload: &[u32; 8], to: &mut [u32; 8]) {
+        // SAFETY: as promised by the caller; the references cover 32 bytes each.
+        unsafe {
             let payload = _mm256_loadu_si256(payload.as_ptr().cast());
-            if VALUES {
-                _mm256_storeu_ps(values_out.as_mut_ptr(), _mm256_permutevar8x32_ps(self.0, order));
-            }
-            _mm256_storeu_si256(payload_out.as_mut_ptr().cast(), _mm256_permutevar8x32_epi32(payload, order));
+            let kept = _mm256_permutevar8x32_epi32(payload, front(mask, order));
+            _mm256_storeu_si256(to.as_mut_ptr().cast(), _mm256_permute4x64_epi64::<0b11_01_10_00>(kept));
+        }
+    }
+
+    #[inline(always)]
+    fn store_after(self, payload: &[u32; 8], to: &mut [[u32; 2]; 8]) {
+        // SAFETY: as in `compress`.
+        unsafe {
+            let quarters = |x: __m256i| _mm256_permute4x64_epi64::<0b11_01_10_00>(x);
+            let payload = quarters(_mm256_loadu_si256(payload.as_ptr().cast()));
+            let numbers = quarters(_mm256_castps_si256(self.0));
+            let to = to.as_mut_ptr().cast::<__m256i>();
+            _mm256_storeu_si256(to, _mm256_unpacklo_epi32(payload, numbers));
+            _mm256_storeu_si256(to.add(1), _mm256_unpackhi_epi32(payload, numbers));
         }
     }
 
@@ -215,12 +229,28 @@ static FRONT: [[u8; 8]; 256] = {
     table
 };
 
-/// [`FRONT`] times three: where the numbers are in an order.
+/// Which lanes are kept, in [`PAIRED`] places. (A permutation reads only the lowest three bits of each.)
+///
+/// # Safety
+/// The machine must have AVX2.
+#[inline(always)]
+unsafe fn front(mask: u32, order: u32) -> __m256i {
+    // SAFETY: as promised by the caller; the number is below 256.
+    unsafe {
+        let shifts = _mm256_load_si256((&raw const FRONT_SHIFTS.0[mask as usize & 0xff]).cast());
+        _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts)
+    }
+}
+
+/// The place of what comes into each lane if the first four are to be in the lower halves of the two parts of a register.
+const PAIRED: [usize; 8] = [0, 1, 4, 5, 2, 3, 6, 7];
+
+/// [`FRONT`] times three, where the numbers are in an order; in [`PAIRED`] places.
 static FRONT_SHIFTS: Aligned<[[u32; 8]; 256]> = {
     let mut table = [[0; 8]; 256];
     let mut i = 0;
     while i < 256 * 8 {
-        table[i / 8][i % 8] = 3 * FRONT[i / 8][i % 8] as u32;
+        table[i / 8][i % 8] = 3 * FRONT[i / 8][PAIRED[i % 8]] as u32;
         i += 1;
     }
     Aligned(table)
@@ -250,12 +280,15 @@ mod tests {
         let kept = x.compress_le(y, order, &items, &mut values, &mut payload);
         let compressed: Vec<_> = values.iter().zip(payload).take(kept).map(|(v, p)| (v.to_bits(), p)).collect();
         let mask = x.le_in_order(y, order);
-        let (mut values, mut payload, mut alone) = ([0.0; 8], [0; 8], [0; 8]);
-        x.compress::<true>(mask, order, &items, &mut values, &mut payload);
-        let in_two_steps: Vec<_> = values.iter().zip(payload).take(kept).map(|(v, p)| (v.to_bits(), p)).collect();
+        let (mut pairs, mut alone) = ([[0; 2]; 8], [0; 8]);
+        x.compress(mask, order, &items, &mut pairs);
+        let in_two_steps: Vec<_> = pairs.iter().take(kept).map(|&[payload, value]| (value, payload)).collect();
         assert_eq!(in_two_steps, compressed);
-        x.compress::<false>(mask, order, &items, &mut values, &mut alone);
+        // SAFETY: the test has checked the level.
+        unsafe { L::compress_payload(mask, order, &items, &mut alone) };
         assert_eq!(alone[..kept], payload[..kept]);
+        x.store_after(&items, &mut pairs);
+        assert_eq!(pairs, std::array::from_fn(|lane| [items[lane], a[lane].to_bits()]));
         (bits.to_vec(), [x.le(y), x.lt(y), x.signs(), mask], compressed)
     }
 

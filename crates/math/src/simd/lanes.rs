@@ -66,16 +66,18 @@ pub trait Lanes8: Copy {
     /// Bit `i` is set if `self <= limit` in the lane that comes `i`-th in `order` (eight numbers of 3 bits, the first lowest).
     fn le_in_order(self, limit: Self, order: u32) -> u32;
 
-    /// Takes the lanes in `order`, keeps those whose bit is set in `mask` (as [`Self::le_in_order`] gives it), and writes them, if
-    /// `VALUES`, and their `payload` to the front of the outputs; what follows them there is unspecified.
-    fn compress<const VALUES: bool>(
-        self,
-        mask: u32,
-        order: u32,
-        payload: &[u32; 8],
-        values_out: &mut [f32; 8],
-        payload_out: &mut [u32; 8],
-    );
+    /// Takes the lanes in `order`, keeps those whose bit is set in `mask` (as [`Self::le_in_order`] gives it), and writes their `payload`, each with the
+    /// bits of its number, to the front; what follows them there is unspecified.
+    fn compress(self, mask: u32, order: u32, payload: &[u32; 8], to: &mut [[u32; 2]; 8]);
+
+    /// As [`Self::compress`], of the payload alone.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn compress_payload(mask: u32, order: u32, payload: &[u32; 8], to: &mut [u32; 8]);
+
+    /// Writes the payload of each lane with the bits of its number.
+    fn store_after(self, payload: &[u32; 8], to: &mut [[u32; 2]; 8]);
 
     /// Takes the lanes in the order given by `order` (eight numbers of 3 bits, the first lowest), keeps those with
     /// `self <= limit`, and writes them and their `payload` to the front of the outputs; what follows them there is unspecified.

@@ -129,23 +129,30 @@ impl Lanes8 for Portable8 {
 
     #[cfg_attr(debug_assertions, inline(never))]
     #[cfg_attr(not(debug_assertions), inline(always))]
-    fn compress<const VALUES: bool>(
-        self,
-        mask: u32,
-        order: u32,
-        payload: &[u32; 8],
-        values_out: &mut [f32; 8],
-        payload_out: &mut [u32; 8],
-    ) {
+    fn compress(self, mask: u32, order: u32, payload: &[u32; 8], to: &mut [[u32; 2]; 8]) {
         let mut count = 0;
         for i in 0..8 {
             let lane = ((order >> (3 * i)) & 7) as usize;
             // Written in any case, counted only if kept: no branch on data.
-            if VALUES {
-                values_out[count & 7] = self.0[lane];
-            }
-            payload_out[count & 7] = payload[lane];
+            to[count & 7] = [payload[lane], self.0[lane].to_bits()];
             count += (mask >> i & 1) as usize;
+        }
+    }
+
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    unsafe fn compress_payload(mask: u32, order: u32, payload: &[u32; 8], to: &mut [u32; 8]) {
+        let mut count = 0;
+        for i in 0..8 {
+            to[count & 7] = payload[((order >> (3 * i)) & 7) as usize];
+            count += (mask >> i & 1) as usize;
+        }
+    }
+
+    #[inline(always)]
+    fn store_after(self, payload: &[u32; 8], to: &mut [[u32; 2]; 8]) {
+        for lane in 0..8 {
+            to[lane] = [payload[lane], self.0[lane].to_bits()];
         }
     }
 

@@ -4,6 +4,7 @@ use crate::accel::bvh::GroupTree;
 use crate::hit::Hit;
 use crate::kernel::node::quick_distances;
 use crate::kernel::quick::QuickRay;
+use crate::kernel::slot::Slots;
 use crate::mesh::TriangleMesh;
 use crate::precision::Single;
 use crate::query::search::{Closest, Context, Search};
@@ -73,25 +74,26 @@ fn look<L: Lanes8>(world: &World, rays: &[Ray], set_off: SetOff<Closest<Single>>
     let Structure::Bvh(forest) = &world.structure else { panic!("the product's own structure") };
     let tree = &forest.trees[0];
     let context = Context { filter: &AcceptAll, options: &world.options, data: &() };
-    let mut slots: Vec<Box<Slot<Closest<Single>>>> = Vec::new();
+    let memory = Slots::<Closest<Single>>::new(rays.len(), forest.stack_size);
+    let mut slots: Vec<*mut Slot<_>> = Vec::new();
     for (i, ray) in rays.iter().enumerate() {
-        let mut slot = Box::<Slot<_>>::new_uninit();
+        let slot = memory.get(slots.len());
         let search = || Search::new(ray.into(), &context, Closest::new(ray));
         // SAFETY: a slot that was made idle may start.
         unsafe {
-            Slot::init(slot.as_mut_ptr());
-            let mut slot = slot.assume_init();
-            if slot.start::<L>(tree, tree.root, i, &(), search, ray) {
+            if (*slot).start::<L>(tree, tree.root, i, &(), search, ray) {
                 slots.push(slot);
             }
         }
     }
-    let pointers: Vec<*mut Slot<_>> = slots.iter_mut().map(|slot| &raw mut **slot).collect();
     // SAFETY: they have just started, for lanes of this level.
-    unsafe { set_off(&pointers) };
+    unsafe { set_off(&slots) };
     let mut moved = 0;
-    for slot in &slots {
-        let entries = slot.entries();
+    for at in slots {
+        // SAFETY: it is still there.
+        let slot = unsafe { &*at };
+        // SAFETY: as above.
+        let entries = unsafe { Slot::entries(at) };
         if entries.len() == 1 && entries[0].1 == tree.root {
             continue;
         }
