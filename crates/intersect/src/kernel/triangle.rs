@@ -324,9 +324,16 @@ pub(crate) fn exact_hit_on(ray: &ExactRay, corners: &[[f32; 3]; 3], t_min: f64) 
 /// Where the ray meets the plane of a triangle: the first part of [`exact_hit`]. Infinite or NaN if that is not known.
 #[inline(always)]
 pub(crate) fn plane_distance(origin: &DVec3, direction: &DVec3, corners: &[[f32; 3]; 3]) -> f64 {
+    let [height, speed] = height_and_speed(origin, direction, corners);
+    height / speed
+}
+
+/// How high the plane of a triangle is above the origin, and how fast the ray rises to it, both times the normal.
+#[inline(always)]
+pub(crate) fn height_and_speed(origin: &DVec3, direction: &DVec3, corners: &[[f32; 3]; 3]) -> [f64; 2] {
     let corners = [wide(corners[0]), wide(corners[1]), wide(corners[2])];
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-    normal.dot(corners[0] - *origin) / normal.dot(*direction)
+    [normal.dot(corners[0] - *origin), normal.dot(*direction)]
 }
 
 /// True if a triangle with this [`plane_distance`] cannot be hit beyond `t_min`. Most triangles that are tested exactly are of
