@@ -84,7 +84,9 @@ fn scene_of(input: &Input, mesh: TriangleMesh, mut notes: Notes) -> Scene {
 fn note_oddities(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) {
     if mesh.indices.is_empty() {
         let name = &input.name;
-        notes.add("nothing to show", || format!("{name}: there are no triangles to show"));
+        notes.add("nothing to show", || {
+            format!("{name}: there are no triangles to show; export it again with its faces")
+        });
     }
     for (i, _) in mesh.positions.iter().enumerate().filter(|(_, p)| !p.is_finite()) {
         let name = &input.name;

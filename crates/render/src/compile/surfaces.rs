@@ -2,7 +2,7 @@
 
 use super::{CompileError, Moving, index};
 use snell_intersect::{Curves, GeometryId, GroupId, Instance, MeshKey, MovingMesh, TriangleMesh, World, WorldBuilder};
-use snell_math::{DAffine3, Transform};
+use snell_math::{DAffine3, DVec3, Transform, Vec3};
 use snell_scene::{Geometry, Material, MaterialId, NodeId, Scene, Surface, Warning};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -430,10 +430,20 @@ impl Compiler<'_> {
             let message =
                 "a degenerate or non-finite triangle is never hit; `snell doctor` on the file shows where".to_string();
             Warning::note(self.warnings, message, degenerate as u64);
+        } else if !mesh.indices.is_empty() && (0..mesh.indices.len()).all(|i| is_flat(&mesh.corners(i))) {
+            self.warn(
+                "no face of a mesh has an area, so nothing is seen of it: export it again with its faces".to_string(),
+            );
         }
         let id = self.builder.add_mesh(group, mesh.clone());
         debug_assert_eq!(index(id), self.table.geometries.len());
         let mesh = (!mesh.material_slots.is_empty()).then_some(mesh);
         self.table.geometries.push(GeometryMaterials { slots, mesh, visit, placed: None });
     }
+}
+
+/// True for a triangle whose corners are on a line.
+fn is_flat(corners: &[Vec3; 3]) -> bool {
+    let [a, b, c] = corners.map(Vec3::as_dvec3);
+    (b - a).cross(c - a) == DVec3::ZERO
 }

@@ -102,6 +102,24 @@ fn a_vertex_so_far_out_that_all_rays_are_slow_is_told() {
 }
 
 #[test]
+fn a_mesh_of_faces_without_an_area_is_told_and_one_with_a_good_face_is_not() {
+    for (flat, is_told) in [(1, false), (2, true)] {
+        let mut mesh = TriangleMesh::clone(&square(1));
+        let triangles = mesh.indices.len();
+        assert_eq!(triangles, 2);
+        for i in 0..flat {
+            // Three corners on a line, of which no two are in one place.
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend([0.0, 0.3, 1.0].map(|x| Vec3::new(x, 0.0, 0.0)));
+            mesh.indices[i] = [first, first + 1, first + 2];
+        }
+        let compiled = CompiledScene::new(&nested(Arc::new(mesh)), &BuildOptions::default()).expect("a valid scene");
+        let told = compiled.warnings.iter().any(|w| w.message.starts_with("no face of a mesh has an area"));
+        assert_eq!(told, is_told, "{:?}", compiled.warnings);
+    }
+}
+
+#[test]
 fn a_changed_scene_is_the_scene_compiled_anew() {
     let before = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
     let compiled = CompiledScene::new(&before, &BuildOptions::default()).expect("a valid scene");

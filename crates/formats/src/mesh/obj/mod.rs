@@ -42,7 +42,9 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         _ => scene.add_child(scene.root, Node::named(input.stem())),
     };
     if objects.is_empty() {
-        notes.add("nothing to show", || format!("{}: there are no triangles to show", input.name));
+        notes.add("nothing to show", || {
+            format!("{}: there are no triangles to show; export it again with its faces", input.name)
+        });
     }
     for object in objects {
         let name = if object.name.is_empty() { input.stem() } else { object.name };

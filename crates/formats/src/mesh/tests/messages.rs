@@ -33,7 +33,7 @@ a.obj:7:1: "foo": not a statement of OBJ files; lines like this were skipped (1x
 "#);
     assert_snapshot!(warnings("a.obj", "mtllib a.mtl b.mtl\nusemtl x\n"), @r#"
 a.obj: its material library "a.mtl b.mtl" does not exist; the default material was used (1x)
-a.obj: there are no triangles to show (1x)
+a.obj: there are no triangles to show; export it again with its faces (1x)
 "#);
 }
 
