@@ -430,7 +430,9 @@ impl Compiler<'_> {
             let message =
                 "a degenerate or non-finite triangle is never hit; `snell doctor` on the file shows where".to_string();
             Warning::note(self.warnings, message, degenerate as u64);
-        } else if !mesh.indices.is_empty() && (0..mesh.indices.len()).all(|i| is_flat(&mesh.corners(i))) {
+        }
+        let count = mesh.indices.len();
+        if degenerate < count && (0..count).all(|i| mesh.is_degenerate(i) || is_flat(&mesh.corners(i))) {
             self.warn(
                 "no face of a mesh has an area, so nothing is seen of it: export it again with its faces".to_string(),
             );

@@ -103,10 +103,13 @@ fn a_vertex_so_far_out_that_all_rays_are_slow_is_told() {
 
 #[test]
 fn a_mesh_of_faces_without_an_area_is_told_and_one_with_a_good_face_is_not() {
-    for (flat, is_told) in [(1, false), (2, true)] {
+    for (flat, is_degenerate, is_told) in [(1, false, false), (2, false, true), (1, true, true)] {
         let mut mesh = TriangleMesh::clone(&square(1));
         let triangles = mesh.indices.len();
         assert_eq!(triangles, 2);
+        if is_degenerate {
+            mesh.indices[1] = [0; 3];
+        }
         for i in 0..flat {
             // Three corners on a line, of which no two are in one place.
             let first = mesh.positions.len() as u32;
