@@ -35,15 +35,16 @@ impl Numbered for Key {
     }
 }
 
-/// Spreads 11 bits so that two zeros follow each.
-#[inline(always)]
-fn spread(x: u32) -> u64 {
-    let x = u64::from(x);
-    let x = (x | x << 16) & 0x0700_00ff;
-    let x = (x | x << 8) & 0x0700_f00f;
-    let x = (x | x << 4) & 0x430c_30c3;
-    (x | x << 2) & 0x4924_9249
-}
+/// Eleven bits with two zeros between them, by the bits without.
+static SPREAD: [u32; CELLS_PER_AXIS as usize] = {
+    let mut spread = [0; CELLS_PER_AXIS as usize];
+    let mut number = 1;
+    while number < spread.len() {
+        spread[number] = spread[number / 2] << 3 | number as u32 & 1;
+        number += 1;
+    }
+    spread
+};
 
 /// Maps doubled centres to cells.
 struct Grid {
@@ -64,7 +65,7 @@ impl Grid {
         let x = (center2 - self.low) * self.scale;
         // Rounded by adding `2^23`, so that the number is in the low bits.
         let x = (x - 0.5).max(Vec4::ZERO).min(Vec4::splat((CELLS_PER_AXIS - 1) as f32)) + 8388608.0;
-        let cell = |x: f32| spread(x.to_bits() & (CELLS_PER_AXIS - 1));
+        let cell = |x: f32| u64::from(SPREAD[(x.to_bits() & (CELLS_PER_AXIS - 1)) as usize]);
         Key((cell(x.x) << 2 | cell(x.y) << 1 | cell(x.z)) << NUMBER_BITS | u64::from(number))
     }
 }
@@ -341,9 +342,9 @@ mod tests {
 
     #[test]
     fn spread_bits_are_three_apart() {
-        for x in [0, 1, 2, 0x7ff, 0x555, 0x123] {
-            let expected = (0..11).fold(0u64, |sum, bit| sum | u64::from(x >> bit & 1) << (3 * bit));
-            assert_eq!(spread(x), expected);
+        for (x, spread) in (0..CELLS_PER_AXIS).zip(SPREAD) {
+            let expected = (0..11).fold(0, |sum, bit| sum | (x >> bit & 1) << (3 * bit));
+            assert_eq!(spread, expected);
         }
     }
 
