@@ -31,6 +31,7 @@ pub mod geometry;
 pub mod hit;
 mod kernel;
 pub mod mesh;
+mod morton;
 pub mod precision;
 pub mod query;
 pub mod shape;

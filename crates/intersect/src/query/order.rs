@@ -5,6 +5,7 @@
 //! traced for itself, so the results are the same.
 
 use super::rays::Rays;
+use crate::morton;
 use crate::precision::Rules;
 use snell_math::Vec3;
 use std::ops::Range;
@@ -138,24 +139,12 @@ impl Grid {
         const TO_WHOLE: f32 = (1 << 23) as f32;
         let at = ((point - self.low) * self.scale).max(Vec3::ZERO).min(Vec3::splat(Self::LAST)) + TO_WHOLE;
         let spread = |x: f32| SPREAD[x.to_bits() as usize % SPREAD.len()];
-        spread(at.x) | spread(at.y) << 1 | spread(at.z) << 2
+        (spread(at.x) | spread(at.y) << 1 | spread(at.z) << 2) as u16
     }
 }
 
-/// Every bit of a number at three times its place.
-static SPREAD: [u16; 1 << CELL_BITS] = {
-    let mut table = [0; 1 << CELL_BITS];
-    let mut x = 0;
-    while x < table.len() {
-        let mut bit = 0;
-        while bit < CELL_BITS {
-            table[x] |= ((x >> bit & 1) << (3 * bit)) as u16;
-            bit += 1;
-        }
-        x += 1;
-    }
-    table
-};
+/// Cells of an axis in a Morton code.
+static SPREAD: [u32; 1 << CELL_BITS] = morton::spread();
 
 #[cfg(test)]
 mod tests {

@@ -8,6 +8,7 @@ use super::storage::{Plain, Storage};
 use super::wide::fill;
 use crate::kernel::binning::{Box8, Primitive};
 use crate::kernel::triangle::TriangleBlock;
+use crate::morton;
 use rayon::prelude::*;
 use snell_math::{Vec3, Vec4};
 
@@ -35,16 +36,8 @@ impl Numbered for Key {
     }
 }
 
-/// Eleven bits with two zeros between them, by the bits without.
-static SPREAD: [u32; CELLS_PER_AXIS as usize] = {
-    let mut spread = [0; CELLS_PER_AXIS as usize];
-    let mut number = 1;
-    while number < spread.len() {
-        spread[number] = spread[number / 2] << 3 | number as u32 & 1;
-        number += 1;
-    }
-    spread
-};
+/// Cells of an axis in a Morton code.
+static SPREAD: [u32; CELLS_PER_AXIS as usize] = morton::spread();
 
 /// Maps doubled centres to cells.
 struct Grid {
@@ -339,14 +332,6 @@ impl Outline {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn spread_bits_are_three_apart() {
-        for (x, spread) in (0..CELLS_PER_AXIS).zip(SPREAD) {
-            let expected = (0..11).fold(0, |sum, bit| sum | (x >> bit & 1) << (3 * bit));
-            assert_eq!(spread, expected);
-        }
-    }
 
     #[test]
     fn many_keys_are_sorted() {

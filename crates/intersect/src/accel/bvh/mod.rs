@@ -27,8 +27,8 @@
 //! 0.95 at others, with two; no pages are asked for.
 //!
 //! On two cores of Zen 4 (medians of 200 builds, five runs in turns, million triangles a second): bits spread by a table instead of shifts 19.9 to 20.7 and 20.2 to 20.3 (one thread), 37.1 to 39.3
-//! and 38.2 to 38.0 (two). These builds follow each other. After a pause of 5 ms and with 48 MB written in between it is 11 to 13 with one thread or two: caches and the waking of threads
-//! take half of the time of so small a build, also in `snell bench build`, which pauses.
+//! and 38.2 to 38.0 (two). These builds follow each other. After a pause of 5 ms and with 48 MB written in between it is 11 to 13 with one thread or two: it seems that caches and the waking of
+//! threads take half of the time of so small a build, also in `snell bench build`, which pauses.
 //!
 //! Rejected: bits of the three axes spread apart side by side in registers (getting them out again takes longer: 30 to 27 million triangles a second). Corners fetched ahead in so small a mesh
 //! (Zen 4: no faster cold, slower warm).
