@@ -155,12 +155,13 @@ fn instructions_and_accelerators_do_not_change_a_bit() {
         let settings = Settings { integrator, spp: 5, aovs: aovs.clone(), ..settings() };
         let mut expected = None;
         for &simd in &levels {
-            for accelerator in AcceleratorKind::ALL {
-                let build = BuildOptions { accelerator, simd, ..BuildOptions::default() };
+            let kinds = AcceleratorKind::ALL.map(|accelerator| (accelerator, false));
+            for (accelerator, compact) in kinds.into_iter().chain([(AcceleratorKind::Bvh, true)]) {
+                let build = BuildOptions { accelerator, compact, simd, ..BuildOptions::default() };
                 let compiled = CompiledScene::new(&scene, &build).expect("the scene compiles");
                 let found = all_bits(&render_compiled(&compiled, &camera, &settings, 2));
                 let expected = expected.get_or_insert_with(|| found.clone());
-                assert!(*expected == found, "{} {accelerator:?} {simd}", integrator.name());
+                assert!(*expected == found, "{} {accelerator:?} (compact: {compact}) {simd}", integrator.name());
             }
         }
     }

@@ -217,7 +217,7 @@ pub fn random_bytes(seed: u32, count: usize) -> Vec<u8> {
     words.flat_map(u32::to_le_bytes).take(count).collect()
 }
 
-/// Builds the world that the bytes describe with every accelerator at every level, and asserts that all answers to the rays that
+/// Builds the world that the bytes describe with every accelerator (one of them also compact) at every level, and asserts that all answers to the rays that
 /// follow are those of testing everything, bit for bit: closest, any and all, one ray at a time and in batches of `batch`, on one
 /// thread and on several, and how many hits there are. Returns how many rays there were, and how many of them hit.
 ///
@@ -227,8 +227,8 @@ pub fn assert_agreement(bytes: &[u8], rays: usize, batches: &[usize]) -> (usize,
     let mut source = Source::new(bytes);
     // Half of the worlds also have sets and motion, which are read from the end.
     let reversed: Vec<u8> = bytes.iter().rev().copied().collect();
-    let build = |accelerator, simd| {
-        let options = BuildOptions { accelerator, simd, ..BuildOptions::default() };
+    let build = |accelerator, compact, simd| {
+        let options = BuildOptions { accelerator, compact, simd, ..BuildOptions::default() };
         let (mut builder, mut end) = (Source::new(bytes).builder(), Source::new(&reversed));
         if end.below(2) == 1 {
             end.add_sets(&mut builder);
@@ -236,7 +236,7 @@ pub fn assert_agreement(bytes: &[u8], rays: usize, batches: &[usize]) -> (usize,
         builder.build(&options).ok()
     };
     source.builder();
-    let Some(oracle) = build(AcceleratorKind::None, Level::Scalar) else { return (0, 0) };
+    let Some(oracle) = build(AcceleratorKind::None, false, Level::Scalar) else { return (0, 0) };
     let (mut queries, mut masks, mut times) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..rays {
         queries.push(source.ray());
@@ -254,10 +254,11 @@ pub fn assert_agreement(bytes: &[u8], rays: usize, batches: &[usize]) -> (usize,
             queries.rays()[i]
         );
     }
-    for accelerator in AcceleratorKind::ALL {
+    let kinds = AcceleratorKind::ALL.map(|accelerator| (accelerator, false));
+    for (accelerator, compact) in kinds.into_iter().chain([(AcceleratorKind::Bvh, true)]) {
         for simd in Level::ALL.into_iter().filter(|l| l.is_supported()) {
-            let name = format!("{}, {simd}", accelerator.name());
-            let world = build(accelerator, simd).unwrap_or_else(|| panic!("{name} builds what none builds"));
+            let name = format!("{}{}, {simd}", accelerator.name(), if compact { " (compact)" } else { "" });
+            let world = build(accelerator, compact, simd).unwrap_or_else(|| panic!("{name} builds what none builds"));
             for (i, expected) in all.iter().enumerate() {
                 let query = queries.get(i);
                 let found = world.all_one(query, &AcceptAll);

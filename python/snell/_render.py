@@ -69,6 +69,7 @@ def render(
     accelerator: str | None = None,
     quality: str | None = None,
     bvh_cache: str | os.PathLike[str] | None = None,
+    bvh_compact: bool = False,
     progress: bool | Callable[[float, int], object] = True,
 ) -> Image:
     """Renders a scene.
@@ -117,7 +118,7 @@ def render(
         How far ``"ao"`` looks, in units of the scene: half of the scene's radius.
     exposure, tonemap
         How the picture is shown: stops; ``"none"``, ``"aces"`` or ``"agx"``. `noise` looks at it with this exposure.
-    sampler, filter, shadows, terminator, light_samples, light_sampler, accelerator, quality, bvh_cache
+    sampler, filter, shadows, terminator, light_samples, light_sampler, accelerator, quality, bvh_cache, bvh_compact
         As the options of the command ``snell render``.
     progress : bool or callable
         True shows how far it is, after a second, by tqdm or rich if the program has imported one of them, else as a line of text on a terminal. A

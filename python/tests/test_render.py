@@ -158,6 +158,7 @@ def test_what_the_command_offers_is_there():
     assert np.asarray(clamped).mean() < np.asarray(plain).mean()
     spectral = snell.render("cornell-box", color="spectral", **SMALL)
     assert 0 < np.abs(np.asarray(spectral) - np.asarray(plain)).mean() < 0.3
+    np.testing.assert_array_equal(snell.render("cornell-box", bvh_compact=True, **SMALL), plain)
     brute = snell.render("cornell-box", accelerator="none", **SMALL)
     np.testing.assert_array_equal(brute, plain)
     bright = snell.render("cornell-box", exposure=3, **SMALL)

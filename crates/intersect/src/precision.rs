@@ -454,7 +454,7 @@ impl Rules for Single {
     #[inline(always)]
     unsafe fn exact_hits<W: Lanes16>(_: &(), tree: &GroupTree, bundle: &Bundle, pairs: &Pairs, found: &mut Found<f32>) {
         // SAFETY: passed on to the caller.
-        unsafe { packet::exact::exact_hits::<W>(&tree.blocks, bundle, pairs, found) }
+        unsafe { packet::exact::exact_hits::<W>(tree.blocks.at(), bundle, pairs, found) }
     }
 
     #[inline(always)]
@@ -466,7 +466,7 @@ impl Rules for Single {
         sure: &mut Sure<f32>,
     ) -> Decided {
         // SAFETY: passed on to the caller.
-        unsafe { packet::sure::test::<W>(&tree.blocks, bundle, rays, places, sure) }
+        unsafe { packet::sure::test::<W>(tree.blocks.at(), bundle, rays, places, sure) }
     }
 
     #[inline(always)]

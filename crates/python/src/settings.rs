@@ -182,6 +182,7 @@ pub fn build(keywords: &Keywords<'_, '_>) -> PyResult<BuildOptions> {
     Ok(BuildOptions {
         quality: quality.unwrap_or(Quality::Medium),
         accelerator: accelerator.unwrap_or_default(),
+        compact: keywords.get("bvh_compact", "True or False")?.unwrap_or(false),
         cache: keywords.get::<PathBuf>("bvh_cache", "a folder")?,
         ..BuildOptions::default()
     })

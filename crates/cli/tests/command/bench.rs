@@ -79,6 +79,15 @@ fn builds_are_measured() {
         assert!(row[key].as_f64().is_some_and(|x| x > 0.0), "{key}: {row}");
     }
     assert!(place.run("bench build p.off --repeat 1 --threads 1").done().text().lines().count() == 2);
+    let both = place.run("bench build p.off:subdivide=5 --compact --repeat 1 --threads 1 --json").done();
+    let both: Vec<_> = lines(both.text());
+    assert_eq!(both.iter().map(|row| row["compact"].clone()).collect::<Vec<_>>(), [false, true]);
+    let [plain, compact] = [0, 1].map(|i| both[i]["bytes_per_triangle"].as_f64().expect("a number"));
+    assert!(compact < 0.8 * plain, "{compact} and {plain}");
+    let rays = place.run("bench rays p.off --compact --rays diffuse --side 16 --repeat 1 --threads 1").done();
+    let rows: Vec<_> =
+        rays.text().lines().filter(|line| line.starts_with("p.off")).map(|l| l.contains("compact")).collect();
+    assert_eq!(rows, [false, true]);
 }
 
 #[test]

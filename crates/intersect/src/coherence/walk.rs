@@ -15,6 +15,7 @@ use crate::world::{Geometry, GeometryId, GroupId, Structure, World};
 use snell_math::{Bounds3, DAffine3, DRay, DVec3, DVec4, Ray};
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap};
+use std::mem::MaybeUninit;
 
 /// What tracing regions cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -225,7 +226,8 @@ impl<'w> Walk<'w> {
                 continue;
             }
             facets.clear();
-            let block = &tree.blocks[entry.child.block()];
+            let mut room = MaybeUninit::uninit();
+            let block = tree.blocks.get(entry.child.block(), &mut room);
             let instance = self.frames[entry.frame as usize].instance;
             for lane in 0..entry.child.count() as usize {
                 self.work.triangles += 1;

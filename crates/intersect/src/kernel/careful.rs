@@ -9,6 +9,7 @@ use crate::query::journey::Place;
 use crate::query::search::{Goal, Search};
 use snell_math::DRay;
 use snell_math::simd::{Lanes8, Portable8};
+use std::mem::MaybeUninit;
 
 /// # Safety
 /// The machine must have AVX2; `stack` must have room for the group and all below it.
@@ -81,7 +82,8 @@ unsafe fn walk<L: Lanes8, G: Goal>(
             }
         }
         if current.is_triangles() {
-            let block = &tree.blocks[current.block()];
+            let mut room = MaybeUninit::uninit();
+            let block = tree.blocks.get(current.block(), &mut room);
             search.goal.visit(true, || Place::of_bounds(&block.bounds(current.count())));
             search.goal.count_primitives(current.count());
             // SAFETY: as promised by the caller.

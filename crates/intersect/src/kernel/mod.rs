@@ -4,6 +4,7 @@
 pub(crate) mod binning;
 mod careful;
 mod columns;
+pub(crate) mod compact;
 pub(crate) mod double;
 pub(crate) mod interleave;
 pub(crate) mod list;

@@ -75,7 +75,9 @@ pub(crate) fn extent(tree: &GroupTree) -> f32 {
         let used = (0..8).filter(|&slot| node.children[slot] != ChildRef::NONE);
         used.fold(0.0, |e, slot| node.bounds.iter().flatten().map(|side| &side[slot]).fold(e, largest))
     } else if tree.root.is_triangles() {
-        tree.blocks[tree.root.block()].vertices.iter().flatten().flatten().fold(0.0, largest)
+        let triangles = 0..tree.root.count() as usize;
+        let corners = triangles.flat_map(|lane| tree.blocks.corners(tree.root.block(), lane));
+        corners.flatten().fold(0.0, |extent, x| largest(extent, &x))
     } else {
         0.0
     }

@@ -1,5 +1,6 @@
 //! One walk of the interleaved kernel: a ray in flight, with the memory of its way.
 
+use super::compact::BlocksAt;
 use super::node::WideNode;
 use super::node::{ChildRef, quick_distances};
 use super::prefetch::fetch_lines;
@@ -25,7 +26,9 @@ pub(super) struct Place {
     /// The group, and the occurrence number of it.
     group: u32,
     instance: u32,
-    blocks: *const TriangleBlock,
+    /// As [`BlocksAt::parts`] gives it. (Together they would take a line more.)
+    stride: u32,
+    blocks: *const u8,
     origin: DVec3,
     direction: DVec3,
 }
@@ -34,6 +37,7 @@ impl Place {
     const UNSET: Self = Self {
         ray: QuickRay::UNSET,
         nodes: std::ptr::null(),
+        stride: 0,
         blocks: std::ptr::null(),
         origin: DVec3::ZERO,
         direction: DVec3::ZERO,
@@ -49,6 +53,17 @@ impl Place {
     #[inline(always)]
     pub fn nodes(&self) -> *const WideNode {
         self.nodes
+    }
+
+    #[inline(always)]
+    fn see(&mut self, tree: &GroupTree) {
+        self.nodes = tree.nodes.as_ptr();
+        (self.blocks, self.stride) = tree.blocks.at().parts();
+    }
+
+    #[inline(always)]
+    fn blocks(&self) -> BlocksAt {
+        BlocksAt::new(self.blocks, self.stride)
     }
 
     /// The ray here; without an interval.
@@ -162,7 +177,7 @@ impl<'a, G: Goal> Slot<'a, G> {
         if !G::Precision::prepare_root::<L>(data, &mut place.ray, ray) {
             return false;
         }
-        (place.nodes, place.blocks) = (tree.nodes.as_ptr(), tree.blocks.as_ptr());
+        place.see(tree);
         let exact = G::Precision::exact(ray);
         (place.origin, place.direction) = (exact.origin, exact.direction);
         (place.group, place.instance) = (0, 0);
@@ -316,7 +331,8 @@ impl<'a, G: Goal> Slot<'a, G> {
     pub unsafe fn leaf_step<L: Lanes8>(&mut self) -> u32 {
         // SAFETY: as promised by the caller.
         unsafe {
-            let (block, count) = (&*self.place.blocks.add(self.current.block()), self.current.count());
+            let (mut room, count) = (MaybeUninit::uninit(), self.current.count());
+            let block = self.place.blocks().block::<L>(self.current.block(), &mut room);
             self.search().goal.count_primitives(count);
             G::Precision::lines_through::<L>(block, &self.place.ray) & ((2 << (count - 1)) - 1)
         }
@@ -345,17 +361,18 @@ impl<'a, G: Goal> Slot<'a, G> {
         // SAFETY: as promised by the caller.
         unsafe {
             let slot = &mut *this;
-            let block = &*slot.place.blocks.add(block as usize);
+            let (blocks, block) = (slot.place.blocks(), block as usize);
             while lanes != 0 {
                 let lane = lanes.trailing_zeros() as usize & 7;
                 lanes &= lanes - 1;
                 let Place { ray, origin, direction, group, instance, .. } = &slot.place;
                 let ids = || {
-                    let (geometry, primitive) = forest.trees.get_unchecked(*group as usize).triangle(block.ids[lane]);
+                    let (geometry, primitive) =
+                        forest.trees.get_unchecked(*group as usize).triangle(blocks.id(block, lane));
                     [*instance, geometry, primitive]
                 };
                 let search = slot.search.as_ref().unwrap_unchecked();
-                let corners = block.corners(lane);
+                let corners = blocks.corners(block, lane);
                 let found = G::Precision::hit_on_line(search, ray, origin, direction, &corners, ids);
                 if offer_triangle(slot.search(), found) {
                     slot.current = ChildRef::NONE;
@@ -460,7 +477,7 @@ impl<'a, G: Goal> Slot<'a, G> {
             self.return_outside();
             return None;
         }
-        (place.nodes, place.blocks) = (tree.nodes.as_ptr(), tree.blocks.as_ptr());
+        place.see(tree);
         (place.origin, place.direction) = (ray.origin, ray.direction);
         (place.group, place.instance) = (*child as u32, place.instance + offset);
         Some(tree.root)
@@ -499,7 +516,7 @@ impl<'a, G: Goal> Slot<'a, G> {
                 // SAFETY: as promised by the caller.
                 unsafe {
                     let tree = forest.trees.get_unchecked(self.place.group as usize);
-                    let (geometry, triangle) = tree.triangle((*self.place.blocks.add(block as usize)).ids[lane]);
+                    let (geometry, triangle) = tree.triangle(self.place.blocks().id(block as usize, lane));
                     G::Precision::fetch_triangle(self.search().context.data, geometry, triangle);
                 }
             }
@@ -509,7 +526,7 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// Asks for the memory of what is current if it is a leaf. (Without a branch, too.)
     #[inline(always)]
     pub fn fetch_leaf(&self) {
-        let block = self.place.blocks.wrapping_add(self.current.block()).cast::<u8>();
+        let block = self.place.blocks().address(self.current.block());
         let this = (&raw const *self).cast::<u8>();
         fetch_lines(std::hint::select_unpredictable(self.current.is_triangles(), block, this), 5);
     }
@@ -518,7 +535,7 @@ impl<'a, G: Goal> Slot<'a, G> {
     #[inline(always)]
     pub fn fetch_ahead(&self) {
         let node = self.place.nodes.wrapping_add(self.current.index()).cast::<u8>();
-        let block = self.place.blocks.wrapping_add(self.current.block()).cast::<u8>();
+        let block = self.place.blocks().address(self.current.block());
         let is_node = self.current.is_node();
         let at = std::hint::select_unpredictable(is_node, node, block);
         const {

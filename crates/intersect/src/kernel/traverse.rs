@@ -318,9 +318,10 @@ impl<G: Goal> Place<'_, G> {
                     continue;
                 }
             } else if current.is_triangles() {
+                let mut room = MaybeUninit::uninit();
                 // SAFETY: the builder makes only references to blocks that exist; the rest is promised by the caller.
                 let (block, mut lanes) = unsafe {
-                    let block = self.tree.blocks.get_unchecked(current.block());
+                    let block = self.tree.blocks.at().block::<L>(current.block(), &mut room);
                     (block, G::Precision::lines_through::<L>(block, quick) & ((2 << (current.count() - 1)) - 1))
                 };
                 search.goal.visit(true, || journey::Place::of_bounds(&block.bounds(current.count())));

@@ -24,6 +24,7 @@ const WORN: f32 = 1.3;
 pub(super) struct Inventory {
     accelerator: AcceleratorKind,
     quality: crate::accel::Quality,
+    compact: bool,
     /// Per geometry.
     pub summaries: Vec<Summary>,
     /// Per group, [`GroupBounds`].
@@ -158,6 +159,7 @@ impl WorldBuilder {
             options.accelerator == AcceleratorKind::Bvh
                 && inventory.accelerator == options.accelerator
                 && inventory.quality == options.quality
+                && inventory.compact == options.compact
         })
     }
 
@@ -197,10 +199,11 @@ impl WorldBuilder {
         let lists = self.group_lists(occurrences)?;
         let n = self.groups.len();
         let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
-        let bvh = BvhOptions { quality: options.quality, simd, cache: options.cache.clone() };
+        let bvh = BvhOptions { quality: options.quality, compact: options.compact, simd, cache: options.cache.clone() };
         let mut inventory = Inventory {
             accelerator: options.accelerator,
             quality: options.quality,
+            compact: options.compact,
             summaries,
             exact: bounds.exact,
             grown: bounds.grown,

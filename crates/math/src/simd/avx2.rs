@@ -24,6 +24,15 @@ impl Lanes8 for Avx8 {
     }
 
     #[inline(always)]
+    unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self {
+        // SAFETY: the caller guarantees AVX2; the references cover 32 bytes each. Only the lowest three bits of each lane are read.
+        unsafe {
+            let lanes = _mm256_loadu_si256(lanes.as_ptr().cast());
+            Self(_mm256_permutevar8x32_ps(_mm256_loadu_ps(values.as_ptr()), lanes))
+        }
+    }
+
+    #[inline(always)]
     fn store(self, to: &mut [f32; 8]) {
         // SAFETY: a value of this type exists, so the machine has AVX; the reference covers 32 writable bytes.
         unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) }

@@ -146,15 +146,6 @@ impl WideLanes for Avx8 {
     type Doubles = Avx4;
 
     #[inline(always)]
-    unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self {
-        // SAFETY: the caller guarantees AVX2; the references cover 32 bytes each. Only the lowest three bits of each lane are read.
-        unsafe {
-            let lanes = _mm256_loadu_si256(lanes.as_ptr().cast());
-            Self(_mm256_permutevar8x32_ps(_mm256_loadu_ps(values.as_ptr()), lanes))
-        }
-    }
-
-    #[inline(always)]
     fn with_tag(self, tag: u32) -> Self {
         // SAFETY: a value of this type exists, and whoever made it promised AVX2.
         unsafe {

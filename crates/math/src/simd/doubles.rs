@@ -122,12 +122,6 @@ pub trait WideLanes: Lanes8 {
     /// Four of them in double precision.
     type Doubles: Lanes4 + DoublesOf<Self>;
 
-    /// Lane `i` of the result is lane `lanes[i]` (below 8) of `values`.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self;
-
     /// The numbers with a tag instead of their lowest five bits. (What is infinite becomes NaN, zero a number that is not normal.)
     fn with_tag(self, tag: u32) -> Self;
 
@@ -288,12 +282,6 @@ impl Lanes4 for Portable4 {
 
 impl WideLanes for Portable8 {
     type Doubles = Portable4;
-
-    #[inline(always)]
-    unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self {
-        // SAFETY: portable code.
-        unsafe { Self::load(&lanes.map(|lane| values[lane as usize & 7])) }
-    }
 
     #[inline(always)]
     fn with_tag(self, tag: u32) -> Self {

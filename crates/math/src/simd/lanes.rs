@@ -18,6 +18,12 @@ pub trait Lanes8: Copy {
     /// The machine must have the instructions of the implementation.
     unsafe fn load(values: &[f32; 8]) -> Self;
 
+    /// Lane `i` of the result is lane `lanes[i]` (below 8) of `values`.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self;
+
     /// Writes the eight numbers.
     fn store(self, to: &mut [f32; 8]);
 

@@ -41,6 +41,12 @@ impl Lanes8 for Portable8 {
     }
 
     #[inline(always)]
+    unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self {
+        // SAFETY: portable code.
+        unsafe { Self::load(&lanes.map(|lane| values[lane as usize & 7])) }
+    }
+
+    #[inline(always)]
     fn store(self, to: &mut [f32; 8]) {
         *to = self.0;
     }

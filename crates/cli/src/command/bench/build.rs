@@ -8,7 +8,7 @@ use crate::failure::Failure;
 use crate::standard_output;
 use rayon::ThreadPool;
 use serde_json::{Value, json};
-use snell_embree::BuildQuality;
+use snell_embree::{BuildQuality, SceneOptions};
 use snell_formats::ReadOptions;
 use snell_intersect::BuildOptions;
 use std::process::ExitCode;
@@ -54,9 +54,13 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
             let peer = embree.as_ref().map(|embree| Peer::new(embree, threads)).transpose()?;
             let pool = clock::pool(threads).map_err(Failure::Other)?;
             let own = variants.iter().map(|variant| Row::new(Way::Own(variant, &pool)));
-            let qualities =
-                peer.iter().flat_map(|peer| BuildQuality::ALL.map(|quality| Row::new(Way::Peer(peer, quality))));
-            let mut rows: Vec<Row> = own.chain(qualities).collect();
+            let layouts = if options.variants.compact { &[false, true][..] } else { &[false] };
+            let of_peer = |peer| {
+                BuildQuality::ALL.into_iter().flat_map(move |quality| {
+                    layouts.iter().map(move |&compact| Row::new(Way::Peer(peer, quality, compact)))
+                })
+            };
+            let mut rows: Vec<Row> = own.chain(peer.iter().flat_map(of_peer)).collect();
             // In turn, so that whatever else the machine does troubles all.
             for _ in 0..options.repeat {
                 for row in &mut rows {
@@ -82,7 +86,8 @@ const PAUSE: Duration = Duration::from_millis(5);
 /// A way to build.
 enum Way<'a> {
     Own(&'a BuildOptions, &'a ThreadPool),
-    Peer(&'a Peer, BuildQuality),
+    /// And whether it is to be compact.
+    Peer(&'a Peer, BuildQuality, bool),
 }
 
 /// A way to build, measured.
@@ -108,8 +113,9 @@ impl<'a> Row<'a> {
                 let seconds = start.elapsed().as_secs_f64();
                 (seconds, world.map_err(|e| Failure::Scene(format!("{}: {e}", bench.name)))?.memory_bytes())
             }
-            Way::Peer(peer, quality) => {
-                let scene = peer.build(&bench.world, *quality, false)?;
+            Way::Peer(peer, quality, compact) => {
+                let options = SceneOptions { quality: *quality, robust: false, compact: *compact };
+                let scene = peer.build(&bench.world, options)?;
                 (scene.build_seconds(), scene.memory_bytes().max(0) as u64)
             }
         };
@@ -121,9 +127,13 @@ impl<'a> Row<'a> {
     fn json(&self, bench: &Bench, threads: usize) -> Value {
         let triangles = bench.world.triangle_count();
         let seconds = median(&self.seconds);
-        let (builder, accelerator, quality) = match &self.way {
-            Way::Own(variant, _) => ("Snell".into(), variant.accelerator.name(), variant.quality.name()),
-            Way::Peer(peer, quality) => (format!("Embree {}", peer.version()), "bvh", quality.name()),
+        let (builder, accelerator, quality, compact) = match &self.way {
+            Way::Own(variant, _) => {
+                ("Snell".into(), variant.accelerator.name(), variant.quality.name(), variant.compact)
+            }
+            Way::Peer(peer, quality, compact) => {
+                (format!("Embree {}", peer.version()), "bvh", quality.name(), *compact)
+            }
         };
         json!({
             "scene": bench.name,
@@ -132,6 +142,7 @@ impl<'a> Row<'a> {
             "builder": builder,
             "accelerator": accelerator,
             "quality": quality,
+            "compact": compact,
             "threads": threads,
             "repeat": self.seconds.len(),
             "seconds": seconds,
@@ -144,8 +155,17 @@ impl<'a> Row<'a> {
 
 fn heading() -> String {
     format!(
-        "{:32} {:>11} {:13} {:21} {:7} {:>7} {:>10} {:>8} {:>11}\n",
-        "scene", "triangles", "builder", "accelerator", "quality", "threads", "seconds", "Mtri/s", "bytes/tri"
+        "{:32} {:>11} {:13} {:21} {:7} {:7} {:>7} {:>10} {:>8} {:>11}\n",
+        "scene",
+        "triangles",
+        "builder",
+        "accelerator",
+        "quality",
+        "layout",
+        "threads",
+        "seconds",
+        "Mtri/s",
+        "bytes/tri"
     )
 }
 
@@ -153,12 +173,13 @@ fn table_row(value: &Value) -> String {
     let text = |key: &str| value[key].as_str().unwrap_or_default();
     let number = |key: &str| value[key].as_f64().unwrap_or(f64::NAN);
     format!(
-        "{:32} {:11} {:13} {:21} {:7} {:7} {:10.4} {:8.2} {:11.1}\n",
+        "{:32} {:11} {:13} {:21} {:7} {:7} {:7} {:10.4} {:8.2} {:11.1}\n",
         scenes::short_name(text("scene")),
         value["unique_triangles"],
         text("builder"),
         text("accelerator"),
         text("quality"),
+        variants::layout(value["compact"] == true),
         value["threads"],
         number("seconds"),
         number("mtriangles_per_second"),

@@ -1,7 +1,7 @@
 //! Whom Snell is compared with: `--peer embree=PATH`.
 
 use crate::failure::Failure;
-use snell_embree::{BuildQuality, Device, Embree, Mode, PeerScene, SceneOptions};
+use snell_embree::{Device, Embree, Mode, PeerScene, SceneOptions};
 use snell_intersect::World;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -44,8 +44,7 @@ impl Peer {
     }
 
     /// A world, built in Embree's way.
-    pub fn build(&self, world: &World, quality: BuildQuality, robust: bool) -> Result<PeerScene, Failure> {
-        let options = SceneOptions { quality, robust, compact: false };
+    pub fn build(&self, world: &World, options: SceneOptions) -> Result<PeerScene, Failure> {
         PeerScene::build(&self.device, world, options).map_err(|e| Failure::Scene(e.to_string()))
     }
 }

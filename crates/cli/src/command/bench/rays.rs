@@ -9,7 +9,7 @@ use super::{dump, variants};
 use crate::failure::{Failure, choice};
 use crate::standard_output;
 use serde_json::{Value, json};
-use snell_embree::{BuildQuality, PeerScene};
+use snell_embree::{BuildQuality, PeerScene, SceneOptions};
 use snell_formats::ReadOptions;
 use snell_intersect::{BuildOptions, Hit, World};
 use snell_math::Ray;
@@ -136,7 +136,8 @@ impl Plan<'_> {
     fn peer_scenes(&self, world: &World) -> Result<Vec<PeerScene>, Failure> {
         let Some(peer) = &self.peer else { return Ok(Vec::new()) };
         let ways = [false, true].map(|robust| [BuildQuality::Medium, BuildQuality::High].map(|q| (q, robust)));
-        ways.as_flattened().iter().map(|&(quality, robust)| peer.build(world, quality, robust)).collect()
+        let options = |&(quality, robust): &_| SceneOptions { quality, robust, compact: false };
+        ways.as_flattened().iter().map(|way| peer.build(world, options(way))).collect()
     }
 
     fn print(&self, row: &Row, outcome: &Outcome) -> Result<(), Failure> {
@@ -155,6 +156,7 @@ impl Plan<'_> {
             "threads": row.threads,
             "accelerator": row.variant.accelerator.name(),
             "quality": row.variant.quality.name(),
+            "compact": row.variant.compact,
             "simd": row.world.simd().name(),
             "call": row.call.name(),
             "clock": self.options.clock.name(),
@@ -203,7 +205,7 @@ fn heading(peer: Option<&Peer>) -> String {
         None => text += "No peer.\n",
     }
     text + &format!(
-        "{:32} {:>11} {:9} {:5} {:>7} {:6} {:7} {:6} {:>8} {:>8} {:>6} {:>9} {:24} {:>8} {:>6} {:>9}  {}\n",
+        "{:32} {:>11} {:9} {:5} {:>7} {:6} {:7} {:7} {:6} {:>8} {:>8} {:>6} {:>9} {:24} {:>8} {:>6} {:>9}  {}\n",
         "scene",
         "triangles",
         "rays",
@@ -211,6 +213,7 @@ fn heading(peer: Option<&Peer>) -> String {
         "threads",
         "accel",
         "quality",
+        "layout",
         "simd",
         "snell",
         "peer",
@@ -231,13 +234,14 @@ fn table_row(row: &Row, outcome: &Outcome) -> String {
         None => String::new(),
     };
     let text = format!(
-        "{name:32} {:11} {:9} {:5} {:7} {:6} {:7} {:6} {:8.2}{}{}",
+        "{name:32} {:11} {:9} {:5} {:7} {:6} {:7} {:7} {:6} {:8.2}{}{}",
         row.world.instanced_triangle_count(),
         row.kind.name(),
         row.call.name(),
         row.threads,
         row.variant.accelerator.name(),
         row.variant.quality.name(),
+        variants::layout(row.variant.compact),
         row.world.simd().name(),
         row.rate(outcome.seconds),
         opponent(&outcome.opponent),

@@ -138,6 +138,7 @@ fn measure(
         "threads": threads,
         "accelerator": variant.accelerator.name(),
         "quality": variant.quality.name(),
+        "compact": variant.compact,
         "simd": world.simd().name(),
         "side": options.side,
         "spp": options.spp,

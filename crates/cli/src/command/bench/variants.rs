@@ -15,6 +15,9 @@ pub struct Options {
     /// How carefully `bvh` is built: fast, medium, high
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "medium")]
     quality: Vec<String>,
+    /// Build `bvh` also compact: less memory, somewhat slower
+    #[arg(long)]
+    pub compact: bool,
     /// Instruction sets: scalar, avx2, avx512. Default: the best of this machine
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     simd: Vec<String>,
@@ -34,10 +37,13 @@ impl Options {
         for &accelerator in &accelerators {
             // Only this one is built in several qualities.
             let qualities = if accelerator == AcceleratorKind::Bvh { &qualities[..] } else { &[Quality::Medium] };
-            for &quality in qualities {
+            let layouts =
+                if self.compact && accelerator == AcceleratorKind::Bvh { &[false, true][..] } else { &[false] };
+            for (&quality, &compact) in qualities.iter().flat_map(|q| layouts.iter().map(move |c| (q, c))) {
                 variants.extend(levels.iter().map(|&simd| BuildOptions {
                     accelerator,
                     quality,
+                    compact,
                     simd,
                     ..BuildOptions::default()
                 }));
@@ -59,6 +65,11 @@ impl Options {
         };
         self.simd.iter().map(level).collect()
     }
+}
+
+/// What tables call it.
+pub fn layout(compact: bool) -> &'static str {
+    if compact { "compact" } else { "" }
 }
 
 /// A builder with everything that is in a world, for the same hits from another structure. Nothing is filtered.

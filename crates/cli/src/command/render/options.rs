@@ -161,6 +161,9 @@ pub struct Options {
     /// Keep acceleration structures of large meshes in this folder, for the next render
     #[arg(long, value_name = "FOLDER", help_heading = "How light is computed")]
     pub bvh_cache: Option<PathBuf>,
+    /// Keep the bvh in about two thirds of the memory; rays take somewhat longer. Never changes the picture
+    #[arg(long, help_heading = "How light is computed")]
+    pub bvh_compact: bool,
     /// Which samples find lights in path and direct: mis, light or bsdf
     #[arg(long, value_name = "NAME", default_value = "mis", help_heading = "How light is computed")]
     pub light_samples: String,
@@ -394,6 +397,7 @@ impl Options {
             build: BuildOptions {
                 accelerator,
                 quality,
+                compact: self.bvh_compact,
                 cache: self.bvh_cache.clone(),
                 simd,
                 ..BuildOptions::default()

@@ -1,5 +1,6 @@
 //! The tree of one group, in the quality asked for.
 
+use super::blocks::Blocks;
 use super::cache::{self, Cached};
 use super::high::High;
 use super::medium::Medium;
@@ -43,15 +44,14 @@ pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOpti
     let triangles = Triangles::new(list, &meshes);
     let build = || {
         let (wide, placed) = build_wide(list, &triangles, &objects, options)?;
+        let wide = if options.compact { wide.compact(count)? } else { wide };
         let skipped = if placed < count { triangles.degenerate() } else { Vec::new() };
         Ok(Cached { wide, skipped })
     };
     let folder = options.cache.as_deref().filter(|_| count >= cache::LEAST_TRIANGLES);
     let (Cached { wide, skipped }, cache) = match folder {
         None => (build()?, CacheUse::None),
-        Some(folder) => {
-            through_cache(&cache::path(folder, list, boxes, options.quality), count, list.objects.len(), build)?
-        }
+        Some(folder) => through_cache(&cache::path(folder, list, boxes, options), count, list.objects.len(), build)?,
     };
     let Wide { nodes, blocks, root, rest, depth } = wide;
     let objects = list.objects.clone();
@@ -103,7 +103,7 @@ fn build_wide(
 ) -> Result<(Wide, usize), String> {
     let nothing = || {
         let none = ChildRef::NONE;
-        Wide { nodes: Storage::unset(0), blocks: Storage::unset(0), root: none, rest: none, depth: 0 }
+        Wide { nodes: Storage::unset(0), blocks: Blocks::none(), root: none, rest: none, depth: 0 }
     };
     if options.quality == Quality::Fast {
         let sorted = fast::sorted(triangles, objects);

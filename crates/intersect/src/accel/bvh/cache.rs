@@ -6,10 +6,13 @@
 //! It is written under another name and renamed when it is complete. What is read is checked: the header, the sizes, and that every
 //! reference leads to something, so that a damaged file can give wrong hits at worst.
 
+use super::BvhOptions;
+use super::blocks::Blocks;
 use super::primitive::MAX_TRIANGLES;
 use super::storage::Storage;
 use super::wide::Wide;
 use crate::accel::brute_force::GroupList;
+use crate::kernel::compact::Line;
 use crate::kernel::node::{ChildRef, WideNode};
 use crate::kernel::triangle::TriangleBlock;
 use crate::mesh::TriangleMesh;
@@ -21,10 +24,13 @@ use std::io::{Error, ErrorKind, Read, Result, Write};
 use std::path::{Path, PathBuf};
 
 /// Goes up whenever a builder or the layout of nodes and blocks changes.
-const VERSION: u64 = 2;
+const VERSION: u64 = 3;
 
 const MAGIC: u64 = u64::from_le_bytes(*b"SnellBVH");
 const PAGE: usize = 4096;
+
+/// Of a block, and of a line of compact ones.
+const BLOCK_BYTES: [u64; 2] = [size_of::<TriangleBlock>() as u64, size_of::<Line>() as u64];
 
 /// Groups with fewer triangles are built faster than they are found.
 pub(super) const LEAST_TRIANGLES: usize = 1 << 16;
@@ -36,10 +42,11 @@ pub(super) struct Cached {
 }
 
 /// The file of a group's tree.
-pub(super) fn path(folder: &Path, list: &GroupList, boxes: &[Bounds3], quality: super::Quality) -> PathBuf {
+pub(super) fn path(folder: &Path, list: &GroupList, boxes: &[Bounds3], options: &BvhOptions) -> PathBuf {
     let mut hash = Sha256::new();
     hash.update(VERSION.to_le_bytes());
-    hash.update(quality.name());
+    hash.update(options.quality.name());
+    hash.update([u8::from(options.compact)]);
     for (_, mesh) in &list.meshes {
         hash.update(mesh_hash(mesh));
     }
@@ -76,6 +83,8 @@ fn mesh_hash(mesh: &TriangleMesh) -> [u8; 32] {
 struct Header {
     nodes: u64,
     blocks: u64,
+    /// Bytes of each: of a block, or of a line of compact ones.
+    block_bytes: u64,
     skipped: u64,
     root: u64,
     rest: u64,
@@ -85,7 +94,8 @@ struct Header {
 impl Header {
     /// A page. `u64` in the order of the machine: a file from another one does not pass.
     fn to_page(self) -> Vec<u8> {
-        let numbers = [MAGIC, VERSION, self.nodes, self.blocks, self.skipped, self.root, self.rest, self.depth];
+        let Self { nodes, blocks, block_bytes, skipped, root, rest, depth } = self;
+        let numbers = [MAGIC, VERSION, nodes, blocks, block_bytes, skipped, root, rest, depth];
         let mut page: Vec<u8> = numbers.into_iter().flat_map(u64::to_ne_bytes).collect();
         page.extend(Sha256::digest(&page));
         page.resize(PAGE, 0);
@@ -97,10 +107,11 @@ impl Header {
         let header = Self {
             nodes: number(2)?,
             blocks: number(3)?,
-            skipped: number(4)?,
-            root: number(5)?,
-            rest: number(6)?,
-            depth: number(7)?,
+            block_bytes: number(4)?,
+            skipped: number(5)?,
+            root: number(6)?,
+            rest: number(7)?,
+            depth: number(8)?,
         };
         (header.to_page() == page).then_some(header)
     }
@@ -108,13 +119,13 @@ impl Header {
     /// Where nodes, blocks and skipped triangles start, and where the file ends; `None` for absurd sizes.
     fn places(&self) -> Option<[u64; 4]> {
         let most = MAX_TRIANGLES as u64;
-        if self.nodes > most || self.blocks > most || self.skipped > most {
+        if self.nodes > most || self.blocks > most || self.skipped > most || !BLOCK_BYTES.contains(&self.block_bytes) {
             return None;
         }
         let page = PAGE as u64;
         let nodes = page;
         let blocks = nodes + (self.nodes * size_of::<WideNode>() as u64).next_multiple_of(page);
-        let skipped = blocks + (self.blocks * size_of::<TriangleBlock>() as u64).next_multiple_of(page);
+        let skipped = blocks + (self.blocks * self.block_bytes).next_multiple_of(page);
         Some([nodes, blocks, skipped, skipped + self.skipped * 4])
     }
 }
@@ -135,9 +146,11 @@ pub(super) fn write(path: &Path, wide: &Wide, skipped: &[u32]) -> Result<()> {
 
 fn write_all(path: &Path, wide: &Wide, skipped: &[u32]) -> Result<()> {
     let mut file = File::create(path)?;
+    let block_bytes = BLOCK_BYTES[usize::from(wide.blocks.is_compact())];
     let header = Header {
         nodes: wide.nodes.len() as u64,
-        blocks: wide.blocks.len() as u64,
+        blocks: wide.blocks.memory_bytes() as u64 / block_bytes,
+        block_bytes,
         skipped: skipped.len() as u64,
         root: wide.root.0.into(),
         rest: wide.rest.0.into(),
@@ -169,7 +182,12 @@ pub(super) fn read(path: &Path, triangles: usize, objects: usize) -> Result<Opti
         return Err(damaged("it is not as long as it should be"));
     }
     let nodes = Storage::<WideNode>::mapped(&file, nodes_at, header.nodes as usize)?;
-    let blocks = Storage::<TriangleBlock>::mapped(&file, blocks_at, header.blocks as usize)?;
+    let (count, is_compact) = (header.blocks as usize, header.block_bytes == BLOCK_BYTES[1]);
+    let blocks = if is_compact {
+        Blocks::checked(Storage::mapped(&file, blocks_at, count)?).ok_or_else(|| damaged("a block is damaged"))?
+    } else {
+        Blocks::Plain(Storage::mapped(&file, blocks_at, count)?)
+    };
     let mut skipped = Vec::new();
     std::io::Seek::seek(&mut file, std::io::SeekFrom::Start(skipped_at))?;
     file.read_to_end(&mut skipped)?;
@@ -188,20 +206,20 @@ fn is_sound(wide: &Wide, triangles: usize, objects: usize) -> bool {
         } else if child.is_node() {
             child.index() >= from && child.index() < wide.nodes.len()
         } else if child.is_triangles() {
-            child.block() < wide.blocks.len()
-                && wide.blocks[child.block()].ids[..child.count() as usize].iter().all(|&id| (id as usize) < triangles)
+            child.block() < wide.blocks.end()
+                && wide.blocks.ids(child.block())[..child.count() as usize].iter().all(|&id| (id as usize) < triangles)
         } else {
             child.0 >> 30 == 2 && child.index() < objects
         }
     };
-    let ids_exist = |block: &TriangleBlock| block.ids.iter().all(|&id| id == u32::MAX || (id as usize) < triangles);
+    let ids_exist = |block: usize| wide.blocks.ids(block).iter().all(|&id| id == u32::MAX || (id as usize) < triangles);
     let is_first = |node: &WideNode| node.children[0] == wide.rest;
     let rest_is_known =
         wide.rest == wide.root || wide.root == ChildRef::node(0) && wide.nodes.first().is_some_and(is_first);
     if !rest_is_known
         || !leads_on(wide.root, 0)
         || !wide.nodes.par_iter().enumerate().all(|(i, node)| node.children.iter().all(|&c| leads_on(c, i + 1)))
-        || !wide.blocks.par_iter().all(ids_exist)
+        || !wide.blocks.numbers().all(ids_exist)
     {
         return false;
     }

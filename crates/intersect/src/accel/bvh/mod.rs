@@ -38,6 +38,7 @@
 mod apart;
 mod binary;
 mod bins;
+mod blocks;
 mod build;
 mod cache;
 mod clip;
@@ -55,6 +56,7 @@ mod wide;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use blocks::Blocks;
 pub use quality::Quality;
 
 use super::brute_force::GroupList;
@@ -81,6 +83,8 @@ unsafe impl Plain for TriangleBlock {}
 #[derive(Clone, Debug)]
 pub(crate) struct BvhOptions {
     pub quality: Quality,
+    /// Whether blocks take less memory, and more time.
+    pub compact: bool,
     /// Instructions the builder may use; the tree is the same at every level.
     pub simd: Level,
     /// Where trees are kept in files.
@@ -105,7 +109,7 @@ pub(crate) enum CacheUse {
 pub(crate) struct GroupTree {
     /// In preorder: a subtree is a range of nodes, and a range of blocks.
     pub nodes: Storage<WideNode>,
-    pub blocks: Storage<TriangleBlock>,
+    pub blocks: Blocks,
     /// Where the walk starts; [`ChildRef::NONE`] for a group without bounded contents.
     pub root: ChildRef,
     /// Where the walk starts among all that does not stand apart ([`apart`]): the first child of the root, or the root itself.
@@ -150,12 +154,12 @@ impl GroupTree {
     /// Geometry and triangle of what is in a lane of a block, both as one number: that of the block eight times, and the lane.
     #[inline(always)]
     pub fn triangle_at(&self, place: u32) -> (u32, u32) {
-        self.triangle(self.blocks[place as usize >> 3].ids[place as usize & 7])
+        self.triangle(self.blocks.id(place as usize >> 3, place as usize & 7))
     }
 
     /// True if a triangle is in several blocks, as spatial splits leave them.
     pub fn has_repeated_triangles(&self) -> bool {
-        let ids = || self.blocks.iter().flat_map(|block| block.ids).filter(|&id| id != u32::MAX);
+        let ids = || self.blocks.numbers().flat_map(|block| self.blocks.ids(block)).filter(|&id| id != u32::MAX);
         let Some(last) = ids().max() else { return false };
         let mut seen = vec![0u64; last as usize / 64 + 1];
         ids().any(|id| {
@@ -173,7 +177,7 @@ impl GroupTree {
 
     /// Memory of the tree.
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(&*self.nodes) + size_of_val(&*self.blocks) + self.objects.memory_bytes()
+        size_of_val(&*self.nodes) + self.blocks.memory_bytes() + self.objects.memory_bytes()
     }
 }
 

@@ -17,7 +17,7 @@ impl GroupTree {
     /// The tree for new positions of the same triangles and new boxes of the same objects (`bounds`, as for [`Self::build`]).
     ///
     /// `None` if it cannot be had this way and the tree must be built anew: the numbers of triangles, objects or unbounded objects differ,
-    /// or a triangle that could not be hit before now can. Triangles that no longer can be hit are taken out, until a later refit brings
+    /// a triangle that could not be hit before now can, or corners that were one are not any more and do not fit into a compact block. Triangles that no longer can be hit are taken out, until a later refit brings
     /// them back.
     pub fn refit(&self, list: &GroupList, bounds: &[Bounds3d]) -> Option<Self> {
         let mut first = 0;
@@ -46,8 +46,7 @@ impl GroupTree {
         if !alike || unbounded != self.unbounded || is_empty != self.empty || self.skipped.par_iter().any(appears) {
             return None;
         }
-        let mut blocks = self.blocks.clone();
-        let block_bounds: Vec<Bounds3> = blocks.par_iter_mut().map(|block| refill(block, &source)).collect();
+        let (blocks, block_bounds) = self.blocks.changed(|block| refill(block, &source))?;
         let mut nodes = self.nodes.clone();
         if !nodes.is_empty() {
             Refit { boxes: &boxes, blocks: &block_bounds }.subtree(&mut nodes, 0);

@@ -71,6 +71,15 @@ fn world_of(meshes: &[Arc<TriangleMesh>], options: &BuildOptions) -> World {
     builder.build(options).expect("a world")
 }
 
+/// Every quality, compact or not, and what to call it.
+fn ways() -> impl Iterator<Item = (BuildOptions, String)> {
+    let both = |quality| [false, true].map(|compact| BuildOptions { quality, compact, ..BuildOptions::default() });
+    Quality::ALL.into_iter().flat_map(both).map(|options| {
+        let name = format!("{:?}, compact: {}", options.quality, options.compact);
+        (options, name)
+    })
+}
+
 fn none() -> BuildOptions {
     BuildOptions { accelerator: AcceleratorKind::None, ..BuildOptions::default() }
 }
@@ -99,9 +108,9 @@ fn every_quality_finds_what_is_there_at_every_scale() {
             let rays = rays(&mesh, 400);
             let meshes = [Arc::new(mesh)];
             let oracle = world_of(&meshes, &none());
-            for quality in Quality::ALL {
-                let world = world_of(&meshes, &BuildOptions { quality, ..BuildOptions::default() });
-                assert_equal(&world, &oracle, &rays, &format!("{quality:?} {n} triangles, {scale} {offset}"));
+            for (options, name) in ways() {
+                let world = world_of(&meshes, &options);
+                assert_equal(&world, &oracle, &rays, &format!("{name}, {n} triangles, {scale} {offset}"));
             }
         }
     }
@@ -128,14 +137,13 @@ fn shapes_and_several_meshes_share_a_tree() {
     };
     let rays = rays(&a, 1000);
     let oracle = make(&none());
-    for quality in Quality::ALL {
-        let world = make(&BuildOptions { quality, ..BuildOptions::default() });
-        assert_equal(&world, &oracle, &rays, quality.name());
+    for (options, name) in ways() {
+        assert_equal(&make(&options), &oracle, &rays, &name);
     }
 }
 
 /// Everything that rays see of a tree.
-fn contents(world: &World) -> (Vec<[u32; 64]>, Vec<[u32; 80]>) {
+fn contents(world: &World) -> (Vec<[u32; 64]>, Vec<u8>) {
     let Structure::Bvh(forest) = &world.structure else { panic!("a tree") };
     let tree = &forest.trees[0];
     let node = |n: &WideNode| {
@@ -143,11 +151,7 @@ fn contents(world: &World) -> (Vec<[u32; 64]>, Vec<[u32; 80]>) {
         let mut all = numbers.chain(n.children.iter().map(|c| c.0)).chain(n.order);
         std::array::from_fn(|_| all.next().expect("64 numbers"))
     };
-    let block = |b: &TriangleBlock| {
-        let mut all = b.vertices.iter().flatten().flatten().map(|x| x.to_bits()).chain(b.ids);
-        std::array::from_fn(|_| all.next().expect("80 numbers"))
-    };
-    (tree.nodes.iter().map(node).collect(), tree.blocks.iter().map(block).collect())
+    (tree.nodes.iter().map(node).collect(), tree.blocks.bytes().to_vec())
 }
 
 #[test]
@@ -183,20 +187,22 @@ fn nodes_and_blocks_of_a_subtree_are_next_to_each_other() {
                 .filter(|c| **c != ChildRef::NONE)
                 .fold((next.0 + 1, next.1), |next, &c| visit(tree, c, next))
         }
-        assert_eq!(visit(tree, tree.root, (0, 0)), (tree.nodes.len(), tree.blocks.len()), "{quality:?}");
+        assert_eq!(visit(tree, tree.root, (0, 0)), (tree.nodes.len(), tree.blocks.end()), "{quality:?}");
     }
 }
 
 #[test]
 fn a_refitted_tree_finds_what_has_moved() {
-    for quality in Quality::ALL {
+    for (options, name) in ways() {
         let mut mesh = soup(5000, 4);
         let before = Arc::new(mesh.clone());
         for (i, p) in mesh.positions.iter_mut().enumerate() {
             *p += vector(i as u32, 0, 6) * 0.3;
         }
-        // One triangle collapses; those that could not be hit still cannot.
-        mesh.positions[4] = mesh.positions[3];
+        // One triangle collapses (a compact block may have no room for its place); those that could not be hit still cannot.
+        if !options.compact {
+            mesh.positions[4] = mesh.positions[3];
+        }
         for i in 0..before.indices.len() {
             if before.is_degenerate(i) {
                 for v in before.indices[i] {
@@ -207,10 +213,9 @@ fn a_refitted_tree_finds_what_has_moved() {
         // On a floor that stands apart.
         let floor = |y: f32| [[-900.0, y, -900.0], [900.0, y, -900.0], [900.0, y, 900.0], [-900.0, y, 900.0]];
         let (before, after) = ([before, quads(&[floor(-20.0)])], [Arc::new(mesh), quads(&[floor(-5.0)])]);
-        let options = BuildOptions { quality, ..BuildOptions::default() };
         let mut world = world_of(&after, &options);
         let Structure::Bvh(old) = world_of(&before, &options).structure else { panic!("a tree") };
-        assert_eq!(old.apart.is_some(), quality != Quality::Fast);
+        assert_eq!(old.apart.is_some(), options.quality != Quality::Fast);
         let list = |meshes: &[Arc<TriangleMesh>]| GroupList {
             meshes: (0..).zip(meshes.iter().cloned()).collect(),
             ..GroupList::default()
@@ -220,22 +225,87 @@ fn a_refitted_tree_finds_what_has_moved() {
         let back = refitted.refit(&list(&before), &[]).expect("the same triangles");
         assert!(back.nodes.len() == old.trees[0].nodes.len());
         world.structure = Structure::Bvh(Forest::of(vec![Arc::new(refitted)], &[0]));
-        assert_equal(&world, &world_of(&after, &none()), &rays(&after[0], 500), quality.name());
+        assert_equal(&world, &world_of(&after, &none()), &rays(&after[0], 500), &name);
         let mut world = world_of(&before, &options);
         world.structure = Structure::Bvh(Forest::of(vec![Arc::new(back)], &[0]));
-        assert_equal(&world, &world_of(&before, &none()), &rays(&before[0], 500), quality.name());
+        assert_equal(&world, &world_of(&before, &none()), &rays(&before[0], 500), &name);
         let other = [Arc::new(soup(5001, 4)), before[1].clone()];
         assert!(old.trees[0].refit(&list(&other), &[]).is_none(), "other triangles");
     }
 }
 
+/// A square of this many squares by side, up and down.
+fn hills(side: u32) -> TriangleMesh {
+    let at = |i: u32| {
+        let (x, z) = ((i % (side + 1)) as f32, (i / (side + 1)) as f32);
+        Vec3::new(x, 5.0 * (0.1 * x).sin() * (0.13 * z).sin(), z)
+    };
+    let squares = (0..side * side).map(|i| i + i / side);
+    TriangleMesh {
+        positions: (0..(side + 1) * (side + 1)).map(at).collect(),
+        indices: squares.flat_map(|i| [[i, i + 1, i + side + 1], [i + 1, i + side + 2, i + side + 1]]).collect(),
+        ..TriangleMesh::default()
+    }
+}
+
+#[test]
+fn a_compact_tree_of_a_mesh_is_smaller_and_finds_the_same() {
+    let mesh = [Arc::new(hills(120))];
+    let (rays, eye) = (rays(&mesh[0], 4000), Vec3::new(50.0, 30.0, -20.0));
+    let seen: Vec<Ray> = (0..4096u32)
+        .map(|i| Ray::new(eye, Vec3::new((i % 64) as f32 * 1.9, 0.0, (i / 64) as f32 * 1.9) - eye))
+        .collect();
+    for quality in Quality::ALL {
+        for simd in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+            let [plain, compact] = [false, true]
+                .map(|compact| world_of(&mesh, &BuildOptions { quality, compact, simd, ..BuildOptions::default() }));
+            assert_equal(&compact, &plain, &rays, quality.name());
+            for rays in [&rays, &seen] {
+                let [mut a, mut b] = [false, true].map(|is_hit| vec![(Hit::MISS, is_hit); rays.len()]);
+                for (world, answers) in [(&plain, &mut a), (&compact, &mut b)] {
+                    let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+                    world.closest(&rays[..], Grouping::Coherent, &AcceptAll, &mut hits);
+                    world.occluded(&rays[..], Grouping::Coherent, &AcceptAll, &mut blocked);
+                    answers.iter_mut().zip(hits.into_iter().zip(blocked)).for_each(|(to, from)| *to = from);
+                }
+                assert!(a.iter().zip(&b).all(|(a, b)| bits(&a.0) == bits(&b.0) && a.1 == b.1 && a.1 == a.0.is_hit()));
+                assert!(a.iter().filter(|(hit, _)| hit.is_hit()).count() > rays.len() / 5);
+            }
+            let [a, b] = [&plain, &compact].map(|world| world.memory_bytes() as f64 / mesh[0].indices.len() as f64);
+            assert!(b < 0.75 * a && b < 38.0, "{a} and {b} bytes a triangle");
+            assert_eq!(plain.stats().triangle_blocks, compact.stats().triangle_blocks);
+        }
+    }
+}
+
+#[test]
+fn a_compact_tree_is_built_anew_where_corners_part() {
+    let mut mesh = hills(40);
+    let options = BuildOptions { compact: true, ..BuildOptions::default() };
+    let world = world_of(&[Arc::new(mesh.clone())], &options);
+    let Structure::Bvh(forest) = &world.structure else { panic!("a tree") };
+    // Each triangle gets corners of its own, first where they were.
+    mesh.positions = mesh.indices.iter().flatten().map(|&i| mesh.positions[i as usize]).collect();
+    mesh.indices = (0..mesh.indices.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let list = |mesh: &TriangleMesh| GroupList { meshes: vec![(0, Arc::new(mesh.clone()))], ..GroupList::default() };
+    assert!(forest.trees[0].refit(&list(&mesh), &[]).is_some());
+    mesh.positions.iter_mut().enumerate().for_each(|(i, p)| p.y += i as f32 * 1e-3);
+    assert!(forest.trees[0].refit(&list(&mesh), &[]).is_none());
+}
+
 #[test]
 fn a_cached_tree_is_the_same_and_a_damaged_file_is_replaced() {
+    for compact in [false, true] {
+        check_cached(compact);
+    }
+}
+
+fn check_cached(compact: bool) {
     let folder = tempfile::tempdir().expect("a folder");
     // With a floor that stands apart.
     let corners = [[-900.0, -99.0, -900.0], [900.0, -99.0, -900.0], [900.0, -99.0, 900.0], [-900.0, -99.0, 900.0]];
     let mesh = [Arc::new(soup(70_000, 8)), quads(&[corners])];
-    let options = BuildOptions { cache: Some(folder.path().join("new")), ..BuildOptions::default() };
+    let options = BuildOptions { compact, cache: Some(folder.path().join("new")), ..BuildOptions::default() };
     let cached = |world: &World| (world.stats().cached_groups, world.warnings().len());
     let built = world_of(&mesh, &options);
     assert_eq!(cached(&built), (0, 0));
@@ -252,11 +322,12 @@ fn a_cached_tree_is_the_same_and_a_damaged_file_is_replaced() {
     // Other contents and qualities have other names.
     let high = BuildOptions { quality: Quality::High, ..options.clone() };
     assert_eq!(cached(&world_of(&mesh, &high)), (0, 0));
+    assert_eq!(cached(&world_of(&mesh, &BuildOptions { compact: !compact, ..options.clone() })), (0, 0));
     assert_eq!(cached(&world_of(&[Arc::new(soup(70_000, 9))], &options)), (0, 0));
     let mut damages: Vec<Vec<u8>> = vec![Vec::new(), whole[..100].to_vec(), whole[..whole.len() - 1].to_vec()];
     // In the header, in the references of a node, and in the numbers of a block.
-    let blocks = whole.len() - built.stats().triangle_blocks as usize * 320;
-    for place in [3, 20, 40, 60, 4096 + 195, (blocks / 4096) * 4096 + 291] {
+    let blocks = whole.len() - contents(&built).1.len();
+    for place in [3, 20, 40, 60, 4096 + 195, (blocks / 4096) * 4096 + if compact { 3 } else { 291 }] {
         let mut bytes = whole.clone();
         bytes[place] ^= 0x35;
         damages.push(bytes);
@@ -269,7 +340,7 @@ fn a_cached_tree_is_the_same_and_a_damaged_file_is_replaced() {
         assert!(contents(&built) == contents(&world));
         assert_eq!(cached(&world_of(&mesh, &options)), (1, 0), "it was replaced");
     }
-    let nowhere = BuildOptions { cache: Some(path.join("below a file")), ..BuildOptions::default() };
+    let nowhere = BuildOptions { cache: Some(path.join("below a file")), ..options };
     let world = world_of(&mesh, &nowhere);
     assert_eq!(cached(&world), (0, 1));
     assert!(contents(&built) == contents(&world));

@@ -4,6 +4,7 @@
 //! Nodes and blocks are in preorder: those of a subtree are next to each other, and children come after their parents.
 
 use super::binary::{Cursor, PartCursor, Tree};
+use super::blocks::Blocks;
 use super::primitive::{Numbered, OBJECT, Triangles};
 use super::storage::Storage;
 use crate::kernel::node::{ChildRef, WideNode};
@@ -14,7 +15,7 @@ use snell_math::{Bounds3, Vec4};
 /// The finished tree.
 pub(super) struct Wide {
     pub nodes: Storage<WideNode>,
-    pub blocks: Storage<TriangleBlock>,
+    pub blocks: Blocks,
     pub root: ChildRef,
     /// As [`super::GroupTree::rest`].
     pub rest: ChildRef,
@@ -106,7 +107,7 @@ pub(super) fn write<P: Numbered>(
     }
     let root = reference(0, tree.root());
     let rest = if tree.is_beside() { nodes[root.index()].children[0] } else { root };
-    Ok(Wide { root, rest, depth: depths[0], nodes, blocks })
+    Ok(Wide { root, rest, depth: depths[0], nodes, blocks: Blocks::Plain(blocks) })
 }
 
 /// Adds the steps of a subtree, in preorder; returns the first.

@@ -126,13 +126,13 @@ impl Primitives {
     fn add(&mut self, tree: &GroupTree, child: ChildRef, bounds: Option<Bounds3>) {
         if child == ChildRef::NONE || child.is_node() {
         } else if child.is_triangles() {
-            let block = &tree.blocks[child.block()];
             for lane in 0..child.count() as usize {
-                let corners @ [a, b, c] = block.corners(lane);
+                let (id, corners @ [a, b, c]) =
+                    (tree.blocks.id(child.block(), lane), tree.blocks.corners(child.block(), lane));
                 // Pieces of a triangle are in several blocks; those in a point or on a side between two can not be hit.
-                let is_known = self.triangles.iter().any(|(id, _)| *id == block.ids[lane]);
+                let is_known = self.triangles.iter().any(|(known, _)| *known == id);
                 if !is_known && a != b && b != c && c != a {
-                    self.triangles.push((block.ids[lane], corners));
+                    self.triangles.push((id, corners));
                 }
             }
         } else {
@@ -152,7 +152,7 @@ impl List {
     pub fn of(tree: &GroupTree) -> Option<Box<Self>> {
         let is_instance = |object: &Object| matches!(object, Object::Instance { .. });
         if tree.objects.len() > MAX_OBJECTS
-            || tree.blocks.len() > MAX_TRIANGLES
+            || tree.blocks.end() > 5 * MAX_TRIANGLES
             || tree.objects.placed().iter().any(is_instance)
         {
             return None;

@@ -42,7 +42,7 @@ pub(crate) unsafe fn exact_hits<D: Lanes4>(
 #[inline(always)]
 fn corners<'a>(data: &'a DoubleData, tree: &GroupTree, pairs: &Pairs, pair: usize) -> &'a [DVec3; 3] {
     let (block, lane) = pairs.place(pair);
-    let (geometry, triangle) = tree.triangle(tree.blocks[block].ids[lane]);
+    let (geometry, triangle) = tree.triangle(tree.blocks.id(block, lane));
     data.corners(geometry, triangle)
 }
 

@@ -3,10 +3,12 @@
 //! The same operations in the same order as in [`super::super::triangle::exact_hit`], so the same bits. What is rare there (ties, rays in
 //! the plane of the triangle, points outside of its box by rounding) is not decided here but handed back.
 
+use super::super::compact::BlocksAt;
 use super::super::triangle::{PLACE_TOLERANCE, TriangleBlock};
 use super::bundle::{Bundle, PerRay};
 use crate::precision::Real;
 use snell_math::simd::{DoubleLanes, DoublesOf, Lanes16, WideLanes};
+use std::mem::MaybeUninit;
 
 /// Pairs that are tested together.
 pub(super) const PAIRS: usize = 8;
@@ -81,18 +83,9 @@ impl<R: Real> Found<R> {
 /// The machine must have the instructions of `W`; the triangles must be of these blocks. All rays of the bundle must be drawn along its z
 /// axis ([`Bundle::is_aligned`]).
 #[inline(always)]
-pub(crate) unsafe fn exact_hits<W: Lanes16>(
-    blocks: &[TriangleBlock],
-    bundle: &Bundle,
-    pairs: &Pairs,
-    found: &mut Found<f32>,
-) {
+pub(crate) unsafe fn exact_hits<W: Lanes16>(blocks: BlocksAt, bundle: &Bundle, pairs: &Pairs, found: &mut Found<f32>) {
     // SAFETY: passed on to the caller.
     unsafe {
-        debug_assert!(
-            pairs.triangles[..pairs.count].iter().all(|&place| (place as usize >> 3) < blocks.len()),
-            "{pairs:?}"
-        );
         let corners = corners::<W::Half>(blocks, pairs);
         let frame = Frame::<W::Half>::new::<W>(bundle, pairs);
         let drawn = [frame.draw(&corners[0]), frame.draw(&corners[1]), frame.draw(&corners[2])];
@@ -109,18 +102,19 @@ pub(crate) unsafe fn exact_hits<W: Lanes16>(
 /// # Safety
 /// The machine must have the instructions of `L`; there must be pairs, and their triangles must be of these blocks.
 #[inline(always)]
-unsafe fn corners<L: WideLanes>(blocks: &[TriangleBlock], pairs: &Pairs) -> [[L; 3]; 3] {
+unsafe fn corners<L: WideLanes>(blocks: BlocksAt, pairs: &Pairs) -> [[L; 3]; 3] {
     let (places, numbers) = (&pairs.triangles, pairs.triangles.map(|place| place >> 3));
     // SAFETY: passed on to the caller. Only the lanes in a block are read from places.
     unsafe {
         let mut number = numbers[0];
-        let mut corners = rows::<L>(blocks.get_unchecked(number as usize), places);
+        let mut room = MaybeUninit::uninit();
+        let mut corners = rows::<L>(blocks.block::<L>(number as usize, &mut room), places);
         let mut rest = u32::MAX >> (32 - pairs.count) & !L::places_of(number, &numbers);
         while rest != 0 {
             number = numbers[rest.trailing_zeros() as usize & (PAIRS - 1)];
             let own = L::places_of(number, &numbers);
             rest &= !own;
-            let others = rows::<L>(blocks.get_unchecked(number as usize), places);
+            let others = rows::<L>(blocks.block::<L>(number as usize, &mut room), places);
             for (corner, other) in corners.iter_mut().zip(others) {
                 *corner = [
                     corner[0].replace(own, other[0]),

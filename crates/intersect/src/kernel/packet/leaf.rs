@@ -142,11 +142,11 @@ pub(super) struct Leaf<'t, W: Lanes16> {
 
 impl<'t, W: Lanes16> Leaf<'t, W> {
     /// # Safety
-    /// `child` must be a block of the tree.
+    /// The machine must have the instructions of `W`; `child` must be a block of the tree.
     #[inline(always)]
-    pub unsafe fn new(tree: &'t GroupTree, child: ChildRef) -> Self {
+    pub unsafe fn new(tree: &'t GroupTree, child: ChildRef, room: &'t mut MaybeUninit<TriangleBlock>) -> Self {
         // SAFETY: as promised by the caller.
-        let block = unsafe { tree.blocks.get_unchecked(child.block()) };
+        let block = unsafe { tree.blocks.at().block::<W::Half>(child.block(), room) };
         let (place, used) = (child.block() as u32 * 8, (2 << (child.count() - 1)) - 1);
         Self { block, place, used, seen: MaybeUninit::uninit(), is_seen: false, of_origin: None }
     }

@@ -1,7 +1,8 @@
 //! The exact test for the triangle that each ray surely hits.
 
+use super::super::compact::BlocksAt;
 use super::super::meeting::{Corners, InDrawing, InPlane, dot};
-use super::super::triangle::{PLACE_TOLERANCE, TriangleBlock};
+use super::super::triangle::PLACE_TOLERANCE;
 use super::bundle::{Bundle, PerRay, RAYS};
 use super::exact_rays::LaneRays;
 use crate::precision::Real;
@@ -39,7 +40,7 @@ pub(crate) struct Decided {
 /// axis ([`Bundle::is_aligned`]).
 #[inline(always)]
 pub(crate) unsafe fn test<W: Lanes16>(
-    blocks: &[TriangleBlock],
+    blocks: BlocksAt,
     bundle: &Bundle,
     [rays, drawn]: [u32; 2],
     places: &PerRay<u32>,
@@ -130,7 +131,7 @@ unsafe fn turned<W: Lanes16>(v: [W; 3], bundle: &Bundle) -> [W; 3] {
 /// # Safety
 /// The machine must have the instructions of `W`; the triangles must be of these blocks.
 #[inline(always)]
-unsafe fn corners<W: Lanes16>(blocks: &[TriangleBlock], mut rays: u32, places: &PerRay<u32>) -> Corners<W> {
+unsafe fn corners<W: Lanes16>(blocks: BlocksAt, mut rays: u32, places: &PerRay<u32>) -> Corners<W> {
     // SAFETY: passed on to the caller.
     unsafe {
         let mut corners = [[W::splat(0.0); 3]; 3];
@@ -138,10 +139,10 @@ unsafe fn corners<W: Lanes16>(blocks: &[TriangleBlock], mut rays: u32, places: &
             let place = places[rays.trailing_zeros() as usize & (RAYS - 1)];
             let these = W::places_of(place, places);
             rays &= !these;
-            let block = blocks.get_unchecked(place as usize >> 3);
-            for (corner, from) in corners.iter_mut().zip(&block.vertices) {
+            let triangle = blocks.corners(place as usize >> 3, place as usize & 7);
+            for (corner, from) in corners.iter_mut().zip(triangle) {
                 for (axis, from) in corner.iter_mut().zip(from) {
-                    *axis = axis.replace(these, W::splat(from[place as usize & 7]));
+                    *axis = axis.replace(these, W::splat(from));
                 }
             }
         }

@@ -1,3 +1,4 @@
+use super::super::compact::BlocksAt;
 use super::bundle::{Bundle, RAYS};
 use super::drawing::sides;
 use super::exact::{Found, Pairs, exact_hits};
@@ -277,7 +278,13 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
             unsafe {
                 [inside, outside] = sides::<W>(block, triangle, bundle);
                 let places = [triangle as u32; RAYS];
-                found = Some(sure::test::<W>(std::slice::from_ref(block), bundle, [inside; 2], &places, &mut drawn));
+                found = Some(sure::test::<W>(
+                    BlocksAt::blocks(std::slice::from_ref(block)),
+                    bundle,
+                    [inside; 2],
+                    &places,
+                    &mut drawn,
+                ));
             }
         }
         for (lane, ray) in rays.iter().enumerate() {
@@ -330,7 +337,7 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
                 let pairs = Pairs { triangles: [triangle as u32; 8], rays: [lane as u32; 8], count: 8, waiting: 0 };
                 let mut found = Found::NONE;
                 // SAFETY: as above.
-                unsafe { exact_hits::<W>(std::slice::from_ref(block), bundle, &pairs, &mut found) };
+                unsafe { exact_hits::<W>(BlocksAt::blocks(std::slice::from_ref(block)), bundle, &pairs, &mut found) };
                 prop_assert!([0, 0xff].contains(&found.unsure) && [0, 0xff].contains(&found.hits));
                 if found.unsure == 0 {
                     prop_assert_eq!(found.hits != 0, expected.is_some(), "{:?} {:?}", ray, corners);
@@ -353,7 +360,7 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
 unsafe fn tested<W: Lanes16>(blocks: &[TriangleBlock], bundle: &Bundle, pairs: &Pairs) -> Found<f32> {
     let mut found = Found::NONE;
     // SAFETY: passed on to the caller.
-    unsafe { exact_hits::<W>(blocks, bundle, pairs, &mut found) };
+    unsafe { exact_hits::<W>(BlocksAt::blocks(blocks), bundle, pairs, &mut found) };
     found
 }
 
@@ -539,7 +546,7 @@ fn rays_that_hit_the_drawing_of_a_triangle_beside_its_box_are_left_to_others() {
         // SAFETY: portable code.
         moved |= unsafe {
             let [inside, _] = sides::<Pair<Portable8>>(&block, 0, &bundle);
-            let blocks = std::slice::from_ref(&block);
+            let blocks = BlocksAt::blocks(std::slice::from_ref(&block));
             sure::test::<Pair<Portable8>>(blocks, &bundle, [inside; 2], &[0; RAYS], &mut sure).moved
         };
         for world in &worlds {

@@ -380,13 +380,13 @@ impl<G: Goal> Walker<'_, '_, G> {
                 continue;
             }
             let (block, triangle) = pairs.place(pair);
-            let block = &group.tree.blocks[block];
+            let blocks = &group.tree.blocks;
             let ids = || {
-                let (geometry, primitive) = group.tree.triangle(block.ids[triangle]);
+                let (geometry, primitive) = group.tree.triangle(blocks.id(block, triangle));
                 [group.instance, geometry, primitive]
             };
             let (local, search) = (locals.get(bundle, ray), self.search(ray));
-            let is_over = test_triangle(search, local, &block.corners(triangle), ids);
+            let is_over = test_triangle(search, local, &blocks.corners(block, triangle), ids);
             outcome.note(ray, search.cull(), is_over);
         }
         pairs.clear();

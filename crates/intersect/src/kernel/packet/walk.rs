@@ -349,7 +349,8 @@ unsafe fn descend<W: Lanes16, G: Goal>(
             // SAFETY: as promised by the caller.
             unsafe {
                 if child.is_triangles() {
-                    let mut leaf = Leaf::<W>::new(tree, child);
+                    let mut room = MaybeUninit::uninit();
+                    let mut leaf = Leaf::<W>::new(tree, child, &mut room);
                     while let Some(number) = next(&mut meeting) {
                         let Row { walker, bundle, memory } = rows.get_unchecked_mut(number);
                         walker.test_triangles::<W>(group, &mut leaf, bundle, rays[number], memory);
@@ -493,7 +494,7 @@ fn fetch_ahead(tree: &GroupTree, child: ChildRef) {
     let (start, lines) = if child.is_node() {
         (tree.nodes.as_ptr().wrapping_add(child.index()).cast::<u8>(), 4)
     } else {
-        (tree.blocks.as_ptr().wrapping_add(child.block()).cast::<u8>(), 5)
+        (tree.blocks.at().address(child.block()), 5)
     };
     fetch_lines(start, lines);
 }

@@ -26,6 +26,7 @@ use crate::world::double::DWorld;
 use crate::world::{GeometryOptions, Structure, World};
 use place::Place;
 use snell_math::{DAffine3, DVec2, DVec3, Vec2, Vec3};
+use std::mem::MaybeUninit;
 
 /// The answer for one point. 36 bytes, plain data.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -300,7 +301,8 @@ impl Search<'_> {
                 self.stack.extend(children.filter(|c| c.1 != ChildRef::NONE && c.0 <= self.best.limit));
                 self.stack[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
             } else if child.is_triangles() {
-                let block = &tree.blocks[child.block()];
+                let mut room = MaybeUninit::uninit();
+                let block = tree.blocks.get(child.block(), &mut room);
                 self.triangles(tree, block, child.count() as usize, [place, seen], instance);
             } else {
                 self.object(&tree.objects, child.index(), place, instance, |search, child, place, instance| {

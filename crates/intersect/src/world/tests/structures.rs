@@ -150,7 +150,7 @@ fn the_tree_does_not_depend_on_the_number_of_threads() {
         let Structure::Bvh(forest) = &world.structure else { panic!("a tree") };
         let node = |n: &crate::kernel::node::WideNode| (n.children, n.bounds.map(|s| s.map(|a| a.map(f32::to_bits))));
         let nodes: Vec<_> = forest.trees[0].nodes.iter().map(node).collect();
-        (nodes, forest.trees[0].blocks.iter().map(|b| b.ids).collect::<Vec<_>>())
+        (nodes, forest.trees[0].blocks.bytes().to_vec())
     };
     assert!(tree(1) == tree(4));
 }

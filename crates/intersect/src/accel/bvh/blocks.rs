@@ -1,0 +1,235 @@
+//! The blocks of a tree's triangles: as kernels take them, or [compact](crate::kernel::compact).
+
+use super::storage::{Plain, Storage};
+use super::wide::Wide;
+use crate::kernel::compact::{BlocksAt, Line, MAX_ID, SPARE_LINES, ids_from, lines_from, lines_of, pack};
+use crate::kernel::node::ChildRef;
+use crate::kernel::triangle::TriangleBlock;
+use rayon::prelude::*;
+use snell_math::Bounds3;
+use snell_math::simd::Portable8;
+use std::mem::MaybeUninit;
+
+// SAFETY: numbers of 32 bits without padding: 16 in 64 bytes.
+unsafe impl Plain for Line {}
+
+/// The blocks of a tree.
+#[derive(Clone, Debug)]
+pub(crate) enum Blocks {
+    /// As kernels take them. Their numbers count them.
+    Plain(Storage<TriangleBlock>),
+    /// In less memory: this many. Their numbers count lines; [`SPARE_LINES`] follow the last.
+    Compact(Storage<Line>, usize),
+}
+
+impl Blocks {
+    /// None.
+    pub fn none() -> Self {
+        Self::Plain(Storage::unset(0))
+    }
+
+    #[inline(always)]
+    pub fn at(&self) -> BlocksAt {
+        match self {
+            Self::Plain(blocks) => BlocksAt::blocks(blocks),
+            Self::Compact(lines, _) => BlocksAt::lines(lines),
+        }
+    }
+
+    /// Numbers are below this.
+    #[inline(always)]
+    pub fn end(&self) -> usize {
+        match self {
+            Self::Plain(blocks) => blocks.len(),
+            Self::Compact(lines, _) => lines.len().saturating_sub(SPARE_LINES),
+        }
+    }
+
+    #[inline(always)]
+    fn check(&self, number: usize) {
+        assert!(number < self.end(), "there is no block {number}");
+    }
+
+    /// A block, unpacked into `room` if it has to be.
+    #[inline(always)]
+    pub fn get<'a>(&'a self, number: usize, room: &'a mut MaybeUninit<TriangleBlock>) -> &'a TriangleBlock {
+        self.check(number);
+        // SAFETY: it is there (whatever lines these are, those that are read with them are); portable code.
+        unsafe { self.at().block::<Portable8>(number, room) }
+    }
+
+    /// The corners of one triangle.
+    #[inline(always)]
+    pub fn corners(&self, number: usize, lane: usize) -> [[f32; 3]; 3] {
+        self.check(number);
+        // SAFETY: as above.
+        unsafe { self.at().corners(number, lane) }
+    }
+
+    /// The number of one triangle within the group.
+    #[inline(always)]
+    pub fn id(&self, number: usize, lane: usize) -> u32 {
+        self.check(number);
+        // SAFETY: as above.
+        unsafe { self.at().id(number, lane) }
+    }
+
+    /// The numbers of all blocks.
+    pub fn numbers(&self) -> impl Iterator<Item = usize> {
+        let mut next = 0;
+        std::iter::from_fn(move || {
+            let number = next;
+            (number < self.end()).then(|| {
+                next = self.after(number);
+                number
+            })
+        })
+    }
+
+    /// The number after that of a block.
+    fn after(&self, number: usize) -> usize {
+        match self {
+            Self::Plain(_) => number + 1,
+            Self::Compact(lines, _) => number + lines_from(&lines[number]),
+        }
+    }
+
+    /// The numbers of a block's triangles; `u32::MAX` in lanes that are not used.
+    pub fn ids(&self, number: usize) -> [u32; 8] {
+        match self {
+            Self::Plain(blocks) => blocks[number].ids,
+            Self::Compact(lines, _) => ids_from(&lines[number]),
+        }
+    }
+
+    pub fn is_compact(&self) -> bool {
+        matches!(self, Self::Compact(..))
+    }
+
+    /// How many blocks there are.
+    pub fn count(&self) -> usize {
+        match self {
+            Self::Plain(blocks) => blocks.len(),
+            Self::Compact(_, count) => *count,
+        }
+    }
+
+    /// Lines from anywhere, if records follow each other to their end.
+    pub fn checked(lines: Storage<Line>) -> Option<Self> {
+        let blocks = Self::Compact(lines, 0);
+        let (mut count, mut end) = (0, 0);
+        for number in blocks.numbers() {
+            (count, end) = (count + 1, blocks.after(number));
+        }
+        match blocks {
+            Self::Compact(lines, _) if end + SPARE_LINES == lines.len() || lines.is_empty() => {
+                Some(Self::Compact(lines, count))
+            }
+            _ => None,
+        }
+    }
+
+    pub fn memory_bytes(&self) -> usize {
+        self.bytes().len()
+    }
+
+    /// The memory as it is.
+    pub fn bytes(&self) -> &[u8] {
+        match self {
+            Self::Plain(blocks) => blocks.bytes(),
+            Self::Compact(lines, _) => lines.bytes(),
+        }
+    }
+
+    /// The same with each block changed by `change`, which returns its box; and these boxes, by the numbers of the blocks. `None` if one does not fit in its place.
+    pub fn changed(
+        &self,
+        change: impl Fn(&mut TriangleBlock) -> Bounds3 + Send + Sync,
+    ) -> Option<(Self, Vec<Bounds3>)> {
+        let mut lines = match self {
+            Self::Plain(blocks) => {
+                let mut blocks = blocks.clone();
+                let bounds = blocks.par_iter_mut().map(change).collect();
+                return Some((Self::Plain(blocks), bounds));
+            }
+            Self::Compact(lines, _) => lines.clone(),
+        };
+        let mut bounds = vec![Bounds3::EMPTY; self.end()];
+        let numbers: Vec<usize> = self.numbers().collect();
+        let mut records = Vec::with_capacity(numbers.len());
+        let (mut lines_left, mut bounds_left) = (&mut lines[..], &mut bounds[..]);
+        for &number in &numbers {
+            let count = lines_from(&lines_left[0]);
+            let (own, rest) = lines_left.split_at_mut(count);
+            let (bound, rest_bounds) = bounds_left.split_at_mut(count);
+            records.push((number, own, &mut bound[0]));
+            (lines_left, bounds_left) = (rest, rest_bounds);
+        }
+        let change = |(number, own, bounds): (usize, &mut [Line], &mut Bounds3)| {
+            let mut block = *self.get(number, &mut MaybeUninit::uninit());
+            *bounds = change(&mut block);
+            pack(&block, own)
+        };
+        let fits = records.into_par_iter().all(change);
+        fits.then_some((Self::Compact(lines, numbers.len()), bounds))
+    }
+}
+
+/// How many blocks one thread packs at a time.
+const PIECE: usize = 1 << 10;
+
+impl Wide {
+    /// The tree with compact blocks. An error if there are too many triangles for that.
+    pub fn compact(self, triangles: usize) -> Result<Self, String> {
+        let Blocks::Plain(blocks) = &self.blocks else { return Ok(self) };
+        let counts: Vec<u8> = blocks.par_iter().map(|block| lines_of(block) as u8).collect();
+        let mut end = 0;
+        let starts: Vec<usize> = counts
+            .iter()
+            .map(|&count| {
+                let start = end;
+                end += usize::from(count);
+                start
+            })
+            .collect();
+        if end > ChildRef::MAX_BLOCKS || triangles > MAX_ID as usize {
+            return Err(format!(
+                "a compact group needs {end} lines of memory for {triangles} triangles; the limits are {} and {MAX_ID}: spread it over several groups, or build it without `compact`",
+                ChildRef::MAX_BLOCKS
+            ));
+        }
+        let mut lines = Storage::unset(if end == 0 { 0 } else { end + SPARE_LINES });
+        let mut pieces = Vec::new();
+        let mut rest = &mut lines[..];
+        for (blocks, counts) in blocks.chunks(PIECE).zip(counts.chunks(PIECE)) {
+            let (own, others) = rest.split_at_mut(counts.iter().map(|&count| usize::from(count)).sum());
+            rest = others;
+            pieces.push((blocks, counts, own));
+        }
+        rest.fill(Line([0; 16]));
+        pieces.into_par_iter().for_each(|(blocks, counts, mut own)| {
+            for (block, &count) in blocks.iter().zip(counts) {
+                let (record, others) = own.split_at_mut(count.into());
+                let fits = pack(block, record);
+                debug_assert!(fits);
+                own = others;
+            }
+        });
+        let moved = |child: ChildRef| {
+            if child.is_triangles() {
+                ChildRef::triangles(starts[child.block()], child.count() as usize)
+            } else {
+                child
+            }
+        };
+        let mut nodes = self.nodes;
+        nodes.par_iter_mut().for_each(|node| node.children = node.children.map(moved));
+        Ok(Self {
+            root: moved(self.root),
+            rest: moved(self.rest),
+            depth: self.depth,
+            nodes,
+            blocks: Blocks::Compact(lines, counts.len()),
+        })
+    }
+}
