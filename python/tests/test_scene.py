@@ -192,6 +192,27 @@ def test_copies_answer_alike_and_are_independent(copied, sphere):
     assert len(again) == len(scene) - 1
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_compact_scenes_are_smaller_and_answer_alike(dtype, rng):
+    vertices, faces = sphere_mesh(80, 160)
+    scene = snell.Scene()
+    assert not scene.compact
+    inner = snell.Scene()
+    inner.add_mesh(vertices.astype(dtype), faces)
+    scene.add_instance(inner, translation(0.1, 0, 0))
+    rays = rng.uniform(-1.5, 1.5, (20000, 6)).astype(dtype)
+    expected, memory = scene.cast_rays(rays), scene.statistics(dtype)["memory_bytes"]
+    assert 4000 < np.isfinite(expected.t_hit).sum() < 20000
+    scene.compact = True
+    for other in (scene, copy.copy(scene), pickle.loads(pickle.dumps(scene))):
+        assert other.compact
+        for name, array in other.cast_rays(rays).items():
+            np.testing.assert_array_equal(array, expected[name])
+        assert other.statistics(dtype)["memory_bytes"] < 0.8 * memory
+    scene.compact = False
+    assert scene.statistics(dtype)["memory_bytes"] == memory
+
+
 def test_answers_pickle(sphere):
     scene = scene_of_everything(sphere)
     rays = rays_along_z()

@@ -76,6 +76,8 @@ pub struct Contents {
     pub slots: Vec<Slot>,
     /// All else that makes a picture: materials, textures, lights, cameras. A graph without nodes.
     pub stage: Arc<Scene>,
+    /// Whether structures take less memory, and more time.
+    pub compact: bool,
     /// The nodes that the objects were read from, as long as no object was changed: they are named and nested as the file says.
     nodes: Option<Arc<Nodes>>,
     nesting: usize,

@@ -30,7 +30,7 @@ pub fn reduce<'py>(py: Python<'py>, contents: &Contents) -> PyResult<(Bound<'py,
     let warnings: Vec<(String, u64)> = stage.warnings.iter().map(|w| (w.message.clone(), w.count)).collect();
     let stage = text(&stage).map_err(PyValueError::new_err)?;
     let restore = py.import("snell._snell")?.getattr("_restore")?;
-    Ok((restore, (slots, PyBytes::new(py, stage.as_bytes()), warnings).into_pyobject(py)?))
+    Ok((restore, (slots, PyBytes::new(py, stage.as_bytes()), warnings, contents.compact).into_pyobject(py)?))
 }
 
 /// An object as a dictionary. A scene that is instanced several times is stored once.
@@ -103,7 +103,13 @@ fn stored<'py>(
 
 /// Makes a scene from what was stored.
 #[pyfunction]
-pub fn _restore(slots: &Bound<'_, PyList>, stage: &[u8], warnings: Vec<(String, u64)>) -> PyResult<Scene> {
+#[pyo3(signature = (slots, stage, warnings, compact=false))]
+pub fn _restore(
+    slots: &Bound<'_, PyList>,
+    stage: &[u8],
+    warnings: Vec<(String, u64)>,
+    compact: bool,
+) -> PyResult<Scene> {
     let py = slots.py();
     let options =
         ReadOptions { limits: Limits { file_bytes: u64::MAX, ..Limits::default() }, ..ReadOptions::default() };
@@ -113,6 +119,7 @@ pub fn _restore(slots: &Bound<'_, PyList>, stage: &[u8], warnings: Vec<(String, 
     stage.warnings =
         warnings.into_iter().map(|(message, count)| Warning { message, count, kind: Default::default() }).collect();
     let mut contents = Contents::on(Arc::new(stage));
+    contents.compact = compact;
     for slot in slots {
         if slot.is_none() {
             contents.add_gap();

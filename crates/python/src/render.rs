@@ -72,7 +72,8 @@ pub fn plan<'py>(
     scene: &Bound<'py, Scene>,
     keywords: &Keywords<'_, 'py>,
 ) -> PyResult<(Arc<Prepared>, Camera, Request)> {
-    let build = settings::build(keywords)?;
+    let mut build = settings::build(keywords)?;
+    build.compact |= scene.get().0.contents(py).compact;
     let size = settings::size(keywords)?.unwrap_or(DEFAULT_SIZE);
     let prepared = scene.get().0.prepared(py, &Preparation { build, size })?;
     let camera = cameras::choose(&prepared.scene.cameras, keywords.any("camera")?.as_ref())?;

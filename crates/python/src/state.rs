@@ -114,7 +114,8 @@ impl Shared {
                         let previous = worlds.made.as_ref().map(|(_, snapshot)| snapshot.clone());
                         let job = begin(py, move || {
                             let previous = previous.as_ref().map(|snapshot| &*snapshot.world);
-                            assemble(&contents, &BuildOptions::default(), previous).map(Arc::new)
+                            let options = BuildOptions { compact: contents.compact, ..BuildOptions::default() };
+                            assemble(&contents, &options, previous).map(Arc::new)
                         })?;
                         worlds.building = Some(Building { pid, version, job: job.clone() });
                         (version, job)
