@@ -1,5 +1,6 @@
 //! The blocks of a tree's triangles: as kernels take them, or [compact](crate::kernel::compact).
 
+use super::cache::ids_exist;
 use super::storage::{Plain, Storage};
 use super::wide::Wide;
 use crate::kernel::compact::{BlocksAt, Line, MAX_ID, SPARE_LINES, ids_from, lines_from, lines_of, pack};
@@ -114,15 +115,18 @@ impl Blocks {
         }
     }
 
-    /// Lines from anywhere, if records follow each other to their end.
-    pub fn checked(lines: Storage<Line>) -> Option<Self> {
+    /// Lines from anywhere, if records follow each other to their end and name no triangles beyond so many.
+    pub fn checked(lines: Storage<Line>, triangles: usize) -> Option<Self> {
         let blocks = Self::Compact(lines, 0);
         let (mut count, mut end) = (0, 0);
         for number in blocks.numbers() {
             (count, end) = (count + 1, blocks.after(number));
+            if !ids_exist(&blocks.ids(number), triangles) {
+                return None;
+            }
         }
         match blocks {
-            Self::Compact(lines, _) if end + SPARE_LINES == lines.len() || lines.is_empty() => {
+            Self::Compact(lines, _) if lines.is_empty() || end + SPARE_LINES == lines.len() => {
                 Some(Self::Compact(lines, count))
             }
             _ => None,

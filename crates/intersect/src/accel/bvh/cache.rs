@@ -184,7 +184,8 @@ pub(super) fn read(path: &Path, triangles: usize, objects: usize) -> Result<Opti
     let nodes = Storage::<WideNode>::mapped(&file, nodes_at, header.nodes as usize)?;
     let (count, is_compact) = (header.blocks as usize, header.block_bytes == BLOCK_BYTES[1]);
     let blocks = if is_compact {
-        Blocks::checked(Storage::mapped(&file, blocks_at, count)?).ok_or_else(|| damaged("a block is damaged"))?
+        Blocks::checked(Storage::mapped(&file, blocks_at, count)?, triangles)
+            .ok_or_else(|| damaged("a block is damaged"))?
     } else {
         Blocks::Plain(Storage::mapped(&file, blocks_at, count)?)
     };
@@ -196,6 +197,11 @@ pub(super) fn read(path: &Path, triangles: usize, objects: usize) -> Result<Opti
     let wide = Wide { nodes, blocks, root, rest, depth: header.depth as usize };
     let is_sound = is_sound(&wide, triangles, objects) && skipped.iter().all(|&id| (id as usize) < triangles);
     if is_sound { Ok(Some(Cached { wide, skipped })) } else { Err(damaged("a reference leads nowhere")) }
+}
+
+/// True if a group of so many triangles has those of a block.
+pub(super) fn ids_exist(ids: &[u32; 8], triangles: usize) -> bool {
+    ids.iter().all(|&id| id == u32::MAX || (id as usize) < triangles)
 }
 
 /// True if every reference leads to something, children come after their parents, and no way down is longer than the depth says.
@@ -212,14 +218,18 @@ fn is_sound(wide: &Wide, triangles: usize, objects: usize) -> bool {
             child.0 >> 30 == 2 && child.index() < objects
         }
     };
-    let ids_exist = |block: usize| wide.blocks.ids(block).iter().all(|&id| id == u32::MAX || (id as usize) < triangles);
+    let ids_exist = match &wide.blocks {
+        Blocks::Plain(blocks) => blocks.par_iter().all(|block| ids_exist(&block.ids, triangles)),
+        // They have been looked at.
+        Blocks::Compact(..) => true,
+    };
     let is_first = |node: &WideNode| node.children[0] == wide.rest;
     let rest_is_known =
         wide.rest == wide.root || wide.root == ChildRef::node(0) && wide.nodes.first().is_some_and(is_first);
     if !rest_is_known
         || !leads_on(wide.root, 0)
         || !wide.nodes.par_iter().enumerate().all(|(i, node)| node.children.iter().all(|&c| leads_on(c, i + 1)))
-        || !wide.blocks.numbers().all(ids_exist)
+        || !ids_exist
     {
         return false;
     }

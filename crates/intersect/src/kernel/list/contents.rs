@@ -152,7 +152,7 @@ impl List {
     pub fn of(tree: &GroupTree) -> Option<Box<Self>> {
         let is_instance = |object: &Object| matches!(object, Object::Instance { .. });
         if tree.objects.len() > MAX_OBJECTS
-            || tree.blocks.end() > 5 * MAX_TRIANGLES
+            || tree.blocks.count() > MAX_TRIANGLES
             || tree.objects.placed().iter().any(is_instance)
         {
             return None;
