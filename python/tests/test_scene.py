@@ -204,11 +204,13 @@ def test_compact_scenes_are_smaller_and_answer_alike(dtype, rng):
     expected, memory = scene.cast_rays(rays), scene.statistics(dtype)["memory_bytes"]
     assert 4000 < np.isfinite(expected.t_hit).sum() < 20000
     scene.compact = True
+    # (Double precision keeps the corners of each triangle besides.)
+    part = {np.float32: 0.75, np.float64: 0.9}[dtype]
     for other in (scene, copy.copy(scene), pickle.loads(pickle.dumps(scene))):
         assert other.compact
         for name, array in other.cast_rays(rays).items():
             np.testing.assert_array_equal(array, expected[name])
-        assert other.statistics(dtype)["memory_bytes"] < 0.8 * memory
+        assert other.statistics(dtype)["memory_bytes"] < part * memory
     scene.compact = False
     assert scene.statistics(dtype)["memory_bytes"] == memory
 
