@@ -29,6 +29,14 @@ const NAMES: usize = 8;
 const TABLE: usize = 11;
 const ALL: usize = 8;
 
+/// Lines of a record that holds all.
+const LINES_OF_ALL: usize = size_of::<TriangleBlock>() / size_of::<Line>();
+
+/// Lines of a record with so many different corners.
+fn lines_for(corners: usize) -> usize {
+    if corners > MOST_CORNERS { LINES_OF_ALL } else { (TABLE + 3 * corners).div_ceil(16) }
+}
+
 /// The different corners of a block's triangles, and which each vertex of each triangle is.
 struct Corners {
     table: [[u32; 3]; 24],
@@ -54,21 +62,17 @@ impl Corners {
         found.count = found.count.max(2);
         found
     }
-
-    fn lines(&self) -> usize {
-        if self.count > MOST_CORNERS { 5 } else { (TABLE + 3 * self.count).div_ceil(16) }
-    }
 }
 
 /// How many lines a block takes.
 pub(crate) fn lines_of(block: &TriangleBlock) -> usize {
-    Corners::of(block).lines()
+    lines_for(Corners::of(block).count)
 }
 
 /// Writes a block, the first lane of which must be used, with numbers below [`MAX_ID`]. False if it does not take as many lines as these.
 pub(crate) fn pack(block: &TriangleBlock, to: &mut [Line]) -> bool {
     let corners = Corners::of(block);
-    if to.len() != corners.lines() {
+    if to.len() != lines_for(corners.count) {
         return false;
     }
     to.fill(Line([0; 16]));
@@ -92,8 +96,8 @@ pub(crate) fn pack(block: &TriangleBlock, to: &mut [Line]) -> bool {
 /// How many lines the record takes that begins with this one.
 pub(crate) fn lines_from(first: &Line) -> usize {
     match first.0[0] >> ID_BITS {
-        0 => 5,
-        corners => (TABLE + 3 * (corners as usize + 1)).div_ceil(16),
+        0 => LINES_OF_ALL,
+        corners => lines_for(corners as usize + 1),
     }
 }
 
