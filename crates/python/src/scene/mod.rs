@@ -462,7 +462,7 @@ impl Scene {
     }
 
     /// Whether the structures of meshes take less memory: corners that triangles share are kept once. The same hits; queries of rays in no
-    /// order take up to a fifth longer. It counts for all that is instanced here, too.
+    /// order take up to a quarter longer. It counts for all that is instanced here, too.
     ///
     /// Examples
     /// --------
