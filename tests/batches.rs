@@ -7,7 +7,7 @@
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 use snell_intersect::accel::AcceleratorKind;
-use snell_intersect::{AcceptAll, BuildOptions, GroupId, Grouping, Hit, Instance, Rays, World, WorldBuilder};
+use snell_intersect::{AcceptAll, BuildOptions, GroupId, Grouping, Hit, Instance, Rays, Single, World, WorldBuilder};
 use snell_math::rng::{hash32, pcg4d, to_unit};
 use snell_math::sampling::uniform_sphere;
 use snell_math::simd::Level;
@@ -28,8 +28,9 @@ fn random(index: u64, stream: u32) -> [f32; 4] {
 fn builder(seed: u32) -> WorldBuilder {
     let bytes = random_bytes(seed, 12_000);
     let mut source = Source::new(&bytes);
-    let mut builder = source.builder();
-    source.add_sets(&mut builder);
+    let mut world = source.collected::<Single>();
+    source.add_sets(&mut world);
+    let mut builder = world.builder;
     builder.add_mesh(WorldBuilder::ROOT, Arc::new(latitude_longitude_sphere(1.0, 40, 80)));
     let ball: GroupId = builder.add_group();
     builder.add_mesh(ball, Arc::new(icosphere(0.5, 4)));

@@ -1,14 +1,18 @@
 //! Worlds and rays out of bytes: random ones for tests, and whatever a fuzzer finds.
 
-use snell_intersect::WorldBuilder;
-use snell_intersect::accel::AcceleratorKind;
+mod agreement;
+mod precision;
+
+pub use agreement::{assert_agreement, assert_edits_agree, bits};
+pub use precision::Tested;
+pub use snell_intersect::{Double, Single};
+
 use snell_intersect::shape::AnyShape;
 use snell_intersect::{
-    AcceptAll, BuildOptions, CubicCurves, CurveBasis, GroupId, Grouping, Hit, Instance, LinearCurves, MeshKey,
-    MovingMesh, QuadMesh, Rays, Spheres, TriangleMesh, World,
+    CubicCurves, CurveBasis, GeometryId, GroupId, Instance, InstanceId, LinearCurves, MeshKey, MovingMesh, PrimitiveSet,
+    QuadMesh, Spheres, TriangleMesh, WorldBuilder,
 };
 use snell_math::rng::{hash32, pcg4d};
-use snell_math::simd::Level;
 use snell_math::{DAffine3, DMat3, DVec3, Ray, Transform, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -100,26 +104,28 @@ impl<'a> Source<'a> {
     }
 
     /// Groups with meshes, shapes and instances of each other, with masks.
-    pub fn builder(&mut self) -> WorldBuilder {
-        let mut builder = WorldBuilder::default();
+    pub fn collected<P: Tested>(&mut self) -> Collected<P> {
+        let place = if P::PLACES.len() > 1 { P::PLACES[self.below(P::PLACES.len())] } else { DVec3::ZERO };
+        let mut all =
+            Collected { builder: P::Builder::default(), place, geometries: Vec::new(), meshes: Vec::new(), instances: Vec::new() };
         let shapes = AnyShape::examples();
         let count = 1 + self.below(4);
         for index in 0..count {
-            let group = if index == 0 { WorldBuilder::ROOT } else { builder.add_group() };
+            let group = if index == 0 { WorldBuilder::ROOT } else { P::add_group(&mut all.builder) };
             for _ in 0..self.below(3) {
-                let mesh = Arc::new(self.mesh());
-                let id = builder.add_mesh(group, mesh.clone());
+                let mesh = self.mesh();
+                let id = all.add_mesh(group, &mesh);
                 if self.below(8) == 0 {
-                    builder.set_mask(id, 1 << self.below(3));
+                    P::set_mask(&mut all.builder, id, 1 << self.below(3));
                 }
                 if self.below(6) == 0 {
-                    builder.add_mesh(group, mesh);
+                    all.add_mesh(group, &mesh);
                 }
             }
             for _ in 0..self.below(4) {
                 let shape = shapes[self.below(shapes.len())].clone();
-                let placed = self.transform();
-                builder.add_shape(group, Arc::new(shape), placed);
+                let placed = all.placed(group, self.transform());
+                all.geometries.push(P::add_shape(&mut all.builder, group, shape, placed));
             }
         }
         // Only later groups are instanced in earlier ones: no cycles.
@@ -128,48 +134,88 @@ impl<'a> Source<'a> {
                 let group = GroupId(self.below(child) as u32);
                 let group_from_child = self.transform();
                 let mask = if self.below(8) == 0 { 1 << self.below(3) } else { u32::MAX };
-                builder.add(group, Instance { mask, ..Instance::new(GroupId(child as u32), group_from_child) });
+                all.add(group, Instance { mask, ..Instance::new(GroupId(child as u32), group_from_child) });
             }
         }
-        builder
+        all
     }
 
     /// Adds spheres, curves, quads, a mesh with moving vertices, and a moving instance of the same.
-    pub fn add_sets(&mut self, builder: &mut WorldBuilder) {
-        let child = builder.add_group();
+    pub fn add_sets<P: Tested>(&mut self, all: &mut Collected<P>) {
+        let child = P::add_group(&mut all.builder);
         for group in [WorldBuilder::ROOT, child] {
             if self.below(3) > 0 {
                 let count = 1 + 40 * self.below(2);
                 let spheres = self.balls(count);
-                builder.add_set(group, Arc::new(Spheres { spheres, colors: Vec::new() }));
+                all.add_set(group, Arc::new(Spheres { spheres, colors: Vec::new() }));
             }
             if self.below(3) > 0 {
                 let points = self.balls(12);
-                builder.add_set(group, Arc::new(LinearCurves::chain(points)));
+                all.add_set(group, Arc::new(LinearCurves::chain(points)));
             }
             if self.below(3) > 0 {
                 let bases = [CurveBasis::Bezier, CurveBasis::BSpline, CurveBasis::CatmullRom, CurveBasis::Hermite];
                 let basis = bases[self.below(4)];
                 let (points, tangents) = (self.balls(12), self.balls(12));
                 let segments = (0..9).map(|_| self.below(12) as u32).collect();
-                builder.add_set(group, Arc::new(CubicCurves { basis, points, tangents, segments }));
+                all.add_set(group, Arc::new(CubicCurves { basis, points, tangents, segments }));
             }
             if self.below(3) > 0 {
                 let mesh = self.mesh();
                 let quads: Vec<[u32; 4]> =
                     mesh.indices.chunks_exact(2).map(|t| [t[0][0], t[0][1], t[1][0], t[0][2]]).collect();
-                builder.add_quads(group, Arc::new(QuadMesh::new(mesh, &quads).expect("vertices that exist")));
+                P::add_quads(&mut all.builder, group, QuadMesh::new(mesh, &quads).expect("vertices that exist"));
             }
             if self.below(3) > 0 {
                 let mesh = self.mesh();
                 let moved = |key: f32| mesh.positions.iter().rev().map(|p| *p * key).collect();
                 let later = [0.5, -1.0].map(|key| MeshKey { positions: moved(key), normals: Vec::new() });
                 let moving = MovingMesh::new(mesh.clone(), later.to_vec()).expect("as many vertices");
-                builder.add_moving_mesh(group, Arc::new(moving));
+                P::add_moving_mesh(&mut all.builder, group, moving);
             }
         }
         let later = (0..self.below(3)).map(|_| self.transform()).collect();
-        builder.add(WorldBuilder::ROOT, Instance { later, ..Instance::new(child, self.transform()) });
+        all.add(WorldBuilder::ROOT, Instance { later, ..Instance::new(child, self.transform()) });
+    }
+
+    /// Changes some of it: vertices move, instances move and go, geometries come, go and become others.
+    pub fn edit<P: Tested>(&mut self, all: &mut Collected<P>) {
+        for _ in 0..1 + self.below(4) {
+            match self.below(6) {
+                0 | 1 if !all.meshes.is_empty() => {
+                    let at = self.below(all.meshes.len());
+                    let (id, group, mut mesh) = all.meshes[at].clone();
+                    let (scale, offset) = ([1.0, 1.0, 1.001, -3.0][self.below(4)], self.point() * 0.1);
+                    mesh.positions.iter_mut().for_each(|p| *p = *p * scale + offset);
+                    if self.below(8) == 0 {
+                        let vertex = self.below(mesh.positions.len());
+                        mesh.positions[vertex][self.below(3)] = self.strange();
+                    }
+                    all.set_mesh(id, group, mesh);
+                }
+                2 if !all.meshes.is_empty() => {
+                    let at = self.below(all.meshes.len());
+                    let (id, group, _) = all.meshes[at];
+                    all.set_mesh(id, group, self.mesh());
+                }
+                3 if !all.instances.is_empty() => {
+                    let (id, group) = all.instances[self.below(all.instances.len())];
+                    if self.below(3) == 0 {
+                        P::remove_instance(&mut all.builder, id);
+                    } else {
+                        let placed = all.placed(group, self.transform());
+                        P::move_instance(&mut all.builder, id, placed);
+                    }
+                }
+                4 if !all.geometries.is_empty() => {
+                    let id = all.geometries[self.below(all.geometries.len())];
+                    P::remove(&mut all.builder, id);
+                }
+                _ => {
+                    all.add_mesh(WorldBuilder::ROOT, &self.mesh());
+                }
+            }
+        }
     }
 
     /// Points with radii.
@@ -217,98 +263,56 @@ pub fn random_bytes(seed: u32, count: usize) -> Vec<u8> {
     words.flat_map(u32::to_le_bytes).take(count).collect()
 }
 
-/// Builds the world that the bytes describe with every accelerator (one of them also compact) at every level, and asserts that all answers to the rays that
-/// follow are those of testing everything, bit for bit: closest, any and all, one ray at a time and in batches of `batch`, on one
-/// thread and on several, and how many hits there are. Returns how many rays there were, and how many of them hit.
-///
-/// # Panics
-/// If two answers differ.
-pub fn assert_agreement(bytes: &[u8], rays: usize, batches: &[usize]) -> (usize, usize) {
-    let mut source = Source::new(bytes);
-    // Half of the worlds also have sets and motion, which are read from the end.
-    let reversed: Vec<u8> = bytes.iter().rev().copied().collect();
-    let build = |accelerator, compact, simd| {
-        let options = BuildOptions { accelerator, compact, simd, ..BuildOptions::default() };
-        let (mut builder, mut end) = (Source::new(bytes).builder(), Source::new(&reversed));
-        if end.below(2) == 1 {
-            end.add_sets(&mut builder);
-        }
-        builder.build(&options).ok()
-    };
-    source.builder();
-    let Some(oracle) = build(AcceleratorKind::None, false, Level::Scalar) else { return (0, 0) };
-    let (mut queries, mut masks, mut times) = (Vec::new(), Vec::new(), Vec::new());
-    for i in 0..rays {
-        queries.push(source.ray());
-        masks.push(source.mask());
-        times.push([0.0, 1.0, 0.3, f32::NAN, 0.5, -1.0, 0.77][i % 7]);
-    }
-    let queries = Rays::new(&queries).with_masks(&masks).with_times(&times);
-    let all: Vec<Vec<Hit>> = (0..rays).map(|i| oracle.all_one(queries.get(i), &AcceptAll)).collect();
-    for (i, hits) in all.iter().enumerate() {
-        let closest = oracle.closest_one(queries.get(i), &AcceptAll);
-        assert_eq!(
-            bits(&closest),
-            bits(hits.first().unwrap_or(&Hit::MISS)),
-            "closest and all: {:?}",
-            queries.rays()[i]
-        );
-    }
-    let kinds = AcceleratorKind::ALL.map(|accelerator| (accelerator, false));
-    for (accelerator, compact) in kinds.into_iter().chain([(AcceleratorKind::Bvh, true)]) {
-        for simd in Level::ALL.into_iter().filter(|l| l.is_supported()) {
-            let name = format!("{}{}, {simd}", accelerator.name(), if compact { " (compact)" } else { "" });
-            let world = build(accelerator, compact, simd).unwrap_or_else(|| panic!("{name} builds what none builds"));
-            for (i, expected) in all.iter().enumerate() {
-                let query = queries.get(i);
-                let found = world.all_one(query, &AcceptAll);
-                let only = |a: &[Hit], b: &[Hit]| -> Vec<Hit> {
-                    a.iter().filter(|x| b.iter().all(|y| bits(x) != bits(y))).copied().collect()
-                };
-                let (missed, wrong) = (only(expected, &found), only(&found, expected));
-                let same = missed.is_empty() && wrong.is_empty() && found.len() == expected.len();
-                assert!(same, "{name}, all: {:?} misses {missed:?} and wrongly finds {wrong:?}", queries.rays()[i]);
-                let closest = world.closest_one(query, &AcceptAll);
-                let first = expected.first().copied().unwrap_or(Hit::MISS);
-                assert_eq!(bits(&closest), bits(&first), "{name}, closest: {:?}", queries.rays()[i]);
-                assert_eq!(
-                    world.occluded_one(query, &AcceptAll),
-                    first.is_hit(),
-                    "{name}, any: {:?}",
-                    queries.rays()[i]
-                );
-            }
-            for &batch in batches {
-                assert_batches(&world, &name, queries, &all, batch);
-            }
-        }
-    }
-    (rays, all.iter().filter(|hits| !hits.is_empty()).count())
+/// A builder, and what is in it.
+#[derive(Clone, Debug)]
+pub struct Collected<P: Tested> {
+    /// The builder.
+    pub builder: P::Builder,
+    /// Where its root group lies.
+    pub place: DVec3,
+    geometries: Vec<GeometryId>,
+    /// Those that are meshes, where they are, and before they were moved there.
+    meshes: Vec<(GeometryId, GroupId, TriangleMesh)>,
+    /// Instances, and where they are.
+    instances: Vec<(InstanceId, GroupId)>,
 }
 
-fn assert_batches(world: &World, name: &str, queries: Rays, all: &[Vec<Hit>], batch: usize) {
-    let rays = queries.rays();
-    for grouping in [Grouping::None, Grouping::Coherent] {
-        let mut hits = vec![Hit::MISS; rays.len()];
-        let mut blocked = vec![false; rays.len()];
-        let mut counts = vec![u32::MAX; rays.len()];
-        for start in (0..rays.len()).step_by(batch) {
-            let range = start..(start + batch).min(rays.len());
-            world.closest(queries.slice(range.clone()), grouping, &AcceptAll, &mut hits[range.clone()]);
-            world.occluded(queries.slice(range.clone()), grouping, &AcceptAll, &mut blocked[range.clone()]);
-            world.count(queries.slice(range.clone()), &AcceptAll, &mut counts[range]);
-        }
-        for (i, expected) in all.iter().enumerate() {
-            let first = expected.first().copied().unwrap_or(Hit::MISS);
-            let what = format!("{name}, batches of {batch}, {grouping:?}: {:?}", rays[i]);
-            assert_eq!(bits(&hits[i]), bits(&first), "{what}, closest");
-            assert_eq!(blocked[i], first.is_hit(), "{what}, any");
-            assert_eq!(counts[i] as usize, expected.len(), "{what}, count");
+impl<P: Tested> Collected<P> {
+    fn place_of(&self, group: GroupId) -> DVec3 {
+        if group == WorldBuilder::ROOT { self.place } else { DVec3::ZERO }
+    }
+
+    fn placed(&self, group: GroupId, transform: Transform) -> Transform {
+        let mut placed = *transform.matrix();
+        placed.translation += self.place_of(group);
+        Transform::new(placed).unwrap_or(transform)
+    }
+
+    fn add_mesh(&mut self, group: GroupId, mesh: &TriangleMesh) -> GeometryId {
+        let moved = P::mesh(mesh, self.place_of(group));
+        let id = P::add_mesh(&mut self.builder, group, moved);
+        self.geometries.push(id);
+        self.meshes.push((id, group, mesh.clone()));
+        id
+    }
+
+    /// Puts another mesh in the place of one, unless that was removed.
+    fn set_mesh(&mut self, id: GeometryId, group: GroupId, mesh: TriangleMesh) {
+        let moved = P::mesh(&mesh, self.place_of(group));
+        if P::set_mesh(&mut self.builder, id, moved).is_ok() {
+            self.meshes.iter_mut().filter(|m| m.0 == id).for_each(|m| m.2 = mesh.clone());
         }
     }
-}
 
-/// All that a hit says, for comparisons bit by bit.
-pub fn bits(hit: &Hit) -> [u32; 6] {
-    [hit.t.to_bits(), hit.uv.x.to_bits(), hit.uv.y.to_bits(), hit.instance, hit.geometry, hit.primitive]
+    fn add_set(&mut self, group: GroupId, set: Arc<dyn PrimitiveSet>) {
+        self.geometries.push(P::add_set(&mut self.builder, group, set));
+    }
+
+    fn add(&mut self, group: GroupId, mut instance: Instance) {
+        instance.group_from_child = self.placed(group, instance.group_from_child);
+        for later in &mut instance.later {
+            *later = self.placed(group, *later);
+        }
+        self.instances.push((P::add(&mut self.builder, group, instance), group));
+    }
 }

@@ -1,10 +1,14 @@
-//! Whatever world and rays the bytes describe: every accelerator, level, batch size and grouping gives the same answers.
+//! Whatever world and rays the bytes describe: every accelerator, level, batch size and grouping gives the same answers, in either
+//! precision, also when the world changes.
 
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use snell_tests::random_worlds::assert_agreement;
+use snell_tests::random_worlds::{Double, Single, assert_agreement, assert_edits_agree};
 
 fuzz_target!(|bytes: &[u8]| {
-    assert_agreement(bytes, 18, &[1, 16, 17]);
+    assert_agreement::<Single>(bytes, 18, &[1, 16, 17]);
+    assert_agreement::<Double>(bytes, 18, &[17]);
+    assert_edits_agree::<Single>(bytes, 18, &[17]);
+    assert_edits_agree::<Double>(bytes, 18, &[17]);
 });
