@@ -3,16 +3,16 @@
 mod agreement;
 mod precision;
 
-pub use agreement::{assert_agreement, assert_edits_agree, bits};
+pub use agreement::{Edits, assert_agreement, assert_edits_agree, bits};
 pub use precision::Tested;
 pub use snell_intersect::{Double, Single};
 
 use snell_intersect::shape::AnyShape;
 use snell_intersect::{
-    CubicCurves, CurveBasis, GeometryId, GroupId, Instance, InstanceId, LinearCurves, MeshKey, MovingMesh, PrimitiveSet,
-    QuadMesh, Spheres, TriangleMesh, WorldBuilder,
+    CubicCurves, CurveBasis, GeometryId, GroupId, Instance, InstanceId, LinearCurves, MeshKey, MovingMesh,
+    PrimitiveSet, QuadMesh, Spheres, TriangleMesh, WorldBuilder,
 };
-use snell_math::rng::{hash32, pcg4d};
+use snell_math::rng::{hash32, pcg4d, to_unit};
 use snell_math::{DAffine3, DMat3, DVec3, Ray, Transform, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -103,11 +103,43 @@ impl<'a> Source<'a> {
         mesh
     }
 
+    /// A mesh of so many triangles that it is refitted when it moves: strips of three, small beside the distances between them.
+    fn crowd(&mut self) -> TriangleMesh {
+        const STRIPS: u32 = 400;
+        let (seed, size) = (self.word(), [0.3, 1e-2, 1e-4, 1e-6][self.below(4)]);
+        let mut mesh = TriangleMesh::default();
+        for strip in 0..STRIPS {
+            let point = |i: u32| {
+                let [x, y, z, _] = pcg4d([seed.into(), strip, i, 71]).map(to_unit);
+                Vec3::new(x, y, z) * 4.0 - 2.0
+            };
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend((1..=5).map(|i| point(0) + point(i) * size));
+            mesh.indices.extend((0..3).map(|i| [0, 1, 2].map(|k| first + i + k)));
+        }
+        for _ in 0..self.below(4) {
+            let vertex = self.word() as usize % mesh.positions.len();
+            mesh.positions[vertex][self.below(3)] = self.strange();
+        }
+        mesh
+    }
+
+    /// Adds a mesh of more than a thousand triangles to the root.
+    pub fn add_crowd<P: Tested>(&mut self, all: &mut Collected<P>) {
+        let crowd = self.crowd();
+        all.add_mesh(WorldBuilder::ROOT, &crowd);
+    }
+
     /// Groups with meshes, shapes and instances of each other, with masks.
     pub fn collected<P: Tested>(&mut self) -> Collected<P> {
         let place = if P::PLACES.len() > 1 { P::PLACES[self.below(P::PLACES.len())] } else { DVec3::ZERO };
-        let mut all =
-            Collected { builder: P::Builder::default(), place, geometries: Vec::new(), meshes: Vec::new(), instances: Vec::new() };
+        let mut all = Collected {
+            builder: P::Builder::default(),
+            place,
+            geometries: Vec::new(),
+            meshes: Vec::new(),
+            instances: Vec::new(),
+        };
         let shapes = AnyShape::examples();
         let count = 1 + self.below(4);
         for index in 0..count {
@@ -183,12 +215,16 @@ impl<'a> Source<'a> {
         for _ in 0..1 + self.below(4) {
             match self.below(6) {
                 0 | 1 if !all.meshes.is_empty() => {
-                    let at = self.below(all.meshes.len());
+                    // The last, which may be large, more often than others.
+                    let at = self.below(2 * all.meshes.len()).min(all.meshes.len() - 1);
                     let (id, group, mut mesh) = all.meshes[at].clone();
                     let (scale, offset) = ([1.0, 1.0, 1.001, -3.0][self.below(4)], self.point() * 0.1);
-                    mesh.positions.iter_mut().for_each(|p| *p = *p * scale + offset);
+                    for position in &mut mesh.positions {
+                        // What was strange comes back.
+                        *position = if position.is_finite() { *position * scale + offset } else { self.point() };
+                    }
                     if self.below(8) == 0 {
-                        let vertex = self.below(mesh.positions.len());
+                        let vertex = self.word() as usize % mesh.positions.len();
                         mesh.positions[vertex][self.below(3)] = self.strange();
                     }
                     all.set_mesh(id, group, mesh);
@@ -249,6 +285,19 @@ impl<'a> Source<'a> {
             _ => {}
         }
         ray
+    }
+
+    /// A ray at a vertex, an edge or the middle of a triangle in the root group; [`Self::ray`] if there is none.
+    pub fn aimed_ray<P: Tested>(&mut self, all: &Collected<P>) -> P::Ray {
+        let meshes: Vec<_> = all.meshes.iter().filter(|(_, group, _)| *group == WorldBuilder::ROOT).collect();
+        if meshes.is_empty() {
+            return P::ray(&self.ray(), all.place);
+        }
+        let (_, _, mesh) = meshes[self.below(meshes.len())];
+        let triangle = mesh.indices[self.word() as usize % mesh.indices.len()];
+        let third = 1.0 / 3.0;
+        let barycentrics = [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 0.25, 0.75], [third, third, third]][self.below(4)];
+        P::ray_to(mesh, triangle, barycentrics, self.point(), all.place)
     }
 
     /// A mask: mostly all bits.

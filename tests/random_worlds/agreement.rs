@@ -6,39 +6,39 @@ use snell_intersect::{BuildOptions, Grouping, Hit, Quality, Rays};
 use snell_math::simd::Level;
 
 /// Builds the world that the bytes describe with every accelerator, switched in every way, at every level, and asserts that all answers to the
-/// rays that follow are those of testing everything, bit for bit: closest, any and all, one ray at a time and in batches of `batches`, on
-/// one thread and on several, and how many hits there are. Returns how many rays there were, and how many of them hit.
+/// rays that follow (`rays` of them, and as many aimed at triangles) are those of testing everything, bit for bit: closest, any and all, one ray at a time and in batches of `batches`, on
+/// one thread and on several, and how many hits there are. A crowded world has a mesh of many triangles besides. Returns how many rays there were, and how many of them hit.
 ///
 /// # Panics
 /// If two answers differ.
-pub fn assert_agreement<P: Tested>(bytes: &[u8], rays: usize, batches: &[usize]) -> (usize, usize) {
+pub fn assert_agreement<P: Tested>(bytes: &[u8], is_crowded: bool, rays: usize, batches: &[usize]) -> (usize, usize) {
     let mut source = Source::new(bytes);
-    let world = described::<P>(&mut source, bytes);
+    let world = described::<P>(&mut source, bytes, is_crowded);
     let Ok(oracle) = P::build(&world.builder, &oracle_options()) else { return (0, 0) };
     let asked = Asked::<P>::new(&mut source, &world, rays);
     let expected = asked.answers(&oracle);
     for simd in levels() {
-        for (name, options) in ways(simd) {
+        for (name, options) in ways(simd, is_crowded) {
             let name = format!("{name}, {simd}");
             let world = P::build(&world.builder, &options).unwrap_or_else(|e| panic!("{name}: {e}"));
             asked.assert_answers(&world, &name, &expected, batches);
         }
     }
-    (rays, expected.iter().filter(|hits| !hits.is_empty()).count())
+    (expected.len(), expected.iter().filter(|hits| !hits.is_empty()).count())
 }
 
-/// Changes the world that the bytes describe, as they say further on, and asserts that building it from the world before gives all that building
-/// it from nothing gives: again and again, with every accelerator, switched in every way. Returns as [`assert_agreement`], of all changed worlds.
+/// Changes the crowded world that the bytes describe, as they say further on, and asserts that building it from the world before gives all that building
+/// it from nothing gives: again and again, with every accelerator, switched in every way.
 ///
 /// # Panics
 /// If two answers differ.
-pub fn assert_edits_agree<P: Tested>(bytes: &[u8], rays: usize, batches: &[usize]) -> (usize, usize) {
+pub fn assert_edits_agree<P: Tested>(bytes: &[u8], rays: usize, batches: &[usize]) -> Edits {
     let mut source = Source::new(bytes);
-    let mut world = described::<P>(&mut source, bytes);
+    let mut world = described::<P>(&mut source, bytes, true);
     let asked = Asked::<P>::new(&mut source, &world, rays);
-    let ways = ways(Level::best());
+    let ways = ways(Level::best(), true);
     let mut last: Vec<_> = ways.iter().map(|(_, options)| P::build(&world.builder, options).ok()).collect();
-    let (mut count, mut hits) = (0, 0);
+    let mut edits = Edits::default();
     for edit in 1..=3 {
         source.edit(&mut world);
         let Ok(oracle) = P::build(&world.builder, &oracle_options()) else { continue };
@@ -47,22 +47,37 @@ pub fn assert_edits_agree<P: Tested>(bytes: &[u8], rays: usize, batches: &[usize
             let Some(before) = last else { continue };
             let name = format!("{name}, edit {edit}");
             let after = P::rebuild(&world.builder, options, before).unwrap_or_else(|e| panic!("{name}: {e}"));
+            edits.refitted += P::refitted(&after);
             asked.assert_answers(&after, &name, &expected, batches);
             *last = Some(after);
         }
-        count += rays;
-        hits += expected.iter().filter(|hits| !hits.is_empty()).count();
+        edits.rays += expected.len();
+        edits.hits += expected.iter().filter(|hits| !hits.is_empty()).count();
     }
-    (count, hits)
+    edits
+}
+
+/// What came of changed worlds.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Edits {
+    /// Rays that were traced, in each way.
+    pub rays: usize,
+    /// Those that hit something.
+    pub hits: usize,
+    /// Trees that were had by refitting.
+    pub refitted: usize,
 }
 
 /// The world that the bytes describe. Half of them also have sets and motion, which are read from the end.
-fn described<P: Tested>(source: &mut Source, bytes: &[u8]) -> Collected<P> {
+fn described<P: Tested>(source: &mut Source, bytes: &[u8], is_crowded: bool) -> Collected<P> {
     let mut world = source.collected();
     let reversed: Vec<u8> = bytes.iter().rev().copied().collect();
     let mut end = Source::new(&reversed);
     if end.below(2) == 1 {
         end.add_sets(&mut world);
+    }
+    if is_crowded {
+        end.add_crowd(&mut world);
     }
     world
 }
@@ -75,17 +90,20 @@ fn oracle_options() -> BuildOptions {
     BuildOptions { accelerator: AcceleratorKind::None, simd: Level::Scalar, ..BuildOptions::default() }
 }
 
-/// All ways to build, and what they are called.
-fn ways(simd: Level) -> Vec<(String, BuildOptions)> {
+/// All ways to build, and what they are called; in crowded worlds without those that test everything.
+fn ways(simd: Level, is_crowded: bool) -> Vec<(String, BuildOptions)> {
     let plain = |accelerator| BuildOptions { accelerator, simd, ..BuildOptions::default() };
     let mut ways = Vec::new();
-    for accelerator in AcceleratorKind::ALL {
+    let tests_all = |kind: &AcceleratorKind| matches!(kind, AcceleratorKind::None | AcceleratorKind::Graph);
+    for accelerator in AcceleratorKind::ALL.into_iter().filter(|kind| !is_crowded || !tests_all(kind)) {
         ways.push((accelerator.name().to_owned(), plain(accelerator)));
-    }
-    for accelerator in AcceleratorKind::ALL {
         if !matches!(accelerator, AcceleratorKind::None | AcceleratorKind::Bvh) {
-            let accelerator_options =
-                AcceleratorOptions { front_to_back: false, last_hit_cache: true, nested_grids: false, grid_resolution: None };
+            let accelerator_options = AcceleratorOptions {
+                front_to_back: false,
+                last_hit_cache: true,
+                nested_grids: false,
+                grid_resolution: None,
+            };
             let name = format!("{}, switched", accelerator.name());
             ways.push((name, BuildOptions { accelerator_options, ..plain(accelerator) }));
         }
@@ -106,10 +124,12 @@ struct Asked<P: Tested> {
 }
 
 impl<P: Tested> Asked<P> {
+    /// As many as `count`, and as many that are aimed at triangles.
     fn new(source: &mut Source, world: &Collected<P>, count: usize) -> Self {
         let mut asked = Self { rays: Vec::new(), masks: Vec::new(), times: Vec::new() };
-        for i in 0..count {
-            asked.rays.push(P::ray(&source.ray(), world.place));
+        for i in 0..2 * count {
+            let ray = if i < count { P::ray(&source.ray(), world.place) } else { source.aimed_ray(world) };
+            asked.rays.push(ray);
             asked.masks.push(source.mask());
             asked.times.push([0.0, 1.0, 0.3, f32::NAN, 0.5, -1.0, 0.77][i % 7]);
         }

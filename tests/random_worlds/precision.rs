@@ -2,11 +2,11 @@
 
 use snell_intersect::shape::AnyShape;
 use snell_intersect::{
-    AcceptAll, BuildOptions, DHit, DTriangleMesh, DWorld, DWorldBuilder, Double, EditError, Geometry, GeometryId, GroupId,
-    Grouping, Hit, Instance, InstanceId, MovingMesh, Precision, PrimitiveSet, QuadMesh, RayQuery, Rays, Single,
-    TriangleMesh, World, WorldBuilder, WorldError,
+    AcceptAll, BuildOptions, DHit, DTriangleMesh, DWorld, DWorldBuilder, Double, EditError, Geometry, GeometryId,
+    GroupId, Grouping, Hit, Instance, InstanceId, MovingMesh, Precision, PrimitiveSet, QuadMesh, RayQuery, Rays,
+    Single, TriangleMesh, World, WorldBuilder, WorldError,
 };
-use snell_math::{DRay, DVec3, Ray, Transform};
+use snell_math::{DRay, DVec3, Ray, Transform, Vec3};
 use std::sync::Arc;
 
 /// How worlds of a precision are made and asked.
@@ -27,6 +27,9 @@ pub trait Tested: Precision {
 
     /// The ray in this precision, moved.
     fn ray(ray: &Ray, place: DVec3) -> Self::Ray;
+
+    /// A ray from a point to one of a triangle of a mesh in the root group, by its barycentrics.
+    fn ray_to(mesh: &TriangleMesh, triangle: [u32; 3], barycentrics: [f64; 3], from: Vec3, place: DVec3) -> Self::Ray;
 
     /// [`WorldBuilder::add_group`].
     fn add_group(builder: &mut Self::Builder) -> GroupId;
@@ -70,6 +73,9 @@ pub trait Tested: Precision {
     /// [`WorldBuilder::rebuild`].
     fn rebuild(builder: &Self::Builder, options: &BuildOptions, last: &Self::World) -> Result<Self::World, WorldError>;
 
+    /// How many trees were refitted for it.
+    fn refitted(world: &Self::World) -> usize;
+
     /// [`World::all_one`].
     fn all_one(world: &Self::World, ray: RayQuery<Self>) -> Vec<Self::Hit>;
 
@@ -92,7 +98,11 @@ pub trait Tested: Precision {
     fn bits(hit: &Self::Hit) -> [u64; 6];
 }
 
-/// What the methods of both are called alike.
+fn weighted(corners: [DVec3; 3], [a, b, c]: [f64; 3]) -> DVec3 {
+    corners[0] * a + corners[1] * b + corners[2] * c
+}
+
+/// The methods that both call alike.
 macro_rules! alike {
     ($builder:ty, $world:ty, $hit:ty, $mesh:ty) => {
         type Builder = $builder;
@@ -144,6 +154,10 @@ macro_rules! alike {
             builder.rebuild(options, last)
         }
 
+        fn refitted(world: &$world) -> usize {
+            world.stats().reuse.refitted
+        }
+
         fn all_one(world: &$world, ray: RayQuery<Self>) -> Vec<$hit> {
             world.all_one(ray, &AcceptAll)
         }
@@ -182,6 +196,11 @@ impl Tested for Single {
         *ray
     }
 
+    fn ray_to(mesh: &TriangleMesh, triangle: [u32; 3], barycentrics: [f64; 3], from: Vec3, _: DVec3) -> Ray {
+        let corners = triangle.map(|i| mesh.positions[i as usize].as_dvec3());
+        Ray::new(from, weighted(corners, barycentrics).as_vec3() - from)
+    }
+
     fn set_mesh(builder: &mut WorldBuilder, id: GeometryId, mesh: Arc<TriangleMesh>) -> Result<(), EditError> {
         builder.replace(id, Geometry::Mesh(mesh))
     }
@@ -216,6 +235,12 @@ impl Tested for Double {
     fn ray(ray: &Ray, place: DVec3) -> DRay {
         let ray = DRay::from(ray);
         DRay { origin: ray.origin * FINE + place, ..ray }
+    }
+
+    fn ray_to(mesh: &TriangleMesh, triangle: [u32; 3], barycentrics: [f64; 3], from: Vec3, place: DVec3) -> DRay {
+        let corners = triangle.map(|i| mesh.positions[i as usize].as_dvec3() * FINE + place);
+        let from = from.as_dvec3() * FINE + place;
+        DRay::new(from, weighted(corners, barycentrics) - from)
     }
 
     fn set_mesh(builder: &mut DWorldBuilder, id: GeometryId, mesh: Arc<DTriangleMesh>) -> Result<(), EditError> {
