@@ -5,9 +5,10 @@ use snell_intersect::accel::{AcceleratorKind, AcceleratorOptions};
 use snell_intersect::{BuildOptions, Grouping, Hit, Quality, Rays};
 use snell_math::simd::Level;
 
-/// Builds the world that the bytes describe with every accelerator, switched in every way, at every level, and asserts that all answers to the
-/// rays that follow (`rays` of them, and as many aimed at triangles) are those of testing everything, bit for bit: closest, any and all, one ray at a time and in batches of `batches`, on
-/// one thread and on several, and how many hits there are. A crowded world has a mesh of many triangles besides. Returns how many rays there were, and how many of them hit.
+/// Builds the world that the bytes describe with every accelerator, switched in every way, at every level, and asserts that all answers
+/// to the rays that follow (`rays` of them, and as many aimed at triangles) are those of testing everything, bit for bit: closest, any and
+/// all, one ray at a time and in batches of `batches`, on one thread and on several, and how many hits there are. A crowded world has a
+/// mesh of many triangles besides. Returns how many rays there were, and how many of them hit.
 ///
 /// # Panics
 /// If two answers differ.
@@ -27,8 +28,8 @@ pub fn assert_agreement<P: Tested>(bytes: &[u8], is_crowded: bool, rays: usize, 
     (expected.len(), expected.iter().filter(|hits| !hits.is_empty()).count())
 }
 
-/// Changes the crowded world that the bytes describe, as they say further on, and asserts that building it from the world before gives all that building
-/// it from nothing gives: again and again, with every accelerator, switched in every way.
+/// Changes the crowded world that the bytes describe, as they say further on, and asserts that building it from the world before gives
+/// all that building it from nothing gives: again and again, with every accelerator, switched in every way.
 ///
 /// # Panics
 /// If two answers differ.
