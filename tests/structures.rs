@@ -1,7 +1,7 @@
 //! Every accelerator, kernel, level, batch size and thread count finds the same hits, bit for bit, in random worlds of mixed
 //! shapes, meshes and instances, in either precision, also when these change.
 //!
-//! `SNELL_RANDOM_WORLDS` sets how many worlds (250 by default; 60 in double precision, and of those that change).
+//! `SNELL_RANDOM_WORLDS` sets how many worlds (250 by default; 60 in double precision, 120 that change).
 
 use rayon::prelude::*;
 use snell_tests::random_worlds::{Double, Single, Tested, assert_agreement, assert_edits_agree, random_bytes};
@@ -38,18 +38,19 @@ fn assert_hits(answers: impl Iterator<Item = (usize, usize)>) {
 }
 
 fn assert_changed_worlds<P: Tested>(seeds: &[u32]) {
-    let edits = looked_at(seeds, |_, bytes| assert_edits_agree::<P>(bytes, 12, &[17]));
+    let edits = looked_at(seeds, |seed, bytes| assert_edits_agree::<P>(bytes, seed % 2 == 1, 12, &[17]));
     assert_hits(edits.iter().map(|e| (e.rays, e.hits)));
     let refitted = edits.iter().map(|e| e.refitted).sum::<usize>();
     println!("{refitted} refitted");
-    assert!(refitted > seeds.len(), "only {refitted} trees were refitted");
+    assert!(4 * refitted > seeds.len(), "only {refitted} trees were refitted");
 }
 
 #[test]
 fn random_worlds_give_the_same_hits_in_every_way() {
     let worlds = worlds(250);
     let seeds: Vec<u32> = (0..worlds).chain(ONCE_WRONG.into_iter().filter(|&seed| seed >= worlds)).collect();
-    let look = |_, bytes: &[u8]| assert_agreement::<Single>(bytes, false, 40, &BATCHES);
+    let rays = |seed| if ONCE_WRONG.contains(&seed) { 40 } else { 20 };
+    let look = |seed, bytes: &[u8]| assert_agreement::<Single>(bytes, false, rays(seed), &BATCHES);
     assert_hits(looked_at(&seeds, look).into_iter());
 }
 
@@ -62,7 +63,7 @@ fn random_worlds_in_double_precision_give_the_same_hits_in_every_way() {
 
 #[test]
 fn random_worlds_that_change_are_as_if_built_from_nothing() {
-    let seeds: Vec<u32> = (0..worlds(60)).collect();
+    let seeds: Vec<u32> = (0..worlds(120)).collect();
     assert_changed_worlds::<Single>(&seeds);
     assert_changed_worlds::<Double>(&seeds);
 }
@@ -83,7 +84,7 @@ fn one_random_world_gives_the_same_hits_in_every_way() {
     for is_crowded in [false, true] {
         assert_agreement::<Single>(&bytes, is_crowded, 40, &BATCHES);
         assert_agreement::<Double>(&bytes, is_crowded, 40, &BATCHES);
+        assert_edits_agree::<Single>(&bytes, is_crowded, 12, &[17]);
+        assert_edits_agree::<Double>(&bytes, is_crowded, 12, &[17]);
     }
-    assert_edits_agree::<Single>(&bytes, 12, &[17]);
-    assert_edits_agree::<Double>(&bytes, 12, &[17]);
 }

@@ -28,16 +28,16 @@ pub fn assert_agreement<P: Tested>(bytes: &[u8], is_crowded: bool, rays: usize, 
     (expected.len(), expected.iter().filter(|hits| !hits.is_empty()).count())
 }
 
-/// Changes the crowded world that the bytes describe, as they say further on, and asserts that building it from the world before gives
+/// Changes the world that the bytes describe, as they say further on, and asserts that building it from the world before gives
 /// all that building it from nothing gives: again and again, with every accelerator, switched in every way.
 ///
 /// # Panics
 /// If two answers differ.
-pub fn assert_edits_agree<P: Tested>(bytes: &[u8], rays: usize, batches: &[usize]) -> Edits {
+pub fn assert_edits_agree<P: Tested>(bytes: &[u8], is_crowded: bool, rays: usize, batches: &[usize]) -> Edits {
     let mut source = Source::new(bytes);
-    let mut world = described::<P>(&mut source, bytes, true);
+    let mut world = described::<P>(&mut source, bytes, is_crowded);
     let asked = Asked::<P>::new(&mut source, &world, rays);
-    let ways = ways(Level::best(), true);
+    let ways = ways(Level::best(), is_crowded);
     let mut last: Vec<_> = ways.iter().map(|(_, options)| P::build(&world.builder, options).ok()).collect();
     let mut edits = Edits::default();
     for edit in 1..=3 {
@@ -91,12 +91,13 @@ fn oracle_options() -> BuildOptions {
     BuildOptions { accelerator: AcceleratorKind::None, simd: Level::Scalar, ..BuildOptions::default() }
 }
 
-/// All ways to build, and what they are called; in crowded worlds without those that test everything.
+/// All ways to build, and what they are called; in crowded worlds without those that take long.
 fn ways(simd: Level, is_crowded: bool) -> Vec<(String, BuildOptions)> {
     let plain = |accelerator| BuildOptions { accelerator, simd, ..BuildOptions::default() };
     let mut ways = Vec::new();
-    let tests_all = |kind: &AcceleratorKind| matches!(kind, AcceleratorKind::None | AcceleratorKind::Graph);
-    for accelerator in AcceleratorKind::ALL.into_iter().filter(|kind| !is_crowded || !tests_all(kind)) {
+    let is_slow =
+        |kind: &AcceleratorKind| matches!(kind, AcceleratorKind::None | AcceleratorKind::Graph | AcceleratorKind::Bsp);
+    for accelerator in AcceleratorKind::ALL.into_iter().filter(|kind| !is_crowded || !is_slow(kind)) {
         ways.push((accelerator.name().to_owned(), plain(accelerator)));
         if !matches!(accelerator, AcceleratorKind::None | AcceleratorKind::Bvh) {
             let accelerator_options = AcceleratorOptions {
