@@ -1,13 +1,17 @@
 //! Spectra in files: `-D material.NAME.PARAMETER.spectrum=FILE`.
 
 use crate::failure::Failure;
+use snell_formats::open::{self, NamedBy};
 use std::path::Path;
+
+/// Most bytes of a table.
+const MOST_BYTES: u64 = 16 << 20;
 
 /// A definition `key=value` of a spectrum whose value is the name of a file, with the table that the file holds in its place. Other
 /// definitions are left alone.
 pub fn resolve(definition: &str) -> Result<String, Failure> {
     match definition.split_once('=') {
-        Some((key, name)) if key.ends_with(".spectrum") && Path::new(name).is_file() => {
+        Some((key, name)) if key.ends_with(".spectrum") && Path::new(name).exists() => {
             Ok(format!("{key}={}", table(name)?))
         }
         _ => Ok(definition.to_string()),
@@ -17,7 +21,9 @@ pub fn resolve(definition: &str) -> Result<String, Failure> {
 /// The pairs of a file with a wavelength in nm and a value in each line, separated by blanks or a comma, as JSON. What follows `#` is a
 /// comment.
 fn table(name: &str) -> Result<serde_json::Value, Failure> {
-    let text = std::fs::read_to_string(name).map_err(|e| Failure::Other(format!("{name}: {e}")))?;
+    let failed = |problem: String| Failure::Other(format!("{name}: {problem}"));
+    let bytes = open::read(Path::new(name), NamedBy::User, MOST_BYTES).map_err(|e| failed(e.to_string()))?;
+    let text = String::from_utf8(bytes).map_err(|_| failed("this is no text; expected a table of numbers".into()))?;
     let mut pairs = Vec::new();
     for (number, line) in (1..).zip(text.lines()) {
         let line = line.split('#').next().unwrap_or_default();

@@ -69,6 +69,9 @@ impl Embree {
     pub fn load(path: &Path) -> Result<Arc<Self>, LoadError> {
         let read = |source| LoadError::Read { path: path.into(), source };
         let kind = fs::metadata(path).map_err(read)?;
+        if !kind.is_file() && !kind.is_dir() {
+            return Err(read(io::Error::new(io::ErrorKind::InvalidInput, "this is a pipe or a device, not a file")));
+        }
         let is_wheel = path.extension().is_some_and(|e| e == "whl" || e == "zip");
         let folder = if is_wheel { Some(unpack(path).map_err(read)?) } else { None };
         let file = match &folder {
@@ -97,7 +100,8 @@ fn is_library_name(name: &str) -> bool {
 fn find_library(folder: &Path) -> Option<PathBuf> {
     let mut entries: Vec<_> = fs::read_dir(folder).ok()?.flatten().map(|e| e.path()).collect();
     entries.sort();
-    let here = entries.iter().find(|p| p.file_name().is_some_and(|n| is_library_name(&n.to_string_lossy())));
+    let is_library = |p: &&PathBuf| p.file_name().is_some_and(|n| is_library_name(&n.to_string_lossy())) && p.is_file();
+    let here = entries.iter().find(is_library);
     here.cloned().or_else(|| entries.iter().filter(|p| p.is_dir()).find_map(|p| find_library(p)))
 }
 

@@ -4,6 +4,7 @@ use crate::ReadOptions;
 use crate::error::{Place, ReadError};
 use crate::json_place::line_and_column;
 use crate::limits::Limits;
+use crate::open::{self, NamedBy};
 use std::path::{Component, Path, PathBuf};
 
 /// A file being read.
@@ -22,11 +23,12 @@ pub struct Input {
 }
 
 impl Input {
-    /// Opens a file named by the user. Its folder becomes the root for files that it names.
+    /// Opens a file named by the user. Its folder becomes the root for files that it names; that of a pipe is the current one.
     pub fn open(path: &Path, options: &ReadOptions) -> Result<Self, ReadError> {
         let name = path.display().to_string();
-        let bytes = read_limited(path, &name, &options.limits)?;
-        let directory = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_path_buf();
+        let bytes = read_limited(path, &name, NamedBy::User, &options.limits)?;
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty() && !open::is_own_descriptor(path));
+        let directory = folder.unwrap_or(Path::new(".")).to_path_buf();
         Ok(Self { name, bytes, root: directory.clone(), directory, options: options.clone() })
     }
 
@@ -40,7 +42,7 @@ impl Input {
     pub fn open_relative(&self, name: &str) -> Result<Self, ReadError> {
         let path = self.resolve(name)?;
         let shown = path.display().to_string();
-        let bytes = read_limited(&path, &shown, &self.options.limits)?;
+        let bytes = read_limited(&path, &shown, NamedBy::File, &self.options.limits)?;
         let directory = path.parent().unwrap_or(Path::new(".")).to_path_buf();
         Ok(Self { name: shown, bytes, directory, root: self.root.clone(), options: self.options.clone() })
     }
@@ -149,26 +151,12 @@ fn stays_inside(root: &Path, path: &Path) -> bool {
     true
 }
 
-fn read_limited(path: &Path, name: &str, limits: &Limits) -> Result<Vec<u8>, ReadError> {
-    use std::io::Read;
-    let error = |problem: String, remedy: &str| ReadError {
+fn read_limited(path: &Path, name: &str, named_by: NamedBy, limits: &Limits) -> Result<Vec<u8>, ReadError> {
+    let bytes = open::read(path, named_by, limits.file_bytes).map_err(|refused| ReadError {
         file: name.into(),
         place: Place::Whole,
-        problem,
-        remedy: remedy.into(),
-    };
-    let file = std::fs::File::open(path)
-        .map_err(|e| error(format!("cannot open: {e}"), "check the name and that you may read it"))?;
-    if file.metadata().is_ok_and(|m| m.is_dir()) {
-        return Err(error("this is a folder, not a file".into(), "name the scene file inside it"));
-    }
-    let expected = file.metadata().map_or(0, |m| m.len()).min(limits.file_bytes);
-    let mut bytes = Vec::with_capacity(expected as usize + 1);
-    file.take(limits.file_bytes + 1)
-        .read_to_end(&mut bytes)
-        .map_err(|e| error(format!("cannot read: {e}"), "check the disk and your permissions"))?;
-    if bytes.len() as u64 > limits.file_bytes {
-        return Err(error(format!("larger than the limit of {} bytes", limits.file_bytes), "split the scene"));
-    }
+        problem: refused.problem,
+        remedy: refused.remedy.into(),
+    })?;
     unpacked(bytes, name, limits)
 }

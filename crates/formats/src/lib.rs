@@ -13,6 +13,7 @@ pub mod input;
 mod json_place;
 pub mod limits;
 pub mod mesh;
+pub mod open;
 pub mod scene;
 mod strip;
 pub mod textures;

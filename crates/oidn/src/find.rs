@@ -20,7 +20,8 @@ pub fn candidates(named: Option<&Path>) -> Vec<PathBuf> {
 fn in_folder(folder: &Path) -> Option<PathBuf> {
     let mut entries: Vec<_> = std::fs::read_dir(folder).ok()?.flatten().map(|e| e.path()).collect();
     entries.sort();
-    let here = entries.iter().find(|p| p.file_name().is_some_and(|n| is_library_name(&n.to_string_lossy())));
+    let is_library = |p: &&PathBuf| p.file_name().is_some_and(|n| is_library_name(&n.to_string_lossy())) && p.is_file();
+    let here = entries.iter().find(is_library);
     let is_folder = |p: &&PathBuf| p.is_dir() && !p.is_symlink();
     here.cloned().or_else(|| entries.iter().filter(is_folder).find_map(|p| in_folder(p)))
 }

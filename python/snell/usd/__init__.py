@@ -20,7 +20,7 @@ __all__ = ["EXTENSIONS", "convert", "load"]
 EXTENSIONS = (".usd", ".usda", ".usdc", ".usdz")
 
 
-def load(path: Any, *, variants: dict[str, str] | None = None, time: float | None = None) -> Any:
+def load(path: Any, *, variants: dict[str, str] | None = None, time: float | None = None, allow_outside: bool = False) -> Any:
     """The scene of a USD stage, as `snell.load` gives it for other files.
 
     Parameters
@@ -32,6 +32,8 @@ def load(path: Any, *, variants: dict[str, str] | None = None, time: float | Non
         such a set.
     time : float, optional
         Time code at which values that change are read; without it, the default values, or else those of the first sample.
+    allow_outside : bool, optional
+        Lets the stage name files outside of its folder.
     """
     import os
     import tempfile
@@ -41,7 +43,10 @@ def load(path: Any, *, variants: dict[str, str] | None = None, time: float | Non
     from snell import _snell
 
     path = os.fspath(path)
-    text, remarks = convert(path, variants=variants, time=time)
+    try:
+        text, remarks = convert(path, variants=variants, time=time, allow_outside=allow_outside)
+    except ValueError as error:
+        raise ValueError(str(error).replace("give --allow-outside", "call snell.usd.load with allow_outside=True")) from error
     for remark in remarks:
         warnings.warn(remark, snell.SceneWarning, stacklevel=2)
     with tempfile.TemporaryDirectory() as folder:
@@ -51,27 +56,57 @@ def load(path: Any, *, variants: dict[str, str] | None = None, time: float | Non
         return _snell.load(bridge)
 
 
-def convert(path: str, *, variants: dict[str, str] | None = None, time: float | None = None) -> tuple[str, list[str]]:
-    """The text of a ``.snell`` file for a stage, and remarks on what was left out."""
+def convert(
+    path: str,
+    *,
+    variants: dict[str, str] | None = None,
+    time: float | None = None,
+    allow_outside: bool = False,
+    name: str | None = None,
+    most_layers: int = 10_000,
+) -> tuple[str, list[str]]:
+    """The text of a ``.snell`` file for a stage, and remarks on what was left out. `name` is that of the file in messages."""
     try:
         import numpy  # noqa: F401
-        from pxr import Usd
+        from pxr import Tf, Usd, UsdUtils
     except ImportError as error:
         raise ImportError("reading USD needs the packages usd-core and numpy: pip install 'snell[usd]', or pip install usd-core numpy") from error
     from ._context import Context
+    from ._files import Files, StageError, cause
     from ._tree import document
 
+    name = path if name is None else name
+    # What USD reports itself becomes remarks, instead of lines on standard error.
+    diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
     try:
+        files = Files(path, allow_outside=allow_outside, most=most_layers)
+        # Held, so that the stage finds them opened.
+        layers = files.layers()
         stage = Usd.Stage.Open(path)
-    except Exception as error:
-        # The first of the errors is the cause; what stands before the colon is where in the library.
-        first = next((line.split(" : '", 1)[1] for line in str(error).splitlines() if " : '" in line), str(error))
-        raise ValueError(f"{path}: not a USD stage that can be opened: {first.strip().rstrip(chr(39))}") from error
-    _choose_variants(stage, variants or {})
-    try:
-        return document(Context(stage, time), path)
+        _choose_variants(stage, variants or {})
+        context = Context(stage, time, files)
+        text = document(context, name)
+        files.check_opened(stage)
+        del layers
+    except Tf.ErrorException as error:
+        raise ValueError(f"{name}: not a USD stage that can be opened: {cause(error)}; check the file") from error
+    except StageError as error:
+        raise ValueError(f"{name}: {error}") from error
     except RecursionError as error:
-        raise ValueError(f"{path}: prims lie too deep in one another") from error
+        raise ValueError(f"{name}: prims lie too deep in one another; flatten the stage") from error
+    finally:
+        reported = [_reported(said.commentary) for said in diagnostics.TakeUncoalescedDiagnostics()]
+    for remark in reported:
+        context.remark(remark)
+    remarks = [remark if count == 1 else f"{remark} ({count} times)" for remark, count in context.remarks.items()]
+    return text, remarks
+
+
+def _reported(text: str) -> str:
+    """What USD reports, without the addresses of its own memory."""
+    import re
+
+    return " ".join(re.sub(r"\((?:instantiating|recomposing) stage on stage .*?\)", "", text, flags=re.DOTALL).split())
 
 
 def _choose_variants(stage: Any, variants: dict[str, str]) -> None:

@@ -1,4 +1,4 @@
-"""``python3 -m snell.usd IN OUT.snell``, and what the command ``snell`` runs."""
+"""``python3 -m snell.usd [--allow-outside] IN OUT.snell``, and what the command ``snell`` runs."""
 
 from __future__ import annotations
 
@@ -9,18 +9,21 @@ import tempfile
 from . import convert
 
 
-def main(arguments: list[str]) -> int:
-    """Exit code 0 done, 1 failed, 2 wrong usage, 3 without the package ``usd-core``."""
+def main(arguments: list[str], name: str | None = None) -> int:
+    """Exit code 0 done, 1 failed, 2 wrong usage, 3 without the package ``usd-core``. `name` is that of the stage in messages."""
+    trusted = arguments[:1] == ["--allow-outside"]
+    arguments = arguments[trusted:]
     if len(arguments) != 2:
-        print("usage: python3 -m snell.usd IN OUT.snell (OUT may be - for standard output)", file=sys.stderr)
+        print("usage: python3 -m snell.usd [--allow-outside] IN OUT.snell (OUT may be - for standard output)", file=sys.stderr)
         return 2
     try:
-        text, remarks = convert(arguments[0])
-    except (ImportError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        text, remarks = convert(arguments[0], name=name, allow_outside=trusted)
+    except (ImportError, MemoryError, ValueError) as error:
+        problem = f"{name or arguments[0]}: it needs more memory than there is" if isinstance(error, MemoryError) else error
+        _say("error", str(problem))
         return 3 if isinstance(error, ImportError) else 1
     for remark in remarks:
-        print(f"warning: {remark}", file=sys.stderr)
+        _say("warning", remark)
     if arguments[1] == "-":
         sys.stdout.write(text)
         return 0
@@ -31,6 +34,11 @@ def main(arguments: list[str]) -> int:
     os.chmod(file.name, 0o644)
     os.replace(file.name, arguments[1])
     return 0
+
+
+def _say(kind: str, text: str) -> None:
+    """One line on standard error, whatever the names in it hold."""
+    print(f"{kind}: {' '.join(text.split())}".encode("utf-8", "backslashreplace").decode(), file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -7,8 +7,9 @@ import math
 from typing import Any
 
 import numpy as np
-from pxr import Ar, Usd, UsdGeom
+from pxr import Usd, UsdGeom
 
+from ._files import Files
 from ._motion import Motion
 
 __all__ = ["Context", "color_form", "direction", "numbers", "rows", "scalar_form"]
@@ -44,8 +45,8 @@ def scalar_form(factor: float, texture: tuple[int, int] | None = None) -> dict[s
 class Context:
     """A stage at a time, and the document that is made from it."""
 
-    def __init__(self, stage: Any, time: float | None) -> None:
-        self.stage = stage
+    def __init__(self, stage: Any, time: float | None, files: Files) -> None:
+        self.stage, self.files = stage, files
         self.time = Usd.TimeCode.Default() if time is None else Usd.TimeCode(time)
         if time is None and stage.HasAuthoredTimeCodeRange():
             # What has samples only has no default value.
@@ -145,20 +146,19 @@ class Context:
             self.known[key] = len(self.materials) - 1
         return len(self.materials) - 1
 
-    def picture(self, asset: Any) -> dict[str, Any] | None:
-        """A picture as the file has it."""
-        path = asset.resolvedPath or asset.path
-        found = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path)) if path else None
-        if not found:
-            self.remark(f"the picture {asset.path!r} cannot be opened; a magenta checkerboard stands in for this texture")
+    def picture(self, asset: Any, attribute: Any) -> dict[str, Any] | None:
+        """A picture as the file has it; the attribute is the one that names it."""
+        content, problem = self.files.picture(asset, attribute)
+        if content is None:
+            self.remark(f"{attribute.GetPrim().GetPath()}: the picture {asset.path!r}: {problem}; a magenta checkerboard stands in for this texture")
             return None
-        return {"encoded": base64.b64encode(bytes(found.GetBuffer())).decode("ascii")}
+        return {"encoded": base64.b64encode(content).decode("ascii")}
 
-    def image(self, asset: Any) -> int:
+    def image(self, asset: Any, attribute: Any) -> int:
         """The number of a picture for textures."""
         key = ("image", asset.resolvedPath or asset.path)
         if key not in self.known:
-            picture = self.picture(asset)
+            picture = self.picture(asset, attribute)
             if picture is None:
                 checker = [255, 0, 255, 0, 0, 0, 0, 0, 0, 255, 0, 255]
                 picture = {"width": 2, "height": 2, "channels": 3, "encoding": "srgb", "pixels": {"u8": checker}}

@@ -124,10 +124,11 @@ def _area_light(context: Context, prim: Any, kind: str, scale: list[float]) -> t
 
 def _picture(context: Context, prim: Any) -> int | None:
     """The texture of a rectangle: its first row is at +y, and it is upright where it shines."""
-    asset = context.value(prim.GetAttribute("inputs:texture:file"))
+    file = prim.GetAttribute("inputs:texture:file")
+    asset = context.value(file)
     if prim.GetTypeName() != "RectLight" or not asset or not asset.path:
         return None
-    return context.texture(context.image(asset), is_srgb=True, wrap=["clamp", "clamp"], uv_transform=np.eye(3))
+    return context.texture(context.image(asset, file), is_srgb=True, wrap=["clamp", "clamp"], uv_transform=np.eye(3))
 
 
 def _point(context: Context, prim: Any, world: np.ndarray, color: np.ndarray, cone: float | None) -> None:
@@ -154,11 +155,12 @@ def _dome(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) -> 
     if context.environment is not None:
         context.remark(f"{prim.GetPath()}: a second dome light is left out")
         return
-    asset = context.value(prim.GetAttribute("inputs:texture:file"))
+    file = prim.GetAttribute("inputs:texture:file")
+    asset = context.value(file)
     layout = str(context.value(prim.GetAttribute("inputs:texture:format"), "automatic"))
     if layout not in ("automatic", "latlong"):
         context.remark(f"{prim.GetPath()}: the layout {layout} of the picture of a dome is not supported; it is taken for latlong")
-    picture = context.picture(asset) if asset and asset.path else None
+    picture = context.picture(asset, file) if asset and asset.path else None
     if picture is None:
         context.environment = {"constant": [float(x) for x in color]}
         return

@@ -184,7 +184,7 @@ class Network:
             st = self._placement(given)
         if tiling := shader.GetInput("uvtiling"):
             st = np.diag([*np.array(self._resolve(tiling).value or (1, 1), dtype=np.float64), 1.0]) @ st
-        return _Picture(self.context.image(asset), space, wraps, scale, bias, st)
+        return _Picture(self.context.image(asset, (file.GetValueProducingAttributes() or [file.GetAttr()])[0]), space, wraps, scale, bias, st)
 
     def _placement(self, given: Any, depth: int = 0) -> np.ndarray:
         """The map of texture coordinates before the picture."""

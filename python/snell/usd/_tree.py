@@ -11,6 +11,7 @@ from pxr import Gf, Usd, UsdGeom, UsdLux, UsdRender, UsdSkel
 from ._cameras import camera
 from ._context import Context, rows
 from ._curves import curves
+from ._files import StageError
 from ._lights import light, mesh_light
 from ._meshes import mesh
 from ._shapes import points, shape
@@ -18,8 +19,8 @@ from ._shapes import points, shape
 __all__ = ["document"]
 
 
-def document(context: Context, name: str) -> tuple[str, list[str]]:
-    """The text of a stage, and remarks on what was left out."""
+def document(context: Context, name: str) -> str:
+    """The text of a stage."""
     _pose(context)
     context.nodes[0]["transform"] = rows(context.world)
     root = context.motion.add_joint("stage", None, 0, rows(context.world))
@@ -41,8 +42,7 @@ def document(context: Context, name: str) -> tuple[str, list[str]]:
         "meshes": context.meshes,
         **context.motion.form(),
     }
-    remarks = [text if count == 1 else f"{text} ({count} times)" for text, count in context.remarks.items()]
-    return json.dumps(form), remarks
+    return json.dumps(form)
 
 
 def _settings(context: Context) -> dict[str, Any]:
@@ -95,6 +95,16 @@ def _children(context: Context, prim: Any, world: np.ndarray, joint: int) -> lis
 
 
 def _node(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int | None:
+    """The node of a prim and what is below it. Values that are not what the schema says are errors with the prim's path."""
+    try:
+        return _node_of(context, prim, parent, joint)
+    except StageError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        raise StageError(f"at {prim.GetPath()}: its values cannot be used: {error}; write them as the schema says") from error
+
+
+def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int | None:
     imageable = UsdGeom.Imageable(prim)
     if imageable:
         if context.value(imageable.GetVisibilityAttr()) == "invisible":

@@ -11,6 +11,7 @@ use crate::progress::duration;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use snell_formats::image::{AnimatedFormat, AnimatedWriter};
+use snell_formats::open::{self, NamedBy};
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -222,7 +223,7 @@ struct Memory {
 impl Memory {
     fn open(place: &Place, fingerprint: String, options: &Options) -> Result<Self, Failure> {
         let path = place.memory();
-        let known = std::fs::read_to_string(&path).ok();
+        let known = if path.exists() { String::from_utf8(read(&path)?).ok() } else { None };
         let mut lines = known.as_deref().unwrap_or("").lines();
         let goes_on = options.resume && lines.next() == Some(&fingerprint);
         let done = if goes_on { lines.filter_map(|line| line.parse().ok()).collect() } else { BTreeSet::new() };
@@ -396,7 +397,6 @@ fn assemble(place: &Place, frames: &[Frame], rate: f64) -> Result<String, Failur
 }
 
 fn encode(format: AnimatedFormat, out: impl Write, files: &[PathBuf], rate: f64) -> Result<(), Failure> {
-    let read = |file: &PathBuf| std::fs::read(file).map_err(|e| io(file, e));
     let failed = |problem: String| Failure::Other(format!("the animated picture cannot be written: {problem}"));
     let first = read(&files[0])?;
     let mut writer = AnimatedWriter::new(format, out, &first, rate, files.len() as u32).map_err(failed)?;
@@ -404,6 +404,11 @@ fn encode(format: AnimatedFormat, out: impl Write, files: &[PathBuf], rate: f64)
         writer.add(&read(file)?).map_err(failed)?;
     }
     writer.finish().map_err(failed)
+}
+
+/// The content of a file of our own making, which may have become a pipe.
+fn read(path: &Path) -> Result<Vec<u8>, Failure> {
+    open::read(path, NamedBy::File, u64::MAX - 1).map_err(|e| Failure::Other(format!("{}: {e}", path.display())))
 }
 
 fn io(path: &Path, error: std::io::Error) -> Failure {

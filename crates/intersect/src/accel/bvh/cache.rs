@@ -168,6 +168,9 @@ fn write_all(path: &Path, wide: &Wide, skipped: &[u32]) -> Result<()> {
 
 /// Maps a tree; `None` if there is no such file.
 pub(super) fn read(path: &Path, triangles: usize, objects: usize) -> Result<Option<Cached>> {
+    if std::fs::metadata(path).is_ok_and(|known| !known.is_file()) {
+        return Err(Error::new(ErrorKind::InvalidData, "it is a pipe, a device or a folder, and not a file"));
+    }
     let mut file = match File::open(path) {
         Ok(file) => file,
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),

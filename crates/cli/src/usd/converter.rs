@@ -1,0 +1,63 @@
+//! The converter as one program, which Python reads from its input.
+
+/// A module of the converter: its name, and its text.
+macro_rules! modules {
+    ($($name:literal),* $(,)?) => {
+        [$(($name, include_str!(concat!("../../../../python/snell/usd/", $name, ".py")))),*]
+    };
+}
+/// The modules of the converter; the first is the package itself.
+const MODULES: [(&str, &str); 15] = modules![
+    "__init__",
+    "_files",
+    "_motion",
+    "_context",
+    "_polygons",
+    "_networks",
+    "_materials",
+    "_bindings",
+    "_meshes",
+    "_shapes",
+    "_curves",
+    "_cameras",
+    "_lights",
+    "_tree",
+    "__main__",
+];
+/// What Python runs first: the rest comes from standard input, which stays open after it.
+pub const BOOT: &str = "import sys; exec(sys.stdin.buffer.read(int(sys.argv[1])))";
+/// Sets limits, makes modules of their texts, and runs the last: a finder, so that a module is run when it is imported.
+const START: &str = include_str!("start.py");
+
+/// The text of the program. Its arguments are its own length in bytes, the name of the stage in messages, and those of
+/// `python3 -m snell.usd`.
+pub fn program() -> String {
+    let mut text = String::from("TEXTS = {\n");
+    for (name, source) in MODULES {
+        let module = if name == "__init__" { "snell_usd".into() } else { format!("snell_usd.{name}") };
+        // What JSON writes of a text is a literal of Python.
+        text += &format!("{module:?}: {},\n", serde_json::Value::from(source));
+    }
+    text + "}\n" + START
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn every_module_of_the_converter_is_carried() {
+        let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../python/snell/usd"));
+        let mut found: Vec<String> = std::fs::read_dir(folder)
+            .expect("the folder is there")
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .filter(|path| path.extension().is_some_and(|e| e == "py"))
+            .map(|path| path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default())
+            .collect();
+        found.sort();
+        let mut carried: Vec<String> = MODULES.iter().map(|(name, _)| (*name).to_owned()).collect();
+        carried.sort();
+        assert_eq!(carried, found);
+    }
+}

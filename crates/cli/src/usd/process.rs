@@ -1,0 +1,143 @@
+//! The Python that reads a stage: one that imports nothing from the current folder or that of the scene, with limits of time, memory
+//! and output, that ends when this program does.
+
+use super::converter;
+use snell_formats::ReadOptions;
+use std::ffi::OsStr;
+use std::io::{Read, Result, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+/// Longest time that reading a stage may take.
+pub const TIME: Duration = Duration::from_secs(600);
+/// Most bytes of messages that are kept.
+const MOST_SAID: u64 = 16 << 20;
+/// How often the process is looked at.
+const INTERVAL: Duration = Duration::from_millis(5);
+/// Variables that change what Python and USD load; they may say "the current folder".
+const FOREIGN: [&str; 7] = ["PYTHON", "PXR_", "USD", "TF_", "AR_", "SDF_", "PCP_"];
+
+/// How the process ended.
+pub enum End {
+    /// By itself.
+    Exit(i32),
+    /// By a signal.
+    Killed,
+    /// It took longer than [`TIME`].
+    TooLong,
+    /// It wrote more than a file may hold.
+    TooLarge,
+}
+
+/// What the process gave.
+pub struct Answer {
+    pub end: End,
+    /// Its standard output.
+    pub scene: Vec<u8>,
+    /// Its standard error.
+    pub said: String,
+}
+
+/// The programs `python3` and `python` of the search path, but for entries that depend on where one is: relative ones, and the
+/// current folder and that of the scene.
+pub fn interpreters(scene: &Path) -> Vec<PathBuf> {
+    let here = [std::env::current_dir().ok(), absolute(scene).parent().map(Path::to_path_buf)];
+    let here: Vec<_> = here.into_iter().flatten().filter_map(|folder| folder.canonicalize().ok()).collect();
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let folders: Vec<_> = std::env::split_paths(&path)
+        .filter(|folder| folder.is_absolute() && folder.canonicalize().is_ok_and(|folder| !here.contains(&folder)))
+        .collect();
+    let find = |name: &str| {
+        let name = format!("{name}{}", std::env::consts::EXE_SUFFIX);
+        folders.iter().map(|folder| folder.join(&name)).find(|program| is_program(program))
+    };
+    ["python3", "python"].into_iter().filter_map(find).collect()
+}
+
+fn is_program(path: &Path) -> bool {
+    let Ok(known) = path.metadata() else { return false };
+    #[cfg(unix)]
+    if std::os::unix::fs::PermissionsExt::mode(&known.permissions()) & 0o111 == 0 {
+        return false;
+    }
+    known.is_file()
+}
+
+fn absolute(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf())
+}
+
+/// Runs the converter.
+pub fn run(python: &Path, scene: &Path, options: &ReadOptions) -> Result<Answer> {
+    let program = converter::program();
+    let mut process = Process(command(python, scene, options, program.len()).spawn()?);
+    let (stdin, stdout, stderr) = (process.0.stdin.take(), process.0.stdout.take(), process.0.stderr.take());
+    let limit = options.limits.file_bytes;
+    std::thread::scope(|threads| {
+        // Threads, so that neither side waits for the other for ever. The pipe of the program stays open: the process ends when it
+        // closes. One that ends early says why by itself.
+        let input = threads.spawn(move || stdin.map(|mut pipe| pipe.write_all(program.as_bytes()).map(|()| pipe)));
+        let output = threads.spawn(move || read(stdout, limit));
+        let said = threads.spawn(move || read(stderr, MOST_SAID));
+        let status = process.wait(Instant::now() + TIME);
+        drop(process);
+        drop(input.join());
+        let [scene, said] = [output, said].map(|reader| reader.join().unwrap_or_default());
+        let end = match status? {
+            _ if scene.len() as u64 > limit => End::TooLarge,
+            None => End::TooLong,
+            Some(status) => status.code().map_or(End::Killed, End::Exit),
+        };
+        Ok(Answer { end, scene, said: String::from_utf8_lossy(&said).into_owned() })
+    })
+}
+
+fn command(python: &Path, scene: &Path, options: &ReadOptions, length: usize) -> Command {
+    let path = absolute(scene);
+    let mut command = Command::new(python);
+    command.args(["-I", "-B", "-X", "utf8", "-c", converter::BOOT]).arg(length.to_string()).arg(scene);
+    if options.allow_outside {
+        command.arg("--allow-outside");
+    }
+    command.arg(&path).arg("-").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    // Nothing that is looked for in the current folder is found there, libraries included.
+    command.current_dir(path.ancestors().last().unwrap_or(&path));
+    let is_foreign = |name: &OsStr| FOREIGN.iter().any(|start| name.to_string_lossy().starts_with(start));
+    for (name, _) in std::env::vars_os().filter(|(name, _)| is_foreign(name)) {
+        command.env_remove(name);
+    }
+    command
+}
+
+/// What comes from a pipe, and one byte more than the limit if there is more. The other side cannot write on then.
+fn read(pipe: Option<impl Read>, limit: u64) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    // What was read before an error is what there is; how the process ended says the rest.
+    let _ = pipe.map(|pipe| pipe.take(limit.saturating_add(1)).read_to_end(&mut bytes));
+    bytes
+}
+
+/// A process that ends with this value.
+struct Process(Child);
+
+impl Process {
+    /// Waits until it ends; `None` if it did not in time.
+    fn wait(&mut self, until: Instant) -> Result<Option<ExitStatus>> {
+        while Instant::now() < until {
+            if let Some(status) = self.0.try_wait()? {
+                return Ok(Some(status));
+            }
+            std::thread::sleep(INTERVAL);
+        }
+        Ok(None)
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended already.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}

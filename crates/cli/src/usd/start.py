@@ -1,0 +1,60 @@
+import importlib.abc, importlib.machinery, os, signal, site, sys, threading
+
+
+def end_with_the_parent():
+    # Its end of the pipe closes when it ends, however it ends.
+    while os.read(0, 1):
+        pass
+    os._exit(1)
+
+
+def set_limits():
+    try:
+        import resource
+    except ImportError:
+        return
+    def limit(kind, most):
+        known = [value for value in resource.getrlimit(kind) if value != resource.RLIM_INFINITY]
+        resource.setrlimit(kind, (min([most, *known]), resource.getrlimit(kind)[1]))
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    try:
+        with open("/sys/fs/cgroup/memory.max") as file:
+            memory = min(memory, int(file.read()))
+    except (OSError, ValueError):
+        pass
+    # The rest is for the scene, which grows on the other side. Files that are mapped and space that is only reserved count for
+    # the addresses alone.
+    memory = memory // 4 * 3
+    for kind, most in (("RLIMIT_DATA", memory), ("RLIMIT_AS", memory + (256 << 30)), ("RLIMIT_CORE", 0)):
+        try:
+            limit(getattr(resource, kind), most)
+        except (AttributeError, OSError, ValueError):
+            pass
+
+
+class Carried(importlib.abc.MetaPathFinder, importlib.abc.InspectLoader):
+    def find_spec(self, name, path=None, target=None):
+        if name in TEXTS:
+            return importlib.machinery.ModuleSpec(name, self, origin=name, is_package=self.is_package(name))
+
+    def is_package(self, name):
+        return name == "snell_usd"
+
+    def get_source(self, name):
+        return TEXTS[name]
+
+
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+threading.Thread(target=end_with_the_parent, daemon=True).start()
+set_limits()
+# Only the scene goes to standard output; what libraries print goes where messages go.
+sys.stdout = open(os.dup(1), "w", encoding="utf-8", newline="\n")
+os.dup2(2, 1)
+# An isolated Python leaves out what the user installed without rights on the system (pip install --user): it is added, but
+# nothing in it is run before it is imported.
+if sys.prefix == sys.base_prefix and os.path.isabs(site.getusersitepackages()):
+    sys.path.append(site.getusersitepackages())
+sys.meta_path.insert(0, Carried())
+from snell_usd.__main__ import main
+
+sys.exit(main(sys.argv[3:], sys.argv[2]))

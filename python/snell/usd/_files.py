@@ -1,0 +1,184 @@
+"""The files of a stage: ordinary ones in its folder, unless the user trusts it. They are looked at before USD opens any of them."""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+import stat
+from collections.abc import Iterator
+from typing import Any
+
+from pxr import Ar, Sdf, Tf
+
+__all__ = ["Files", "StageError", "cause"]
+
+#: Kinds of layers that name files in no other way than USD's own.
+_LAYERS = (".usd", ".usda", ".usdc", ".usdz")
+_TRUST = "or give --allow-outside if you trust the scene"
+
+
+class StageError(ValueError):
+    """A fault of a stage: where it is, what was found, what to do."""
+
+
+def cause(error: Exception) -> str:
+    """The first of the errors that USD reports; what stands before the colon is where in the library."""
+    lines = str(error).splitlines()
+    return next((line.split(" : '", 1)[1] for line in lines if " : '" in line), str(error)).strip().rstrip("'")
+
+
+class Files:
+    """Which files the stage at `path` may open; at most `most` layers."""
+
+    def __init__(self, path: str, *, allow_outside: bool, most: int) -> None:
+        self.path, self.allow_outside, self.most = path, allow_outside, most
+        self.folder = os.path.realpath(os.path.dirname(path) or ".")
+
+    def layers(self) -> list[Any]:
+        """The layers of the stage, opened one after the other, each looked at by its name before."""
+        if problem := _not_a_file(self.path):
+            raise StageError(f"{problem}; name an ordinary file")
+        resolver = Ar.GetResolver()
+        root = Sdf.Layer.FindOrOpen(self.path)
+        if not root:
+            raise StageError("this is not a USD stage that can be opened; check the file")
+        found, known, todo = [root], {root.identifier}, [root]
+        with Ar.ResolverContextBinder(resolver.CreateDefaultContextForAsset(self.path)):
+            while todo:
+                layer = todo.pop()
+                for name in layer.GetCompositionAssetDependencies():
+                    identifier = self._vetted(layer, name)
+                    if identifier in known:
+                        continue
+                    known.add(identifier)
+                    if len(known) > self.most:
+                        raise StageError(f"it names more than {self.most} layers; split the stage")
+                    if further := _opened(identifier):
+                        found.append(further)
+                        todo.append(further)
+                for name, place in _clips(layer):
+                    self._vetted(layer, name, place)
+        return found
+
+    def check_opened(self, stage: Any) -> None:
+        """Refuses a stage that used a layer which was not looked at before."""
+        for layer in stage.GetUsedLayers(True):
+            if not layer.anonymous:
+                self.check(_file(layer.realPath or layer.identifier), layer.identifier, stage.GetRootLayer())
+
+    def check(self, file: str, name: str, layer: Any = None, place: str = "") -> None:
+        """Refuses a file outside of the folder. `layer` and `place` say where it is named."""
+        if self.allow_outside or (os.path.commonpath([self.folder, os.path.realpath(file)]) == self.folder and not _is_address(file)):
+            return
+        problem = f'it names the file "{name}", which lies outside of the scene\'s folder'
+        place = place or (_place(layer, name) if layer else "")
+        raise self._error(layer, place, problem, f"move the file into the folder, {_TRUST}")
+
+    def picture(self, asset: Any, attribute: Any) -> tuple[bytes | None, str]:
+        """The content of a picture that an attribute names, or else why there is none."""
+        path = asset.resolvedPath or asset.path
+        layer = next((spec.layer for spec in attribute.GetPropertyStack() if spec.HasDefaultValue() or spec.HasInfo("timeSamples")), None)
+        file = self._beside(layer, path)
+        self.check(file, asset.path, layer, str(attribute.GetPrim().GetPath()))
+        if problem := _not_a_file(file):
+            return None, problem
+        found = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path)) if asset.resolvedPath else None
+        return (bytes(found.GetBuffer()), "") if found else (None, "cannot be opened")
+
+    def _vetted(self, layer: Any, name: str, place: str = "") -> str:
+        """The identifier of a layer that another one names, once it is known to be a file that may be opened."""
+        if not self.allow_outside and Sdf.VariableExpression.IsExpression(name):
+            problem = f"it names a file by the expression {name}, which may lead out of the scene's folder"
+            raise self._error(layer, place or _place(layer, name), problem, f"write the name itself, {_TRUST}")
+        plain, arguments = Sdf.Layer.SplitIdentifier(name)
+        anchored = Sdf.ComputeAssetPathRelativeToLayer(layer, plain)
+        path = str(Ar.GetResolver().Resolve(anchored)) or anchored
+        file = self._beside(layer, path)
+        for match in _numbered(file):
+            self.check(match, name, layer, place)
+            if problem := _not_a_file(match):
+                raise self._error(layer, place or _place(layer, name), f'it names "{name}": {problem}', "name an ordinary file")
+        kind = os.path.splitext(path.rstrip("]"))[1].lower()
+        if not self.allow_outside and kind not in _LAYERS and os.path.exists(file):
+            problem = f'it names the layer "{name}", of a kind that may read files outside of the scene\'s folder'
+            raise self._error(layer, place or _place(layer, name), problem, f"convert it to USD, {_TRUST}")
+        return str(Sdf.Layer.CreateIdentifier(anchored, arguments))
+
+    def _beside(self, layer: Any, path: str) -> str:
+        """The file that a path leads into; a name that USD did not find counts from the layer that names it."""
+        folder = os.path.dirname(_file(layer.realPath)) if layer else self.folder
+        file = _file(path)
+        return file if _is_address(file) else os.path.join(folder, file)
+
+    def _error(self, layer: Any, place: str, problem: str, remedy: str) -> StageError:
+        other = _file(layer.realPath) if layer else ""
+        where = f"at {place}: " if place else ""
+        if other and os.path.realpath(other) != os.path.realpath(self.path):
+            where = f"{os.path.relpath(os.path.realpath(other), self.folder)}: {where}"
+        return StageError(f"{where}{problem}; {remedy}")
+
+
+def _opened(identifier: str) -> Any:
+    """The layer; nothing if there is none or it is broken, which USD says again when it composes the stage."""
+    try:
+        return Sdf.Layer.FindOrOpen(identifier)
+    except Tf.ErrorException:
+        return None
+
+
+def _file(path: str) -> str:
+    """The file that a path leads into: of `a.usdz[b.usda]`, `a.usdz`."""
+    return str(Ar.SplitPackageRelativePathOuter(path)[0]) if Ar.IsPackageRelativePath(path) else path
+
+
+def _is_address(name: str) -> bool:
+    """True for `file:///…`, `https://…` and their like."""
+    return re.match(r"[A-Za-z][A-Za-z0-9+.-]+:/", name) is not None
+
+
+def _not_a_file(path: str) -> str:
+    """What a path leads to that would be read for ever; empty for files, folders, and where nothing is."""
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return ""
+    if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
+        return ""
+    kind = "pipe" if stat.S_ISFIFO(mode) else "socket" if stat.S_ISSOCK(mode) else "device"
+    return f"this is a {kind}, not a file"
+
+
+def _numbered(file: str) -> list[str]:
+    """The files that a name of a sequence stands for, `clip.###.usd`; another name stands for itself."""
+    if "#" not in file:
+        return [file]
+    return [file, *glob.glob(re.sub("#+", "*", glob.escape(file)))]
+
+
+def _prims(layer: Any) -> Iterator[Any]:
+    """The prims of a layer, those of all variants too."""
+    paths: list[Any] = []
+    layer.Traverse(Sdf.Path.absoluteRootPath, lambda path: paths.append(path) if path.IsPrimPath() or path.IsPrimVariantSelectionPath() else None)
+    return (prim for path in paths if (prim := layer.GetPrimAtPath(path)))
+
+
+def _place(layer: Any, name: str) -> str:
+    """The prim by which a layer names another one; empty for its sublayers."""
+    if name in layer.subLayerPaths:
+        return ""
+    for prim in _prims(layer):
+        for arcs in (prim.referenceList, prim.payloadList):
+            if any(arc.assetPath == name for arc in arcs.GetAddedOrExplicitItems()):
+                return str(prim.path)
+    return ""
+
+
+def _clips(layer: Any) -> Iterator[tuple[str, str]]:
+    """The files of the value clips of a layer, and the prims that name them."""
+    for prim in _prims(layer):
+        clips = prim.GetInfo("clips") if prim.HasInfo("clips") else {}
+        for values in clips.values():
+            names = [values.get("manifestAssetPath"), values.get("templateAssetPath"), *(values.get("assetPaths") or [])]
+            for name in filter(None, (getattr(name, "path", name) for name in names)):
+                yield str(name), str(prim.path)
