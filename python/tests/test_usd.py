@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -411,3 +412,92 @@ def test_transforms_that_change_are_a_motion(tmp_path: Path) -> None:
     assert motion["joints"][joint["parent"]]["name"] == "cart"
     still, _ = document(stage(tmp_path, text.replace(".timeSamples = {0: (0, 0, 0), 48: (4, 0, 0)}", " = (1, 0, 0)").replace(".timeSamples = {0: 0, 48: 360}", " = 5")))
     assert "motion" not in still
+
+
+BALL = '#usda 1.0\n( defaultPrim = "ball" )\ndef Sphere "ball"\n{\n}\n'
+
+
+def folder_with_a_file_outside(tmp_path: Path) -> Path:
+    pytest.importorskip("pxr")
+    inside, outside = tmp_path / "inside", tmp_path / "outside"
+    inside.mkdir()
+    outside.mkdir()
+    for folder in (inside, outside):
+        (folder / "ball.usda").write_text(BALL)
+    (inside / "link.usda").symlink_to(outside / "ball.usda")
+    (inside / "linked").symlink_to(outside)
+    (inside / "clip.001.usda").symlink_to(outside / "ball.usda")
+    return inside
+
+
+CLIPS = '(clips = { dictionary default = { CLIP string primPath = "/ball"; double2[] active = [(0, 0)]; double2[] times = [(0, 0)] } })'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'def "s" (references = @../outside/ball.usda@) {\n}',
+        'def "s" (references = @link.usda@) {\n}',
+        'def "s" (references = @linked/ball.usda@) {\n}',
+        'def "s" (payload = @../outside/ball.usda@) {\n}',
+        'def "s" (references = @/nowhere/ball.usda@) {\n}',
+        'def "s" (references = @file:///nowhere/ball.usda@) {\n}',
+        'def "s" (references = @../outside/ball.usdz[ball.usda]@) {\n}',
+        'def "s" (references = @`"../outside/ball.usda"`@) {\n}',
+        "( subLayers = [@../outside/ball.usda@] )",
+        'def "s" (variants = { string v = "a" }; prepend variantSets = "v") {\n variantSet "v" = {\n "a" (references = @../outside/ball.usda@) {\n}\n}\n}',
+        'def Sphere "ball" ' + CLIPS.replace("CLIP", "asset[] assetPaths = [@../outside/ball.usda@]; asset manifestAssetPath = @ball.usda@;") + " {\n}",
+        'def Sphere "ball" ' + CLIPS.replace("CLIP", 'string templateAssetPath = "./clip.###.usda";') + " {\n}",
+        'def RectLight "panel" {\n asset inputs:texture:file = @/etc/passwd@\n}',
+        'def RectLight "panel" {\n asset inputs:texture:file = @../outside/a.png@\n}',
+        'def DomeLight "sky" {\n asset inputs:texture:file = @../outside/a.<UDIM>.png@\n}',
+    ],
+)
+def test_a_file_outside_of_the_folder_of_a_stage_is_refused_before_it_is_opened(tmp_path: Path, text: str) -> None:
+    path = folder_with_a_file_outside(tmp_path) / "stage.usda"
+    path.write_text("#usda 1.0\n" + text)
+    with pytest.raises(ValueError, match="outside of the scene's folder; .*--allow-outside if you trust the scene") as error:
+        snell.usd.convert(str(path))
+    assert str(error.value).startswith(f"{path}: ") and "\n" not in str(error.value)
+    with pytest.raises(ValueError, match="allow_outside=True"):
+        snell.load(path)
+
+
+def test_files_in_the_folder_and_trusted_ones_are_read(tmp_path: Path) -> None:
+    inside = folder_with_a_file_outside(tmp_path)
+    (inside / "good.usda").symlink_to(inside / "ball.usda")
+    path = inside / "stage.usda"
+    for name in ("./ball.usda", "good.usda"):
+        path.write_text(f'#usda 1.0\ndef "s" (references = @{name}@) {{\n}}\n')
+        assert snell.usd.convert(str(path))[1] == []
+    path.write_text('#usda 1.0\ndef "s" (references = @../outside/ball.usda@) {\n}\n')
+    form, remarks = document(str(path), allow_outside=True)
+    assert remarks == [] and any(node.get("surfaces") for node in form["nodes"])
+    path.write_text('#usda 1.0\ndef "s" (references = @./missing.usda@) {\n}\n')
+    (remark,) = snell.usd.convert(str(path))[1]
+    assert "Could not open asset" in remark and "missing.usda" in remark and "0x" not in remark
+
+
+def test_pipes_and_devices_are_not_opened(tmp_path: Path) -> None:
+    pytest.importorskip("pxr")
+    os.mkfifo(tmp_path / "pipe.usda")
+    os.mkfifo(tmp_path / "pipe.png")
+    with pytest.raises(ValueError, match="this is a pipe, not a file"):
+        snell.load(tmp_path / "pipe.usda")
+    path = tmp_path / "stage.usda"
+    path.write_text('#usda 1.0\ndef "s" (references = @./pipe.usda@) {\n}\n')
+    for trusted in (False, True):
+        with pytest.raises(ValueError, match='at /s: it names "./pipe.usda": this is a pipe, not a file'):
+            snell.usd.convert(str(path), allow_outside=trusted)
+    for name in ("pipe.png", "/dev/zero"):
+        path.write_text(f'#usda 1.0\ndef RectLight "panel" {{\n asset inputs:texture:file = @{name}@\n}}\n')
+        (remark,) = snell.usd.convert(str(path), allow_outside=True)[1]
+        assert "not a file; a magenta checkerboard" in remark
+
+
+def test_values_that_the_schema_does_not_know_are_errors_with_their_prim(tmp_path: Path) -> None:
+    pytest.importorskip("pxr")
+    path = tmp_path / "stage.usda"
+    path.write_text('#usda 1.0\ndef Sphere "ball"\n{\n    string radius = "wide"\n}\n')
+    with pytest.raises(ValueError, match="stage.usda: at /ball: its values cannot be used: .*; write them as the schema says"):
+        snell.load(path)

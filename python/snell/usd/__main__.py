@@ -8,6 +8,9 @@ import tempfile
 
 from . import convert
 
+#: Most remarks that are written.
+_MOST_REMARKS = 10_000
+
 
 def main(arguments: list[str], name: str | None = None) -> int:
     """Exit code 0 done, 1 failed, 2 wrong usage, 3 without the package ``usd-core``. `name` is that of the stage in messages."""
@@ -22,8 +25,10 @@ def main(arguments: list[str], name: str | None = None) -> int:
         problem = f"{name or arguments[0]}: it needs more memory than there is" if isinstance(error, MemoryError) else error
         _say("error", str(problem))
         return 3 if isinstance(error, ImportError) else 1
-    for remark in remarks:
+    for remark in remarks[:_MOST_REMARKS]:
         _say("warning", remark)
+    if len(remarks) > _MOST_REMARKS:
+        _say("warning", f"{len(remarks) - _MOST_REMARKS} more remarks of this kind")
     if arguments[1] == "-":
         sys.stdout.write(text)
         return 0

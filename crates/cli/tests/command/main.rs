@@ -7,5 +7,8 @@ mod interrupt;
 mod motion;
 mod options;
 mod output;
+#[cfg(unix)]
+mod pipes;
 mod statistics;
 mod support;
+mod usd;
