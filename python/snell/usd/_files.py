@@ -47,7 +47,8 @@ class Files:
         with Ar.ResolverContextBinder(resolver.CreateDefaultContextForAsset(self.path)):
             while todo:
                 layer = todo.pop()
-                for name in layer.GetCompositionAssetDependencies():
+                # What refers to its own layer has no name.
+                for name in filter(None, layer.GetCompositionAssetDependencies()):
                     identifier = self._vetted(layer, name)
                     if identifier in known:
                         continue
