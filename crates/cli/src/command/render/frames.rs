@@ -251,6 +251,10 @@ pub fn render(session: &mut Session, stage: &mut Stage) -> Result<Option<ExitCod
         std::fs::create_dir_all(&place.folder).map_err(|e| io(&place.folder, e))?;
     }
     let files: BTreeMap<i64, PathBuf> = frames.iter().map(|f| (f.number, place.file(f.number))).collect();
+    if let Some(first) = files.values().next() {
+        // Names of frames are longer than that of the output.
+        output::check_place(first)?;
+    }
     let fingerprint = fingerprint(options, stage, &frames, rate)?;
     let mut memory = Memory::open(&place, fingerprint, &files, options)?;
     let start = Instant::now();

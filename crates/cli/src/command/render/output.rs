@@ -175,7 +175,7 @@ pub fn write_text(path: &Path, what: &str, text: &str) -> Result<bool, Failure> 
 }
 
 /// Checks that a file may be put there.
-fn check_place(path: &Path) -> Result<(), Failure> {
+pub fn check_place(path: &Path) -> Result<(), Failure> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let (shown, folder_shown) = (path.display(), folder.display());
     if !folder.is_dir() {
