@@ -17,7 +17,8 @@ pub const EXIT_CODE: u8 = 130;
 
 /// Requests to end so far.
 static REQUESTS: AtomicUsize = AtomicUsize::new(0);
-static STATE: Mutex<State> = Mutex::new(State { farewell: Some(Cow::Borrowed("interrupted")), last: None, warned: false });
+static STATE: Mutex<State> =
+    Mutex::new(State { farewell: Some(Cow::Borrowed("interrupted")), last: None, warned: false });
 static CHANGED: Condvar = Condvar::new();
 
 struct State {

@@ -29,10 +29,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> std::result::Result<(), WriteError> {
 }
 
 /// Like [`write()`], for what need not be in memory as a whole: `fill` writes it.
-pub fn write_with(
-    path: &Path,
-    fill: impl FnOnce(&mut dyn Write) -> Result<()>,
-) -> std::result::Result<(), WriteError> {
+pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> std::result::Result<(), WriteError> {
     stage(path, fill).and_then(Staged::place).map_err(io_error(path))
 }
 
@@ -175,7 +172,9 @@ impl Temporary {
         let folder = folder_of(path);
         // The temporary name says nothing to a user, so it does not belong into the error.
         let plain = |e: Error| {
-            std::fs::metadata(folder).err().unwrap_or_else(|| e.raw_os_error().map_or(e.kind().into(), Error::from_raw_os_error))
+            std::fs::metadata(folder)
+                .err()
+                .unwrap_or_else(|| e.raw_os_error().map_or(e.kind().into(), Error::from_raw_os_error))
         };
         let mut builder = tempfile::Builder::new();
         builder.prefix(".snell-").suffix(".tmp");
@@ -260,7 +259,8 @@ mod tests {
         std::fs::create_dir(path("store")).expect("the folder is writable");
         std::fs::write(path("store/a"), "old").expect("the folder is writable");
         std::fs::set_permissions(path("store/a"), PermissionsExt::from_mode(0o640)).expect("it is ours");
-        for (to, link) in [("store/a", "full"), ("full", "twice"), ("store/new", "dangling"), ("/dev/null", "nowhere")] {
+        for (to, link) in [("store/a", "full"), ("full", "twice"), ("store/new", "dangling"), ("/dev/null", "nowhere")]
+        {
             symlink(to, path(link)).expect("the folder is writable");
         }
         for link in ["full", "twice", "dangling", "nowhere"] {

@@ -44,7 +44,8 @@ mod tests {
         assert_eq!(names, ["a.mtl", "a.obj", "a.ppm"]);
         write("a.ppm", "P3 1 1 255 9 9 8\n");
         let after = read("a.obj");
-        let changed: Vec<_> = before.iter().filter(|(path, hash)| after[*path] != **hash).map(|(path, _)| path).collect();
+        let changed: Vec<_> =
+            before.iter().filter(|(path, hash)| after[*path] != **hash).map(|(path, _)| path).collect();
         assert_eq!(changed, [&folder.path().join("a.ppm")]);
     }
 

@@ -86,7 +86,9 @@ fn say_what_is_there(outcome: &Outcome, path: &Path, spp: u32) {
         Fate::Partial => {
             let partial = rescue::partial(path);
             let (partial, path) = (partial.display(), path.display());
-            eprintln!("interrupted in the first pass: {partial} holds what was rendered, with holes; {path} is as it was");
+            eprintln!(
+                "interrupted in the first pass: {partial} holds what was rendered, with holes; {path} is as it was"
+            );
         }
         Fate::Noisy => eprintln!("interrupted while noise was removed: the picture holds it ({least} samples)"),
         _ => eprintln!("interrupted: the picture holds what was rendered ({least} of {spp} samples)"),
@@ -279,12 +281,7 @@ pub(super) fn choose_camera(scene: &Scene, options: &Options) -> Result<Camera, 
     })
 }
 
-fn render(
-    job: &Job,
-    options: &Options,
-    threads: usize,
-    name: &str,
-) -> (snell_render::Film, Statistics) {
+fn render(job: &Job, options: &Options, threads: usize, name: &str) -> (snell_render::Film, Statistics) {
     let reporter = Reporter::new(options.progress, options.quiet, name);
     let limit: Option<Duration> = options.time;
     let start = Instant::now();

@@ -172,7 +172,15 @@ impl Files {
         let camera_number = scene.cameras.iter().position(|c| *c == camera).unwrap_or(0);
         let words = ["snell".as_ref(), "render".as_ref(), name.as_os_str()].into_iter();
         let words = words.chain(self.render.iter().map(OsString::as_os_str));
-        Ok(Opened { scene, camera, camera_number, is_camera_made, settings, display, command: words.map(|word| word.to_string_lossy().into_owned()).collect() })
+        Ok(Opened {
+            scene,
+            camera,
+            camera_number,
+            is_camera_made,
+            settings,
+            display,
+            command: words.map(|word| word.to_string_lossy().into_owned()).collect(),
+        })
     }
 }
 

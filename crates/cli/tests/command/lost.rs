@@ -147,10 +147,14 @@ fn a_picture_with_holes_does_not_replace_a_whole_one() {
     let running = Running::new(place.command(&format!("render cornell-box {ONE_PASS} -o a.png"))).until(1);
     let run = running.ended_by(Signal::SIGINT);
     assert_eq!(run.code, 130, "{}", run.err);
-    let message = "interrupted in the first pass: a.partial.png holds what was rendered, with holes; a.png is as it was";
+    let message =
+        "interrupted in the first pass: a.partial.png holds what was rendered, with holes; a.png is as it was";
     assert!(run.err.contains(message), "{}", run.err);
     assert!(read(&place, "a.png") == whole, "it is as it was");
-    assert_eq!((place.image("a.partial.png").width, place.files()), (1200, vec!["a.partial.png".into(), "a.png".into()]));
+    assert_eq!(
+        (place.image("a.partial.png").width, place.files()),
+        (1200, vec!["a.partial.png".into(), "a.png".into()])
+    );
 }
 
 #[test]
@@ -286,7 +290,8 @@ fn names_need_not_be_text() {
         let mut command = place.command(command);
         assert!(place.finish(command.arg(name(b"\xff.ply")), b"").err.is_empty());
     }
-    for file in [&b"\xfe.png"[..], b"\xff.png", b"\xfb.png", b"\xfd.json", b"\xfa_00.png", b"\xfa_01.png", b"\xf9.obj"] {
+    for file in [&b"\xfe.png"[..], b"\xff.png", b"\xfb.png", b"\xfd.json", b"\xfa_00.png", b"\xfa_01.png", b"\xf9.obj"]
+    {
         assert!(place.path("").join(OsStr::from_bytes(file)).is_file(), "{}", String::from_utf8_lossy(file));
     }
 }
@@ -331,7 +336,11 @@ fn frames_of_what_has_changed_since_are_rendered_again() {
     interrupted();
     let err = again();
     assert!(err.contains("frame 3 of 3") && !err.contains("frame 1 of 3") && !err.contains("warning"), "{err}");
-    for (name, text) in [("a.ppm", "P3 1 1 255 9 9 8\n"), ("a.mtl", "newmtl m\nKd 1 0 0\nmap_Kd a.ppm\n"), ("sky.ppm", "P3 1 1 255 9 9 9\n")] {
+    for (name, text) in [
+        ("a.ppm", "P3 1 1 255 9 9 8\n"),
+        ("a.mtl", "newmtl m\nKd 1 0 0\nmap_Kd a.ppm\n"),
+        ("sky.ppm", "P3 1 1 255 9 9 9\n"),
+    ] {
         interrupted();
         let before = std::fs::metadata(place.path(name)).and_then(|m| m.modified()).expect("it is there");
         place.write(name, text);

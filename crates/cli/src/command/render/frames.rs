@@ -3,7 +3,7 @@
 //! Each frame appears whole or not at all. While not all are there, a file beside them remembers how they are made, so that `--resume`
 //! renders only those that are missing.
 
-mod memory;
+mod resume;
 
 use super::options::Options;
 use super::output::{self, Target, hex};
@@ -12,7 +12,7 @@ use super::{Fate, Outcome, Session, rescue};
 use crate::failure::Failure;
 use crate::progress::duration;
 use crate::{interrupt, spectrum_file};
-use memory::Memory;
+use resume::Memory;
 use serde_json::{Value, json};
 use snell_formats::Sources;
 use snell_formats::image::{AnimatedFormat, AnimatedWriter};
@@ -160,7 +160,8 @@ impl Place {
         }
         let name = path.file_name().unwrap_or_default();
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_path_buf();
-        let marks: Vec<usize> = (0..).zip(name.as_encoded_bytes()).filter(|(_, b)| **b == b'#').map(|(i, _)| i).collect();
+        let marks: Vec<usize> =
+            (0..).zip(name.as_encoded_bytes()).filter(|(_, b)| **b == b'#').map(|(i, _)| i).collect();
         let dot = OsStr::new(".");
         let (before, after, digits) = match (marks.first(), marks.last()) {
             (Some(&first), Some(&last)) if last - first + 1 == marks.len() => {

@@ -120,10 +120,15 @@ impl<'a> Output<'a> {
             Err(unfit) => {
                 // OpenEXR holds any picture.
                 let bytes = image::encode_image_as("exr", &picture, &writing)?;
-                let is_saved = rescue::elsewhere(&path.with_extension("exr"), "the picture", &unfit.to_string(), &|out| {
-                    out.write_all(&bytes)
-                });
-                return if is_saved { Ok(Written { is_in_place: false, sha256: hex(&bytes) }) } else { Err(unfit.into()) };
+                let is_saved =
+                    rescue::elsewhere(&path.with_extension("exr"), "the picture", &unfit.to_string(), &|out| {
+                        out.write_all(&bytes)
+                    });
+                return if is_saved {
+                    Ok(Written { is_in_place: false, sha256: hex(&bytes) })
+                } else {
+                    Err(unfit.into())
+                };
             }
         };
         let fill = |out: &mut dyn Write| out.write_all(&bytes);

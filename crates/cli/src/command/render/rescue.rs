@@ -34,12 +34,7 @@ pub fn write(path: &Path, what: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::
 
 /// Writes a file under a free name in the current folder or in the one for temporary files, and says where, after what is wrong
 /// with its own place. False if neither takes it.
-pub fn elsewhere(
-    path: &Path,
-    what: &str,
-    problem: &str,
-    fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>,
-) -> bool {
+pub fn elsewhere(path: &Path, what: &str, problem: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>) -> bool {
     let folders = [Some(PathBuf::from(".")), Some(std::env::temp_dir())];
     let Some(place) = folders.into_iter().flatten().find_map(|folder| write_in(&folder, path, fill)) else {
         return false;

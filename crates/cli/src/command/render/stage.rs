@@ -60,10 +60,7 @@ impl Stage {
             }
             _ if is_asked => {
                 let problem = "nothing in the scene moves, so that there are no times to show it at";
-                return Err(Failure::Usage(format!(
-                    "{}: {problem} (--turntable N turns it)",
-                    options.scene.display()
-                )));
+                return Err(Failure::Usage(format!("{}: {problem} (--turntable N turns it)", options.scene.display())));
             }
             _ => None,
         };

@@ -69,7 +69,8 @@ impl Memory {
         let known = read(&path)?;
         let is_ours = |number: &i64| known.as_ref().is_some_and(|known| known.frames.contains_key(number));
         let waiting = place.animated.is_some();
-        let foreign = files.iter().find(|(number, file)| waiting && !is_ours(number) && file.symlink_metadata().is_ok());
+        let foreign =
+            files.iter().find(|(number, file)| waiting && !is_ours(number) && file.symlink_metadata().is_ok());
         if let Some((_, file)) = foreign {
             let problem = "this file is none of Snell's, and a frame is to wait here; move it away";
             return Err(Failure::Other(format!("{}: {problem}", file.display())));
@@ -89,7 +90,10 @@ impl Memory {
             let is_there = hash.as_ref().is_some_and(|hash| holds(&file, hash));
             if goes_on {
                 if hash.is_some() && !is_there && files.contains_key(&number) && file.exists() {
-                    warn(format!("{}: the file has changed since it was written; the frame is rendered again", file.display()));
+                    warn(format!(
+                        "{}: the file has changed since it was written; the frame is rendered again",
+                        file.display()
+                    ));
                 }
                 frames.insert(number, hash.filter(|_| is_there));
             } else if waiting && is_there && !files.contains_key(&number) {
