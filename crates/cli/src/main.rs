@@ -1,12 +1,16 @@
 //! The `snell` command: renders, inspects and compares from the shell. All the work is in the libraries; here are options,
 //! messages, files and exit codes.
 //!
-//! Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted with what was rendered saved.
+//! Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted (with what was rendered saved).
 
 #![forbid(unsafe_code)]
 
+#[macro_use]
+mod messages;
+
 mod command;
 mod failure;
+mod interrupt;
 mod progress;
 mod resources;
 mod scene_source;
@@ -30,7 +34,7 @@ struct Cli {
 fn main() -> ExitCode {
     let cli = Cli::parse();
     // The last line of defence: a fault in the program is an error message, never a crash without one.
-    let outcome = std::panic::catch_unwind(|| command::run(cli.command));
+    let outcome = std::panic::catch_unwind(|| interrupt::watch().and_then(|()| command::run(cli.command)));
     match outcome {
         Ok(Ok(code)) => code,
         Ok(Err(failure)) => failure.report(),

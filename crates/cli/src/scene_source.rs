@@ -6,12 +6,13 @@ use snell_formats::ReadOptions;
 use snell_scene::Scene;
 use snell_scene::builtin::{BUILTINS, builtin};
 use snell_scene::overrides::nearest;
+use std::ffi::OsString;
 use std::io::Read;
 use std::path::Path;
 
 /// The scene named on the command line: a file, `-` for standard input, or a built-in scene. A file wins over a built-in name.
-pub fn load(name: &str, options: &ReadOptions) -> Result<Scene, Failure> {
-    if name == "-" {
+pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
+    if path == Path::new("-") {
         let mut bytes = Vec::new();
         std::io::stdin()
             .take(options.limits.file_bytes + 1)
@@ -25,8 +26,9 @@ pub fn load(name: &str, options: &ReadOptions) -> Result<Scene, Failure> {
         }
         return Ok(snell_formats::read_scene_bytes("standard input", bytes, Path::new("."), options)?);
     }
-    let path = Path::new(name);
-    if !path.exists() {
+    if !path.exists()
+        && let Some(name) = path.to_str()
+    {
         if let Some(scene) = builtin(name) {
             return Ok(scene);
         }
@@ -45,10 +47,11 @@ pub fn load(name: &str, options: &ReadOptions) -> Result<Scene, Failure> {
 }
 
 /// The stem of the default output file.
-pub fn stem(name: &str, scene: &Scene) -> String {
-    if name == "-" {
-        return if scene.name.is_empty() { "scene".into() } else { scene.name.replace(' ', "-") };
+pub fn stem(path: &Path, scene: &Scene) -> OsString {
+    if path == Path::new("-") {
+        // (Scenes may have names that lead out of the folder.)
+        let name = scene.name.replace([' ', '/', '\\', '\0'], "-");
+        return if name.is_empty() { "scene".into() } else { name.into() };
     }
-    let path = Path::new(name);
-    path.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned())
+    path.file_stem().map_or_else(|| "scene".into(), Into::into)
 }

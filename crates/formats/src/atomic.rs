@@ -1,92 +1,213 @@
 //! Writing files so that a failure leaves what was there before.
+//!
+//! A file is written under a temporary name beside its place and then renamed. New files get the mode that the user's mask
+//! allows, replaced ones keep theirs. A link stays a link: what it leads to is replaced.
 
 use crate::error::WriteError;
-use std::io::Write;
+use std::collections::BTreeSet;
+use std::io::{Error, ErrorKind, Result, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use tempfile::NamedTempFile;
+
+/// Links are followed this often, as Linux does.
+const MAX_LINKS: usize = 40;
 
 /// Finds out, before any work, whether [`write()`] could put a file at `path`.
-pub fn check(path: &Path) -> Result<(), WriteError> {
-    if is_special(path) {
-        return Ok(());
-    }
-    temporary_beside(path).map(drop).map_err(|source| WriteError::Io { path: path.into(), source })
+pub fn check(path: &Path) -> std::result::Result<(), WriteError> {
+    let possible = || match destination(path)? {
+        Destination::Special => Ok(()),
+        Destination::File(place) => Temporary::beside(&place).map(drop),
+    };
+    possible().map_err(io_error(path))
 }
 
-fn is_special(path: &Path) -> bool {
-    std::fs::metadata(path).is_ok_and(|m| !m.is_file())
-}
-
-fn temporary_beside(path: &Path) -> std::io::Result<tempfile::NamedTempFile> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    // The temporary name says nothing to a user, so it does not belong into the error.
-    let plain = |e: std::io::Error| std::fs::metadata(folder).err().unwrap_or_else(|| e.kind().into());
-    tempfile::Builder::new().prefix(".snell-").suffix(".tmp").tempfile_in(folder).map_err(plain)
-}
-
-/// Writes `bytes` to a temporary file beside `path`, then renames it over `path`. What is no file, such as a pipe or a device, is
-/// written to and not replaced.
-pub fn write(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
-    place(path, stage(path, bytes)?, bytes)
+/// Writes `bytes` to a temporary file beside `path`, then renames it over `path`. What is no file, such as a pipe or a device,
+/// is written to and not replaced.
+pub fn write(path: &Path, bytes: &[u8]) -> std::result::Result<(), WriteError> {
+    write_with(path, |out| out.write_all(bytes))
 }
 
 /// Like [`write()`], for what need not be in memory as a whole: `fill` writes it.
-pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), WriteError> {
-    if is_special(path) {
-        let mut out = std::fs::OpenOptions::new().write(true).open(path).map_err(io_error(path))?;
-        return fill(&mut out).map_err(io_error(path));
-    }
-    persist(path, filled(path, fill)?)
+pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> std::result::Result<(), WriteError> {
+    stage(path, fill).and_then(Staged::place).map_err(io_error(path))
 }
 
-/// Writes several files as [`write()`] does: all of them under temporary names before the first is renamed. The last is renamed last.
-pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> Result<(), WriteError> {
-    let staged: Vec<_> = files.iter().map(|(path, bytes)| stage(path, bytes)).collect::<Result<_, _>>()?;
+/// Like [`write_with()`], but never replaces anything: if there is a file at `path`, the error is of the kind
+/// [`ErrorKind::AlreadyExists`].
+pub fn write_new(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+    if path.symlink_metadata().is_ok() {
+        return Err(ErrorKind::AlreadyExists.into());
+    }
+    let mut file = Temporary::beside(path)?;
+    file.fill(fill)?;
+    file.rename(|file| file.persist_noclobber(path).map(drop).map_err(|e| e.error))
+}
+
+/// Writes several files as [`write()`] does: all of them under temporary names before the first is renamed. The last is renamed
+/// last.
+pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> std::result::Result<(), WriteError> {
+    let staged: Vec<_> = files
+        .iter()
+        .map(|(path, bytes)| match destination(path).map_err(io_error(path))? {
+            // It has no other name that it could wait under.
+            Destination::Special => Ok(None),
+            Destination::File(_) => stage(path, |out| out.write_all(bytes)).map(Some).map_err(io_error(path)),
+        })
+        .collect::<std::result::Result<_, WriteError>>()?;
     for ((path, bytes), staged) in files.iter().zip(staged) {
-        place(path, staged, bytes)?;
+        staged.map_or_else(|| write(path, bytes), |staged| staged.place().map_err(io_error(path)))?;
     }
     Ok(())
 }
 
-fn io_error(path: &Path) -> impl Fn(std::io::Error) -> WriteError {
+/// Removes all temporary files that there are, for a program that is about to end at once. No other can be made, and no file
+/// be put in its place, after that: other threads wait for the end.
+pub fn abandon() {
+    let known = temporaries();
+    for path in known.iter() {
+        let _ = std::fs::remove_file(path);
+    }
+    std::mem::forget(known);
+}
+
+fn io_error(path: &Path) -> impl Fn(Error) -> WriteError {
     move |source| WriteError::Io { path: path.into(), source }
 }
 
-/// The content under a temporary name; `None` for what is no file and cannot be renamed.
-fn stage(path: &Path, bytes: &[u8]) -> Result<Option<tempfile::NamedTempFile>, WriteError> {
-    if is_special(path) {
-        return Ok(None);
-    }
-    filled(path, |out| out.write_all(bytes)).map(Some)
+/// Where a file goes.
+enum Destination {
+    /// There may be an ordinary file, at the end of all links.
+    File(PathBuf),
+    /// There is what is no file, such as a device or a pipe, and cannot be renamed over.
+    Special,
 }
 
-/// A temporary file with what `fill` writes.
-fn filled(
-    path: &Path,
-    fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
-) -> Result<tempfile::NamedTempFile, WriteError> {
-    let mut file = temporary_beside(path).map_err(io_error(path))?;
-    let mut out = std::io::BufWriter::new(file.as_file_mut());
-    fill(&mut out).and_then(|()| out.flush()).map_err(io_error(path))?;
-    drop(out);
-    file.as_file().sync_all().map_err(io_error(path))?;
+/// Follows links, also those that lead to nothing yet.
+fn destination(path: &Path) -> Result<Destination> {
+    if names_a_folder(path) || path.is_dir() {
+        return Err(ErrorKind::IsADirectory.into());
+    }
+    if std::fs::metadata(path).is_ok_and(|known| !known.is_file()) {
+        return Ok(Destination::Special);
+    }
+    let mut place = path.to_path_buf();
+    for _ in 0..MAX_LINKS {
+        match std::fs::symlink_metadata(&place) {
+            Ok(known) if known.is_symlink() => place = folder_of(&place).join(std::fs::read_link(&place)?),
+            Ok(_) => {
+                // Renaming does not ask whether the file may be changed, but its owner said so.
+                std::fs::OpenOptions::new().write(true).open(&place)?;
+                return Ok(Destination::File(place));
+            }
+            // What the name of a link says may be a folder, too.
+            Err(e) if e.kind() == ErrorKind::NotFound && !names_a_folder(&place) => {
+                return Ok(Destination::File(place));
+            }
+            Err(e) => return Err(e),
+        }
+    }
+    Err(Error::other("links lead to links without an end"))
+}
+
+/// True for `a/` and `a/.`, which the system takes for folders although the last part of these paths is `a`.
+fn names_a_folder(path: &Path) -> bool {
+    let name = path.as_os_str().as_encoded_bytes();
+    let is_separator = |b: Option<&u8>| b.is_some_and(|&b| std::path::is_separator(b.into()));
+    is_separator(name.last()) || name.strip_suffix(b".").is_some_and(|rest| is_separator(rest.last()))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// What is written, but not yet in its place.
+enum Staged {
+    /// Under a temporary name.
+    File { temporary: Temporary, place: PathBuf },
+    /// To what is no file.
+    Done,
+}
+
+fn stage(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<Staged> {
+    let place = match destination(path)? {
+        Destination::Special => {
+            fill(&mut std::fs::OpenOptions::new().write(true).open(path)?)?;
+            return Ok(Staged::Done);
+        }
+        Destination::File(place) => place,
+    };
+    let mut temporary = Temporary::beside(&place)?;
+    temporary.fill(fill)?;
     #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        // Temporary files are private; the picture gets the mode of the file it replaces, or the usual one.
-        let mode = std::fs::metadata(path).map_or(0o644, |m| m.permissions().mode());
-        let _ = file.as_file().set_permissions(std::fs::Permissions::from_mode(mode));
+    if let (Ok(known), Some(file)) = (std::fs::metadata(&place), &temporary.0) {
+        let _ = file.as_file().set_permissions(known.permissions());
     }
-    Ok(file)
+    Ok(Staged::File { temporary, place })
 }
 
-fn persist(path: &Path, file: tempfile::NamedTempFile) -> Result<(), WriteError> {
-    file.persist(path).map(drop).map_err(|e| io_error(path)(e.error))
+impl Staged {
+    fn place(self) -> Result<()> {
+        match self {
+            Self::File { temporary, place } => {
+                temporary.rename(|file| file.persist(&place).map(drop).map_err(|e| e.error))
+            }
+            Self::Done => Ok(()),
+        }
+    }
 }
 
-fn place(path: &Path, staged: Option<tempfile::NamedTempFile>, bytes: &[u8]) -> Result<(), WriteError> {
-    match staged {
-        Some(file) => persist(path, file),
-        None => std::fs::write(path, bytes).map_err(io_error(path)),
+/// The temporary files that there are. They are made, renamed and removed while this is locked, so that [`abandon`] misses none.
+static TEMPORARIES: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn temporaries() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    TEMPORARIES.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A file with a temporary name, removed when it is dropped.
+struct Temporary(Option<NamedTempFile>);
+
+impl Temporary {
+    fn beside(path: &Path) -> Result<Self> {
+        let folder = folder_of(path);
+        // The temporary name says nothing to a user, so it does not belong into the error.
+        let plain = |e: Error| {
+            std::fs::metadata(folder)
+                .err()
+                .unwrap_or_else(|| e.raw_os_error().map_or(e.kind().into(), Error::from_raw_os_error))
+        };
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".snell-").suffix(".tmp");
+        #[cfg(unix)]
+        // The system takes away what the user's mask forbids.
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let mut known = temporaries();
+        let file = builder.tempfile_in(folder).map_err(plain)?;
+        known.insert(file.path().into());
+        Ok(Self(Some(file)))
+    }
+
+    fn fill(&mut self, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+        let Some(file) = &mut self.0 else { return Ok(()) };
+        let mut out = std::io::BufWriter::new(file.as_file_mut());
+        fill(&mut out).and_then(|()| out.flush())?;
+        drop(out);
+        file.as_file().sync_all()
+    }
+
+    fn rename(mut self, to: impl FnOnce(NamedTempFile) -> Result<()>) -> Result<()> {
+        let mut known = temporaries();
+        let Some(file) = self.0.take() else { return Ok(()) };
+        known.remove(file.path());
+        to(file)
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        if let Some(file) = self.0.take() {
+            temporaries().remove(file.path());
+        }
     }
 }
 
@@ -103,6 +224,56 @@ mod tests {
         write(&path, b"abc").expect("the folder is writable");
         assert_eq!(std::fs::read(&path).expect("the file is there"), b"abc");
         assert!(check(&folder.path().join("missing/a.png")).is_err());
+    }
+
+    #[test]
+    fn what_could_not_be_renamed_in_the_end_is_found_out_before_the_work() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let long = |bytes: usize| folder.path().join("x".repeat(bytes));
+        write(&long(255), b"abc").expect("this is the longest name");
+        assert!(check(&long(256)).is_err());
+        for name in ["a.png/", "a.png/.", ""] {
+            let path = folder.path().join(name);
+            assert!(check(&path).is_err(), "{name}");
+            assert!(write(&path, b"abc").is_err(), "{name}");
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).expect("it is there").count(), 1, "nothing is left behind");
+    }
+
+    #[test]
+    fn a_new_file_replaces_nothing() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("a.png");
+        write_new(&path, |out| out.write_all(b"first")).expect("nothing is there");
+        let error = write_new(&path, |out| out.write_all(b"second")).expect_err("the first is there");
+        assert_eq!(error.kind(), ErrorKind::AlreadyExists);
+        assert_eq!(std::fs::read(&path).expect("it is there"), b"first");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_and_what_it_leads_to_is_replaced() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = |name: &str| folder.path().join(name);
+        std::fs::create_dir(path("store")).expect("the folder is writable");
+        std::fs::write(path("store/a"), "old").expect("the folder is writable");
+        std::fs::set_permissions(path("store/a"), PermissionsExt::from_mode(0o640)).expect("it is ours");
+        for (to, link) in [("store/a", "full"), ("full", "twice"), ("store/new", "dangling"), ("/dev/null", "nowhere")]
+        {
+            symlink(to, path(link)).expect("the folder is writable");
+        }
+        for link in ["full", "twice", "dangling", "nowhere"] {
+            check(&path(link)).unwrap_or_else(|e| panic!("{link}: {e}"));
+            write(&path(link), link.as_bytes()).unwrap_or_else(|e| panic!("{link}: {e}"));
+            assert!(path(link).symlink_metadata().is_ok_and(|m| m.is_symlink()), "{link} is still a link");
+        }
+        let content = |name: &str| std::fs::read_to_string(path(name)).expect("it is there");
+        assert_eq!((content("store/a"), content("store/new")), ("twice".into(), "dangling".into()));
+        let mode = std::fs::metadata(path("store/a")).expect("it is there").permissions().mode();
+        assert_eq!(mode & 0o777, 0o640, "a replaced file keeps its mode");
+        symlink("round", path("round")).expect("the folder is writable");
+        assert!(check(&path("round")).is_err());
     }
 
     #[cfg(unix)]

@@ -27,6 +27,7 @@ impl Input {
     pub fn open(path: &Path, options: &ReadOptions) -> Result<Self, ReadError> {
         let name = path.display().to_string();
         let bytes = read_limited(path, &name, NamedBy::User, &options.limits)?;
+        options.record(path, &bytes);
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty() && !open::is_own_descriptor(path));
         let directory = folder.unwrap_or(Path::new(".")).to_path_buf();
         Ok(Self { name, bytes, root: directory.clone(), directory, options: options.clone() })
@@ -43,6 +44,7 @@ impl Input {
         let path = self.resolve(name)?;
         let shown = path.display().to_string();
         let bytes = read_limited(&path, &shown, NamedBy::File, &self.options.limits)?;
+        self.options.record(&path, &bytes);
         let directory = path.parent().unwrap_or(Path::new(".")).to_path_buf();
         Ok(Self { name: shown, bytes, directory, root: self.root.clone(), options: self.options.clone() })
     }

@@ -15,6 +15,7 @@ pub mod limits;
 pub mod mesh;
 pub mod open;
 pub mod scene;
+mod sources;
 mod strip;
 pub mod textures;
 pub mod write;
@@ -22,6 +23,7 @@ pub mod write;
 pub use error::{Place, ReadError, WriteError};
 pub use input::Input;
 pub use limits::Limits;
+pub use sources::Sources;
 pub use write::{SceneWriter, Written, check_scene_path, write_scene, write_scene_as};
 
 use snell_scene::Scene;
@@ -68,6 +70,17 @@ pub struct ReadOptions {
     pub scene: Option<String>,
     /// Values of parameters that the file takes, by name: `$name` in Mitsuba's scenes. Other names are not looked at.
     pub parameters: Vec<(String, String)>,
+    /// Where the files that are read are recorded with the hashes of their contents, if that is wanted: it takes time.
+    pub sources: Option<Sources>,
+}
+
+impl ReadOptions {
+    /// Records a file that was read, if that is wanted.
+    fn record(&self, path: &Path, content: &[u8]) {
+        if let Some(sources) = &self.sources {
+            sources.add(path, content);
+        }
+    }
 }
 
 /// Reads a scene file.
@@ -84,6 +97,7 @@ pub fn read_scene_bytes(
     options: &ReadOptions,
 ) -> Result<Scene, ReadError> {
     let bytes = input::unpacked(bytes, name, &options.limits)?;
+    options.record(Path::new(name), &bytes);
     read_input(&Input::from_bytes(name, bytes, directory, options))
 }
 

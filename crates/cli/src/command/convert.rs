@@ -13,7 +13,7 @@ use std::process::ExitCode;
 #[derive(Debug, clap::Args)]
 pub struct Options {
     /// Scene or mesh file, `-` for standard input, or the name of a built-in scene
-    input: String,
+    input: PathBuf,
     /// File to write; its extension says the format (`snell formats` lists those that are written)
     output: PathBuf,
     /// Replace files that exist

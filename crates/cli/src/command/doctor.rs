@@ -6,13 +6,14 @@ use serde_json::{Value, json};
 use snell_doctor::{Finding, Severity, examine};
 use snell_formats::ReadOptions;
 use snell_formats::error::one_line;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Options of `snell doctor`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
     /// Scene or mesh file, `-` for standard input, or the name of a built-in scene
-    scene: String,
+    scene: PathBuf,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -24,8 +25,9 @@ pub struct Options {
 /// Prints the findings. The exit code is 1 if there are errors or warnings, or if the scene cannot be read; notes are not counted.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
+    let shown = options.scene.display().to_string();
     let findings = match scene_source::load(&options.scene, &read) {
-        Ok(scene) => examine(&scene).map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?,
+        Ok(scene) => examine(&scene).map_err(|e| Failure::Scene(format!("{shown}: {e}")))?,
         Err(Failure::Read(error)) if options.json => vec![Finding {
             check: "reader",
             severity: Severity::Error,
@@ -41,9 +43,9 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let of = |severity| findings.iter().filter(|f| f.severity == severity).count();
     let counts = [of(Severity::Error), of(Severity::Warning), of(Severity::Note)];
     let text = if options.json {
-        format!("{:#}\n", as_json(&options.scene, &findings, counts))
+        format!("{:#}\n", as_json(&shown, &findings, counts))
     } else {
-        as_text(&options.scene, &findings, counts)
+        as_text(&shown, &findings, counts)
     };
     standard_output::write(text.as_bytes())?;
     Ok(if counts[0] + counts[1] > 0 { ExitCode::from(1) } else { ExitCode::SUCCESS })

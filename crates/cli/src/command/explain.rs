@@ -7,6 +7,7 @@ use snell_intersect::accel::AcceleratorKind;
 use snell_render::CompiledScene;
 use snell_viewer::explain::{self, Question, Subject};
 use snell_viewer::{Source, Which};
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -18,7 +19,7 @@ const MANY_TRIANGLES: u64 = 300_000;
 #[command(args_override_self = true)]
 pub struct Options {
     /// Scene or mesh file, or the name of a built-in scene
-    scene: String,
+    scene: PathBuf,
     /// The pixel: column and row from the upper left corner, from 0
     #[arg(long, value_name = "X,Y", value_parser = parse_pixel, allow_hyphen_values = true)]
     pixel: [u32; 2],
@@ -37,7 +38,7 @@ pub struct Options {
     svg: Option<PathBuf>,
     /// Options of `snell render`, after `--`: those of the picture that the pixel is of, such as `-- --size 800x600 --spp 256`
     #[arg(last = true, value_name = "RENDER OPTIONS")]
-    render: Vec<String>,
+    render: Vec<OsString>,
 }
 
 fn parse_pixel(text: &str) -> Result<[u32; 2], String> {
@@ -50,7 +51,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let files = Files::new(&options.scene, &options.render)?;
     let opened = files.open(Which::Given).map_err(Failure::Scene)?;
     let (scene, settings) = (&opened.scene, &opened.settings);
-    let failed = |e: String| Failure::Scene(format!("{}: {e}", options.scene));
+    let failed = |e: String| Failure::Scene(format!("{}: {e}", options.scene.display()));
     let compiled = CompiledScene::new(scene, &settings.build).map_err(|e| failed(e.to_string()))?;
     let kinds = kinds(options, compiled.world.stats().triangles, settings.build.accelerator)?;
     let structures = explain::structures(scene, settings, &kinds).map_err(failed)?;

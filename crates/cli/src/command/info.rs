@@ -9,13 +9,14 @@ use snell_formats::ReadOptions;
 use snell_math::Bounds3d;
 use snell_scene::{Geometry, NodeId, Scene};
 use std::collections::{BTreeMap, HashSet};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Options of `snell info`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
     /// Scene or mesh file, `-` for standard input, or the name of a built-in scene
-    scene: String,
+    scene: PathBuf,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -31,7 +32,7 @@ pub struct Options {
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
     let scene = scene_source::load(&options.scene, &read)?;
-    let bounds = scene.node_bounds().map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
+    let bounds = scene.node_bounds().map_err(|e| Failure::Scene(format!("{}: {e}", options.scene.display())))?;
     let facts = Facts { counts: Counts::of(&scene, &bounds), scene: &scene, bounds };
     let text = if options.json { format!("{:#}\n", facts.json()) } else { facts.text(options.nodes) };
     standard_output::write(text.as_bytes())?;

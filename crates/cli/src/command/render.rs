@@ -5,6 +5,7 @@ mod frames;
 mod layers;
 mod options;
 mod output;
+mod rescue;
 mod stage;
 mod summary;
 mod tev;
@@ -13,68 +14,92 @@ pub use options::Options;
 
 use crate::failure::Failure;
 use crate::progress::Reporter;
-use crate::{scene_source, spectrum_file};
+use crate::{interrupt, scene_source, spectrum_file};
+use denoise::Denoised;
 use options::GuidingOption;
+use output::Target;
 use snell_formats::error::one_line;
 use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
 use snell_render::{CompiledScene, FilmTile, Guiding, IntegratorKind, Job, Settings, Statistics};
 use snell_scene::{Camera, Pose, Scene};
 use stage::{Shot, Stage};
+use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use summary::Summary;
 use tev::Tev;
 
+/// What is said when a signal ends the command before there is something to save.
+const NOTHING_YET: &str = "interrupted before anything was rendered: no picture was written";
+
 /// Renders a scene and writes the picture, or the frames of an animation.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
+    interrupt::end_at_once(NOTHING_YET);
+    let options = &options.clone().recording_sources();
     let simd = Level::from_env().map_err(Failure::Usage)?;
     // Fail before the work, not after it.
     let output = output::Output::plan(options)?;
-    let denoiser = options.denoise.as_deref().map(denoise::load).transpose()?;
+    let denoiser = options.denoise.as_deref().map(denoise::load).transpose()?.map(Arc::new);
     let start = Instant::now();
     let scene = load(options)?;
     let mut stage = Stage::new(scene, options)?;
     let tonemap = options.tonemap(&stage.scene)?;
     let load_seconds = start.elapsed().as_secs_f64();
-    let interrupted = Arc::new(AtomicBool::new(false));
     let stem = scene_source::stem(&options.scene, &stage.scene);
-    output.check_apart(output.target(&stem).as_deref())?;
-    let mut session =
-        Session { options, simd, output, denoiser, tonemap, load_seconds, interrupted, stem, has_begun: false };
+    let path = output.path(&stem);
+    output.check_apart(&path)?;
+    let mut session = Session { options, simd, output, denoiser, tonemap, load_seconds, stem, has_begun: false };
     if let Some(code) = frames::render(&mut session, &mut stage)? {
         return Ok(code);
     }
     let time = options.at.unwrap_or_else(|| stage.usual_time());
     let settings = options.settings(&stage.scene, &stage.camera(options)?, simd)?;
     let shot = stage.shot(time, options, &settings.build)?;
-    let target = session.output.target(&session.stem);
-    let outcome = session.take(&stage.scene, shot, target.as_deref())?;
+    let target = match session.output.is_standard() {
+        true => Target::Output { stand_in: &path },
+        false => Target::File(&path),
+    };
+    let outcome = session.take(&stage.scene, shot, target)?;
+    let mut is_in_place = !matches!(outcome.fate, Fate::Elsewhere);
     if let Some(path) = &options.stats {
         let text = serde_json::to_string_pretty(&outcome.statistics).map_err(|e| Failure::Other(e.to_string()))?;
-        snell_formats::atomic::write(path, (text + "\n").as_bytes())?;
+        is_in_place &= output::write_text(path, "the JSON", &(text + "\n"))?;
     }
-    if session.interrupted.load(Ordering::Relaxed) {
-        if outcome.is_empty {
-            eprintln!("interrupted before anything was rendered: no picture was written");
-        } else {
+    if interrupt::is_requested() {
+        say_what_is_there(&outcome, &path, settings.spp);
+    }
+    Ok(match (is_in_place, interrupt::is_requested()) {
+        (false, _) => ExitCode::from(1),
+        (true, true) => ExitCode::from(interrupt::EXIT_CODE),
+        (true, false) => ExitCode::SUCCESS,
+    })
+}
+
+/// What an interrupted render has left.
+fn say_what_is_there(outcome: &Outcome, path: &Path, spp: u32) {
+    let least = outcome.least_samples;
+    match &outcome.fate {
+        Fate::Nothing => eprintln!("{NOTHING_YET}"),
+        Fate::Partial => {
+            let partial = rescue::partial(path);
+            let (partial, path) = (partial.display(), path.display());
             eprintln!(
-                "interrupted: the picture holds what was rendered ({} of {} samples)",
-                outcome.least_samples, settings.spp
+                "interrupted in the first pass: {partial} holds what was rendered, with holes; {path} is as it was"
             );
         }
-        return Ok(ExitCode::from(130));
+        Fate::Noisy => eprintln!("interrupted while noise was removed: the picture holds it ({least} samples)"),
+        _ => eprintln!("interrupted: the picture holds what was rendered ({least} of {spp} samples)"),
     }
-    Ok(ExitCode::SUCCESS)
 }
 
 /// Reads the scene, and the part of its file that the options choose.
 fn load(options: &Options) -> Result<Scene, Failure> {
     let scene = scene_source::load(&options.scene, &options.read_options())?;
-    let lacks = |what: &str| Err(Failure::Usage(format!("{}: the file has no {what} to choose from", options.scene)));
+    let shown = options.scene.display();
+    let lacks = |what: &str| Err(Failure::Usage(format!("{shown}: the file has no {what} to choose from")));
     if options.variant.is_some() && scene.variants.is_empty() {
         return lacks("variants");
     }
@@ -89,40 +114,47 @@ struct Session<'a> {
     options: &'a Options,
     simd: Level,
     output: output::Output<'a>,
-    denoiser: Option<snell_oidn::Denoiser>,
+    denoiser: Option<Arc<snell_oidn::Denoiser>>,
     tonemap: Tonemap,
     load_seconds: f64,
-    interrupted: Arc<AtomicBool>,
-    stem: String,
-    /// Some picture was begun: warnings are said, Ctrl-C is caught.
+    stem: OsString,
+    /// Some picture was begun, and warnings are said.
     has_begun: bool,
 }
 
 /// What became of a picture.
 struct Outcome {
     compiled: CompiledScene,
-    /// False if it was interrupted.
-    is_complete: bool,
-    /// It was interrupted before anything was rendered, and so not written.
-    is_empty: bool,
+    fate: Fate,
     least_samples: u32,
     render_seconds: f64,
     statistics: serde_json::Value,
 }
 
+/// Whether and where a picture was written.
+enum Fate {
+    /// In its place; the file has this SHA-256.
+    Written(String),
+    /// In its place, with the noise that was to be removed, because it was interrupted meanwhile.
+    Noisy,
+    /// In a second place, which was named.
+    Elsewhere,
+    /// It has holes, and so is beside its place.
+    Partial,
+    /// It was interrupted before anything was rendered, or is a frame of many that was interrupted.
+    Nothing,
+}
+
 impl Session<'_> {
     /// Renders a picture and writes it to a file, or to standard output. A frame of many that is interrupted is not written.
-    fn take(&mut self, scene: &Scene, shot: Shot, target: Option<&Path>) -> Result<Outcome, Failure> {
+    fn take(&mut self, scene: &Scene, shot: Shot, target: Target) -> Result<Outcome, Failure> {
         let options = self.options;
         let Shot { camera, later_cameras, compiled, build_seconds, .. } = shot;
         let settings = Settings { later_cameras, ..options.settings(scene, &camera, self.simd)? };
         let is_first = !std::mem::replace(&mut self.has_begun, true);
-        if is_first {
-            if !options.quiet {
-                warn(&options.scene, scene, &compiled);
-                warn_of_lost_layers(options, &settings);
-            }
-            catch_interrupts(&self.interrupted)?;
+        if is_first && !options.quiet {
+            warn(&options.scene, scene, &compiled);
+            warn_of_lost_layers(options, &settings);
         }
         let threads = options.threads();
         let tev = options.tev().map(|url| Tev::open(url, &scene.name, &settings)).transpose()?;
@@ -132,13 +164,15 @@ impl Session<'_> {
         if tev.is_some() {
             job = job.watched(&watcher);
         }
-        let (film, statistics) = render(&job, options, threads, &self.interrupted, &scene.name);
+        interrupt::save_first();
+        let (film, statistics) = render(&job, options, threads, &scene.name);
         let render_seconds = start.elapsed().as_secs_f64();
         drop(job);
         if let Some(tev) = tev {
             tev.finish(&film.tiles);
         }
-        let is_complete = !self.interrupted.load(Ordering::Relaxed);
+        let is_cut = interrupt::is_requested() && !statistics.is_complete;
+        let has_holes = is_cut && film.least_samples() == 0;
 
         let mut picture = snell_render::picture(&film, &settings, &compiled);
         let summary = Summary {
@@ -156,24 +190,41 @@ impl Session<'_> {
         };
         snell_render::layers::name_groups(&mut picture, &film, &settings.light_groups);
         layers::add_cryptomatte(&mut picture, &film, scene, &compiled);
-        if let Some(denoiser) = &self.denoiser {
-            denoise::apply(denoiser, &mut picture, threads)?;
-        }
-        // (What stands there is better than nothing.)
-        let is_empty = !is_complete && film.mean_samples() == 0.0;
-        if !is_empty && (is_complete || !options.has_frames()) {
-            self.output.write(target, picture, &film, &summary, scene)?;
-            if !options.quiet && !options.has_frames() {
-                summary.print(options, target);
+        let (least_samples, statistics) = (film.least_samples(), summary.json());
+        let is_dropped = is_cut && (film.mean_samples() == 0.0 || options.has_frames());
+        let mut fate = Fate::Nothing;
+        if !is_dropped {
+            let denoised = match &self.denoiser {
+                Some(denoiser) if !has_holes => denoise::apply(denoiser, &mut picture, threads),
+                _ => Ok(Denoised::Done),
+            };
+            let is_interrupted = matches!(denoised, Ok(Denoised::Interrupted));
+            let beside = rescue::partial(target.path());
+            let target = if has_holes || denoised.is_err() { Target::File(&beside) } else { target };
+            if !(is_interrupted && options.has_frames()) {
+                let written = self.output.write(target, picture, &film, &summary, scene)?;
+                if !options.quiet && !options.has_frames() && written.is_in_place {
+                    summary.print(options, target);
+                }
+                fate = match written.is_in_place {
+                    false => Fate::Elsewhere,
+                    true if has_holes => Fate::Partial,
+                    true if is_interrupted => Fate::Noisy,
+                    true => Fate::Written(written.sha256),
+                };
+            }
+            if let Err(failure) = denoised {
+                let problem = format!("{failure}; {} holds the picture with its noise", target.path().display());
+                return Err(Failure::Other(problem));
             }
         }
-        let (least_samples, statistics) = (film.least_samples(), summary.json());
-        Ok(Outcome { compiled, is_complete, is_empty, least_samples, render_seconds, statistics })
+        Ok(Outcome { compiled, fate, least_samples, render_seconds, statistics })
     }
 }
 
 /// What the readers warn of names the place in a file. What is found later is about the whole of `name`.
-fn warn(name: &str, scene: &Scene, compiled: &CompiledScene) {
+fn warn(path: &Path, scene: &Scene, compiled: &CompiledScene) {
+    let name = path.display();
     let found_later = compiled.warnings.iter().map(|warning| (format!("{name}: "), warning));
     for (place, warning) in scene.warnings.iter().map(|warning| (String::new(), warning)).chain(found_later) {
         let times = if warning.count > 1 { format!(" ({} times)", warning.count) } else { String::new() };
@@ -202,11 +253,12 @@ fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &Options) -> Result<(
     let size = options.size.unwrap_or(options::DEFAULT_SIZE);
     let framing = snell_scene::framing::FramingOptions { size, ..Default::default() };
     let prepared = snell_scene::framing::prepare_for(scene, poses, &framing);
-    prepared.map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
+    let failed = |e: &dyn std::fmt::Display| Failure::Scene(format!("{}: {e}", options.scene.display()));
+    prepared.map_err(|e| failed(&e))?;
     options.apply_background(scene)?;
     if let Some(density) = options.fog {
         let filled = snell_scene::framing::fill_with_fog(scene, density);
-        filled.map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
+        filled.map_err(|e| failed(&e))?;
     }
     for definition in &options.define {
         if scene.takes_parameter(definition.split('=').next().unwrap_or_default()) {
@@ -229,24 +281,7 @@ pub(super) fn choose_camera(scene: &Scene, options: &Options) -> Result<Camera, 
     })
 }
 
-/// The first Ctrl-C ends the render with the picture saved, the second ends the program.
-fn catch_interrupts(interrupted: &Arc<AtomicBool>) -> Result<(), Failure> {
-    let flag = interrupted.clone();
-    ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    })
-    .map_err(|e| Failure::Other(format!("cannot watch for Ctrl-C: {e}")))
-}
-
-fn render(
-    job: &Job,
-    options: &Options,
-    threads: usize,
-    interrupted: &AtomicBool,
-    name: &str,
-) -> (snell_render::Film, Statistics) {
+fn render(job: &Job, options: &Options, threads: usize, name: &str) -> (snell_render::Film, Statistics) {
     let reporter = Reporter::new(options.progress, options.quiet, name);
     let limit: Option<Duration> = options.time;
     let start = Instant::now();
@@ -257,12 +292,12 @@ fn render(
             let share =
                 limit.filter(|_| options.guiding == Some(GuidingOption::Auto)).map(|l| l.mul_f64(Guiding::SHARE));
             let late = training.begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
-            return !late && !interrupted.load(Ordering::Relaxed);
+            return !late && !interrupt::is_requested();
         }
         reporter.update(progress, limit);
         // A picture with holes is of no use: the time limit waits for the first pass.
         let late = progress.passes > 0 && limit.is_some_and(|l| start.elapsed() >= l);
-        !late && !interrupted.load(Ordering::Relaxed)
+        !late && !interrupt::is_requested()
     });
     reporter.finish();
     result

@@ -2,15 +2,16 @@
 
 use super::render;
 use crate::failure::Failure;
+use crate::interrupt;
 use clap::Parser;
 use snell_formats::image::Display;
 use snell_math::simd::Level;
 use snell_scene::Scene;
 use snell_viewer::{Opened, ServerOptions, Source, Which};
+use std::ffi::OsString;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::mpsc;
 use std::time::{Duration, SystemTime};
 
 /// How often `--watch` looks at the files.
@@ -24,7 +25,7 @@ const FIRST_SCENE: &str = "cornell-box";
 #[command(args_override_self = true)]
 pub struct Options {
     /// Scene or mesh file, or the name of a built-in scene. Without one, the page offers the built-in scenes
-    scene: Option<String>,
+    scene: Option<PathBuf>,
     /// Port to listen on. Default: any that is free
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     port: u16,
@@ -51,7 +52,7 @@ pub struct Options {
     threads: Option<u32>,
     /// More options of `snell render`, after `--`: how the picture at rest is made, such as `-- --spp 256 --environment sky`
     #[arg(last = true, value_name = "RENDER OPTIONS")]
-    render: Vec<String>,
+    render: Vec<OsString>,
 }
 
 /// `snell render` as a command of its own, to read its options.
@@ -67,12 +68,12 @@ fn parse_token(text: &str) -> Result<String, String> {
     if is_safe { Ok(text.to_string()) } else { Err("a token has 16 to 64 letters and digits".into()) }
 }
 
-/// Serves the scene until Ctrl-C.
+/// Serves the scene until Ctrl-C, or another signal to end.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if !(options.fps >= 1.0 && options.fps <= 240.0) {
         return Err(Failure::Usage(format!("--fps {}: from 1 to 240", options.fps)));
     }
-    let files = Files::new(options.scene.as_deref().unwrap_or(FIRST_SCENE), &options.render)?;
+    let files = Files::new(options.scene.as_deref().unwrap_or(Path::new(FIRST_SCENE)), &options.render)?;
     let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
     let server_options = ServerOptions {
         host: options.host,
@@ -84,11 +85,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         token: options.token.clone(),
     };
     let server = snell_viewer::serve(Box::new(files), &server_options).map_err(Failure::Other)?;
-    let (ended, ends) = mpsc::channel();
-    ctrlc::set_handler(move || {
-        let _ = ended.send(());
-    })
-    .map_err(|e| Failure::Other(format!("cannot watch for Ctrl-C: {e}")))?;
+    interrupt::save_first();
     if !options.host.is_loopback() {
         eprintln!("warning: others can reach this address; whoever knows it sees the scene and can change the view");
     }
@@ -97,10 +94,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if !options.no_open && (options.open || has_display()) {
         open_browser(&server.url);
     }
-    let watched = options.scene.as_ref().filter(|_| options.watch).map(PathBuf::from).filter(|path| path.exists());
-    let mut before = watched.as_deref().and_then(modified);
-    while let Err(mpsc::RecvTimeoutError::Timeout) = ends.recv_timeout(WATCH_INTERVAL) {
-        let now = watched.as_deref().and_then(modified);
+    let watched = options.scene.as_ref().filter(|_| options.watch).filter(|path| path.exists());
+    let mut before = watched.and_then(|path| modified(path));
+    while !interrupt::is_requested() {
+        interrupt::wait(WATCH_INTERVAL, 0);
+        let now = watched.and_then(|path| modified(path));
         if now.is_some() && now != before {
             before = now;
             server.reload();
@@ -132,14 +130,14 @@ fn open_browser(url: &str) {
 
 /// Scenes as `snell render` reads them.
 pub(super) struct Files {
-    scene: String,
-    render: Vec<String>,
+    scene: PathBuf,
+    render: Vec<OsString>,
 }
 
 impl Files {
     /// A scene with options of `snell render`.
-    pub fn new(scene: &str, render: &[String]) -> Result<Self, Failure> {
-        let files = Self { scene: scene.to_string(), render: render.to_vec() };
+    pub fn new(scene: &Path, render: &[OsString]) -> Result<Self, Failure> {
+        let files = Self { scene: scene.into(), render: render.to_vec() };
         let options = files.line(scene).map_err(Failure::Usage)?;
         let unused = [("--output", options.output.is_some()), ("--stats", options.stats.is_some())];
         if let Some((name, _)) = unused.iter().find(|(_, given)| *given) {
@@ -149,13 +147,13 @@ impl Files {
         Ok(files)
     }
 
-    fn line(&self, scene: &str) -> Result<render::Options, String> {
-        let words = std::iter::once(scene.to_string()).chain(self.render.iter().cloned());
+    fn line(&self, scene: &Path) -> Result<render::Options, String> {
+        let words = std::iter::once(scene.into()).chain(self.render.iter().cloned());
         let line = RenderLine::try_parse_from(words).map_err(|e| e.to_string().trim().replace("error: ", ""))?;
         Ok(line.options)
     }
 
-    fn opened(&self, name: &str, scene: Scene) -> Result<Opened, Failure> {
+    fn opened(&self, name: &Path, scene: Scene) -> Result<Opened, Failure> {
         let options = self.line(name).map_err(Failure::Usage)?;
         let simd = Level::from_env().map_err(Failure::Usage)?;
         if options.has_frames() {
@@ -172,8 +170,17 @@ impl Files {
             srgb: !scene.settings.raw_display,
         };
         let camera_number = scene.cameras.iter().position(|c| *c == camera).unwrap_or(0);
-        let command = [["snell".to_string(), "render".to_string(), name.to_string()].to_vec(), self.render.clone()];
-        Ok(Opened { scene, camera, camera_number, is_camera_made, settings, display, command: command.concat() })
+        let words = ["snell".as_ref(), "render".as_ref(), name.as_os_str()].into_iter();
+        let words = words.chain(self.render.iter().map(OsString::as_os_str));
+        Ok(Opened {
+            scene,
+            camera,
+            camera_number,
+            is_camera_made,
+            settings,
+            display,
+            command: words.map(|word| word.to_string_lossy().into_owned()).collect(),
+        })
     }
 }
 
@@ -185,7 +192,7 @@ impl Source for Files {
             Which::Builtin(name) => {
                 let scene = snell_scene::builtin::builtin(&name);
                 let missing = || Failure::Scene(format!("{name}: there is no such built-in scene"));
-                (name.clone(), scene.ok_or_else(missing))
+                (name.clone().into(), scene.ok_or_else(missing))
             }
             Which::Dropped { name, .. } if crate::usd::is_usd(Path::new(&name)) => {
                 let problem = "USD stages are read where they are, with the files they name";
@@ -195,7 +202,7 @@ impl Source for Files {
                 // In a folder that does not exist, so that a dropped file can name no file of this machine.
                 let nowhere = Path::new("/nonexistent/dropped");
                 let scene = snell_formats::read_scene_bytes(&name, bytes, nowhere, &options).map_err(Failure::from);
-                (name, scene)
+                (name.into(), scene)
             }
         };
         self.opened(&name, scene.map_err(|e| e.to_string())?).map_err(|e| e.to_string())

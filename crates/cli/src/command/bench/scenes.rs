@@ -69,7 +69,7 @@ pub fn load_scene(name: &str, read: &ReadOptions) -> Result<(Scene, Option<Vec3>
     let (mut scene, light) = match base {
         "terrain" => generate::terrain(),
         "room" => generate::room(),
-        _ => (scene_source::load(base, read)?, None),
+        _ => (scene_source::load(base.as_ref(), read)?, None),
     };
     if let Some(change) = change {
         scene = changed(&compile(base, &scene)?, change);

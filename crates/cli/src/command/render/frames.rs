@@ -3,17 +3,24 @@
 //! Each frame appears whole or not at all. While not all are there, a file beside them remembers how they are made, so that `--resume`
 //! renders only those that are missing.
 
+mod resume;
+
 use super::options::Options;
+use super::output::{self, Target, hex};
 use super::stage::Stage;
-use super::{Outcome, Session};
+use super::{Fate, Outcome, Session, rescue};
 use crate::failure::Failure;
 use crate::progress::duration;
+use crate::{interrupt, spectrum_file};
+use resume::Memory;
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
+use snell_formats::Sources;
 use snell_formats::image::{AnimatedFormat, AnimatedWriter};
 use snell_formats::open::{self, NamedBy};
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
+use std::ffi::{OsStr, OsString};
 use std::io::Write;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -126,46 +133,49 @@ fn frames(options: &Options, stage: &Stage) -> Result<Option<(Vec<Frame>, f64)>,
 struct Place {
     folder: PathBuf,
     /// What comes before and after the number, and how many digits that has at least.
-    before: String,
-    after: String,
+    before: OsString,
+    after: OsString,
     digits: usize,
     /// The picture that they become, if they do: `None` is standard output.
     animated: Option<(AnimatedFormat, Option<PathBuf>)>,
 }
 
 impl Place {
-    /// `walk.png` becomes `walk.0000.png`; `#` are digits where there are any. Frames of an animated picture wait in a folder beside it.
-    fn of(output: Option<&Path>, stem: &str) -> Result<Self, Failure> {
-        let path = output.map_or_else(|| PathBuf::from(format!("{stem}.png")), Path::to_path_buf);
-        let waiting = |folder: PathBuf, format, target| Self {
-            folder,
-            before: String::new(),
+    /// `walk.png` becomes `walk.0000.png`; `#` are digits where there are any. Frames of an animated picture wait in a folder
+    /// beside it.
+    fn of(output: Option<&Path>, stem: &OsStr) -> Result<Self, Failure> {
+        let path = output.map_or_else(|| joined([stem, OsStr::new(".png")]).into(), Path::to_path_buf);
+        let waiting = |folder: OsString, format, target| Self {
+            folder: folder.into(),
+            before: OsString::new(),
             after: ".png".into(),
             digits: 4,
             animated: Some((format, target)),
         };
+        let frames = OsStr::new(".frames");
         if path == Path::new("-") {
-            return Ok(waiting(PathBuf::from(format!("{stem}.frames")), AnimatedFormat::Y4m, None));
+            return Ok(waiting(joined([stem, frames]), AnimatedFormat::Y4m, None));
         }
         if let Some(format) = animated_format(&path) {
-            let mut folder = path.clone().into_os_string();
-            folder.push(".frames");
-            return Ok(waiting(folder.into(), format, Some(path)));
+            return Ok(waiting(joined([path.as_os_str(), frames]), format, Some(path)));
         }
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let name = path.file_name().unwrap_or_default();
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_path_buf();
-        let (before, after, digits) = match (name.find('#'), name.rfind('#')) {
-            (Some(first), Some(last)) if name[first..=last].bytes().all(|b| b == b'#') => {
-                (name[..first].to_string(), name[last + 1..].to_string(), last + 1 - first)
+        let marks: Vec<usize> =
+            (0..).zip(name.as_encoded_bytes()).filter(|(_, b)| **b == b'#').map(|(i, _)| i).collect();
+        let dot = OsStr::new(".");
+        let (before, after, digits) = match (marks.first(), marks.last()) {
+            (Some(&first), Some(&last)) if last - first + 1 == marks.len() => {
+                (part(name, 0..first), part(name, last + 1..name.len()), marks.len())
             }
             (Some(_), Some(_)) => {
                 let problem = "the # that stand for the number must be next to each other";
                 return Err(Failure::Usage(format!("{}: {problem}", path.display())));
             }
-            _ => match name.rfind('.') {
-                Some(dot) => (format!("{}.", &name[..dot]), name[dot..].to_string(), 4),
-                None => (format!("{name}."), String::new(), 4),
-            },
+            _ => {
+                let after = path.extension().map(|extension| joined([dot, extension])).unwrap_or_default();
+                (joined([path.file_stem().unwrap_or_default(), dot]), after, 4)
+            }
         };
         Ok(Self { folder, before, after, digits, animated: None })
     }
@@ -173,14 +183,31 @@ impl Place {
     /// The file of a frame.
     fn file(&self, number: i64) -> PathBuf {
         let (sign, digits) = (if number < 0 { "-" } else { "" }, self.digits);
-        let name = format!("{}{sign}{:0digits$}{}", self.before, number.unsigned_abs(), self.after);
-        self.folder.join(name)
+        let number = format!("{sign}{:0digits$}", number.unsigned_abs());
+        self.folder.join(joined([&self.before, OsStr::new(&number), &self.after]))
     }
 
     /// The file that remembers which frames are there.
     fn memory(&self) -> PathBuf {
-        self.folder.join(format!("{}resume", if self.before.is_empty() { "frames." } else { &self.before }))
+        let before = if self.before.is_empty() { OsStr::new("frames.") } else { &self.before };
+        self.folder.join(joined([before, OsStr::new("resume")]))
     }
+}
+
+fn joined<const N: usize>(parts: [&OsStr; N]) -> OsString {
+    parts.into_iter().collect()
+}
+
+/// A piece of a name, between bytes that are ASCII.
+#[cfg(unix)]
+fn part(name: &OsStr, bytes: Range<usize>) -> OsString {
+    use std::os::unix::ffi::OsStrExt;
+    OsStr::from_bytes(&name.as_bytes()[bytes]).into()
+}
+
+#[cfg(not(unix))]
+fn part(name: &OsStr, bytes: Range<usize>) -> OsString {
+    String::from_utf8_lossy(&name.as_encoded_bytes()[bytes]).into_owned().into()
 }
 
 /// The format of animated pictures that a file's name asks for.
@@ -193,10 +220,10 @@ pub fn is_animated(options: &Options) -> bool {
     options.output.as_deref().is_some_and(|path| path == Path::new("-") || animated_format(path).is_some())
 }
 
-/// How all frames are made, in few letters: frames of one fingerprint belong together.
-fn fingerprint(options: &Options, stage: &Stage, rate: f64) -> String {
-    let scene = std::fs::metadata(&options.scene).ok();
-    let changed = scene.as_ref().map(|m| (m.len(), m.modified().ok()));
+/// How all frames are made, in few letters: frames of one fingerprint belong together. What was read counts, and every option
+/// that changes pictures.
+fn fingerprint(options: &Options, stage: &Stage, frames: &[Frame], rate: f64) -> Result<String, Failure> {
+    let files = options.sources.as_ref().map(Sources::list);
     let neutral = Options {
         output: None,
         threads: None,
@@ -206,49 +233,15 @@ fn fingerprint(options: &Options, stage: &Stage, rate: f64) -> String {
         resume: false,
         frames: None,
         progress: Default::default(),
+        sources: None,
+        define: options.define.iter().map(|d| spectrum_file::resolve(d)).collect::<Result<_, _>>()?,
         ..options.clone()
     };
-    let text = format!("{} {rate} {:?} {changed:?} {neutral:?}", env!("CARGO_PKG_VERSION"), stage.span());
-    Sha256::digest(text).iter().map(|b| format!("{b:02x}")).collect()
-}
-
-/// What is known of frames while not all of them are there: a file whose first line says how they are made, and whose others are the
-/// numbers of those that are there.
-struct Memory {
-    path: PathBuf,
-    fingerprint: String,
-    done: BTreeSet<i64>,
-}
-
-impl Memory {
-    fn open(place: &Place, fingerprint: String, options: &Options) -> Result<Self, Failure> {
-        let path = place.memory();
-        let known = if path.exists() { String::from_utf8(read(&path)?).ok() } else { None };
-        let mut lines = known.as_deref().unwrap_or("").lines();
-        let goes_on = options.resume && lines.next() == Some(&fingerprint);
-        let done = if goes_on { lines.filter_map(|line| line.parse().ok()).collect() } else { BTreeSet::new() };
-        if options.resume && !goes_on && !options.quiet {
-            let why = if known.is_some() { "the others were made in another way" } else { "nothing was interrupted" };
-            eprintln!("warning: all frames are rendered, because {why}");
-        }
-        let memory = Self { path, fingerprint, done };
-        memory.write()?;
-        Ok(memory)
-    }
-
-    fn add(&mut self, number: i64) -> Result<(), Failure> {
-        self.done.insert(number);
-        self.write()
-    }
-
-    fn write(&self) -> Result<(), Failure> {
-        let numbers: String = self.done.iter().map(|number| format!("{number}\n")).collect();
-        Ok(snell_formats::atomic::write(&self.path, format!("{}\n{numbers}", self.fingerprint).as_bytes())?)
-    }
-
-    fn forget(self) {
-        let _ = std::fs::remove_file(self.path);
-    }
+    // A number stands for other moments if the first of them is not a whole number of frames from 0; but for rounding.
+    let offset = frames.first().map_or(0.0, |f| f.time - f.number as f64 / rate);
+    let offset = (offset * 1e9).round();
+    let version = env!("CARGO_PKG_VERSION");
+    Ok(hex(format!("{version} {rate} {offset} {:?} {files:?} {neutral:?}", stage.span()).as_bytes()))
 }
 
 /// Renders all frames that the options ask for; `None` if they ask for one picture.
@@ -259,45 +252,68 @@ pub fn render(session: &mut Session, stage: &mut Stage) -> Result<Option<ExitCod
     if place.animated.is_some() {
         std::fs::create_dir_all(&place.folder).map_err(|e| io(&place.folder, e))?;
     }
-    let mut memory = Memory::open(&place, fingerprint(options, stage, rate), options)?;
+    let files: BTreeMap<i64, PathBuf> = frames.iter().map(|f| (f.number, place.file(f.number))).collect();
+    if let Some(first) = files.values().next() {
+        // Names of frames are longer than that of the output.
+        output::check_place(first)?;
+    }
+    let fingerprint = fingerprint(options, stage, &frames, rate)?;
+    let mut memory = Memory::open(&place, fingerprint, &files, options)?;
     let start = Instant::now();
     let mut statistics = Vec::new();
     for (i, frame) in frames.iter().enumerate() {
-        let file = place.file(frame.number);
-        if memory.done.contains(&frame.number) && file.exists() {
+        if memory.has(frame.number) {
             continue;
         }
-        let taken = render_one(session, stage, frame, &file)?;
+        let there = format!(
+            "interrupted: {} frames of {} are there; the same command with --resume renders the rest",
+            files.keys().filter(|&&number| memory.has(number)).count(),
+            frames.len()
+        );
+        interrupt::end_at_once(there.clone());
+        let file = &files[&frame.number];
+        let taken = if interrupt::is_requested() { None } else { render_one(session, stage, frame, file)? };
         let Some(taken) = taken else {
-            eprintln!(
-                "interrupted: {} frames of {} are there; the same command with --resume renders the rest",
-                memory.done.len(),
-                frames.len()
-            );
-            return Ok(Some(ExitCode::from(130)));
+            eprintln!("{there}");
+            return Ok(Some(ExitCode::from(interrupt::EXIT_CODE)));
         };
-        memory.add(frame.number)?;
+        let Some(sha256) = taken.sha256 else {
+            eprintln!("the frames before it are in their places; the same command with --resume renders the rest");
+            return Ok(Some(ExitCode::from(1)));
+        };
+        memory.add(frame.number, sha256)?;
         if !options.quiet {
             eprintln!("frame {} of {}: {}, {}", i + 1, frames.len(), file.display(), taken.line);
         }
         statistics.push(taken.statistics);
     }
-    let shown = assemble(&place, &frames, rate)?;
-    memory.forget();
+    let farewell = "interrupted: all frames are there; the same command with --resume makes the picture of them";
+    interrupt::end_at_once(farewell);
+    if interrupt::is_requested() && place.animated.is_some() {
+        eprintln!("{farewell}");
+        return Ok(Some(ExitCode::from(interrupt::EXIT_CODE)));
+    }
+    let assembled = assemble(&place, &files, rate)?;
+    let mut is_in_place = assembled.is_in_place;
+    if is_in_place {
+        memory.forget(&place);
+    }
     let all = Totals::of(&statistics, start.elapsed().as_secs_f64());
     if let Some(path) = &options.stats {
         let text =
             serde_json::to_string_pretty(&all.json(&statistics, rate)).map_err(|e| Failure::Other(e.to_string()))?;
-        snell_formats::atomic::write(path, (text + "\n").as_bytes())?;
+        is_in_place &= output::write_text(path, "the JSON", &(text + "\n"))?;
     }
-    if !options.quiet {
-        eprintln!("{shown}: {} frames, {}", frames.len(), all.line(statistics.len()));
+    if !options.quiet && assembled.is_in_place {
+        eprintln!("{}: {} frames, {}", assembled.shown, frames.len(), all.line(statistics.len()));
     }
-    Ok(Some(ExitCode::SUCCESS))
+    Ok(Some(if is_in_place { ExitCode::SUCCESS } else { ExitCode::from(1) }))
 }
 
 /// What became of a frame.
 struct Taken {
+    /// SHA-256 of its file; `None` if that is in a second place.
+    sha256: Option<String>,
     line: String,
     statistics: Value,
 }
@@ -311,12 +327,14 @@ fn render_one(session: &mut Session, stage: &mut Stage, frame: &Frame, file: &Pa
     }
     let reuse = shot.compiled.world.stats().reuse;
     let (pose, build) = (shot.pose_seconds, shot.build_seconds);
-    let outcome = session.take(&stage.scene, shot, Some(file))?;
-    let Outcome { compiled, is_complete, mut statistics, render_seconds, .. } = outcome;
+    let outcome = session.take(&stage.scene, shot, Target::File(file))?;
+    let Outcome { compiled, fate, mut statistics, render_seconds, .. } = outcome;
     stage.keep(compiled);
-    if !is_complete {
-        return Ok(None);
-    }
+    let sha256 = match fate {
+        Fate::Written(sha256) => Some(sha256),
+        Fate::Elsewhere => None,
+        Fate::Nothing | Fate::Partial | Fate::Noisy => return Ok(None),
+    };
     if let Value::Object(map) = &mut statistics {
         map.insert("frame".into(), json!(frame.number));
         map.insert("time".into(), json!(frame.time));
@@ -327,7 +345,7 @@ fn render_one(session: &mut Session, stage: &mut Stage, frame: &Frame, file: &Pa
         );
     }
     let line = format!("posed {}, built {}, rendered {}", duration(pose), duration(build), duration(render_seconds));
-    Ok(Some(Taken { line, statistics }))
+    Ok(Some(Taken { sha256, line, statistics }))
 }
 
 /// Where the time of all frames went.
@@ -373,34 +391,43 @@ impl Totals {
     }
 }
 
-/// Makes an animated picture of the frames, if that was asked for; gives what to call the result.
-fn assemble(place: &Place, frames: &[Frame], rate: f64) -> Result<String, Failure> {
-    let files: Vec<PathBuf> = frames.iter().map(|f| place.file(f.number)).collect();
-    let (Some(first), Some(last)) = (files.first(), files.last()) else { return Ok(String::new()) };
-    let Some((format, target)) = &place.animated else {
-        return Ok(format!("{} to {}", first.display(), last.display()));
-    };
-    let shown = match target {
-        Some(path) => {
-            snell_formats::atomic::write_with(path, |out| {
-                encode(*format, out, &files, rate).map_err(|e| std::io::Error::other(e.to_string()))
-            })?;
-            path.display().to_string()
-        }
-        None => {
-            encode(*format, std::io::BufWriter::new(std::io::stdout().lock()), &files, rate)?;
-            "standard output".into()
-        }
-    };
-    let _ = std::fs::remove_dir_all(&place.folder);
-    Ok(shown)
+/// What the frames have become.
+struct Assembled {
+    shown: String,
+    is_in_place: bool,
 }
 
-fn encode(format: AnimatedFormat, out: impl Write, files: &[PathBuf], rate: f64) -> Result<(), Failure> {
+/// Makes an animated picture of the frames, if that was asked for.
+fn assemble(place: &Place, files: &BTreeMap<i64, PathBuf>, rate: f64) -> Result<Assembled, Failure> {
+    let files: Vec<&Path> = files.values().map(PathBuf::as_path).collect();
+    let Some((format, target)) = &place.animated else {
+        let ends = [files.first(), files.last()].map(|file| file.map_or(String::new(), |f| f.display().to_string()));
+        return Ok(Assembled { shown: ends.join(" to "), is_in_place: true });
+    };
+    let (shown, written) = match target {
+        Some(path) => {
+            let encode = |out: &mut dyn Write| {
+                encode(*format, out, &files, rate).map_err(|e| std::io::Error::other(e.to_string()))
+            };
+            (path.display().to_string(), rescue::write(path, "the picture", &encode))
+        }
+        None => {
+            let out = std::io::BufWriter::new(std::io::stdout().lock());
+            ("standard output".into(), encode(*format, out, &files, rate).map(|()| true))
+        }
+    };
+    if !matches!(written, Ok(true)) {
+        let folder = place.folder.display();
+        eprintln!("the frames are in {folder}; the same command with --resume makes the picture of them");
+    }
+    Ok(Assembled { shown, is_in_place: written? })
+}
+
+fn encode(format: AnimatedFormat, out: impl Write, files: &[&Path], rate: f64) -> Result<(), Failure> {
     let failed = |problem: String| Failure::Other(format!("the animated picture cannot be written: {problem}"));
-    let first = read(&files[0])?;
+    let first = read(files[0])?;
     let mut writer = AnimatedWriter::new(format, out, &first, rate, files.len() as u32).map_err(failed)?;
-    for file in files {
+    for &file in files {
         writer.add(&read(file)?).map_err(failed)?;
     }
     writer.finish().map_err(failed)
@@ -436,12 +463,12 @@ mod tests {
 
     #[test]
     fn frames_are_named_by_their_numbers() {
-        let place = |name: &str| Place::of(Some(Path::new(name)), "scene").expect("a possible name");
+        let place = |name: &str| Place::of(Some(Path::new(name)), "scene".as_ref()).expect("a possible name");
         assert_eq!(place("a/walk.png").file(7), Path::new("a/walk.0007.png"));
         assert_eq!(place("walk_###.exr").file(7), Path::new("./walk_007.exr"));
         assert_eq!(place("walk.png").file(-12), Path::new("./walk.-0012.png"));
         assert_eq!(place("x/walk.GIF").file(1), Path::new("x/walk.GIF.frames/0001.png"));
         assert_eq!(place("walk.png").memory(), Path::new("./walk.resume"));
-        assert!(Place::of(Some(Path::new("#a#.png")), "scene").is_err());
+        assert!(Place::of(Some(Path::new("#a#.png")), "scene".as_ref()).is_err());
     }
 }

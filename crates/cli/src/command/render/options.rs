@@ -5,7 +5,7 @@ use super::layers;
 use crate::failure::{Failure, choice};
 use crate::progress::ProgressStyleOption;
 use snell_formats::image::Tonemap;
-use snell_formats::{Limits, ReadOptions};
+use snell_formats::{Limits, ReadOptions, Sources};
 use snell_intersect::accel::AcceleratorKind;
 use snell_intersect::{BuildOptions, Quality};
 use snell_math::simd::Level;
@@ -17,6 +17,7 @@ use snell_render::{
 };
 use snell_scene::light::sky::Sky;
 use snell_scene::{Background, Camera, Environment, Scene};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -69,7 +70,7 @@ const EXAMPLES: &str = "Examples:
   snell render a.obj --environment studio.hdr     light from all around
   snell render walk.glb --frames 0..2s@24         an animation, as walk.0000.png and so on
   snell render model.glb --turntable 48 -o a.gif  the model from all sides
-Ctrl-C ends a render early and saves what is there.";
+Ctrl-C ends a render early and saves what is there; so do SIGTERM and SIGHUP.";
 
 /// Options of `snell render`.
 #[derive(Clone, Debug, clap::Args)]
@@ -77,7 +78,7 @@ Ctrl-C ends a render early and saves what is there.";
 pub struct Options {
     /// Scene or mesh file, `-` for standard input, or the name of a built-in scene
     #[arg(default_value = "cornell-box")]
-    pub scene: String,
+    pub scene: PathBuf,
     /// Picture to write; the extension decides the format, `-` is standard output (PNG). Default: the scene's name with .png
     #[arg(short, long, value_name = "FILE", help_heading = "The picture")]
     pub output: Option<PathBuf>,
@@ -188,7 +189,7 @@ pub struct Options {
     pub light_group: Vec<String>,
     /// Remove noise with Open Image Denoise, if it is installed; PATH is its library or folder
     #[arg(long, value_name = "PATH", num_args = 0..=1, require_equals = true, default_missing_value = "", help_heading = "The picture")]
-    pub denoise: Option<String>,
+    pub denoise: Option<OsString>,
     /// Also write the variance of the picture and the layers (OpenEXR)
     #[arg(long, help_heading = "The picture")]
     pub variance: bool,
@@ -215,7 +216,7 @@ pub struct Options {
     /// Light from all around: a latitude-longitude picture (.hdr, .exr), sky (a studio), sky:elevation=35,azimuth=135,… (a clear
     /// day), none, #rrggbb or r,g,b
     #[arg(long, value_name = "FILE", help_heading = "What is rendered")]
-    pub environment: Option<String>,
+    pub environment: Option<OsString>,
     /// Fill the scene with fog that takes this share of light per scene unit, such as 0.001
     #[arg(long, value_name = "DENSITY", value_parser = parse_density, help_heading = "What is rendered")]
     pub fog: Option<f32>,
@@ -238,6 +239,9 @@ pub struct Options {
     /// More about what was done
     #[arg(short, long, help_heading = "Messages")]
     pub verbose: bool,
+    /// The record of the files that are read, if there is one.
+    #[arg(skip)]
+    pub sources: Option<Sources>,
 }
 
 fn parse_spp(text: &str) -> Result<u32, String> {
@@ -279,7 +283,14 @@ impl Options {
             parameters,
             variant: self.variant.clone(),
             scene: self.scene_of_file.clone(),
+            sources: self.sources.clone(),
         }
+    }
+
+    /// The same options, with a record of the files that are read if there are frames, which `--resume` compares.
+    pub fn recording_sources(mut self) -> Self {
+        self.sources = self.has_frames().then(Sources::default);
+        self
     }
 
     /// True if many pictures are rendered.
@@ -418,21 +429,23 @@ impl Options {
 
     /// Applies `--environment`.
     pub fn apply_environment(&self, scene: &mut Scene) -> Result<(), Failure> {
-        let Some(name) = &self.environment else { return Ok(()) };
-        scene.environment = match name.as_str() {
+        let Some(value) = &self.environment else { return Ok(()) };
+        // What is no text can only be the name of a file.
+        let name = value.to_str().unwrap_or_default();
+        scene.environment = match name {
             "none" => None,
             "sky" => Some(snell_scene::framing::default_sky()),
             _ if name.starts_with("sky:") => Some(parse_sky(&name["sky:".len()..])?),
             _ => match parse_color(name) {
                 Some(color) => Some(Environment::Constant(color)),
-                None if is_meant_as_color(name) && !Path::new(name).exists() => {
+                None if is_meant_as_color(name) && !Path::new(value).exists() => {
                     return Err(Failure::Usage(format!(
                         "--environment {name}: not a color; expected white, black, #rrggbb or r,g,b (finite and not negative), \
                          none, sky, sky:…, or the name of a picture"
                     )));
                 }
                 None => {
-                    let input = snell_formats::Input::open(Path::new(name), &self.read_options())?;
+                    let input = snell_formats::Input::open(Path::new(value), &self.read_options())?;
                     Some(Environment::Image {
                         image: Arc::new(snell_formats::image::read_image(&input)?),
                         scale: Rgb::WHITE,

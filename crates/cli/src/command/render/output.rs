@@ -1,14 +1,16 @@
 //! From film to file.
 
-use super::frames;
 use super::options::{DisplayEncoding, Options};
 use super::summary::Summary;
+use super::{frames, rescue};
 use crate::failure::Failure;
 use crate::standard_output;
 use sha2::{Digest, Sha256};
 use snell_formats::image::{self, Display, WriteOptions};
 use snell_render::{Film, IntegratorKind};
 use snell_scene::{Layer, LayeredImage, Scene};
+use std::ffi::OsStr;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Where and how the picture is written.
@@ -44,22 +46,28 @@ impl<'a> Output<'a> {
         Ok(Self { options })
     }
 
-    /// Where the picture goes: `None` is standard output.
-    pub fn target(&self, stem: &str) -> Option<PathBuf> {
+    /// Where the picture goes, or what would be its name if it is for standard output.
+    pub fn path(&self, stem: &OsStr) -> PathBuf {
         match &self.options.output {
-            Some(path) if path == Path::new("-") => None,
-            Some(path) => Some(path.clone()),
-            None => Some(PathBuf::from(format!("{stem}.png"))),
+            Some(path) if path != Path::new("-") => path.clone(),
+            _ => [stem, OsStr::new(".png")].into_iter().collect::<std::ffi::OsString>().into(),
         }
     }
 
+    /// True if the picture goes to standard output.
+    pub fn is_standard(&self) -> bool {
+        self.options.output.as_deref() == Some(Path::new("-"))
+    }
+
     /// Makes sure that the picture replaces nothing that the command reads or writes besides.
-    pub fn check_apart(&self, target: Option<&Path>) -> Result<(), Failure> {
-        let Some(target) = target else { return Ok(()) };
+    pub fn check_apart(&self, target: &Path) -> Result<(), Failure> {
+        if self.is_standard() {
+            return Ok(());
+        }
         let files = [
             ("--stats", self.options.stats.as_deref()),
             ("--environment", self.options.environment.as_deref().map(Path::new)),
-            ("the scene", Some(Path::new(&self.options.scene))),
+            ("the scene", Some(&*self.options.scene)),
         ];
         for (what, file) in files {
             let Some(file) = file.filter(|file| is_same_place(file, target)) else { continue };
@@ -72,12 +80,12 @@ impl<'a> Output<'a> {
     /// Writes the picture to a file, or to standard output.
     pub fn write(
         &self,
-        target: Option<&Path>,
+        target: Target,
         mut picture: LayeredImage,
         film: &Film,
         summary: &Summary,
         scene: &Scene,
-    ) -> Result<(), Failure> {
+    ) -> Result<Written, Failure> {
         let options = self.options;
         if options.variance {
             // Light groups have been given names.
@@ -102,15 +110,77 @@ impl<'a> Output<'a> {
             exr_half: options.half,
             ..WriteOptions::default()
         };
-        match target {
-            None => standard_output::write(&image::encode_image_as("png", &picture, &writing)?),
-            Some(path) => Ok(image::write_image(path, &picture, &writing)?),
+        let path = target.path();
+        let encoded = match target {
+            Target::File(path) => image::encode_image(path, &picture, &writing),
+            Target::Output { .. } => image::encode_image_as("png", &picture, &writing),
+        };
+        let bytes = match encoded {
+            Ok(bytes) => bytes,
+            Err(unfit) => {
+                // OpenEXR holds any picture.
+                let bytes = image::encode_image_as("exr", &picture, &writing)?;
+                let is_saved =
+                    rescue::elsewhere(&path.with_extension("exr"), "the picture", &unfit.to_string(), &|out| {
+                        out.write_all(&bytes)
+                    });
+                return if is_saved {
+                    Ok(Written { is_in_place: false, sha256: hex(&bytes) })
+                } else {
+                    Err(unfit.into())
+                };
+            }
+        };
+        let fill = |out: &mut dyn Write| out.write_all(&bytes);
+        let is_in_place = match target {
+            Target::File(path) => rescue::write(path, "the picture", &fill)?,
+            Target::Output { .. } => match standard_output::write(&bytes) {
+                Ok(()) => true,
+                Err(failure) if rescue::elsewhere(path, "the picture", &failure.to_string(), &fill) => false,
+                Err(failure) => return Err(failure),
+            },
+        };
+        Ok(Written { is_in_place, sha256: hex(&bytes) })
+    }
+}
+
+/// Where a picture is written.
+#[derive(Clone, Copy, Debug)]
+pub enum Target<'a> {
+    /// A file.
+    File(&'a Path),
+    /// Standard output, or a file in the current folder for what cannot be written there.
+    Output {
+        /// The name of that file.
+        stand_in: &'a Path,
+    },
+}
+
+impl<'a> Target<'a> {
+    /// The file, or the one that stands in for standard output.
+    pub fn path(self) -> &'a Path {
+        match self {
+            Self::File(path) | Self::Output { stand_in: path } => path,
         }
     }
 }
 
+/// A picture that was written.
+#[derive(Debug)]
+pub struct Written {
+    /// False if it is in a second place, see [`rescue`].
+    pub is_in_place: bool,
+    /// SHA-256 of the file.
+    pub sha256: String,
+}
+
+/// Writes a text that belongs to the picture, such as its statistics; true if it is in its place.
+pub fn write_text(path: &Path, what: &str, text: &str) -> Result<bool, Failure> {
+    rescue::write(path, what, &|out| out.write_all(text.as_bytes()))
+}
+
 /// Checks that a file may be put there.
-fn check_place(path: &Path) -> Result<(), Failure> {
+pub fn check_place(path: &Path) -> Result<(), Failure> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let (shown, folder_shown) = (path.display(), folder.display());
     if !folder.is_dir() {
@@ -128,5 +198,14 @@ pub fn sha256(picture: &LayeredImage) -> String {
     for value in &picture.layers[0].values {
         hasher.update(value.to_le_bytes());
     }
-    hasher.finalize().iter().map(|b| format!("{b:02x}")).collect()
+    text(&hasher.finalize())
+}
+
+/// SHA-256 of the content of a file.
+pub fn hex(content: &[u8]) -> String {
+    text(&Sha256::digest(content))
+}
+
+fn text(hash: &[u8]) -> String {
+    hash.iter().map(|b| format!("{b:02x}")).collect()
 }

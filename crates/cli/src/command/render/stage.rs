@@ -60,7 +60,7 @@ impl Stage {
             }
             _ if is_asked => {
                 let problem = "nothing in the scene moves, so that there are no times to show it at";
-                return Err(Failure::Usage(format!("{}: {problem} (--turntable N turns it)", options.scene)));
+                return Err(Failure::Usage(format!("{}: {problem} (--turntable N turns it)", options.scene.display())));
             }
             _ => None,
         };
@@ -125,7 +125,7 @@ impl Stage {
         let pose_seconds = start.elapsed().as_secs_f64();
         let start = Instant::now();
         let compiled = CompiledScene::moving(&self.scene, &self.moving, build, self.compiled.take())
-            .map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
+            .map_err(|e| Failure::Scene(format!("{}: {e}", options.scene.display())))?;
         Ok(Shot { camera, later_cameras, compiled, pose_seconds, build_seconds: start.elapsed().as_secs_f64() })
     }
 

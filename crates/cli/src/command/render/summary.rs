@@ -1,6 +1,7 @@
 //! What a render says about itself: on the terminal, in the picture, and as JSON.
 
 use super::options::Options;
+use super::output::Target;
 use crate::progress::duration;
 use crate::resources::peak_memory_bytes;
 use serde_json::{Value, json};
@@ -109,9 +110,12 @@ impl Summary<'_> {
     }
 
     /// The closing lines on the terminal.
-    pub fn print(&self, options: &Options, written: Option<&Path>) {
+    pub fn print(&self, options: &Options, target: Target) {
         let [w, h] = self.film.crop.size();
-        let place = written.map_or("standard output".into(), |p| p.display().to_string());
+        let place = match target {
+            Target::File(path) => path.display().to_string(),
+            Target::Output { .. } => "standard output".into(),
+        };
         eprintln!(
             "{place}: {w}x{h}, {}, {} in {} ({:.1} Mrays/s, {} thread{})",
             self.samples(),
@@ -153,10 +157,11 @@ impl Summary<'_> {
         if self.statistics.invalid_samples > 0 {
             eprintln!(
                 "warning: {}: {} samples were not finite and count as black; lights, colours or sizes of the scene may be too large",
-                options.scene, self.statistics.invalid_samples
+                options.scene.display(),
+                self.statistics.invalid_samples
             );
         }
-        if options.scene == "cornell-box" && options.output.is_none() {
+        if options.scene == Path::new("cornell-box") && options.output.is_none() {
             eprintln!(
                 "\nNext: `snell render FILE` for your own scene (glTF, OBJ, PLY, STL, pbrt, Mitsuba, USD, .scn and more),"
             );

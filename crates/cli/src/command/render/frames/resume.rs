@@ -1,0 +1,171 @@
+//! What is known of frames while not all of them are there: a file beside them.
+//!
+//! Its first line says how they are made. The others are the numbers of frames whose files are ours: alone, for one that is yet
+//! to be made, or before the SHA-256 of the file that was written.
+
+use super::Place;
+use crate::command::render::options::Options;
+use crate::command::render::output::hex;
+use crate::failure::Failure;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Letters of a SHA-256.
+const HASH_LETTERS: usize = 64;
+
+/// The frames that are there.
+pub struct Memory {
+    path: PathBuf,
+    content: Content,
+}
+
+/// What the file says.
+struct Content {
+    fingerprint: String,
+    /// All frames that are ours; with the hash of the file, if that was written.
+    frames: BTreeMap<i64, Option<String>>,
+}
+
+impl Content {
+    /// Reads it; `None` for what Snell has not written.
+    fn parse(text: &str) -> Option<Self> {
+        let mut lines = text.lines();
+        let fingerprint = lines.next().filter(|line| is_hash(line))?.to_string();
+        let frame = |line: &str| match line.split_once(' ') {
+            None => Some((line.parse().ok()?, None)),
+            Some((number, hash)) => Some((number.parse().ok()?, Some(hash.to_string()).filter(|hash| is_hash(hash)))),
+        };
+        Some(Self { fingerprint, frames: lines.filter_map(frame).collect() })
+    }
+
+    fn text(&self) -> String {
+        let line = |(number, hash): (&i64, &Option<String>)| match hash {
+            None => format!("{number}\n"),
+            Some(hash) => format!("{number} {hash}\n"),
+        };
+        format!("{}\n{}", self.fingerprint, self.frames.iter().map(line).collect::<String>())
+    }
+}
+
+fn is_hash(text: &str) -> bool {
+    text.len() == HASH_LETTERS && text.bytes().all(|b| b.is_ascii_hexdigit())
+}
+
+/// True if the content of a file has this hash.
+fn holds(file: &Path, hash: &str) -> bool {
+    file.is_file() && std::fs::read(file).is_ok_and(|content| hex(&content) == hash)
+}
+
+impl Memory {
+    /// What is remembered of frames that are made in this way, in these files. Files of others, where frames of an animated
+    /// picture are to wait, are an error.
+    pub fn open(
+        place: &Place,
+        fingerprint: String,
+        files: &BTreeMap<i64, PathBuf>,
+        options: &Options,
+    ) -> Result<Self, Failure> {
+        let path = place.memory();
+        let known = read(&path)?;
+        let is_ours = |number: &i64| known.as_ref().is_some_and(|known| known.frames.contains_key(number));
+        let waiting = place.animated.is_some();
+        let foreign =
+            files.iter().find(|(number, file)| waiting && !is_ours(number) && file.symlink_metadata().is_ok());
+        if let Some((_, file)) = foreign {
+            let problem = "this file is none of Snell's, and a frame is to wait here; move it away";
+            return Err(Failure::Other(format!("{}: {problem}", file.display())));
+        }
+        let warn = |problem: String| match options.quiet {
+            true => {}
+            false => eprintln!("warning: {problem}"),
+        };
+        let goes_on = options.resume && known.as_ref().is_some_and(|known| known.fingerprint == fingerprint);
+        if options.resume && !goes_on {
+            let why = if known.is_some() { "the others were made in another way" } else { "nothing was interrupted" };
+            warn(format!("all frames are rendered, because {why}"));
+        }
+        let mut frames: BTreeMap<i64, Option<String>> = files.keys().map(|&number| (number, None)).collect();
+        for (number, hash) in known.map(|known| known.frames).unwrap_or_default() {
+            let file = place.file(number);
+            let is_there = hash.as_ref().is_some_and(|hash| holds(&file, hash));
+            if goes_on {
+                if hash.is_some() && !is_there && files.contains_key(&number) && file.exists() {
+                    warn(format!(
+                        "{}: the file has changed since it was written; the frame is rendered again",
+                        file.display()
+                    ));
+                }
+                frames.insert(number, hash.filter(|_| is_there));
+            } else if waiting && is_there && !files.contains_key(&number) {
+                // No other command will want it.
+                let _ = std::fs::remove_file(file);
+            }
+        }
+        let memory = Self { path, content: Content { fingerprint, frames } };
+        memory.write()?;
+        Ok(memory)
+    }
+
+    /// True if a frame is there.
+    pub fn has(&self, number: i64) -> bool {
+        self.content.frames.get(&number).is_some_and(Option::is_some)
+    }
+
+    /// Remembers a frame by the hash of its file.
+    pub fn add(&mut self, number: i64, sha256: String) -> Result<(), Failure> {
+        self.content.frames.insert(number, Some(sha256));
+        self.write()
+    }
+
+    fn write(&self) -> Result<(), Failure> {
+        Ok(snell_formats::atomic::write(&self.path, self.content.text().as_bytes())?)
+    }
+
+    /// Ends it: all frames are there. Those that have waited in a folder are removed, and the folder if nothing else is in it.
+    pub fn forget(self, place: &Place) {
+        let _ = std::fs::remove_file(self.path);
+        if place.animated.is_none() {
+            return;
+        }
+        for (number, hash) in self.content.frames {
+            let file = place.file(number);
+            if hash.is_some_and(|hash| holds(&file, &hash)) {
+                let _ = std::fs::remove_file(file);
+            }
+        }
+        // Fails if there is something else in it.
+        let _ = std::fs::remove_dir(&place.folder);
+    }
+}
+
+/// The content of the file; `None` if there is none.
+fn read(path: &Path) -> Result<Option<Content>, Failure> {
+    if path.symlink_metadata().is_err() {
+        return Ok(None);
+    }
+    let text = if path.is_file() { std::fs::read_to_string(path).ok() } else { None };
+    let content = text.and_then(|text| Content::parse(&text));
+    content.map(Some).ok_or_else(|| {
+        let problem = "this file is none of Snell's, and the memory of unfinished frames is to be here; move it away";
+        Failure::Other(format!("{}: {problem}", path.display()))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read() {
+        let hash = "0123456789abcdef".repeat(4);
+        let text = format!("{hash}\n-1\n2 {hash}\n");
+        let content = Content::parse(&text).expect("it is ours");
+        assert_eq!((content.text(), content.frames.len()), (text, 2));
+        // As it was before frames had hashes.
+        let old = Content::parse(&format!("{hash}\n0\n1\n")).expect("it is ours");
+        assert!(old.frames.len() == 2 && old.frames.values().all(Option::is_none));
+        for foreign in ["", "a diary\n", "0123\n1\n"] {
+            assert!(Content::parse(foreign).is_none(), "{foreign}");
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Writing what took long to make: where its place does not take it, a second place does.
+
+use crate::failure::Failure;
+use crate::interrupt;
+use snell_formats::error::one_line;
+use snell_formats::{WriteError, atomic};
+use std::ffi::OsString;
+use std::io::{ErrorKind, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Longest name of a file on most systems, in bytes.
+const MAX_NAME_BYTES: usize = 255;
+/// Names that are tried in a folder.
+const MAX_NAMES: u32 = 1000;
+
+/// Writes a file as [`atomic::write_with()`] does; `what` it is, such as "the picture", is for messages. True if it is in its
+/// place. If that fails, it goes to the current folder or else to the one for temporary files, under a name that is free; the
+/// message names it. If none of them takes it and a person is there, the person is asked to make room, once.
+pub fn write(path: &Path, what: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>) -> Result<bool, Failure> {
+    let Err(error) = atomic::write_with(path, fill) else { return Ok(true) };
+    if elsewhere(path, what, &error.to_string(), fill) {
+        return Ok(false);
+    }
+    if !asked_to_make_room(what, &error) {
+        return Err(error.into());
+    }
+    match atomic::write_with(path, fill) {
+        Ok(()) => Ok(true),
+        Err(error) if elsewhere(path, what, &error.to_string(), fill) => Ok(false),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Writes a file under a free name in the current folder or in the one for temporary files, and says where, after what is wrong
+/// with its own place. False if neither takes it.
+pub fn elsewhere(path: &Path, what: &str, problem: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>) -> bool {
+    let folders = [Some(PathBuf::from(".")), Some(std::env::temp_dir())];
+    let Some(place) = folders.into_iter().flatten().find_map(|folder| write_in(&folder, path, fill)) else {
+        return false;
+    };
+    eprintln!("error: {}; {what} is saved as {} instead", one_line(problem), one_line(&place.display().to_string()));
+    true
+}
+
+fn write_in(folder: &Path, path: &Path, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>) -> Option<PathBuf> {
+    for number in 0..MAX_NAMES {
+        let name = if number == 0 { path.file_name()?.into() } else { extended(path, &format!("-{number}")) };
+        let place = folder.join(name);
+        match atomic::write_new(&place, fill) {
+            Ok(()) => return Some(place),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            Err(_) => return None,
+        }
+    }
+    None
+}
+
+/// The name of what is not the whole picture that was asked for: `a.partial.png` for `a.png`.
+pub fn partial(path: &Path) -> PathBuf {
+    path.with_file_name(extended(path, ".partial"))
+}
+
+/// The name of a file with an addition before its extension, another one if that is too long.
+fn extended(path: &Path, addition: &str) -> OsString {
+    let extension = path.extension().map(|extension| [".".as_ref(), extension].into_iter().collect::<OsString>());
+    let with = |stem: &std::ffi::OsStr| {
+        [stem, addition.as_ref(), extension.as_deref().unwrap_or_default()].into_iter().collect::<OsString>()
+    };
+    let name = with(path.file_stem().unwrap_or_default());
+    if name.len() <= MAX_NAME_BYTES { name } else { with("picture".as_ref()) }
+}
+
+/// Asks for room where a person can answer; true once there is an answer, false if there is nobody, or the program shall end.
+fn asked_to_make_room(what: &str, error: &WriteError) -> bool {
+    if !has_person() || interrupt::is_requested() {
+        return false;
+    }
+    eprintln!("error: {}; no other folder takes {what} either", one_line(&error.to_string()));
+    eprintln!("Make room and press Enter to try once more, or Ctrl-C to give up.");
+    let (answered, answer) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let _ = answered.send(std::io::stdin().read_line(&mut String::new()).is_ok_and(|bytes| bytes > 0));
+    });
+    loop {
+        match answer.recv_timeout(Duration::from_millis(100)) {
+            Ok(has_answer) => return has_answer,
+            Err(std::sync::mpsc::RecvTimeoutError::Timeout) if !interrupt::is_requested() => {}
+            Err(_) => return false,
+        }
+    }
+}
+
+/// True if standard input and the messages are a terminal, which this program may read.
+fn has_person() -> bool {
+    let stdin = std::io::stdin();
+    if !stdin.is_terminal() || !std::io::stderr().is_terminal() {
+        return false;
+    }
+    // Reading would stop a program in the background.
+    #[cfg(unix)]
+    return nix::unistd::tcgetpgrp(stdin).is_ok_and(|group| group == nix::unistd::getpgrp());
+    #[cfg(not(unix))]
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_whole_has_a_name_of_its_own() {
+        let name = |path: &str| partial(Path::new(path));
+        assert_eq!(name("a/b.c.png"), Path::new("a/b.c.partial.png"));
+        assert_eq!(name("a"), Path::new("a.partial"));
+        let long = format!("x/{}.png", "n".repeat(251));
+        assert_eq!(name(&long), Path::new("x/picture.partial.png"));
+    }
+
+    #[test]
+    fn a_second_place_replaces_nothing() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = Path::new("gone/a.png");
+        let mut places = Vec::new();
+        for _ in 0..3 {
+            places.extend(write_in(folder.path(), path, &|out| out.write_all(b"picture")));
+        }
+        assert_eq!(places, ["a.png", "a-1.png", "a-2.png"].map(|name| folder.path().join(name)));
+    }
+}

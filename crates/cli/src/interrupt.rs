@@ -1,0 +1,128 @@
+//! Signals that ask the program to end: Ctrl-C, and what schedulers, systems and closed terminals send (SIGTERM, SIGHUP, and
+//! SIGXCPU when the processor time allowed is used up).
+//!
+//! At first such a signal ends the program at once. Work that can be saved asks for a warning instead: the first signal is then
+//! a request to end, and only one that comes later ends the program at once. No temporary file is left either way.
+
+use crate::failure::Failure;
+use std::borrow::Cow;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Signals so soon after another are the same wish: `timeout` and terminals send theirs twice.
+const SAME_WISH: Duration = Duration::from_secs(1);
+/// Exit code of what was interrupted.
+pub const EXIT_CODE: u8 = 130;
+
+/// Requests to end so far.
+static REQUESTS: AtomicUsize = AtomicUsize::new(0);
+static STATE: Mutex<State> =
+    Mutex::new(State { farewell: Some(Cow::Borrowed("interrupted")), last: None, warned: false });
+static CHANGED: Condvar = Condvar::new();
+
+struct State {
+    /// What is said when a signal ends the program at once; `None` while it is a request first.
+    farewell: Option<Cow<'static, str>>,
+    /// When the last signal came that was a wish of its own.
+    last: Option<Instant>,
+    /// A request was made since [`save_first`].
+    warned: bool,
+}
+
+fn state() -> MutexGuard<'static, State> {
+    STATE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// From now on a signal ends the program at once, and says this. (One that came before may have been a request.)
+pub fn end_at_once(farewell: impl Into<Cow<'static, str>>) {
+    state().farewell = Some(farewell.into());
+}
+
+/// From now on the next signal is a request, and the one after it ends the program at once.
+pub fn save_first() {
+    let mut state = state();
+    (state.farewell, state.warned) = (None, false);
+}
+
+/// True once a request to end was made.
+pub fn is_requested() -> bool {
+    requests() > 0
+}
+
+/// Number of requests to end.
+pub fn requests() -> usize {
+    REQUESTS.load(Ordering::Relaxed)
+}
+
+/// Waits for this time, or until there are more requests than `known`.
+pub fn wait(time: Duration, known: usize) {
+    let is_quiet = |_: &mut State| requests() <= known;
+    drop(CHANGED.wait_timeout_while(state(), time, is_quiet));
+}
+
+/// A signal came. `insists` if a second of its kind may end what is being saved.
+fn receive(insists: bool) {
+    let mut state = state();
+    let repeats = state.last.is_some_and(|last| last.elapsed() < SAME_WISH);
+    if !repeats {
+        state.last = Some(Instant::now());
+    }
+    match (&state.farewell, state.warned) {
+        (None, false) if !repeats => {
+            state.warned = true;
+            REQUESTS.fetch_add(1, Ordering::Relaxed);
+            CHANGED.notify_all();
+        }
+        (None, _) if repeats || !insists => {}
+        _ => end(state.farewell.as_deref().unwrap_or("interrupted again: what was not yet written is lost")),
+    }
+}
+
+/// Ends the program without waiting for anything.
+fn end(farewell: &str) -> ! {
+    snell_formats::atomic::abandon();
+    eprintln!("{farewell}");
+    #[cfg(unix)]
+    signal_hook::low_level::exit(EXIT_CODE.into());
+    #[cfg(not(unix))]
+    std::process::exit(EXIT_CODE.into());
+}
+
+/// Begins to watch for signals.
+#[cfg(unix)]
+pub fn watch() -> Result<(), Failure> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXCPU, SIGXFSZ};
+    use signal_hook::iterator::Signals;
+    use std::sync::Arc;
+    use std::sync::atomic::AtomicBool;
+
+    let failed = |e: std::io::Error| Failure::Other(format!("cannot watch for signals: {e}"));
+    // A file that grows beyond what `ulimit -f` allows is an error of the file, not the end of the program.
+    signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).map_err(failed)?;
+    let mut signals = Signals::new([SIGINT, SIGTERM, SIGXCPU]).map_err(failed)?;
+    if !is_hangup_ignored() {
+        signals.add_signal(SIGHUP).map_err(failed)?;
+    }
+    let watch = move || signals.forever().for_each(|signal| receive(matches!(signal, SIGINT | SIGTERM)));
+    std::thread::Builder::new().name("signals".into()).spawn(watch).map_err(failed)?;
+    Ok(())
+}
+
+/// Begins to watch for Ctrl-C.
+#[cfg(not(unix))]
+pub fn watch() -> Result<(), Failure> {
+    ctrlc::set_handler(|| receive(true)).map_err(|e| Failure::Other(format!("cannot watch for Ctrl-C: {e}")))
+}
+
+/// True if the program was started by `nohup`, so that the end of the terminal is not to end it.
+#[cfg(unix)]
+fn is_hangup_ignored() -> bool {
+    use std::io::IsTerminal;
+    let ignored = std::fs::read_to_string("/proc/self/status").ok().and_then(|status| {
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"))?;
+        Some(u64::from_str_radix(mask.trim(), 16).ok()? & 1 << (signal_hook::consts::SIGHUP - 1) != 0)
+    });
+    // Where the system does not say: `nohup` leaves no message on a terminal.
+    ignored.unwrap_or_else(|| !std::io::stderr().is_terminal())
+}
