@@ -88,12 +88,12 @@ impl fmt::Display for Limit {
 }
 
 impl Available {
-    /// An error for people if this is less than `what` needs.
-    pub fn admit(&self, what: &str, needed: u64, remedy: impl FnOnce(u64) -> String) -> Result<(), String> {
+    /// An error for people if this is less than `what` needs; the remedy is for the caller to say.
+    pub fn admit(&self, what: &str, needed: u64) -> Result<(), String> {
         if needed <= self.bytes {
             return Ok(());
         }
-        Err(format!("{what} needs about {} of memory, and {self}; {}", Bytes(needed), remedy(self.bytes)))
+        Err(format!("{what} needs about {} of memory, and {self}", Bytes(needed)))
     }
 }
 

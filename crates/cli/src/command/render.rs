@@ -3,6 +3,7 @@
 mod denoise;
 mod frames;
 mod layers;
+mod memory;
 mod options;
 mod output;
 mod stage;
@@ -43,13 +44,24 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let interrupted = Arc::new(AtomicBool::new(false));
     let stem = scene_source::stem(&options.scene, &stage.scene);
     output.check_apart(output.target(&stem).as_deref())?;
-    let mut session =
-        Session { options, simd, output, denoiser, tonemap, load_seconds, interrupted, stem, has_begun: false };
+    let mut session = Session {
+        options,
+        simd,
+        output,
+        denoiser,
+        tonemap,
+        load_seconds,
+        interrupted,
+        stem,
+        estimated_memory_bytes: 0,
+        has_begun: false,
+    };
     if let Some(code) = frames::render(&mut session, &mut stage)? {
         return Ok(code);
     }
     let time = options.at.unwrap_or_else(|| stage.usual_time());
     let settings = options.settings(&stage.scene, &stage.camera(options)?, simd)?;
+    session.estimated_memory_bytes = memory::check(options, &settings, &stage.scene)?;
     let shot = stage.shot(time, options, &settings.build)?;
     let target = session.output.target(&session.stem);
     let outcome = session.take(&stage.scene, shot, target.as_deref())?;
@@ -94,6 +106,8 @@ struct Session<'a> {
     load_seconds: f64,
     interrupted: Arc<AtomicBool>,
     stem: String,
+    /// What a picture was expected to take before it was begun.
+    estimated_memory_bytes: u64,
     /// Some picture was begun: warnings are said, Ctrl-C is caught.
     has_begun: bool,
 }
@@ -152,6 +166,7 @@ impl Session<'_> {
             build_seconds,
             render_seconds,
             threads,
+            estimated_memory_bytes: self.estimated_memory_bytes,
             image_sha256: output::sha256(&picture),
         };
         snell_render::layers::name_groups(&mut picture, &film, &settings.light_groups);
