@@ -9,7 +9,7 @@ from snell import _snell
 __all__ = ["load"]
 
 
-def load(path: str | os.PathLike[str]) -> _snell.Scene:
+def load(path: str | os.PathLike[str], *, threads: int | None = None) -> _snell.Scene:
     """Read a scene or mesh file, or make a built-in scene.
 
     Parameters
@@ -17,6 +17,9 @@ def load(path: str | os.PathLike[str]) -> _snell.Scene:
     path : str or PathLike
         A file of any format that Snell reads, or the name of a built-in scene. USD (``.usd``, ``.usda``, ``.usdc``, ``.usdz``) needs the
         package ``usd-core``: ``pip install 'snell[usd]'``; `snell.usd.load` also chooses variants and a time.
+
+    threads : int, optional
+        Threads that work on it, but for USD, which has its own. Default: one per core.
 
     Returns
     -------
@@ -37,4 +40,4 @@ def load(path: str | os.PathLike[str]) -> _snell.Scene:
 
         scene: _snell.Scene = usd.load(name)
         return scene
-    return _snell.load(path)
+    return _snell.load(path, threads=threads)

@@ -16,6 +16,7 @@ mod resources;
 mod scene_source;
 mod spectrum_file;
 mod standard_output;
+mod threads;
 mod usd;
 
 use clap::{CommandFactory, Parser};

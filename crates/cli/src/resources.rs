@@ -1,15 +1,22 @@
-//! What the process used.
+//! What the process uses.
+
+/// Resident memory of this process now, in bytes; `None` where the system does not say.
+pub fn memory_bytes() -> Option<u64> {
+    kilobytes("VmRSS:")
+}
+
+/// A number of `/proc/self/status`, in bytes.
+fn kilobytes(name: &str) -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix(name))?;
+    Some(line.trim().strip_suffix(" kB")?.parse::<u64>().ok()? * 1024)
+}
 
 /// Largest resident memory of this process so far, in bytes; `None` where the system does not tell.
 pub fn peak_memory_bytes() -> Option<u64> {
     // On Linux, what `getrusage` tells counts what the parent had when it started this process, too.
-    if let Ok(status) = std::fs::read_to_string("/proc/self/status") {
-        let kilobytes = status
-            .lines()
-            .find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse::<u64>().ok());
-        if let Some(kilobytes) = kilobytes {
-            return Some(kilobytes * 1024);
-        }
+    if let Some(peak) = kilobytes("VmHWM:") {
+        return Some(peak);
     }
     #[cfg(unix)]
     {

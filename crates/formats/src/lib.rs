@@ -12,6 +12,7 @@ pub mod image;
 pub mod input;
 mod json_place;
 pub mod limits;
+pub mod memory;
 pub mod mesh;
 pub mod open;
 pub mod scene;

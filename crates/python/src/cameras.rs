@@ -51,6 +51,7 @@ pub fn rays_of<'py>(py: Python<'py>, camera: &Camera, size: [Option<u32>; 2]) ->
         return Err(PyValueError::new_err(format!("width_px and height_px are {size:?}, expected at most 65536")));
     }
     let [width, height] = size.map(|side| side as usize);
+    crate::memory::admit_all("the rays", width * height, 6 * size_of::<f32>())?;
     let rows = run(py, Threads::new(None)?, false, |cancel| {
         let mut rays = vec![0.0f32; width * height * 6];
         rays.par_chunks_mut(width * 6).enumerate().try_for_each(|(y, row)| {

@@ -3,14 +3,17 @@
 use crate::arrays::{array, contiguous, from_vec, is_double, shown, slice};
 use crate::load::check_there;
 use crate::names::choice;
-use crate::work::run_to_end;
+use crate::memory::{admit, admit_all};
+use crate::work::{Threads, run_to_end, run_to_end_on};
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyOSError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
-use snell_formats::image::compare::{CompareOptions, LinearImage, compare};
-use snell_formats::image::{Display, Tonemap, WriteOptions, display_value, encode_image_as, read_layers, write_image};
+use snell_formats::image::compare::{BYTES_PER_PIXEL, CompareOptions, LinearImage, compare};
+use snell_formats::image::{
+    Display, Tonemap, WriteOptions, display_value, encode_image_as, encoder_bytes, read_layers, write_image,
+};
 use snell_formats::{Input, ReadOptions, WriteError};
 use snell_render::IntegratorKind;
 use snell_scene::{Layer, LayeredImage, SceneSettings};
@@ -79,6 +82,7 @@ pub struct Image {
 /// A layer as an array. Ids are whole numbers; one channel needs no axis.
 fn layer_array<'py>(py: Python<'py>, image: &LayeredImage, layer: &Layer) -> PyResult<Bound<'py, PyAny>> {
     let (width, height) = (image.width as usize, image.height as usize);
+    admit_all("the array", layer.values.len(), size_of::<f32>())?;
     let made = match layer.channels.len() {
         1 if layer.channels[0] == "id" => {
             from_vec(py, layer.values.iter().map(|&x| x as i32).collect(), &[height, width])
@@ -110,6 +114,13 @@ impl Image {
         &self.picture
     }
 
+    /// An error if there is no memory for a copy of the picture and for what its encoder takes.
+    fn admit_file(&self, extension: &str, png_bits: u8) -> PyResult<()> {
+        let values: usize = self.picture.layers.iter().map(|layer| layer.channels.len()).sum();
+        let each = 4 * (values as u64 + 4) + encoder_bytes(extension, values as u64, png_bits);
+        admit("the picture as a file", u64::from(self.width()) * u64::from(self.height()) * each)
+    }
+
     fn main(&self) -> &Layer {
         &self.picture.layers[0]
     }
@@ -119,7 +130,7 @@ impl Image {
         for (key, value) in self.facts.bind(py) {
             let (key, value) = (key.extract::<String>()?, value.str()?.extract::<String>()?);
             // Not of the picture but of the run.
-            if !["seconds", "warnings", "is_complete", "Software"].contains(&key.as_str()) {
+            if !["seconds", "warnings", "is_complete", "estimated_memory_bytes", "Software"].contains(&key.as_str()) {
                 all.push((key, value));
             }
         }
@@ -143,6 +154,7 @@ fn read_pixels(value: &Bound<'_, PyAny>, name: &str) -> PyResult<LayeredImage> {
             "{name}: shape is {found}, expected (height, width), (height, width, 3) or (height, width, 4), sides from 1 to 65536"
         )));
     }
+    admit_all("the picture", height * width * channels.max(3), 2 * size_of::<f32>())?;
     let values = contiguous::<f32>(&array)?;
     let values = slice(&values)?;
     let (values, names): (Vec<f32>, &[&str]) = match channels {
@@ -210,6 +222,7 @@ impl Image {
     fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let make = || {
             let shape = [self.height() as usize, self.width() as usize, self.main().channels.len()];
+            admit_all("the array of pixels", self.main().values.len(), size_of::<f32>())?;
             let made = from_vec(py, self.main().values.clone(), &shape)?;
             let flags = PyDict::new(py);
             flags.set_item("write", false)?;
@@ -289,6 +302,7 @@ impl Image {
     ) -> PyResult<Bound<'py, PyAny>> {
         let display = self.look.with(exposure, tonemap)?.0;
         let count = self.main().channels.len();
+        admit_all("the array", self.main().values.len(), 1)?;
         let level = |x: f32| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
         let bytes: Vec<u8> = py.detach(|| {
             let pixel = |p: &[f32]| {
@@ -317,13 +331,15 @@ impl Image {
     ///     16-bit instead of 32-bit colours in OpenEXR.
     /// variance : bool
     ///     Writes the variance as a layer, too (OpenEXR).
+    /// threads : int, optional
+    ///     Threads that work on it. Default: one per core.
     ///
     /// Examples
     /// --------
     /// >>> import pathlib, tempfile, snell
     /// >>> with tempfile.TemporaryDirectory() as folder:
     /// ...     snell.Image([[0.0, 1.0]]).save(pathlib.Path(folder, "two-pixels.png"))
-    #[pyo3(signature = (path, *, exposure=None, tonemap=None, bits=8, half=false, variance=false))]
+    #[pyo3(signature = (path, *, exposure=None, tonemap=None, bits=8, half=false, variance=false, threads=None))]
     fn save(
         &self,
         py: Python<'_>,
@@ -333,19 +349,22 @@ impl Image {
         bits: i64,
         half: bool,
         variance: bool,
+        threads: Option<usize>,
     ) -> PyResult<()> {
+        let threads = Threads::new(threads)?;
         let png_bits = match bits {
             8 | 16 => bits as u8,
             _ => return Err(PyValueError::new_err(format!("bits is {bits}, expected 8 or 16"))),
         };
         let display = self.look.with(exposure, tonemap)?.0;
         let options = WriteOptions { display, png_bits, exr_half: half, ..WriteOptions::default() };
+        self.admit_file(&path.extension().unwrap_or_default().to_string_lossy().to_lowercase(), png_bits)?;
         let mut picture = Arc::unwrap_or_clone(self.picture.clone());
         if let Some(of) = self.variance.as_ref().filter(|_| variance) {
             picture.layers.push(Layer { name: "variance".into(), ..of.layers[0].clone() });
         }
         picture.metadata = self.written_metadata(py)?;
-        let written = run_to_end(py, move || write_image(&path, &picture, &options))?;
+        let written = run_to_end_on(py, threads, move || write_image(&path, &picture, &options))?;
         written.map_err(|error| match &error {
             WriteError::Io { .. } => PyOSError::new_err(error.to_string()),
             WriteError::Format { .. } => PyValueError::new_err(error.to_string()),
@@ -354,6 +373,7 @@ impl Image {
 
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let options = WriteOptions { display: self.look.0, ..WriteOptions::default() };
+        self.admit_file("png", 8)?;
         let picture = self.picture.clone();
         let bytes = run_to_end(py, move || encode_image_as("png", &picture, &options))?;
         let bytes = bytes.map_err(|e| PyValueError::new_err(e.to_string()))?;
@@ -394,6 +414,7 @@ impl Image {
 fn stored<'py>(py: Python<'py>, image: &LayeredImage) -> PyResult<Bound<'py, PyAny>> {
     let layers = PyList::empty(py);
     for layer in &image.layers {
+        admit_all("the picture", layer.values.len(), size_of::<f32>())?;
         let values = from_vec(py, layer.values.clone(), &[layer.values.len()])?;
         layers.append((&layer.name, &layer.channels, values))?;
     }
@@ -452,6 +473,7 @@ pub fn _compare<'py>(
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let (reference, test) = (linear(reference, "reference")?, linear(test, "test")?);
     let size = [reference.height as usize, reference.width as usize];
+    admit_all("comparing the pictures", size[0] * size[1], BYTES_PER_PIXEL)?;
     let compared = run_to_end(py, move || compare(&reference, &test, &CompareOptions::default()))?;
     let compared = compared.map_err(|e| PyValueError::new_err(e.to_string()))?;
     let numbers = crate::tree::Tree::of(&compared.comparison).map_err(PyTypeError::new_err)?;

@@ -20,6 +20,7 @@ mod light;
 mod load;
 mod material;
 mod medium;
+mod memory;
 mod mesh;
 mod names;
 mod nearest;

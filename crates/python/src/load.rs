@@ -6,7 +6,7 @@
 use crate::contents::{Contents, Kind, Nodes, Object};
 use crate::mesh::Mesh;
 use crate::scene::Scene;
-use crate::work::run_to_end;
+use crate::work::{Threads, run_to_end_on};
 use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyValueError};
 use pyo3::prelude::*;
 use snell_formats::{ReadOptions, read_scene};
@@ -26,6 +26,8 @@ use std::sync::Arc;
 /// ----------
 /// path : str or os.PathLike
 ///     A file, or, where there is none of that name, a scene that is built in: `"cornell-box"` and what `snell scenes` lists.
+/// threads : int, optional
+///     Threads that work on it. Default: one per core.
 ///
 /// Examples
 /// --------
@@ -37,12 +39,13 @@ use std::sync::Arc;
 /// >>> scene.bounds.tolist()
 /// [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]
 #[pyfunction]
-pub fn load(py: Python<'_>, path: PathBuf) -> PyResult<Scene> {
+#[pyo3(signature = (path, *, threads=None))]
+pub fn load(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<Scene> {
     let built_in = if path.exists() { None } else { path.to_str().and_then(builtin) };
     if built_in.is_none() {
         check_there(&path)?;
     }
-    let scene = run_to_end(py, move || {
+    let scene = run_to_end_on(py, Threads::new(threads)?, move || {
         let scene = match built_in {
             Some(scene) => scene,
             None => read_scene(&path, &ReadOptions::default()).map_err(|e| e.to_string())?,

@@ -2,6 +2,9 @@
 
 use crate::contents::Contents;
 use crate::graph::graph;
+use crate::memory::admit;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
 use snell_intersect::BuildOptions;
 use snell_render::CompiledScene;
 use snell_scene::Scene;
@@ -36,12 +39,14 @@ pub struct Prepared {
 
 impl Prepared {
     /// Prepares what a scene holds.
-    pub fn new(contents: &Contents, request: &Request) -> Result<Self, String> {
-        let mut scene = graph(contents)?;
+    pub fn new(contents: &Contents, request: &Request) -> PyResult<Self> {
+        let failed = |error: &dyn std::fmt::Display| PyValueError::new_err(error.to_string());
+        let mut scene = graph(contents).map_err(PyValueError::new_err)?;
         scene.limit_light();
-        prepare(&mut scene, &FramingOptions { size: request.size, ..FramingOptions::default() })
-            .map_err(|e| e.to_string())?;
-        let compiled = CompiledScene::new(&scene, &request.build).map_err(|e| e.to_string())?;
+        let framing = FramingOptions { size: request.size, ..FramingOptions::default() };
+        prepare(&mut scene, &framing).map_err(|e| failed(&e))?;
+        admit("the scene ready to be rendered", snell_render::memory::of_scene(&scene))?;
+        let compiled = CompiledScene::new(&scene, &request.build).map_err(|e| failed(&e))?;
         let shown = |warning: &snell_scene::Warning| match warning.count {
             1 => warning.message.clone(),
             n => format!("{} ({n} times)", warning.message),

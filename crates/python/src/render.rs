@@ -2,6 +2,7 @@
 
 use crate::cameras;
 use crate::image::{Image, Look};
+use crate::memory;
 use crate::prepare::{Prepared, Request as Preparation};
 use crate::scene::Scene;
 use crate::settings::{self, DEFAULT_SIZE, Keywords, Request, denoise_error};
@@ -75,9 +76,14 @@ pub fn plan<'py>(
     let mut build = settings::build(keywords)?;
     build.compact |= scene.get().0.contents(py).compact;
     let size = settings::size(keywords)?.unwrap_or(DEFAULT_SIZE);
-    let prepared = scene.get().0.prepared(py, &Preparation { build, size })?;
+    let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
+    // The least that it takes, before the scene is made ready; the rest when all settings are known.
+    let least = Settings { size, crop: settings::crop(keywords, size)?, spp: 1, ..Settings::default() };
+    memory::check_picture(&least, 1, false)?;
+    let prepared = scene.get().0.prepared(py, &Preparation { build, size }, threads)?;
     let camera = cameras::choose(&prepared.scene.cameras, keywords.any("camera")?.as_ref())?;
     let request = settings::read(keywords, &prepared.scene, &camera)?;
+    memory::check_picture(&request.settings, threads.count(), request.denoiser.is_some())?;
     Ok((prepared, camera, request))
 }
 
@@ -125,7 +131,7 @@ impl _Render {
         let watch = Arc::new(Watch::default());
         let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner).take();
         let doing = (self.plan.clone(), watch.clone());
-        let job = begin_alone(move || doing.0.run(begun, goal, &doing.1))?;
+        let job = begin_alone(py, self.plan.threads, move || doing.0.run(begun, goal, &doing.1))?;
         let (start, mut told) = (Instant::now(), Instant::now());
         let waited = py.detach(|| {
             job.wait_with(|py| {
@@ -247,6 +253,7 @@ fn facts(py: Python<'_>, plan: &Plan, begun: &Begun) -> PyResult<Py<PyDict>> {
     facts.set_item("seconds", seconds)?;
     facts.set_item("rays", statistics.rays.total())?;
     facts.set_item("invalid_samples", statistics.invalid_samples)?;
+    facts.set_item("estimated_memory_bytes", memory::estimate(&plan.request, plan.threads.count()).bytes())?;
     facts.set_item("is_complete", statistics.is_complete)?;
     facts.set_item("warnings", &plan.prepared.warnings)?;
     Ok(facts.unbind())

@@ -137,7 +137,7 @@ pub fn read(keywords: &Keywords<'_, '_>, scene: &Scene, camera: &Camera) -> PyRe
     let aovs = needed_aovs(&aovs(keywords)?, integrator, &light_groups, denoiser.is_some());
     let (guiding, is_training_timed) = guiding(keywords, integrator, size, given_spp.ok_or(spp), time.is_some())?;
     let exposure = keywords.within("exposure", -100.0..=100.0)?.or(hints.exposure).unwrap_or(0.0);
-    check_memory(crop.unwrap_or(Crop::full(size)), &aovs)?;
+    check_pixels(crop.unwrap_or(Crop::full(size)))?;
     let has_filter = keywords.any("filter")?.is_some();
     let max_depth = keywords.whole("max_depth", 0..=i64::from(Settings::MAX_DEPTH))?.or(hints.max_depth);
     let settings = Settings {
@@ -249,7 +249,8 @@ pub fn size(keywords: &Keywords<'_, '_>) -> PyResult<Option<[u32; 2]>> {
     Err(PyValueError::new_err(format!("size is ({w}, {h}), expected width and height from 1 to {MAX_SIDE}")))
 }
 
-fn crop(keywords: &Keywords<'_, '_>, size: [u32; 2]) -> PyResult<Option<Crop>> {
+/// The part of a picture of this size that is asked for.
+pub fn crop(keywords: &Keywords<'_, '_>, size: [u32; 2]) -> PyResult<Option<Crop>> {
     let Some(crop) = keywords.get::<[i64; 4]>("crop", "a tuple (x0, y0, x1, y1) of whole numbers")? else {
         return Ok(None);
     };
@@ -280,20 +281,14 @@ fn aovs(keywords: &Keywords<'_, '_>) -> PyResult<Vec<Aov>> {
     Ok(aovs)
 }
 
-/// Refuses pictures that the machine has no room for.
-fn check_memory(crop: Crop, aovs: &[Aov]) -> PyResult<()> {
+/// Refuses pictures of more pixels than Snell would read back.
+fn check_pixels(crop: Crop) -> PyResult<()> {
     let [w, h] = crop.size();
-    let pixels = u64::from(w) * u64::from(h);
-    // Sums and sums of squares in double precision, twice, and the picture and its variance made of them.
-    let channels = 4 + aovs.iter().map(|a| a.channels().len() as u64).sum::<u64>();
-    let bytes = pixels * (2 * (2 * channels + 1) * 8 + channels * 8);
-    let has_room = || usize::try_from(bytes).is_ok_and(|b| Vec::<u8>::new().try_reserve_exact(b).is_ok());
-    if pixels <= MAX_PIXELS && has_room() {
+    if u64::from(w) * u64::from(h) <= MAX_PIXELS {
         return Ok(());
     }
     Err(PyValueError::new_err(format!(
-        "size: a picture of {w} by {h} pixels needs {:.1} GB of memory, more than is allowed or there is; render parts of it with crop",
-        bytes as f64 * 1e-9
+        "size: a picture of {w} by {h} pixels is larger than the limit of {MAX_PIXELS} pixels; render parts of it with crop"
     )))
 }
 

@@ -14,7 +14,7 @@ use crate::said::Said;
 use crate::scene::Scene;
 use crate::texture::{AnyTexture, Pattern, Texture, image};
 use crate::tree::{Tree, with_ids};
-use crate::work::run_to_end;
+use crate::work::{Threads, run_to_end_on};
 use pyo3::exceptions::{PyIndexError, PyOSError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyString};
@@ -409,6 +409,13 @@ impl Scene {
     /// Vertices are written as they are rendered: those given as float64 in float32, around the centre of their mesh. Masks are not
     /// written. To keep all of it, pickle the scene.
     ///
+    /// Parameters
+    /// ----------
+    /// path : str or os.PathLike
+    ///     The file appears whole or not at all.
+    /// threads : int, optional
+    ///     Threads that work on it. Default: one per core.
+    ///
     /// Examples
     /// --------
     /// >>> import pathlib, tempfile, snell
@@ -419,9 +426,10 @@ impl Scene {
     /// ...     scene.save(path)
     /// ...     snell.load(path).materials
     /// [Material("diffuse", reflectance=(0.5, 0.5, 0.5))]
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+    #[pyo3(signature = (path, *, threads=None))]
+    fn save(&self, py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<()> {
         let contents = self.0.contents(py);
-        let written = run_to_end(py, move || {
+        let written = run_to_end_on(py, Threads::new(threads)?, move || {
             let scene = graph(&contents).map_err(Err)?;
             snell_formats::write_scene(&path, &scene).map_err(Ok)
         })?;

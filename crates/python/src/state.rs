@@ -7,7 +7,7 @@ use crate::assemble::{Form, Snapshot, assemble};
 use crate::contents::Contents;
 use crate::nearest::PointPrecision;
 use crate::prepare::{Prepared, Request};
-use crate::work::{Job, begin, run_to_end};
+use crate::work::{Job, Threads, begin, run_to_end_on};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use snell_intersect::{BuildOptions, WorldError};
@@ -167,7 +167,7 @@ impl Shared {
     }
 
     /// The scene as it is rendered, made if it is not there yet.
-    pub fn prepared(&self, py: Python<'_>, request: &Request) -> PyResult<Arc<Prepared>> {
+    pub fn prepared(&self, py: Python<'_>, request: &Request, threads: Threads) -> PyResult<Arc<Prepared>> {
         let (version, contents) = {
             let state = self.lock(py);
             match &state.prepared {
@@ -178,8 +178,8 @@ impl Shared {
             }
         };
         let asked = request.clone();
-        let made = run_to_end(py, move || Prepared::new(&contents, &asked))?;
-        let prepared = Arc::new(made.map_err(PyValueError::new_err)?);
+        let made = run_to_end_on(py, threads, move || Prepared::new(&contents, &asked))?;
+        let prepared = Arc::new(made?);
         self.lock(py).prepared = Some((version, request.clone(), prepared.clone()));
         Ok(prepared)
     }

@@ -4,7 +4,7 @@ use crate::prepare::Prepared;
 use crate::render::plan;
 use crate::scene::Scene;
 use crate::settings::{Keywords, Request};
-use crate::work::{Threads, begin_alone};
+use crate::work::{Threads, begin_alone, bound_shared_pool};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -29,14 +29,16 @@ pub fn _explain<'py>(
     sample: Option<u32>,
     followed: Vec<String>,
 ) -> PyResult<String> {
-    let (prepared, camera, Request { settings, .. }) = plan(py, scene, &Keywords(options))?;
+    let keywords = Keywords(options);
+    let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
+    let (prepared, camera, Request { settings, .. }) = plan(py, scene, &keywords)?;
     let kinds = followed.iter().map(|name| {
         let names: Vec<_> = AcceleratorKind::ALL.iter().map(|k| k.name()).collect();
         let unknown = || PyValueError::new_err(format!("structures has {name:?}, expected of {}", names.join(", ")));
         AcceleratorKind::from_name(name).ok_or_else(unknown)
     });
     let kinds = kinds.collect::<PyResult<Vec<_>>>()?;
-    let job = begin_alone(move || {
+    let job = begin_alone(py, threads, move || {
         let Prepared { scene, compiled, .. } = &*prepared;
         let structures = structures(scene, &settings, &kinds)?;
         let subject = Subject { scene, compiled, camera: &camera, settings: &settings };
@@ -106,8 +108,10 @@ pub fn _view<'py>(
     frames_per_second: f64,
 ) -> PyResult<View> {
     let keywords = Keywords(options);
-    let threads = Threads::new(keywords.get("threads", "a whole number")?)?.count();
+    let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
     let (prepared, camera, Request { settings, .. }) = plan(py, scene, &keywords)?;
+    bound_shared_pool(threads);
+    let threads = threads.count();
     let options = ServerOptions {
         host: [127, 0, 0, 1].into(),
         port,

@@ -16,6 +16,14 @@ use std::time::Duration;
 /// How often Python is asked whether Ctrl-C was pressed.
 const LOOK_AT_SIGNALS: Duration = Duration::from_millis(30);
 
+/// Gives the viewer's own threads a pool of this size to share work among: it has no other way to
+/// say so. The first call of a process counts.
+pub fn bound_shared_pool(threads: Threads) {
+    let name = |i| format!("snell-shared-{i}");
+    // An error says that there is one.
+    let _ = ThreadPoolBuilder::new().num_threads(threads.0).thread_name(name).build_global();
+}
+
 /// Most threads of a pool.
 const MAX_THREADS: usize = 1024;
 
@@ -193,27 +201,52 @@ pub fn run<T: Send>(
     job.take()?.map_err(stopped)
 }
 
-/// Begins work that has threads of its own.
-pub fn begin_alone<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> PyResult<Arc<Job<T>>> {
+/// Begins work that has threads of its own; what of it is shared among threads is done by the pool
+/// of this many.
+pub fn begin_alone<T: Send + 'static>(
+    py: Python<'_>,
+    threads: Threads,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> PyResult<Arc<Job<T>>> {
+    let pool = threads.pool(py)?;
     let job = Arc::new(Job::default());
     let doing = job.clone();
-    let thread = std::thread::Builder::new().name("snell".into()).spawn(move || doing.run(work));
+    let alone = move || pool.install(|| doing.run(work));
+    let thread = std::thread::Builder::new().name("snell".into()).spawn(alone);
     thread.map_err(|e| PyRuntimeError::new_err(format!("cannot start a thread: {e}")))?;
     Ok(job)
 }
 
 /// Begins work that cannot be stopped, on the pool of all cores.
 pub fn begin<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<Arc<Job<T>>> {
-    let pool = Threads::new(None)?.pool(py)?;
+    begin_on(py, Threads::new(None)?, work)
+}
+
+/// Begins work that cannot be stopped, on a pool.
+fn begin_on<T: Send + 'static>(
+    py: Python<'_>,
+    threads: Threads,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> PyResult<Arc<Job<T>>> {
+    let pool = threads.pool(py)?;
     let job = Arc::new(Job::default());
     let doing = job.clone();
     pool.spawn(move || doing.run(work));
     Ok(job)
 }
 
-/// Does work that cannot be stopped. After Ctrl-C nobody waits for it any more.
+/// Does work that cannot be stopped, on all cores. After Ctrl-C nobody waits for it any more.
 pub fn run_to_end<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
-    let job = begin(py, work)?;
+    run_to_end_on(py, Threads::new(None)?, work)
+}
+
+/// The same on this many threads.
+pub fn run_to_end_on<T: Send + 'static>(
+    py: Python<'_>,
+    threads: Threads,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> PyResult<T> {
+    let job = begin_on(py, threads, work)?;
     py.detach(|| job.wait_attentively())?;
     job.take()
 }

@@ -13,17 +13,34 @@ use snell_intersect::{Hit, SurfaceInteraction};
 use snell_math::{ColorMode, Ray, Rgb, SampledSpectrum, Vec3};
 use snell_scene::MaterialId;
 
-/// All samples of a pixel.
+/// Samples that an explanation keeps, the first ones: there may be millions.
+pub const KEPT: u32 = 4096;
+
+/// Vertices of all trees that are kept: some have thousands.
+const KEPT_VERTICES: usize = 1 << 20;
+
+/// The samples of a pixel.
 #[derive(Clone, Debug)]
 pub struct Explanation {
     /// The pixel, from the upper left corner of the whole picture.
     pub pixel: [u32; 2],
     /// Its values in the picture: red, green, blue (linear), alpha.
     pub value: [f32; 4],
-    /// The samples, by number.
+    /// The first [`KEPT`] samples, by number, and the one that was asked for.
     pub samples: Vec<PathTree>,
-    /// The pixel after one sample, two samples …, with the standard error of red, green and blue (0 while unknown).
-    pub convergence: Vec<([f32; 3], [f32; 3])>,
+    /// The pixel after the numbers of samples that were asked for, and after all.
+    pub convergence: Vec<Mean>,
+}
+
+/// A pixel after some samples.
+#[derive(Clone, Copy, Debug)]
+pub struct Mean {
+    /// How many.
+    pub samples: u32,
+    /// Red, green and blue.
+    pub value: [f32; 3],
+    /// Their standard error; 0 while unknown.
+    pub error: [f32; 3],
 }
 
 /// One sample.
@@ -160,23 +177,61 @@ impl PathTree {
     }
 }
 
-/// Renders one pixel of a job and tells how. `None` if the pixel is outside of the picture.
-pub fn explain(job: &Job, pixel: [u32; 2], threads: usize) -> Option<Explanation> {
+/// What is wanted of a pixel's samples.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Wanted<'a> {
+    /// A sample to keep, whatever its number.
+    pub sample: Option<u32>,
+    /// After how many samples the pixel is looked at, ascending.
+    pub looks: &'a [u32],
+}
+
+/// Renders one pixel of a job and shows how it came about. `each` sees every sample's tree once, in
+/// order; what is kept of them is bounded. `None` if the pixel is outside of the picture.
+pub fn explain(
+    job: &Job,
+    pixel: [u32; 2],
+    threads: usize,
+    wanted: Wanted,
+    mut each: impl FnMut(&PathTree),
+) -> Option<Explanation> {
     let size = job.settings().size;
     if pixel[0] >= size[0] || pixel[1] >= size[1] {
         return None;
     }
-    let (mut film, parts) = job.observe(pixel, threads);
-    let (mut samples, mut convergence) = (Vec::new(), Vec::new());
-    for (part, journal) in &parts {
-        samples.extend(trees(job, part, journal));
-        for number in 0..part.values.len() {
-            film.tiles[0].fold(&one_sample(part, number));
-            let triple = |image: snell_scene::LayeredImage| std::array::from_fn(|c| image.layers[0].values[c]);
-            let variance: [f32; 3] = triple(film.variance());
-            convergence.push((triple(film.image()), variance.map(|v| v.max(0.0).sqrt())));
+    let mut film = job.film_of_pixel(pixel);
+    let (mut samples, mut vertices, mut convergence) = (Vec::new(), 0, Vec::new());
+    let mut looks = wanted.looks.iter().copied().peekable();
+    job.observe(pixel, threads, &mut |part, journal| {
+        for tree in trees(job, part, journal) {
+            each(&tree);
+            let is_kept = tree.number < KEPT && vertices + tree.vertices.len() <= KEPT_VERTICES;
+            if is_kept || tree.number == 0 || Some(tree.number) == wanted.sample {
+                vertices += tree.vertices.len();
+                samples.push(tree);
+            }
         }
-    }
+        let is_last = part.samples[1] == job.settings().spp;
+        let is_looked_at = is_last || looks.peek().is_some_and(|&look| look <= part.samples[1]);
+        if !is_looked_at {
+            film.tiles[0].fold(part);
+            return;
+        }
+        for number in 0..part.values.len() {
+            let one = one_sample(part, number);
+            film.tiles[0].fold(&one);
+            let [_, count] = one.samples;
+            while looks.peek().is_some_and(|&look| look < count) {
+                looks.next();
+            }
+            if looks.peek() == Some(&count) || count == job.settings().spp {
+                let triple = |image: snell_scene::LayeredImage| std::array::from_fn(|c| image.layers[0].values[c]);
+                let variance: [f32; 3] = triple(film.variance());
+                let error = variance.map(|v| v.max(0.0).sqrt());
+                convergence.push(Mean { samples: count, value: triple(film.image()), error });
+            }
+        }
+    });
     let value = film.image().layers[0].values[..4].try_into().unwrap_or_default();
     Some(Explanation { pixel, value, samples, convergence })
 }
@@ -385,7 +440,7 @@ mod tests {
         let (mut longest, mut blocked, mut light_rays) = (0, 0, 0);
         for (number, pixel) in image.layers[0].values.chunks_exact(4).enumerate() {
             let at = [number as u32 % settings.size[0], number as u32 / settings.size[0]];
-            let explanation = explain(&job, at, 1).expect("a pixel of the picture");
+            let explanation = explain(&job, at, 1, Wanted::default(), |_| ()).expect("a pixel of the picture");
             assert_eq!(explanation.value, pixel, "{name} {at:?}");
             assert_eq!(explanation.samples.len(), settings.spp as usize);
             for tree in &explanation.samples {
@@ -408,7 +463,7 @@ mod tests {
                 }
             }
             let last = explanation.convergence.last().expect("there are samples");
-            assert_eq!(last.0, pixel[..3], "{name} {at:?}");
+            assert_eq!(last.value, pixel[..3], "{name} {at:?}");
         }
         assert!(longest > 2 && light_rays > 0, "{name}: {longest} {light_rays}");
         assert!(fog.is_some() || blocked > 0, "{name}: some lights are hidden");
@@ -432,7 +487,7 @@ mod tests {
         let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
         let settings = Settings { size: [20, 20], spp: 4, ..Settings::default() };
         let job = Job::new(&compiled, &scene.cameras[0], &settings);
-        let explanation = explain(&job, [10, 15], 1).expect("a pixel of the picture");
+        let explanation = explain(&job, [10, 15], 1, Wanted::default(), |_| ()).expect("a pixel of the picture");
         let vertices = explanation.samples.iter().flat_map(|tree| &tree.vertices);
         let lobes: Vec<Lobe> = vertices.filter_map(|v| v.scattering).map(|s| s.lobe).collect();
         assert!(lobes.len() > 4 && lobes.iter().all(|l| *l == Lobe::Diffuse), "all is matt in the box: {lobes:?}");
@@ -444,6 +499,25 @@ mod tests {
         let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
         let settings = Settings { size: [4, 3], spp: 1, ..Settings::default() };
         let job = Job::new(&compiled, &scene.cameras[0], &settings);
-        assert!(explain(&job, [4, 0], 1).is_none() && explain(&job, [0, 3], 1).is_none());
+        let is_outside = |pixel| explain(&job, pixel, 1, Wanted::default(), |_| ()).is_none();
+        assert!(is_outside([4, 0]) && is_outside([0, 3]));
+    }
+
+    #[test]
+    fn what_is_kept_of_many_samples_is_bounded() {
+        let scene = builtin("cornell-box").expect("the scene is built in");
+        let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
+        let spp = KEPT + 1000;
+        let settings = Settings { size: [4, 3], spp, max_depth: 0, ..Settings::default() };
+        let job = Job::new(&compiled, &scene.cameras[0], &settings);
+        let (last, mut seen) = (KEPT + 500, 0);
+        let wanted = Wanted { sample: Some(last), looks: &[1, 7, 40, 5000] };
+        let explanation = explain(&job, [1, 1], 1, wanted, |_| seen += 1).expect("a pixel of the picture");
+        assert_eq!((seen, explanation.samples.len()), (spp, KEPT as usize + 1));
+        assert_eq!(explanation.samples.last().map(|tree| tree.number), Some(last));
+        let looks: Vec<u32> = explanation.convergence.iter().map(|mean| mean.samples).collect();
+        assert_eq!(looks, [1, 7, 40, 5000, spp]);
+        let image = job.run(2, &|_| true).0.image();
+        assert_eq!(explanation.value, image.layers[0].values[4 * 5..4 * 6]);
     }
 }

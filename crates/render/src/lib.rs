@@ -26,10 +26,12 @@ pub mod integrator;
 pub mod job;
 pub mod layers;
 pub mod light_sampler;
+pub mod memory;
 mod picture;
 pub mod reference;
 pub mod sampler;
 pub mod settings;
+mod threads;
 mod volume;
 
 pub use compile::{CompileError, CompiledScene, Moving};

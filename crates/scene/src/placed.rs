@@ -1,6 +1,6 @@
 //! The surfaces of a scene graph, one after the other, each where it is in the world.
 
-use crate::graph::{Geometry, MaterialId, NodeId, Scene, Surface};
+use crate::graph::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
 use snell_math::{DAffine3, Transform};
 
 /// Most placements in one list: a small file can place one surface any number of times.
@@ -43,11 +43,16 @@ impl Placed<'_> {
 
 /// How many nodes and surfaces the graph has when instances are counted each; at most `u64::MAX`.
 pub fn placement_count(scene: &Scene) -> Result<u64, String> {
+    total(scene, |node| 1 + node.surfaces.len() as u64)
+}
+
+/// The sum of something over all nodes when instances are counted each; at most `u64::MAX`.
+pub fn total(scene: &Scene, of_node: impl Fn(&Node) -> u64) -> Result<u64, String> {
     let mut counts = vec![0u64; scene.nodes.len()];
     for id in scene.topological_order().map_err(|error| error.to_string())? {
         let node = &scene.nodes[id.index()];
         let below = node.children.iter().fold(0u64, |sum, child| sum.saturating_add(counts[child.index()]));
-        counts[id.index()] = below.saturating_add(1 + node.surfaces.len() as u64);
+        counts[id.index()] = below.saturating_add(of_node(node));
     }
     Ok(counts[scene.root.index()])
 }
@@ -55,10 +60,15 @@ pub fn placement_count(scene: &Scene) -> Result<u64, String> {
 /// All surfaces, in the order of the graph. Those flattened by a singular transform are left out, as when the scene is rendered. An error
 /// for cycles, ids out of range, and more than [`MAX_PLACED`] nodes and surfaces.
 pub fn placed(scene: &Scene) -> Result<Vec<Placed<'_>>, String> {
-    if placement_count(scene)? > MAX_PLACED {
-        return Err(format!("more than {MAX_PLACED} nodes and surfaces, instances counted each, which is the limit"));
+    let count = placement_count(scene)?;
+    if count > MAX_PLACED {
+        return Err(format!("it is {count} nodes and surfaces, instances counted each; the limit is {MAX_PLACED}"));
     }
+    let surfaces = total(scene, |node| node.surfaces.len() as u64)?;
     let mut all = Vec::new();
+    all.try_reserve_exact(usize::try_from(surfaces).unwrap_or(usize::MAX)).map_err(|_| {
+        format!("it is {surfaces} surfaces, instances counted each, and there is no memory for a list of them")
+    })?;
     let mut stack: Vec<(NodeId, DAffine3, Option<MaterialId>, &str)> = vec![(scene.root, DAffine3::IDENTITY, None, "")];
     while let Some((id, world_from_parent, material, name)) = stack.pop() {
         let node = &scene.nodes[id.index()];

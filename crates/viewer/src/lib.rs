@@ -11,6 +11,7 @@ mod denoise;
 mod describe;
 mod encode;
 pub mod explain;
+mod memory;
 mod pace;
 mod page;
 mod pick;

@@ -116,6 +116,7 @@ pub fn serve(source: Box<dyn Source>, options: &ServerOptions) -> Result<Server,
 
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
+        .max_blocking_threads(8)
         .thread_name("snell-view-net")
         .enable_all()
         .build()

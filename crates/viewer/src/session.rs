@@ -134,6 +134,7 @@ impl Session {
     /// Looks at what the source opens first.
     pub fn new(source: Box<dyn Source>, is_gallery: bool) -> Result<Self, String> {
         let opened = source.open(Which::Given)?;
+        crate::memory::check(&opened.settings)?;
         let state = State { is_gallery, ..State::new(opened) };
         Ok(Self {
             source,
@@ -271,6 +272,7 @@ impl Session {
                 if state.settings.size == size {
                     return Ok(());
                 }
+                crate::memory::check(&Settings { size, ..state.settings.clone() })?;
                 state.settings.size = size;
             }
             ToServer::Render { integrator, spp, max_depth, aov, accelerator } => {

@@ -23,8 +23,8 @@ pub fn png(opened: &Opened) -> Result<Vec<u8>, String> {
         ..opened.settings.clone()
     };
     let compiled = CompiledScene::new(&opened.scene, &settings.build).map_err(|e| e.to_string())?;
-    let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let (film, _) = Job::new(&compiled, &opened.camera, &settings).run(threads, &|_| true);
+    let job = Job::new(&compiled, &opened.camera, &settings);
+    let (film, _) = job.run(rayon::current_num_threads(), &|_| true);
     let mut image = picture(&film, &settings, &compiled);
     let stride = image.layers[0].channels.len();
     let mut rgb: Vec<f32> = image.layers[0].values.chunks(stride).flat_map(|p| [p[0], p[1], p[2]]).collect();

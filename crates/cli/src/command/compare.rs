@@ -2,8 +2,9 @@
 
 use crate::failure::Failure;
 use crate::standard_output;
-use snell_formats::image::compare::{CompareOptions, Comparison, LinearImage, compare, difference_picture};
+use snell_formats::image::compare::{BYTES_PER_PIXEL, CompareOptions, Comparison, LinearImage, compare, difference_picture};
 use snell_formats::image::{WriteOptions, read_image, write_image};
+use snell_formats::memory::Available;
 use snell_formats::{Input, ReadOptions};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -42,6 +43,10 @@ fn parse_limit(text: &str) -> Result<f64, String> {
 /// Compares and prints.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let (reference, test) = (read(&options.reference)?, read(&options.test)?);
+    let needed = reference.pixels.len() as u64 * BYTES_PER_PIXEL as u64;
+    let what = format!("comparing pictures of {}x{} pixels", reference.width, reference.height);
+    let admitted = Available::now().admit(&what, needed);
+    admitted.map_err(|problem| Failure::Other(format!("{problem}; compare smaller parts of them")))?;
     let settings = CompareOptions { threshold: options.threshold, ..CompareOptions::default() };
     let compared = compare(&reference, &test, &settings)
         .map_err(|e| Failure::Other(format!("{} and {}: {e}", options.reference.display(), options.test.display())))?;

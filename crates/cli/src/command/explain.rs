@@ -1,6 +1,6 @@
 //! `snell explain`: why a pixel looks as it does.
 
-use super::view::Files;
+use super::view::{self, Files};
 use crate::failure::Failure;
 use crate::standard_output;
 use snell_intersect::accel::AcceleratorKind;
@@ -39,6 +39,13 @@ pub struct Options {
     /// Options of `snell render`, after `--`: those of the picture that the pixel is of, such as `-- --size 800x600 --spp 256`
     #[arg(last = true, value_name = "RENDER OPTIONS")]
     render: Vec<OsString>,
+}
+
+impl Options {
+    /// The threads that the options of the render ask for.
+    pub fn threads(&self) -> usize {
+        view::threads_of(&self.render)
+    }
 }
 
 fn parse_pixel(text: &str) -> Result<[u32; 2], String> {

@@ -14,6 +14,7 @@ mod scenes;
 mod view;
 
 use crate::failure::Failure;
+use crate::threads;
 use std::process::ExitCode;
 
 /// What to do.
@@ -46,8 +47,26 @@ pub enum Command {
     Man,
 }
 
+impl Command {
+    /// The threads that it works on; none for what has no work.
+    fn threads(&self) -> Option<usize> {
+        match self {
+            Self::Render(options) => Some(options.threads()),
+            Self::View(options) => Some(options.threads()),
+            Self::Explain(options) => Some(options.threads()),
+            Self::Scenes | Self::Formats | Self::Completions(_) | Self::Man => None,
+            Self::Info(_) | Self::Compare(_) | Self::Convert(_) | Self::Doctor(_) | Self::Bench(_) => {
+                Some(threads::cores())
+            }
+        }
+    }
+}
+
 /// Runs a sub-command.
 pub fn run(command: Command) -> Result<ExitCode, Failure> {
+    if let Some(threads) = command.threads() {
+        threads::start(threads)?;
+    }
     match command {
         Command::Render(options) => render::run(&options),
         Command::View(options) => view::run(&options),

@@ -3,6 +3,7 @@
 mod denoise;
 mod frames;
 mod layers;
+mod memory;
 mod options;
 mod output;
 mod rescue;
@@ -51,12 +52,23 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let stem = scene_source::stem(&options.scene, &stage.scene);
     let path = output.path(&stem);
     output.check_apart(&path)?;
-    let mut session = Session { options, simd, output, denoiser, tonemap, load_seconds, stem, has_begun: false };
+    let mut session = Session {
+        options,
+        simd,
+        output,
+        denoiser,
+        tonemap,
+        load_seconds,
+        stem,
+        estimated_memory_bytes: 0,
+        has_begun: false,
+    };
     if let Some(code) = frames::render(&mut session, &mut stage)? {
         return Ok(code);
     }
     let time = options.at.unwrap_or_else(|| stage.usual_time());
     let settings = options.settings(&stage.scene, &stage.camera(options)?, simd)?;
+    session.estimated_memory_bytes = memory::check(options, &settings, &stage.scene)?;
     let shot = stage.shot(time, options, &settings.build)?;
     let target = match session.output.is_standard() {
         true => Target::Output { stand_in: &path },
@@ -118,6 +130,8 @@ struct Session<'a> {
     tonemap: Tonemap,
     load_seconds: f64,
     stem: OsString,
+    /// What a picture was expected to take before it was begun.
+    estimated_memory_bytes: u64,
     /// Some picture was begun, and warnings are said.
     has_begun: bool,
 }
@@ -186,6 +200,7 @@ impl Session<'_> {
             build_seconds,
             render_seconds,
             threads,
+            estimated_memory_bytes: self.estimated_memory_bytes,
             image_sha256: output::sha256(&picture),
         };
         snell_render::layers::name_groups(&mut picture, &film, &settings.light_groups);

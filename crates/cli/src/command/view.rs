@@ -2,7 +2,7 @@
 
 use super::render;
 use crate::failure::Failure;
-use crate::interrupt;
+use crate::{interrupt, threads};
 use clap::Parser;
 use snell_formats::image::Display;
 use snell_math::simd::Level;
@@ -68,18 +68,30 @@ fn parse_token(text: &str) -> Result<String, String> {
     if is_safe { Ok(text.to_string()) } else { Err("a token has 16 to 64 letters and digits".into()) }
 }
 
+impl Options {
+    /// The threads that are asked for, here or among the options of the render.
+    pub fn threads(&self) -> usize {
+        self.threads.map_or_else(|| threads_of(&self.render), |n| n as usize)
+    }
+}
+
+/// The threads that options of `snell render` ask for. What is wrong with them is found out later.
+pub(super) fn threads_of(render: &[String]) -> usize {
+    let words = std::iter::once("scene").chain(render.iter().map(String::as_str));
+    RenderLine::try_parse_from(words).map_or_else(|_| threads::cores(), |line| line.options.threads())
+}
+
 /// Serves the scene until Ctrl-C, or another signal to end.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if !(options.fps >= 1.0 && options.fps <= 240.0) {
         return Err(Failure::Usage(format!("--fps {}: from 1 to 240", options.fps)));
     }
     let files = Files::new(options.scene.as_deref().unwrap_or(Path::new(FIRST_SCENE)), &options.render)?;
-    let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
     let server_options = ServerOptions {
         host: options.host,
         port: options.port,
         frames_per_second: options.fps,
-        threads: options.threads.map_or_else(cores, |n| n as usize),
+        threads: options.threads(),
         is_gallery: options.scene.is_none(),
         may_be_framed: false,
         token: options.token.clone(),

@@ -48,6 +48,9 @@ impl LinearImage {
     }
 }
 
+/// What [`compare`] takes beside the pictures, in bytes for each pixel: measured.
+pub const BYTES_PER_PIXEL: usize = 240;
+
 /// How to compare.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompareOptions {

@@ -285,6 +285,19 @@ fn writer(name: &str) -> Result<Writer, Unfit> {
     })
 }
 
+/// Bytes for each pixel that the encoder of a name or extension takes beside the picture, whose
+/// layers have this many values for each pixel: its input, what is compressed and its output.
+pub fn encoder_bytes(name: &str, values: u64, png_bits: u8) -> u64 {
+    let known = IMAGE_FORMATS.iter().find(|f| f.name == name || f.extensions.contains(&name));
+    match known.map(|f| f.name) {
+        Some("openexr") => 4 * values + 4 * values / 2,
+        Some("radiance") => 12 + 4 + 4,
+        Some("pfm") => 12,
+        Some("png") => 3 * values.min(4) * u64::from(png_bits) / 8,
+        _ => 3 * values.min(4),
+    }
+}
+
 /// Checks that [`write_image`] knows the format of `path`, so that a long render does not end in an error.
 pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();

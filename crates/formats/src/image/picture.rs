@@ -1,5 +1,6 @@
 //! What readers and writers share: bounds on sizes, and the picture's pixels as RGBA.
 
+use crate::memory::Available;
 use crate::{Input, Place, ReadError};
 use snell_scene::{Image, LayeredImage, Pixels};
 
@@ -50,6 +51,13 @@ pub fn check_size(input: &Input, width: u64, height: u64, bytes_per_pixel: u64) 
             format!("the image declares {width} x {height} pixels, but the file has only {} bytes", input.bytes.len()),
             "the file is cut off, damaged or made to fill the memory: export the image again, or scale it down",
         ));
+    }
+    // The decoder's own pixels, and those that it gives.
+    let needed = needed.saturating_mul(2);
+    if needed > ALWAYS_ALLOWED_BYTES {
+        let what = format!("the image of {width} x {height} pixels");
+        let fits = Available::now().admit(&what, needed);
+        fits.map_err(|problem| input.error(Place::Whole, problem, "scale the image down, or give it more memory"))?;
     }
     Ok(())
 }

@@ -1,17 +1,48 @@
 //! All surfaces as triangles in the world, as the simplest formats have them.
 
 use super::Output;
-use super::tessellate::tessellate;
+use super::tessellate::{most_triangles, tessellate};
 use crate::strip;
 use snell_intersect::{Curves, TriangleMesh};
-use snell_scene::placed::{Placed, placed};
-use snell_scene::{Geometry, Scene};
+use snell_scene::placed::{Placed, placed, total};
+use snell_scene::{Geometry, Node, Scene, Surface};
 use std::borrow::Cow;
+
+/// What 32-bit numbers can count of corners.
+const MOST_TRIANGLES: u64 = u32::MAX as u64 / 3;
+
+/// Bytes of a vertex and a triangle on their way into a file, with what is written of them.
+const BYTES_OF_TRIANGLE: u64 = 150;
+
+/// What a scene becomes when everything is triangles: their number, instances counted each.
+fn triangle_count(scene: &Scene) -> Result<u64, String> {
+    let of_surface = |surface: &Surface| match &surface.geometry {
+        Geometry::Mesh(mesh) => mesh.indices.len() as u64,
+        Geometry::Shape(shape) => most_triangles(shape),
+        Geometry::Curves(curves) => strip::most_triangles(curves) as u64,
+    };
+    let of_node = |node: &Node| node.surfaces.iter().map(of_surface).fold(0, u64::saturating_add);
+    total(scene, of_node)
+}
+
+/// Refuses a scene of more triangles than a file or the memory of this process can hold.
+fn check_expansion(scene: &Scene, output: &Output) -> Result<(), String> {
+    let count = triangle_count(scene)?;
+    let remedy = "write a format with instances: .snell, .pbrt or .glb";
+    if count > MOST_TRIANGLES {
+        return Err(format!(
+            "it is {count} triangles, instances counted each, and the limit is {MOST_TRIANGLES}; {remedy}"
+        ));
+    }
+    let what = format!("the scene as {count} triangles, instances counted each,");
+    let admitted = output.available.admit(&what, count.saturating_mul(BYTES_OF_TRIANGLE));
+    admitted.map_err(|problem| format!("{problem}; {remedy}"))
+}
 
 /// Every surface and its mesh in the world. What is no mesh becomes one, and that is noted.
 pub fn world_meshes<'a>(scene: &'a Scene, output: &mut Output) -> Result<Vec<(Placed<'a>, TriangleMesh)>, String> {
+    check_expansion(scene, output)?;
     let mut meshes = Vec::new();
-    let mut triangles = 0;
     for placed in placed(scene)? {
         let mesh = match &placed.surface.geometry {
             Geometry::Mesh(mesh) => Some(Cow::Borrowed(&**mesh)),
@@ -22,10 +53,6 @@ pub fn world_meshes<'a>(scene: &'a Scene, output: &mut Output) -> Result<Vec<(Pl
             Geometry::Curves(curves) => tubes_of(curves, output).map(Cow::Owned),
         };
         let Some(mesh) = mesh else { continue };
-        triangles += mesh.indices.len();
-        if triangles > u32::MAX as usize / 3 {
-            return Err("more triangles than 32-bit numbers can count, instances counted each: the limit".into());
-        }
         let mesh = match placed.world_from_surface.is_identity() {
             true => mesh.into_owned(),
             false => mesh.transformed(&placed.world_from_surface),

@@ -20,6 +20,7 @@ pub(crate) use picture::encoded as encoded_picture;
 mod tests;
 
 use crate::error::WriteError;
+use crate::memory::Available;
 use crate::{atomic, scene};
 use snell_scene::texture::Pattern;
 use snell_scene::{Scene, Warning};
@@ -54,10 +55,12 @@ pub struct Output {
     /// Files in the folder beside it: name and content.
     files: Vec<(String, Vec<u8>)>,
     losses: Vec<Warning>,
+    /// What memory there is for all of this.
+    available: Available,
 }
 
 impl Output {
-    fn new(path: &Path) -> Self {
+    fn new(path: &Path, available: Available) -> Self {
         let part = |part: Option<&std::ffi::OsStr>| part.map(|p| p.to_string_lossy().into_owned()).unwrap_or_default();
         Self {
             stem: part(path.file_stem()),
@@ -65,6 +68,7 @@ impl Output {
             main: Vec::new(),
             files: Vec::new(),
             losses: Vec::new(),
+            available,
         }
     }
 
@@ -178,7 +182,7 @@ pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), WriteError> {
 /// only when all of them are there are they renamed, the one at `path` last.
 pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Written, WriteError> {
     let writer = writer_for(path)?;
-    let mut output = Output::new(path);
+    let mut output = Output::new(path, Available::now());
     lose_choices(scene, writer.name, &mut output);
     let drawn = patterns::drawn(scene, writer.knows, &mut output);
     (writer.write)(&drawn, &mut output).map_err(|problem| WriteError::Format {

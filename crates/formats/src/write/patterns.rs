@@ -176,6 +176,7 @@ impl Drawing<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::memory::Available;
     use snell_scene::material::{ColorParam, Diffuse};
     use snell_scene::texture::pattern;
     use std::path::Path;
@@ -194,7 +195,7 @@ mod tests {
         let scale =
             pattern::Scale { texture: ColorParam::textured(Rgb::splat(0.5), Some(TextureId(0))), ..Default::default() };
         let scene = scene(vec![checks.into(), scale.into()]);
-        let mut output = Output::new(Path::new("a.gltf"));
+        let mut output = Output::new(Path::new("a.gltf"), Available::UNKNOWN);
         let drawn = drawn(&scene, |_| false, &mut output);
         assert_eq!(output.losses.len(), 1, "{:?}", output.losses);
         assert!(output.losses[0].message.contains("texture 1 (scale) is drawn into a picture"));
@@ -215,7 +216,7 @@ mod tests {
     #[test]
     fn patterns_of_space_become_their_mean() {
         let scene = scene(vec![pattern::SolidCheckerboard::default().into()]);
-        let mut output = Output::new(Path::new("a.gltf"));
+        let mut output = Output::new(Path::new("a.gltf"), Available::UNKNOWN);
         let drawn = drawn(&scene, |_| false, &mut output);
         assert!(
             output.losses[0].message.contains("texture 0 (solid-checkerboard) is a pattern in space"),

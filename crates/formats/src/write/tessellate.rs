@@ -42,6 +42,21 @@ pub fn tessellate(shape: &AnyShape) -> Option<TriangleMesh> {
     Some(mesh.mesh)
 }
 
+/// How many triangles [`tessellate`] makes at most.
+pub fn most_triangles(shape: &AnyShape) -> u64 {
+    let (around, along) = (u64::from(AROUND), u64::from(ALONG));
+    match shape {
+        AnyShape::Plane(_) => 0,
+        AnyShape::Sphere(_) => 2 * around * along,
+        AnyShape::Cylinder(_) | AnyShape::Cone(_) | AnyShape::Frustum(_) => 3 * 2 * around,
+        AnyShape::Disk(_) => 2 * around,
+        AnyShape::Rectangle(_) => 2,
+        AnyShape::BoxShape(_) => 12,
+        AnyShape::Triangle(_) => 1,
+        AnyShape::Polygon(polygon) => polygon.vertices().len() as u64,
+    }
+}
+
 /// The corners of a face of a box, counter-clockwise from outside.
 fn box_face(min: DVec3, max: DVec3, face: u32) -> [DVec3; 4] {
     let (axis, upper) = ((face / 2) as usize, face % 2 == 1);
@@ -136,6 +151,7 @@ mod tests {
                 continue;
             };
             mesh.validate().expect("a sound mesh");
+            assert!(mesh.indices.len() as u64 <= most_triangles(&shape), "{shape:?}");
             let mut area = 0.0;
             for (i, triangle) in mesh.indices.iter().enumerate() {
                 let [a, b, c] = mesh.corners(i).map(|p| p.as_dvec3());

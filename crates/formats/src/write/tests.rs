@@ -52,7 +52,7 @@ fn written(extension: &str, scene: &Scene) -> (tempfile::TempDir, Written, Scene
 }
 
 fn triangles(scene: &Scene) -> Vec<[Vec3; 3]> {
-    let mut output = Output::new(Path::new("x.ply"));
+    let mut output = Output::new(Path::new("x.ply"), Available::UNKNOWN);
     let meshes = flat::world_meshes(scene, &mut output).expect("a small scene");
     meshes.iter().flat_map(|(_, mesh)| (0..mesh.indices.len()).map(|i| mesh.corners(i)).collect::<Vec<_>>()).collect()
 }
@@ -204,7 +204,8 @@ fn every_built_in_scene_can_be_written_in_every_format_and_read_again() {
             continue;
         }
         for writer in WRITERS {
-            let mut output = Output::new(Path::new("out").with_extension(writer.extensions[0]).as_path());
+            let path = Path::new("out").with_extension(writer.extensions[0]);
+            let mut output = Output::new(&path, Available::UNKNOWN);
             (writer.write)(&scene, &mut output).unwrap_or_else(|e| panic!("{} as {}: {e}", builtin.name, writer.name));
             if !output.files.is_empty() {
                 continue;
@@ -307,9 +308,27 @@ fn too_many_instances_are_an_error() {
     }
     scene.root = below;
     for writer in WRITERS.iter().filter(|w| w.name != "snell") {
-        let mut output = Output::new(Path::new("out.x"));
+        let mut output = Output::new(Path::new("out.x"), Available::UNKNOWN);
         let error = (writer.write)(&scene, &mut output).expect_err("a billion quads");
         assert!(error.contains("limit"), "{error}");
+    }
+}
+
+#[test]
+fn what_does_not_fit_into_memory_is_refused_before_it_is_made() {
+    let mut scene = Scene::new("a million spheres");
+    let ball = Geometry::Shape(Arc::new(snell_intersect::shape::Sphere { radius: 1.0 }.into()));
+    let mut below = scene.add_node(Node { surfaces: vec![Surface::new(ball)], ..Node::default() });
+    for _ in 0..5 {
+        below = scene.add_node(Node { children: vec![below; 10], ..Node::default() });
+    }
+    scene.root = below;
+    let available = Available { bytes: 100_000_000, limit: crate::memory::Limit::Machine };
+    for writer in WRITERS.iter().filter(|w| !matches!(w.name, "snell" | "pbrt")) {
+        let mut output = Output::new(Path::new("out.x"), available);
+        let error = (writer.write)(&scene, &mut output).expect_err("more than a hundred megabytes");
+        let parts = ["instances counted each", "nodes and surfaces", ".snell"];
+        assert!(parts[..2].iter().any(|part| error.contains(part)) && error.contains(parts[2]), "{error}");
     }
 }
 

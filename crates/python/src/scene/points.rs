@@ -1,6 +1,7 @@
 //! What a scene is asked about points.
 
 use super::Scene;
+use crate::memory::admit_all;
 use crate::answers::{Asked, ClosestPoints, Live, Named};
 use crate::arrays::{Column, PointArray, array, from_vec, is_double, leading, slice};
 use crate::assemble::Snapshot;
@@ -33,6 +34,8 @@ impl Scene {
         let limit = limit.values()?;
         let values = slice(&points.values)?.as_chunks::<3>().0;
         let world = &*snapshot.world;
+        // What is found, once more in columns, and where.
+        admit_all("the answers", values.len(), 3 * size_of::<Nearest<P>>())?;
         let (found, positions) = run(py, threads, values.len() <= POINTS, |cancel| {
             let each = |(i, (near, values)): (usize, (&mut [Nearest<P>], &[[P; 3]]))| {
                 cancel.check()?;
@@ -69,6 +72,7 @@ impl Scene {
     ) -> PyResult<Bound<'py, PyAny>> {
         let (py, points) = (points.py(), PointArray::<P>::new(points, "points")?);
         let values = slice(&points.values)?.as_chunks::<3>().0;
+        admit_all("the answers", values.len(), size_of::<T>())?;
         let answers = run(py, threads, values.len() <= POINTS, |cancel| {
             let mut answers = vec![T::default(); values.len()];
             let each = |(i, places): (usize, &mut [T])| -> Result<(), Stopped> {

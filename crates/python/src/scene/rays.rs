@@ -5,16 +5,21 @@ use crate::answers::{Asked, Hits, Intersections, Live, Named};
 use crate::arrays::{filled, from_vec};
 use crate::assemble::Snapshot;
 use crate::columns::Columns;
+use crate::memory::admit_all;
 use crate::precision::Precision;
 use crate::query::{FEW, Question, alike, piece_size};
 use crate::rays::{Limits, RayArgument, RayArrays};
 use crate::state::Kept;
 use crate::work::{Threads, run};
 use numpy::PyArrayMethods;
-use pyo3::exceptions::{PyRuntimeWarning, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyRuntimeWarning, PyValueError};
 use pyo3::prelude::*;
+use snell_formats::memory::Available;
 use std::sync::Arc;
-use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+
+/// Bytes of a hit while all hits of rays are listed: as it is found, in the list, and in columns.
+const BYTES_OF_LISTED: u64 = 200;
 
 /// What a query over rays may be told.
 #[derive(Clone, Copy, Debug)]
@@ -97,6 +102,7 @@ impl Scene {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, _, question| {
             let world = &*snapshot.world;
+            admit_all("the answers", count, size_of::<bool>())?;
             let blocked = run(py, options.threads, count <= FEW, |cancel| {
                 let mut blocked = vec![false; count];
                 question.answer(cancel, &mut blocked, |rays, grouping, blocked| {
@@ -141,8 +147,16 @@ impl Scene {
         }
         self.ask::<P, _>(rays, limits, options, |snapshot, arrays, question| {
             let world = &*snapshot.world;
-            let (hits, splits, ids) = run(py, options.threads, count <= FEW, |cancel| {
-                let pieces = question.all(cancel, |rays| P::all(world, rays))?;
+            let (most, found) = (Available::now().bytes / BYTES_OF_LISTED, AtomicU64::new(0));
+            let listed = run(py, options.threads, count <= FEW, |cancel| {
+                let pieces = question.all(cancel, |rays| {
+                    let all = P::all(world, rays);
+                    if found.fetch_add(all.hits.len() as u64, Ordering::Relaxed) + all.hits.len() as u64 > most {
+                        cancel.stop();
+                    }
+                    all
+                })?;
+                cancel.check()?;
                 let total = pieces.iter().map(|piece| piece.hits.len()).sum();
                 let (mut hits, mut ids) = (Vec::with_capacity(total), Vec::with_capacity(total));
                 let mut splits = Vec::with_capacity(count + 1);
@@ -157,7 +171,13 @@ impl Scene {
                     }
                 }
                 Ok((hits, splits, ids))
-            })?;
+            });
+            let found = found.into_inner();
+            if found > most {
+                let message = format!("the list of more than {found} hits does not fit into memory; ask fewer rays");
+                return Err(PyMemoryError::new_err(message));
+            }
+            let (hits, splits, ids) = listed?;
             let kept = arrays.keep(!snapshot.names.are_all_meshes())?;
             Ok(Intersections(Named::new(Live::<P, P> {
                 snapshot: snapshot.clone(),

@@ -118,6 +118,11 @@ struct ChannelSums {
 }
 
 impl ChannelSums {
+    /// Of no samples, which may have weights.
+    fn nothing(is_signed: bool) -> Self {
+        Self { sum: 0.0, square: 0.0, weight: 0.0, plain: is_signed.then_some(0.0) }
+    }
+
     fn plus(self, other: Self) -> Self {
         Self {
             sum: self.sum + other.sum,
@@ -180,14 +185,15 @@ pub struct FilmTile {
     pub samples: u32,
     /// Samples of each pixel.
     taken: Vec<u32>,
-    /// Sum of the intensities of whole blocks, and of their squares, of each pixel.
+    /// Sum of the intensities of whole blocks, and of their squares, of each pixel; empty before the first.
     blocks: Vec<[f64; 2]>,
-    /// Of pixels that have stopped, the deviation of blocks that decided.
+    /// Of pixels that have stopped, the deviation of blocks that decided; empty if none has.
     decided: Vec<Option<f64>>,
     channels: usize,
     /// Expected weight of a sample, see [`filter::FilterSampler::mean_weight`].
     mean_weight: f64,
-    total: Sums,
+    /// Of all whole blocks, if there are any.
+    total: Option<Sums>,
     /// The block that is being filled, if one is.
     partial: Option<Sums>,
     /// Values of AOVs that cannot be averaged: of the first sample.
@@ -200,11 +206,19 @@ impl FilmTile {
     fn new(area: Crop, aov_channels: usize, coverages: usize, mean_weight: f64) -> Self {
         let pixels = area.size().iter().product::<u32>() as usize;
         let channels = 4 + aov_channels;
-        let total = Sums::new(pixels, channels, mean_weight < 1.0);
-        let first = vec![0.0; pixels * aov_channels];
-        let (taken, blocks) = (vec![0; pixels], vec![[0.0; 2]; pixels]);
-        let (decided, coverage) = (vec![None; pixels], vec![Vec::new(); pixels * coverages]);
-        Self { area, samples: 0, taken, blocks, decided, channels, mean_weight, total, partial: None, first, coverage }
+        Self {
+            area,
+            samples: 0,
+            taken: vec![0; pixels],
+            blocks: Vec::new(),
+            decided: Vec::new(),
+            channels,
+            mean_weight,
+            total: None,
+            partial: None,
+            first: vec![0.0; pixels * aov_channels],
+            coverage: vec![Vec::new(); pixels * coverages],
+        }
     }
 
     /// Adds a part of this tile.
@@ -213,7 +227,7 @@ impl FilmTile {
     /// If the part does not continue where the tile's samples end.
     pub fn fold(&mut self, part: &FilmPart) {
         assert_eq!(part.samples[0], self.samples, "parts of a tile are added in order");
-        let count = self.total.weight.len();
+        let count = self.taken.len();
         let samples = (part.samples[1] - part.samples[0]) as usize;
         let aov_channels = self.channels - 4;
         let pixels: Vec<usize> = match &part.pixels {
@@ -279,18 +293,28 @@ impl FilmTile {
 
     fn end_block(&mut self, pixels: &[usize]) {
         let Some(partial) = self.partial.take() else { return };
+        self.blocks.resize(self.taken.len(), [0.0; 2]);
         for &pixel in pixels {
             let mean = |channel| partial.channel(pixel, channel).mean(f64::from(BLOCK), self.mean_weight);
             let intensity = (mean(0) + mean(1) + mean(2)) / 3.0;
             self.blocks[pixel][0] += intensity;
             self.blocks[pixel][1] += intensity * intensity;
         }
-        self.total.add_all(&partial);
+        match &mut self.total {
+            Some(total) => total.add_all(&partial),
+            None => self.total = Some(partial),
+        }
     }
 
     fn sums(&self, pixel: usize, channel: usize) -> ChannelSums {
-        let total = self.total.channel(pixel, channel);
-        self.partial.as_ref().map_or(total, |partial| total.plus(partial.channel(pixel, channel)))
+        let nothing = ChannelSums::nothing(self.mean_weight < 1.0);
+        let parts = [&self.total, &self.partial].into_iter().flatten();
+        parts.fold(nothing, |sums, part| sums.plus(part.channel(pixel, channel)))
+    }
+
+    /// Sum of the intensities of a pixel's whole blocks, and of their squares.
+    fn blocks_of(&self, pixel: usize) -> [f64; 2] {
+        self.blocks.get(pixel).copied().unwrap_or_default()
     }
 
     /// The mean of one channel of a pixel.
@@ -428,22 +452,28 @@ impl Film {
     /// number of the value.
     fn gathered(&self, count: usize, value: impl Fn(&FilmTile, usize, [usize; 2], usize) -> f32 + Sync) -> Vec<f32> {
         let place = |[x, y]: [u32; 2]| [(x - self.crop.min[0]) as usize, (y - self.crop.min[1]) as usize];
-        let of_tile = |tile: &FilmTile| -> Vec<f32> {
-            let mut values = Vec::with_capacity(tile.taken.len() * count);
-            for (pixel, at) in noise::positions(&tile.area).enumerate() {
-                values.extend((0..count).map(|number| value(tile, pixel, place(at), number)));
-            }
-            values
-        };
-        let tiles: Vec<Vec<f32>> = self.tiles.par_iter().with_min_len(MANY_TILES).map(of_tile).collect();
         let [width, height] = self.crop.size().map(|side| side as usize);
         let mut values = vec![0.0; width * height * count];
-        for (tile, of_tile) in self.tiles.iter().zip(&tiles) {
-            let ([column, row], length) = (place(tile.area.min), tile.area.size()[0] as usize * count);
-            for (y, line) in of_tile.chunks_exact(length.max(1)).enumerate() {
-                values[((row + y) * width + column) * count..][..length].copy_from_slice(line);
-            }
+        // Rows of tiles, each with the rows of pixels that it fills.
+        let (mut bands, mut rest) = (Vec::new(), values.as_mut_slice());
+        for tiles in self.tiles.chunk_by(|a, b| a.area.min[1] == b.area.min[1]) {
+            let length = tiles[0].area.size()[1] as usize * width * count;
+            let (band, after) = rest.split_at_mut(length);
+            bands.push((tiles, band));
+            rest = after;
         }
+        let least = MANY_TILES.div_ceil(bands.first().map_or(1, |(tiles, _)| tiles.len()));
+        bands.into_par_iter().with_min_len(least).for_each(|(tiles, band)| {
+            let first_row = place(tiles[0].area.min)[1];
+            for tile in tiles {
+                for (pixel, at) in noise::positions(&tile.area).map(place).enumerate() {
+                    let start = ((at[1] - first_row) * width + at[0]) * count;
+                    for (number, slot) in band[start..start + count].iter_mut().enumerate() {
+                        *slot = value(tile, pixel, at, number);
+                    }
+                }
+            }
+        });
         values
     }
 }

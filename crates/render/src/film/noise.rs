@@ -69,9 +69,9 @@ impl NoiseMap {
                 let [column, row] = [x - film.crop.min[0], y - film.crop.min[1]].map(|p| p as usize);
                 let intensity = (0..3).map(|channel| tile.mean(number, channel)).sum::<f64>() / 3.0;
                 let blocks = tile.taken[number] / BLOCK;
-                let (n, [sum, square]) = (f64::from(blocks.max(2)), tile.blocks[number]);
+                let (n, [sum, square]) = (f64::from(blocks.max(2)), tile.blocks_of(number));
                 let deviation = ((square - sum * sum / n).max(0.0) / (n - 1.0)).sqrt();
-                let decided = tile.decided[number];
+                let decided = tile.decided.get(number).copied().flatten();
                 pixels[row * size[0] + column] = Pixel { intensity, blocks, deviation, decided };
             }
         }
@@ -133,6 +133,7 @@ pub fn unconverged(film: &mut Film, active: &[Option<Vec<u32>>], noise: f64, flo
             let [column, row] = [0, 1].map(|axis| (position[axis] - film.crop.min[axis]) as usize);
             let pixel = row * map.size[0] + column;
             if map.cautious_error(pixel, floor) <= noise {
+                tile.decided.resize(tile.taken.len(), None);
                 tile.decided[number as usize] = Some(map.cautious_deviation(pixel));
             } else {
                 pixels.push(number);

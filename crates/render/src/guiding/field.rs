@@ -9,6 +9,7 @@ use super::directional::{Gatherer, Moment};
 use super::parallax::{Parallax, from_anchor, to_place};
 use super::record::Record;
 use super::regions::{Halves, Place, place};
+use crate::threads::on_threads;
 use snell_math::simd::{least, most};
 use snell_math::{Vec2, Vec3, rng};
 
@@ -330,16 +331,17 @@ impl Field {
         let key = |i: usize| rng::hash_combine(key, i as u32);
         let mut regions = vec![0u32; records.len()];
         let piece = records.len().div_ceil(threads.max(1)).max(1);
-        std::thread::scope(|scope| {
-            for (number, (regions, records)) in regions.chunks_mut(piece).zip(records.chunks(piece)).enumerate() {
-                let (this, start) = (&*self, number * piece);
-                scope.spawn(move || {
-                    for (i, (region, record)) in regions.iter_mut().zip(records).enumerate() {
-                        *region = this.region_of(record, key(start + i));
-                    }
-                });
+        let (this, pieces) = (&*self, regions.chunks_mut(piece).zip(records.chunks(piece)).enumerate());
+        let queue = std::sync::Mutex::new(pieces);
+        let next = || queue.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next();
+        on_threads(threads, || {
+            while let Some((number, (regions, records))) = next() {
+                for (i, (region, record)) in regions.iter_mut().zip(records).enumerate() {
+                    *region = this.region_of(record, key(number * piece + i));
+                }
             }
         });
+        drop(queue);
         // Sorted by region, by counting.
         let mut starts = vec![0u32; self.cells.len() + 1];
         regions.iter().for_each(|&region| starts[region as usize + 1] += 1);
@@ -361,13 +363,9 @@ impl Field {
     fn for_each_cell(&mut self, threads: usize, f: impl Fn(usize, &mut Cell) + Sync) {
         let queue = std::sync::Mutex::new(self.cells.iter_mut().enumerate());
         let next = || queue.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next();
-        std::thread::scope(|scope| {
-            for _ in 0..threads.max(1) {
-                scope.spawn(|| {
-                    while let Some((i, cell)) = next() {
-                        f(i, cell);
-                    }
-                });
+        on_threads(threads, || {
+            while let Some((i, cell)) = next() {
+                f(i, cell);
             }
         });
     }

@@ -27,6 +27,7 @@ use crate::integrator::Context;
 use crate::light_sampler::LightSampler;
 use crate::sampler::Sampler;
 use crate::settings::{Crop, Settings, TileOrder};
+use crate::threads::on_threads;
 use light_parts::LightParts;
 use part::PartRenderer;
 use parts::{Parts, Ranges};
@@ -237,24 +238,25 @@ impl<'a> Job<'a> {
         self.fill(&mut self.begin(threads, &|_| true), self.settings.spp, threads, &|_| true, true)
     }
 
-    /// All samples of one pixel of the whole picture, with what happened to them: block by block, with the bits of [`Self::run`] if no
-    /// pixel stops by its error. The film is that of the pixel alone, and empty.
-    pub(crate) fn observe(&self, pixel: [u32; 2], threads: usize) -> (Film, Vec<(FilmPart, Journal)>) {
+    /// Shows all samples of one pixel of the whole picture, with what happened to them: block by
+    /// block, with the bits of [`Self::run`] if no pixel stops by its error.
+    pub(crate) fn observe(&self, pixel: [u32; 2], threads: usize, see: &mut dyn FnMut(&FilmPart, &Journal)) {
         let (trained, _) = self.trained(threads, &|_| true);
         let (wants_lobes, field) = (self.light_parts.want_lobes(), trained.as_ref());
         let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights, field, wants_lobes };
         let tracer = Tracer::new(self.scene, None);
         let mut renderer =
             PartRenderer::new(context, self.camera, &self.sampler, &self.filter, &self.light_parts, tracer);
-        let area = Crop { min: pixel, max: pixel.map(|p| p + 1) };
-        let mut observed = |range| {
+        for range in (Ranges::Blocks { start: 0, end: self.settings.spp, is_progressive: false }).all() {
             renderer.journal = Some(Journal::default());
-            let part = renderer.render(area, None, range, &mut Statistics::default());
-            (part, renderer.journal.take().unwrap_or_default())
-        };
-        let ranges = Ranges::Blocks { start: 0, end: self.settings.spp, is_progressive: false };
-        let parts = ranges.all().map(&mut observed).collect();
-        (Film::with_mean_weight(area, &self.settings.aovs, self.filter.mean_weight()), parts)
+            let part = renderer.render(area_of(pixel), None, range, &mut Statistics::default());
+            see(&part, &renderer.journal.take().unwrap_or_default());
+        }
+    }
+
+    /// A film of this render for one pixel of the whole picture, without samples.
+    pub(crate) fn film_of_pixel(&self, pixel: [u32; 2]) -> Film {
+        Film::with_mean_weight(area_of(pixel), &self.settings.aovs, self.filter.mean_weight())
     }
 
     /// Learns where light comes from, if the settings ask for it.
@@ -286,15 +288,7 @@ impl<'a> Job<'a> {
             .map(|(tile, pixels)| Mutex::new(SharedTile { tile, pixels: pixels.clone(), waiting: BTreeMap::new() }))
             .collect();
         let shared = Shared { tiles: &tiles, parts, next: AtomicUsize::new(0), passes, tally, keep_going };
-        if threads <= 1 {
-            self.work(&shared);
-        } else {
-            std::thread::scope(|scope| {
-                for _ in 0..threads {
-                    scope.spawn(|| self.work(&shared));
-                }
-            });
-        }
+        on_threads(threads, || self.work(&shared));
         film.tiles = tiles.into_iter().map(|t| into_inner(t).tile).collect();
     }
 
@@ -363,6 +357,10 @@ impl SharedTile {
             self.tile.fold(&part);
         }
     }
+}
+
+fn area_of(pixel: [u32; 2]) -> Crop {
+    Crop { min: pixel, max: pixel.map(|p| p + 1) }
 }
 
 fn pixels(area: &Crop) -> u64 {

@@ -13,6 +13,7 @@ use crate::guiding::directional::Moment;
 use crate::guiding::{Field, Guiding, Record};
 use crate::light_sampler::{LightSampler, LightSamplerKind, Receiver};
 use crate::sampler::{Random, Sampler, SamplerKind};
+use crate::threads::on_threads;
 use snell_intersect::{Grouping, Hit};
 use snell_math::{ColorMode, Frame, Ray, SampledSpectrum, Vec2, Vec3, rng, sampling};
 use snell_scene::light::environment::SkySample;
@@ -78,11 +79,7 @@ impl Job<'_> {
                     lock(shots).shoot((self.scene, &lights, maps), &sampler, batches.start + index, &mut tracer);
                 }
             };
-            std::thread::scope(|scope| {
-                for _ in 0..threads.max(1) {
-                    scope.spawn(work);
-                }
-            });
+            on_threads(threads, work);
             shots.into_iter().map(into_inner).collect::<Vec<Shots>>()
         };
         let scouts = batches / SCOUTS;

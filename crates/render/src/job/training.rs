@@ -10,6 +10,7 @@ use crate::guiding::{Field, Guiding, Record};
 use crate::integrator::{Context, IntegratorKind};
 use crate::sampler::Sampler;
 use crate::settings::{Crop, Settings};
+use crate::threads::on_threads;
 use snell_math::rng;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -137,15 +138,7 @@ impl Job<'_> {
                 all.rays += mine.rays;
                 all.tracing += renderer.tracer.spent;
             };
-            if threads <= 1 {
-                work();
-            } else {
-                std::thread::scope(|scope| {
-                    for _ in 0..threads {
-                        scope.spawn(work);
-                    }
-                });
-            }
+            on_threads(threads, work);
             let all = super::into_inner(all);
             statistics.rays += all.rays;
             statistics.tracing += all.tracing;

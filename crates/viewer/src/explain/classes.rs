@@ -1,43 +1,53 @@
 //! The light of a pixel by the way that it took (Heckbert, Adaptive radiosity textures for bidirectional ray tracing, 1990).
 
 use super::PathClass;
-use snell_render::explain::{Explanation, PathTree, Scattering};
+use snell_render::explain::{PathTree, Scattering};
 use snell_render::integrator::light_part::Lobe;
 use std::collections::BTreeMap;
 
 /// Ways longer than this are one class.
 const LONGEST: usize = 6;
 
-/// Sums of all additions to the pixel's samples by their ways, the brightest first.
-pub fn classes(explanation: &Explanation) -> Vec<PathClass> {
-    let mut sums: BTreeMap<String, [f64; 3]> = BTreeMap::new();
-    let mut weights = 0.0;
-    for tree in &explanation.samples {
-        weights += f64::from(tree.weight);
+/// Sums of all additions to a pixel's samples by their ways.
+#[derive(Default)]
+pub struct Classes {
+    sums: BTreeMap<String, [f64; 3]>,
+    weights: f64,
+}
+
+impl Classes {
+    /// Adds a sample.
+    pub fn add(&mut self, tree: &PathTree) {
+        self.weights += f64::from(tree.weight);
         for addition in &tree.additions {
             let color = tree.color_of(addition.radiance);
             if color.to_array() == [0.0; 3] {
                 continue;
             }
-            let sum = sums.entry(way(tree, addition.vertex, addition.light_ray)).or_default();
+            let sum = self.sums.entry(way(tree, addition.vertex, addition.light_ray)).or_default();
             for (sum, c) in sum.iter_mut().zip(color.to_array()) {
                 *sum += f64::from(c * tree.weight);
             }
         }
     }
-    let divisor = if weights > 0.0 { weights } else { 1.0 };
-    let luminance = |v: &[f64; 3]| 0.2126 * v[0] + 0.7152 * v[1] + 0.0722 * v[2];
-    let all: f64 = sums.values().map(&luminance).sum();
-    let mut classes: Vec<PathClass> = sums
-        .into_iter()
-        .map(|(way, sum)| PathClass {
-            way,
-            value: sum.map(|v| (v / divisor) as f32),
-            share: if all > 0.0 { (luminance(&sum) / all) as f32 } else { 0.0 },
-        })
-        .collect();
-    classes.sort_by(|a, b| b.share.total_cmp(&a.share).then_with(|| a.way.cmp(&b.way)));
-    classes
+
+    /// What each way adds to the pixel, the brightest first.
+    pub fn finish(self) -> Vec<PathClass> {
+        let divisor = if self.weights > 0.0 { self.weights } else { 1.0 };
+        let luminance = |v: &[f64; 3]| 0.2126 * v[0] + 0.7152 * v[1] + 0.0722 * v[2];
+        let all: f64 = self.sums.values().map(&luminance).sum();
+        let mut classes: Vec<PathClass> = self
+            .sums
+            .into_iter()
+            .map(|(way, sum)| PathClass {
+                way,
+                value: sum.map(|v| (v / divisor) as f32),
+                share: if all > 0.0 { (luminance(&sum) / all) as f32 } else { 0.0 },
+            })
+            .collect();
+        classes.sort_by(|a, b| b.share.total_cmp(&a.share).then_with(|| a.way.cmp(&b.way)));
+        classes
+    }
 }
 
 /// From the eye to the light.

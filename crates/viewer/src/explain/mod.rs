@@ -13,7 +13,7 @@ pub use report::{JourneyReport, LightReport, PathClass, Point, Report, SampleRep
 use snell_intersect::accel::AcceleratorKind;
 use snell_intersect::{Journey, PlaceKind};
 use snell_math::{DVec2, Ray, SampledSpectrum, Vec2};
-use snell_render::explain::{Explanation, LightRay, PathTree, PathVertex, VertexKind, explain};
+use snell_render::explain::{Explanation, LightRay, PathTree, PathVertex, VertexKind, Wanted, explain};
 use snell_render::integrator::light_part::{LightSource, Lobe};
 use snell_render::{CompiledScene, IntegratorKind, Job, Settings};
 use snell_scene::{Camera, CameraSample, Scene};
@@ -21,8 +21,6 @@ use std::sync::Arc;
 
 /// Points of the convergence plot at most.
 const MAX_POINTS: usize = 160;
-/// Samples whose brightness is listed at most.
-const MAX_SAMPLES: usize = 4096;
 /// Stops of a journey that are told at most.
 const MAX_STOPS: usize = 1500;
 /// Points that show roughly where the scene is: columns and rows.
@@ -79,9 +77,10 @@ pub fn report(subject: Subject, question: &Question, structures: &[Structure]) -
     let [width, height] = settings.size;
     let job = Job::new(compiled, camera, settings);
     let outside = || format!("pixel {},{} is outside of the picture of {width}x{height} pixels", pixel[0], pixel[1]);
-    let explanation = explain(&job, pixel, 1).ok_or_else(outside)?;
-    let chosen = sample.unwrap_or_else(|| typical(&explanation)) as usize;
-    let tree = &explanation.samples[chosen];
+    let (looks, mut classes) = (looks(settings.spp), classes::Classes::default());
+    let wanted = Wanted { sample, looks: &looks };
+    let explanation = explain(&job, pixel, 1, wanted, |tree| classes.add(tree)).ok_or_else(outside)?;
+    let tree = chosen(&explanation, sample).ok_or("the pixel has no samples")?;
     let ray = tree.vertices.first().map_or_else(|| middle_ray(camera, settings, pixel), |v| v.ray);
     Ok(Report {
         scene: scene.name.clone(),
@@ -89,11 +88,11 @@ pub fn report(subject: Subject, question: &Question, structures: &[Structure]) -
         size: settings.size,
         integrator: settings.integrator.name().into(),
         value: explanation.value,
-        error: explanation.convergence.last().map_or([0.0; 3], |(_, error)| *error),
+        error: explanation.convergence.last().map_or([0.0; 3], |last| last.error),
         spp: settings.spp,
-        convergence: thinned(&explanation),
-        classes: classes::classes(&explanation),
-        samples: explanation.samples.iter().take(MAX_SAMPLES).map(|s| s.color.to_array()).collect(),
+        convergence: points(&explanation),
+        classes: classes.finish(),
+        samples: (0..).zip(&explanation.samples).map_while(in_order).collect(),
         tree: sample_report(scene, compiled, tree),
         journeys: structures.iter().map(|(kind, compiled)| journey_report(*kind, compiled, &ray)).collect(),
         bounds: bounds(compiled),
@@ -101,14 +100,22 @@ pub fn report(subject: Subject, question: &Question, structures: &[Structure]) -
     })
 }
 
-/// The sample whose colour is nearest to that of the pixel.
-fn typical(explanation: &Explanation) -> u32 {
+/// The sample that was asked for, else the one whose colour is nearest to that of the pixel among
+/// those that are kept.
+fn chosen(explanation: &Explanation, sample: Option<u32>) -> Option<&PathTree> {
+    if let Some(number) = sample {
+        return explanation.samples.iter().find(|tree| tree.number == number);
+    }
     let distance = |tree: &PathTree| {
         let color = tree.color.to_array();
         (0..3).map(|c| (color[c] - explanation.value[c]).powi(2)).sum::<f32>()
     };
-    let nearest = explanation.samples.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-    nearest.map_or(0, |tree| tree.number)
+    explanation.samples.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
+}
+
+/// The colour of a sample, if all before it are kept, too.
+fn in_order((number, tree): (u32, &PathTree)) -> Option<[f32; 3]> {
+    (tree.number == number).then(|| tree.color.to_array())
 }
 
 fn middle_ray(camera: &Camera, settings: &Settings, pixel: [u32; 2]) -> Ray {
@@ -116,16 +123,18 @@ fn middle_ray(camera: &Camera, settings: &Settings, pixel: [u32; 2]) -> Ray {
     camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, settings.size).ray
 }
 
-/// The plot with points that are evenly spread over the logarithm of the number of samples.
-fn thinned(explanation: &Explanation) -> Vec<Point> {
-    let all = &explanation.convergence;
-    let last = all.len().max(1) as f64;
-    let mut numbers: Vec<usize> =
-        (0..MAX_POINTS).map(|i| last.powf(i as f64 / (MAX_POINTS - 1) as f64).round() as usize).collect();
+/// Where the plot has points: evenly spread over the logarithm of the number of samples.
+fn looks(spp: u32) -> Vec<u32> {
+    let last = f64::from(spp.max(1));
+    let mut numbers: Vec<u32> =
+        (0..MAX_POINTS).map(|i| last.powf(i as f64 / (MAX_POINTS - 1) as f64).round() as u32).collect();
     numbers.dedup();
-    let point =
-        |n: usize| all.get(n - 1).map(|(value, error)| Point { samples: n as u32, value: *value, error: *error });
-    numbers.into_iter().filter(|n| *n > 0).filter_map(point).collect()
+    numbers
+}
+
+fn points(explanation: &Explanation) -> Vec<Point> {
+    let all = explanation.convergence.iter();
+    all.map(|mean| Point { samples: mean.samples, value: mean.value, error: mean.error }).collect()
 }
 
 fn bounds(compiled: &CompiledScene) -> [[f32; 3]; 2] {

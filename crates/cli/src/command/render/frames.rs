@@ -8,7 +8,7 @@ mod resume;
 use super::options::Options;
 use super::output::{self, Target, hex};
 use super::stage::Stage;
-use super::{Fate, Outcome, Session, rescue};
+use super::{Fate, Outcome, Session, memory, rescue};
 use crate::failure::Failure;
 use crate::progress::duration;
 use crate::{interrupt, spectrum_file};
@@ -321,6 +321,9 @@ struct Taken {
 /// Renders one frame; `None` if it was interrupted, and so is not there.
 fn render_one(session: &mut Session, stage: &mut Stage, frame: &Frame, file: &Path) -> Result<Option<Taken>, Failure> {
     let settings = session.options.settings(&stage.scene, &stage.camera(session.options)?, session.simd)?;
+    if !session.has_begun {
+        session.estimated_memory_bytes = memory::check(session.options, &settings, &stage.scene)?;
+    }
     let mut shot = stage.shot(frame.time, session.options, &settings.build)?;
     if frame.turn > 0.0 {
         stage.turn(&mut shot, frame.turn);

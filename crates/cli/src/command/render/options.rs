@@ -4,6 +4,7 @@ use super::frames::{self, FrameRange, Turntable};
 use super::layers;
 use crate::failure::{Failure, choice};
 use crate::progress::ProgressStyleOption;
+use crate::threads;
 use snell_formats::image::Tonemap;
 use snell_formats::{Limits, ReadOptions, Sources};
 use snell_intersect::accel::AcceleratorKind;
@@ -12,7 +13,7 @@ use snell_math::simd::Level;
 use snell_math::{ColorModel, Rgb};
 use snell_render::layers::needed_aovs;
 use snell_render::{
-    Aov, Crop, Filter, Guiding, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
+    Crop, Filter, Guiding, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
     Terminator,
 };
 use snell_scene::light::sky::Sky;
@@ -300,8 +301,7 @@ impl Options {
 
     /// Number of threads.
     pub fn threads(&self) -> usize {
-        let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
-        self.threads.map_or_else(cores, |n| n as usize)
+        self.threads.map_or_else(threads::cores, |n| n as usize)
     }
 
     /// How values are stored, if that was said.
@@ -348,7 +348,7 @@ impl Options {
         let crop = self.checked_crop(size)?;
         let light_groups = layers::light_groups(&self.light_group, scene)?;
         let aovs = needed_aovs(&layers::aovs(&self.aov)?, integrator, &light_groups, self.denoise.is_some());
-        check_memory(crop.unwrap_or(Crop::full(size)), &aovs)?;
+        check_pixels(crop.unwrap_or(Crop::full(size)))?;
         if self.guiding.is_some() && integrator != IntegratorKind::Path {
             let name = integrator.name();
             return Err(Failure::Usage(format!("--guiding is for the integrator path, not for {name}")));
@@ -477,21 +477,15 @@ impl Options {
     }
 }
 
-/// Refuses pictures that the machine has no room for, instead of being stopped by the system in the middle of the work.
-fn check_memory(crop: Crop, aovs: &[Aov]) -> Result<(), Failure> {
+/// Refuses pictures of more pixels than Snell would read back. (Memory is another matter, see `memory.rs`.)
+fn check_pixels(crop: Crop) -> Result<(), Failure> {
     let [w, h] = crop.size();
-    let pixels = u64::from(w) * u64::from(h);
-    // Sums and sums of squares in double precision, of the film and of the block being summed, and the picture made of them.
-    let channels = 4 + aovs.iter().map(|a| a.channels().len() as u64).sum::<u64>();
-    let bytes = pixels * (2 * (2 * channels + 1) * 8 + channels * 4);
-    let has_room = || usize::try_from(bytes).is_ok_and(|b| Vec::<u8>::new().try_reserve_exact(b).is_ok());
-    if pixels <= MAX_PIXELS && has_room() {
+    if u64::from(w) * u64::from(h) <= MAX_PIXELS {
         return Ok(());
     }
     Err(Failure::Usage(format!(
-        "a picture of {w}x{h} pixels needs {:.1} GB of memory, more than is allowed or there is; make it smaller with --size, or \
-         render parts of it with --crop",
-        bytes as f64 * 1e-9
+        "a picture of {w}x{h} pixels is larger than the limit of {MAX_PIXELS} pixels; make it smaller with --size, or render \
+         parts of it with --crop"
     )))
 }
 

@@ -22,6 +22,8 @@ pub struct Summary<'a> {
     pub build_seconds: f64,
     pub render_seconds: f64,
     pub threads: usize,
+    /// What was expected before the render began.
+    pub estimated_memory_bytes: u64,
     pub image_sha256: String,
 }
 
@@ -82,6 +84,7 @@ impl Summary<'_> {
             "complete": self.statistics.is_complete,
             "invalid_samples": self.statistics.invalid_samples,
             "peak_memory_bytes": peak_memory_bytes(),
+            "estimated_memory_bytes": self.estimated_memory_bytes,
             "accelerator_memory_bytes": self.compiled.world.memory_bytes(),
             "threads": self.threads,
             "simd": self.settings.build.simd.name(),

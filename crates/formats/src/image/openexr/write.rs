@@ -1,15 +1,33 @@
 //! Writing OpenEXR: one part of scan lines, ZIP; the picture's channels bare, those of other layers as `layer.channel`.
+//!
+//! The crate `exr` would start a pool of threads for each file; here blocks are compressed on the
+//! threads of the current rayon pool, straight from the layers.
 
 use super::super::WriteOptions;
 use super::super::picture::{Unfit, check_layers};
 use super::attributes;
-use exr::prelude::{
-    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, LayerAttributes, LineOrder, Text, Vec2,
-    WritableImage,
-};
+use exr::block::writer::ChunksWriter;
+use exr::block::{BlockIndex, UncompressedBlock, enumerate_ordered_header_block_indices};
+use exr::meta::BlockDescription;
+use exr::meta::attribute::{ChannelDescription, SampleType};
+use exr::meta::header::{Header, LayerAttributes};
+use exr::prelude::{Compression, LineOrder, Text, Vec2};
 use half::f16;
+use rayon::prelude::*;
 use snell_scene::{Layer, LayeredImage};
 use std::io::Cursor;
+
+/// Blocks that are compressed before the next are begun.
+const BATCH: usize = 64;
+
+/// A channel of the file.
+struct Channel<'a> {
+    name: String,
+    layer: &'a Layer,
+    /// Its number in the layer.
+    index: usize,
+    is_half: bool,
+}
 
 /// Encodes all layers, and the metadata as text attributes. Same input, same bytes.
 pub fn encode(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, Unfit> {
@@ -17,28 +35,62 @@ pub fn encode(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, U
     let mut channels = Vec::new();
     for layer in &image.layers {
         for (index, name) in layer.channels.iter().enumerate() {
-            let full_name = if layer.name.is_empty() { name.clone() } else { format!("{}.{name}", layer.name) };
-            check_name(&full_name)?;
-            channels.push((full_name, samples(layer, index, options.exr_half)));
+            let name = if layer.name.is_empty() { name.clone() } else { format!("{}.{name}", layer.name) };
+            check_name(&name)?;
+            let is_half = options.exr_half && is_color(layer, index);
+            channels.push(Channel { name, layer, index, is_half });
         }
     }
-    channels.sort_by(|a, b| a.0.cmp(&b.0));
-    if let Some(twice) = channels.windows(2).find(|w| w[0].0 == w[1].0) {
-        return Err(Unfit::new(format!("two channels have the name \"{}\"", twice[0].0), "rename one of the layers"));
+    channels.sort_by(|a, b| a.name.cmp(&b.name));
+    if let Some(twice) = channels.windows(2).find(|w| w[0].name == w[1].name) {
+        return Err(Unfit::new(format!("two channels have the name \"{}\"", twice[0].name), "rename one of the layers"));
     }
-    let long_names = channels.iter().any(|c| c.0.len() > 31);
-    let list = channels.into_iter().map(|(name, data)| AnyChannel::new(text(&name), data)).collect();
-
-    let encoding =
-        Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+    let long_names = channels.iter().any(|c| c.name.len() > 31);
     let size = Vec2(image.width as usize, image.height as usize);
-    let layer = exr::prelude::Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(list));
+    let described = channels.iter().map(|c| ChannelDescription::named(text(&c.name), c.sample_type())).collect();
+    let header = Header::new(text(""), size, described)
+        .with_attributes(LayerAttributes::default())
+        .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing);
     let mut bytes = Cursor::new(Vec::new());
-    exr::prelude::Image::from_layer(layer)
-        .write()
-        .to_buffered(&mut bytes)
-        .map_err(|e| Unfit::new(format!("the picture cannot be encoded as OpenEXR: {e}"), "try another format"))?;
+    exr::block::write(&mut bytes, [header].into_iter().collect(), true, |meta, writer| {
+        let compressed = |&(number, index): &(usize, BlockIndex)| {
+            let block = UncompressedBlock { index, data: block_bytes(&channels, size.0, &index) };
+            Ok((number, block.compress_to_chunk(&meta.headers)?))
+        };
+        let blocks: Vec<_> = enumerate_ordered_header_block_indices(&meta.headers).collect();
+        for batch in blocks.chunks(BATCH) {
+            let chunks = batch.par_iter().map(compressed).collect::<exr::error::Result<Vec<_>>>()?;
+            chunks.into_iter().try_for_each(|(number, chunk)| writer.write_chunk(number, chunk))?;
+        }
+        Ok(())
+    })
+    .map_err(|e| Unfit::new(format!("the picture cannot be encoded as OpenEXR: {e}"), "try another format"))?;
     Ok(attributes::insert(bytes.into_inner(), &image.metadata, long_names))
+}
+
+impl Channel<'_> {
+    fn sample_type(&self) -> SampleType {
+        if self.is_half { SampleType::F16 } else { SampleType::F32 }
+    }
+}
+
+/// The values of a block as the format wants them: line by line, and in each line channel by channel.
+fn block_bytes(channels: &[Channel], width: usize, block: &BlockIndex) -> Vec<u8> {
+    let (Vec2(left, top), Vec2(columns, rows)) = (block.pixel_position, block.pixel_size);
+    let mut bytes = Vec::with_capacity(columns * rows * channels.len() * 4);
+    for row in top..top + rows {
+        for Channel { layer, index, is_half, .. } in channels {
+            let stride = layer.channels.len();
+            let line = &layer.values[(row * width + left) * stride..][..columns * stride];
+            for value in line.iter().skip(*index).step_by(stride) {
+                match is_half {
+                    true => bytes.extend(to_half(*value).to_ne_bytes()),
+                    false => bytes.extend(value.to_ne_bytes()),
+                }
+            }
+        }
+    }
+    bytes
 }
 
 /// Names are bytes to the format; UTF-8 by custom.
@@ -56,19 +108,13 @@ fn check_name(name: &str) -> Result<(), Unfit> {
     Ok(())
 }
 
-/// The values of one channel. Half only for colours: its 11 bits are too few for depth, positions and ids.
-fn samples(layer: &Layer, index: usize, half: bool) -> FlatSamples {
-    let values = layer.values.iter().skip(index).step_by(layer.channels.len());
-    let is_colour = match layer.channels[index].as_str() {
+/// Whether half is enough: only for colours. Its 11 bits are too few for depth, positions and ids.
+fn is_color(layer: &Layer, index: usize) -> bool {
+    match layer.channels[index].as_str() {
         "R" | "G" | "B" | "A" => true,
         // Luminance, unless it is a coordinate.
         "Y" => !layer.channels.iter().any(|c| c == "X"),
         _ => false,
-    };
-    if half && is_colour {
-        FlatSamples::F16(values.map(|v| to_half(*v)).collect())
-    } else {
-        FlatSamples::F32(values.copied().collect())
     }
 }
 

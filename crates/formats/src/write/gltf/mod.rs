@@ -45,9 +45,7 @@ struct Document<'a, 'o> {
 type SurfaceKey = (*const TriangleMesh, Vec<Option<MaterialId>>, Option<MaterialId>);
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
-    if placement_count(scene)? > MAX_PLACED {
-        return Err(format!("more than {MAX_PLACED} nodes and surfaces, instances counted each, which is the limit"));
-    }
+    check_expansion(scene, output)?;
     output.lose_settings(scene);
     let is_binary = output.extension == "glb";
     let mut document = Document {
@@ -82,6 +80,23 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
         output.main = text;
     }
     Ok(())
+}
+
+/// Bytes of a node on its way into the document: as JSON, its copy and its text.
+const BYTES_OF_NODE: u64 = 3000;
+
+/// The format has trees, so a node that is shared becomes as many as it has places.
+fn check_expansion(scene: &Scene, output: &Output) -> Result<(), String> {
+    let count = placement_count(scene)?;
+    let remedy = "write a format with instances of nodes: .snell or .pbrt";
+    if count > MAX_PLACED {
+        return Err(format!(
+            "it is {count} nodes and surfaces, instances counted each, and the limit is {MAX_PLACED}; {remedy}"
+        ));
+    }
+    let what = format!("the scene as a tree of {count} nodes and surfaces");
+    let admitted = output.available.admit(&what, count.saturating_mul(BYTES_OF_NODE));
+    admitted.map_err(|problem| format!("{problem}; {remedy}"))
 }
 
 const BUFFER_NAME: &str = "buffer.bin";

@@ -25,8 +25,14 @@ use std::sync::Arc;
 /// The writer of pbrt files.
 pub const WRITER: SceneWriter = SceneWriter { name: "pbrt", extensions: &["pbrt"], knows: texture::is_known, write };
 
+/// Text of a surface at its place, in a buffer that grows.
+const BYTES_OF_SURFACE: u64 = 800;
+
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let surfaces = placed(scene)?;
+    let (what, count) = (format!("the scene as {} surfaces", surfaces.len()), surfaces.len() as u64);
+    let admitted = output.available.admit(&what, count * BYTES_OF_SURFACE);
+    admitted.map_err(|problem| format!("{problem}; write a format with instances of nodes: .snell"))?;
     if !scene.ambient.is_black() {
         output.lose("the ambient light of local illumination is left out");
     }

@@ -1,0 +1,40 @@
+//! Whether there is memory for a picture, before work begins.
+
+use super::options::Options;
+use crate::failure::Failure;
+use crate::resources::memory_bytes;
+use snell_formats::image::encoder_bytes;
+use snell_formats::memory::Available;
+use snell_render::Settings;
+use snell_render::memory::{Estimate, Uses, of_picture, of_scene, picture_channels};
+use snell_scene::Scene;
+
+/// What a render of these settings will take beside what the process has.
+fn estimate(options: &Options, settings: &Settings, scene: &Scene) -> Estimate {
+    let output = options.output.as_deref().and_then(|path| path.extension());
+    let extension = output.map_or("png".into(), |e| e.to_string_lossy().to_lowercase());
+    let values = picture_channels(settings) * if options.variance { 2 } else { 1 };
+    let uses = Uses {
+        threads: options.threads(),
+        in_steps: false,
+        variance: options.variance,
+        denoise: options.denoise.is_some(),
+        beside: encoder_bytes(&extension, values, options.bits),
+    };
+    of_picture(settings, &uses).with(of_scene(scene))
+}
+
+/// Refuses a picture that there is no memory for, and says what would fit. Gives what the process
+/// will have taken at most, in bytes.
+pub fn check(options: &Options, settings: &Settings, scene: &Scene) -> Result<u64, Failure> {
+    let estimate = estimate(options, settings, scene);
+    let available = Available::now().for_threads(options.threads());
+    let [width, height] = estimate.size;
+    let what = format!("a picture of {width}x{height} pixels");
+    available.admit(&what, estimate.bytes()).map_err(|problem| {
+        let fits = estimate.advice(available.bytes);
+        let remedy = "make it smaller with --size, or render parts of it with --crop";
+        Failure::Usage(format!("{problem}; {fits}: {remedy}"))
+    })?;
+    Ok(memory_bytes().unwrap_or(0) + estimate.bytes())
+}

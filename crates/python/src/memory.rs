@@ -1,0 +1,48 @@
+//! Whether there is memory for what is about to be made: Python gets a `MemoryError` instead of
+//! losing its process.
+
+use crate::settings::Request;
+use pyo3::exceptions::PyMemoryError;
+use pyo3::prelude::*;
+use snell_formats::memory::Available;
+use snell_render::Settings;
+use snell_render::memory::{Estimate, Uses, of_picture};
+
+/// What is smaller is not asked about: to ask takes longer than to make it.
+const SMALL: u64 = 16 << 20;
+
+/// An error if there is no memory for this many bytes, which are needed for `what`.
+pub fn admit(what: &str, bytes: u64) -> PyResult<()> {
+    if bytes < SMALL {
+        return Ok(());
+    }
+    Available::now().admit(what, bytes).map_err(PyMemoryError::new_err)
+}
+
+/// [`admit`] for values of this many bytes each.
+pub fn admit_all(what: &str, count: usize, bytes_of_each: usize) -> PyResult<()> {
+    admit(what, count as u64 * bytes_of_each as u64)
+}
+
+/// What a render takes beside its scene: film and picture, its variance, and the picture once more
+/// as an array or on its way into a file.
+pub fn estimate(request: &Request, threads: usize) -> Estimate {
+    let Request { settings, denoiser, .. } = request;
+    picture(settings, threads, denoiser.is_some())
+}
+
+fn picture(settings: &Settings, threads: usize, denoise: bool) -> Estimate {
+    of_picture(settings, &Uses { threads, in_steps: true, variance: true, denoise, beside: 16 })
+}
+
+/// An error if there is no memory for a picture; it says what fits.
+pub fn check_picture(settings: &Settings, threads: usize, denoise: bool) -> PyResult<()> {
+    let estimate = picture(settings, threads, denoise);
+    let available = Available::now().for_threads(threads);
+    let [width, height] = estimate.size;
+    let what = format!("size: a picture of {width} by {height} pixels");
+    available.admit(&what, estimate.bytes()).map_err(|problem| {
+        let fits = estimate.advice(available.bytes);
+        PyMemoryError::new_err(format!("{problem}; {fits}: make it smaller, or render parts of it with crop"))
+    })
+}

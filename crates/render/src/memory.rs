@@ -1,0 +1,224 @@
+//! How much memory a render takes, worked out before it begins: by its settings, its scene, and
+//! what is done with the picture. The largest moment counts.
+//!
+//! The figures are those of the types that are filled, and, where those are private to a thread or
+//! short-lived, measured. Nothing is asked of the system here: callers compare the estimate with
+//! what there is.
+
+use crate::film::filter::FilterSampler;
+use crate::film::{BLOCK, FilmSample, TILE};
+use crate::integrator::aov::{Aov, AovKind};
+use crate::settings::{Crop, Settings};
+use snell_intersect::TriangleMesh;
+use snell_scene::{Environment, Geometry, Image, Pixels, Scene};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// What is done with a film beside filling it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Uses {
+    /// Threads that render.
+    pub threads: usize,
+    /// The film is filled in steps that may end anywhere, as in the viewer.
+    pub in_steps: bool,
+    /// Layers of variance are made of it, too.
+    pub variance: bool,
+    /// A denoiser removes the noise.
+    pub denoise: bool,
+    /// Bytes per pixel that whoever takes the picture needs beside it, such as an encoder.
+    pub beside: u64,
+}
+
+/// Bytes that a picture takes: some for each pixel, and some whatever its size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Estimate {
+    /// Whatever its size.
+    pub fixed: u64,
+    /// For each pixel.
+    pub per_pixel: u64,
+    /// Width and height of what is rendered.
+    pub size: [u32; 2],
+    /// It is only a part of the picture.
+    pub is_crop: bool,
+}
+
+/// Buffers of a thread, but for its samples: measured.
+const THREAD: u64 = 6 << 20;
+
+/// Heap around each of a pixel's shares of small allocations.
+const TILE_BYTES: u64 = 6;
+
+/// A denoiser's own memory for each pixel, and at most: as Open Image Denoise limits itself.
+const DENOISER: u64 = 400;
+
+impl Estimate {
+    /// All of it.
+    pub fn bytes(&self) -> u64 {
+        let [width, height] = self.size.map(u64::from);
+        self.fixed.saturating_add((width * height).saturating_mul(self.per_pixel))
+    }
+
+    /// The same with more that does not depend on the size.
+    pub fn with(self, more: u64) -> Self {
+        Self { fixed: self.fixed.saturating_add(more), ..self }
+    }
+
+    /// The largest picture of the same proportions that fits into this many bytes, in steps of
+    /// about a hundredth; `None` if none does.
+    pub fn largest(&self, available: u64) -> Option<[u32; 2]> {
+        let pixels = available.saturating_sub(self.fixed) / self.per_pixel.max(1);
+        let [width, height] = self.size.map(f64::from);
+        let scale = (pixels as f64 / (width * height)).sqrt().min(1.0);
+        let step = |side: f64| (10f64.powf((side.log10() - 2.0).floor())).max(1.0);
+        let rounded = |side: f64| ((side * scale / step(side)).floor() * step(side)) as u32;
+        let size = [rounded(width), rounded(height)];
+        (size[0] > 0 && size[1] > 0).then_some(size)
+    }
+
+    /// What would fit into this many bytes, in words.
+    pub fn advice(&self, available: u64) -> String {
+        let what = if self.is_crop { "a part" } else { "a picture" };
+        match self.largest(available) {
+            Some([width, height]) => format!("{what} of at most {width}x{height} pixels fits"),
+            None => "not even a small one fits".into(),
+        }
+    }
+}
+
+/// What the film and the picture of these settings take.
+pub fn of_picture(settings: &Settings, uses: &Uses) -> Estimate {
+    let aovs = &settings.aovs;
+    let sampled: u64 = aovs.iter().map(|aov| aov.sampled_channels() as u64).sum();
+    let covers = aovs.iter().filter(|aov| aov.kind() == AovKind::Coverage).count() as u64;
+    let layers = 4 * picture_channels(settings);
+    let is_signed = FilterSampler::new(settings.filter).mean_weight() < 1.0;
+    let film = film_bytes(settings, sampled, covers, is_signed, uses.in_steps);
+    let noise_map = if settings.noise.is_some() || aovs.contains(&Aov::Noise) { 48 } else { 0 };
+    // Names and shares of what covers a pixel, and the layers that hold them.
+    let coverage = covers * (24 + 56 + 128);
+    let variance = if uses.variance { 4 + layers } else { 0 };
+    let denoiser = if uses.denoise { 5 * 12 + DENOISER } else { 0 };
+    let after = layers + coverage + noise_map.max(variance + uses.beside).max(denoiser);
+    let size = settings.crop.unwrap_or(Crop::full(settings.size)).size();
+    let sample = size_of::<FilmSample>() as u64 + 4 * sampled + 8 * covers;
+    let samples = u64::from(TILE * TILE) * u64::from(settings.spp.min(BLOCK));
+    let guiding = settings.guiding.map_or(0, |guiding| guiding_bytes(guiding.passes));
+    let threads = uses.threads.max(1) as u64 * (THREAD + 3 * samples * sample);
+    Estimate { fixed: threads + guiding, per_pixel: film + after, size, is_crop: settings.crop.is_some() }
+}
+
+/// Values of each pixel of the picture and its layers, without those of coverage and variance.
+pub fn picture_channels(settings: &Settings) -> u64 {
+    let layers = settings.aovs.iter().filter(|aov| aov.kind() != AovKind::Coverage);
+    4 + layers.map(|aov| aov.channels().len() as u64).sum::<u64>()
+}
+
+/// The film's bytes for each pixel.
+fn film_bytes(settings: &Settings, sampled: u64, covers: u64, is_signed: bool, in_steps: bool) -> u64 {
+    let channels = 4 + sampled;
+    let sums = 8 * (channels * if is_signed { 3 } else { 2 } + 1);
+    // Sums of whole blocks, and of the block that is being filled.
+    let blocks = u64::from(settings.spp >= BLOCK);
+    let partial = u64::from(settings.spp < BLOCK || !settings.spp.is_multiple_of(BLOCK) || in_steps);
+    let decided = if settings.noise.is_some() { 16 + 2 * 4 } else { 0 };
+    // The list of a pixel that few things cover, with the heap around it.
+    let cover = 24 + 80;
+    sums * (blocks + partial) + 4 + 16 * blocks + decided + 4 * sampled + cover * covers + TILE_BYTES
+}
+
+/// What path guiding learns, and the records of a batch: it grows with the square root of the
+/// paths, see [`crate::Guiding`].
+fn guiding_bytes(passes: u32) -> u64 {
+    (64 << 20) + ((1u64 << 19) * (1 << (passes.min(40) / 2)))
+}
+
+/// What a scene takes once it is compiled, beside itself, at the largest moment.
+pub fn of_scene(scene: &Scene) -> u64 {
+    let mut meshes: HashMap<*const TriangleMesh, u64> = HashMap::new();
+    let mut bytes = 0u64;
+    let mut add = |more: u64| bytes = bytes.saturating_add(more);
+    for node in &scene.nodes {
+        add(NODE * (1 + node.children.len() as u64));
+        for surface in &node.surfaces {
+            add(match &surface.geometry {
+                Geometry::Shape(_) => SHAPE,
+                Geometry::Curves(curves) => curves.segment_count() as u64 * SEGMENT,
+                Geometry::Mesh(mesh) => {
+                    let uses = meshes.entry(Arc::as_ptr(mesh)).or_insert(0);
+                    *uses += 1;
+                    if *uses == 1 { mesh.indices.len() as u64 * TRIANGLE + vertex_bytes(mesh) } else { NODE }
+                }
+            });
+        }
+    }
+    let images = scene.textures.iter().filter_map(|texture| scene.images.get(texture.as_image()?.image.index()));
+    images.for_each(|image| add(pyramid_bytes(image)));
+    if let Some(Environment::Image { image, .. }) = &scene.environment {
+        add(u64::from(image.width) * u64::from(image.height) * ENVIRONMENT);
+    }
+    bytes
+}
+
+/// Of a triangle of a mesh: its share of the structure, and of what builds it. Measured.
+const TRIANGLE: u64 = 190;
+/// Of a segment of a curve, measured.
+const SEGMENT: u64 = 400;
+/// Of an analytic shape with its place, measured.
+const SHAPE: u64 = 700;
+/// Of a place of a node.
+const NODE: u64 = 250;
+/// Of a pixel of an environment: its radiance, and two tables to sample it by. Measured.
+const ENVIRONMENT: u64 = 60;
+
+/// A mesh that is placed by a transform is copied.
+fn vertex_bytes(mesh: &TriangleMesh) -> u64 {
+    let bytes = size_of_val(&mesh.positions[..])
+        + size_of_val(&mesh.normals[..])
+        + size_of_val(&mesh.indices[..])
+        + mesh.uvs.iter().map(|uvs| size_of_val(&uvs[..])).sum::<usize>();
+    bytes as u64
+}
+
+/// The coarser levels of an image, and the numbers that they are made of.
+fn pyramid_bytes(image: &Image) -> u64 {
+    let values = u64::from(image.width) * u64::from(image.height) * u64::from(image.channels);
+    let stored = if matches!(image.pixels, Pixels::F32(_)) { 4 } else { 2 };
+    values / 3 * stored + values / 4 * 5
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn estimate(change: impl FnOnce(&mut Settings), uses: Uses) -> Estimate {
+        let mut settings = Settings { size: [1000, 500], spp: 1, ..Settings::default() };
+        change(&mut settings);
+        of_picture(&settings, &Uses { threads: 1, ..uses })
+    }
+
+    #[test]
+    fn what_fits_is_a_picture_of_the_same_shape_that_takes_no_more() {
+        let estimate = estimate(|_| {}, Uses::default());
+        let available = estimate.bytes() / 2;
+        let size = estimate.largest(available).expect("half of it fits");
+        assert!(Estimate { size, ..estimate }.bytes() <= available);
+        assert!(size[0] > 600 && size[0].abs_diff(2 * size[1]) <= 10, "{size:?}");
+        assert_eq!(estimate.largest(u64::MAX), Some([1000, 500]));
+        assert_eq!(estimate.largest(1000), None);
+        assert!(estimate.advice(available).starts_with("a picture of at most 6"), "{}", estimate.advice(available));
+    }
+
+    #[test]
+    fn whatever_is_kept_for_each_pixel_counts() {
+        let plain = estimate(|_| {}, Uses::default()).per_pixel;
+        let layers = estimate(|s| s.aovs = Aov::ALL.to_vec(), Uses::default()).per_pixel;
+        let lobes = estimate(|s| s.filter = crate::Filter::Mitchell, Uses::default()).per_pixel;
+        let blocks = estimate(|s| s.spp = 50, Uses::default()).per_pixel;
+        let variance = estimate(|_| {}, Uses { variance: true, ..Uses::default() }).per_pixel;
+        assert!(layers > 10 * plain && lobes > plain + 30 && blocks > plain + 70 && variance > plain + 15);
+        // Whole blocks only: no more than one set of sums.
+        assert!(estimate(|s| s.spp = 64, Uses::default()).per_pixel < plain + 20);
+        let crop = Some(Crop { min: [10, 10], max: [20, 30] });
+        assert_eq!(estimate(|s| s.crop = crop, Uses::default()).size, [10, 20]);
+    }
+}

@@ -1,0 +1,41 @@
+//! Whether there is memory for the picture at rest, before it is begun.
+
+use snell_formats::memory::Available;
+use snell_render::Settings;
+use snell_render::memory::{Estimate, Uses, of_picture};
+
+/// Bytes for each pixel beside film and picture: the linear colours that are shown and those before
+/// them, and the frame on its way to the pages.
+const BESIDE: u64 = 2 * 12 + 12;
+
+/// What the picture at rest takes beside its scene.
+pub fn estimate(settings: &Settings) -> Estimate {
+    let threads = rayon::current_num_threads();
+    of_picture(settings, &Uses { threads, in_steps: true, variance: true, denoise: false, beside: BESIDE })
+}
+
+/// An error for people if there is no memory for a picture of these settings; it says what fits.
+pub fn check(settings: &Settings) -> Result<(), String> {
+    let estimate = estimate(settings);
+    let available = Available::now();
+    let [width, height] = estimate.size;
+    let what = format!("a picture of {width}x{height} pixels");
+    let refused = available.admit(&what, estimate.bytes());
+    refused.map_err(|problem| format!("{problem}; {}", estimate.advice(available.bytes)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_that_nothing_can_hold_is_refused_with_one_that_fits() {
+        let of = |size| check(&Settings { size, ..Settings::default() });
+        assert_eq!(of([64, 48]), Ok(()));
+        // On any machine of less than a terabyte.
+        if Available::now().bytes < 1 << 40 {
+            let message = of([1 << 16, 1 << 16]).expect_err("a picture of 4 billion pixels");
+            assert!(message.contains("65536x65536") && message.contains("fits"), "{message}");
+        }
+    }
+}
