@@ -498,6 +498,11 @@ def test_pipes_and_devices_are_not_opened(tmp_path: Path) -> None:
 def test_values_that_the_schema_does_not_know_are_errors_with_their_prim(tmp_path: Path) -> None:
     pytest.importorskip("pxr")
     path = tmp_path / "stage.usda"
-    path.write_text('#usda 1.0\ndef Sphere "ball"\n{\n    string radius = "wide"\n}\n')
+    for radius in ('string radius = "wide"', "double radius = nan", "double radius = inf"):
+        path.write_text(f'#usda 1.0\ndef Sphere "ball"\n{{\n    {radius}\n}}\n')
+        refused(path)
+
+
+def refused(path: Path) -> None:
     with pytest.raises(ValueError, match="stage.usda: at /ball: its values cannot be used: .*; write them as the schema says"):
         snell.load(path)

@@ -50,9 +50,9 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
                 let last = last.strip_prefix("error: ").unwrap_or(last);
                 return Err(error(last.strip_prefix(&shown).unwrap_or(last).trim(), "").into());
             }
-            End::Killed => {
-                let problem = "its reader was ended by the system, as it is where memory does not suffice";
-                return Err(error(problem, BY_HAND).into());
+            End::Killed(status) => {
+                let problem = format!("its reader was ended ({status}), as it is where memory does not suffice");
+                return Err(error(&problem, BY_HAND).into());
             }
             End::TooLong => {
                 let problem = format!("reading it took more than {} minutes", process::TIME.as_secs() / 60);

@@ -42,7 +42,10 @@ def document(context: Context, name: str) -> str:
         "meshes": context.meshes,
         **context.motion.form(),
     }
-    return json.dumps(form)
+    try:
+        return json.dumps(form, allow_nan=False)
+    except ValueError as error:
+        raise StageError("a number of what moves or of the sky is infinite or none at all; write them as the schema says") from error
 
 
 def _settings(context: Context) -> dict[str, Any]:
@@ -122,6 +125,7 @@ def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int
     node: dict[str, Any] = {"name": prim.GetName()}
     if not np.array_equal(local, np.eye(4)):
         node["transform"] = rows(local)
+    before = _sizes(context)
     number = context.add_node(node)
     joint = context.motion.add_joint(prim.GetName(), joint, number, rows(local))
     if not resets:
@@ -130,6 +134,7 @@ def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int
     surfaces, below = _content(context, prim, world, joint)
     context.motion.cameras += [(i, joint) for i in range(cameras, len(context.cameras))]
     context.motion.lights += [(i, joint) for i in range(lights, len(context.lights))]
+    _check_finite(context, before)
     if surfaces:
         node["surfaces"] = surfaces
     if not prim.IsA(UsdGeom.PointInstancer):
@@ -137,6 +142,18 @@ def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int
     if below:
         node["children"] = below
     return number
+
+
+def _sizes(context: Context) -> list[tuple[list[Any], int]]:
+    return [(part, len(part)) for part in (context.nodes, context.materials, context.lights, context.cameras)]
+
+
+def _check_finite(context: Context, before: list[tuple[list[Any], int]]) -> None:
+    """Refuses what was added if it has a number that is none, which no file can hold."""
+    try:
+        json.dumps([part[size:] for part, size in before] + [context.environment and context.environment.get("constant")], allow_nan=False)
+    except ValueError as error:
+        raise ValueError("a number is infinite or none at all") from error
 
 
 def _shared_children(context: Context, prim: Any, world: np.ndarray, joint: int) -> list[int]:

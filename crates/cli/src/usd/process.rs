@@ -22,8 +22,8 @@ const FOREIGN: [&str; 7] = ["PYTHON", "PXR_", "USD", "TF_", "AR_", "SDF_", "PCP_
 pub enum End {
     /// By itself.
     Exit(i32),
-    /// By a signal.
-    Killed,
+    /// By a signal, or whatever else the system says.
+    Killed(ExitStatus),
     /// It took longer than [`TIME`].
     TooLong,
     /// It wrote more than a file may hold.
@@ -87,7 +87,7 @@ pub fn run(python: &Path, scene: &Path, options: &ReadOptions) -> Result<Answer>
         let end = match status? {
             _ if scene.len() as u64 > limit => End::TooLarge,
             None => End::TooLong,
-            Some(status) => status.code().map_or(End::Killed, End::Exit),
+            Some(status) => status.code().map_or(End::Killed(status), End::Exit),
         };
         Ok(Answer { end, scene, said: String::from_utf8_lossy(&said).into_owned() })
     })

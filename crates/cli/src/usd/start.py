@@ -57,4 +57,8 @@ if sys.prefix == sys.base_prefix and os.path.isabs(site.getusersitepackages()):
 sys.meta_path.insert(0, Carried())
 from snell_usd.__main__ import main
 
-sys.exit(main(sys.argv[3:], sys.argv[2]))
+code = main(sys.argv[3:], sys.argv[2])
+sys.stdout.flush()
+sys.stderr.flush()
+# Without taking USD apart, which takes long and may end in a crash while its threads are still there.
+os._exit(code)

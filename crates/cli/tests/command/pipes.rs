@@ -13,7 +13,7 @@ fn with_pipes(names: &[&str]) -> Place {
     place
 }
 
-/// Exit code and messages of a command, which has to end by itself.
+/// Exit code and all output of a command, which has to end by itself.
 #[track_caller]
 fn ends(place: &Place, words: &str) -> (i32, String) {
     let mut child = place.command(words).spawn().expect("the command exists");
@@ -26,7 +26,10 @@ fn ends(place: &Place, words: &str) -> (i32, String) {
         std::thread::sleep(Duration::from_millis(10));
     }
     let output = child.wait_with_output().expect("it is ours");
-    (output.status.code().expect("it ended by itself"), String::from_utf8_lossy(&output.stderr).into_owned())
+    (
+        output.status.code().expect("it ended by itself"),
+        String::from_utf8_lossy(&[output.stderr, output.stdout].concat()).into_owned(),
+    )
 }
 
 #[test]
