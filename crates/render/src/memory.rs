@@ -43,7 +43,7 @@ pub struct Estimate {
 }
 
 /// Buffers of a thread, but for its samples: measured.
-const THREAD: u64 = 6 << 20;
+const THREAD: u64 = 2 << 20;
 
 /// Heap around each of a pixel's shares of small allocations.
 const TILE_BYTES: u64 = 6;
@@ -95,7 +95,7 @@ pub fn of_picture(settings: &Settings, uses: &Uses) -> Estimate {
     let film = film_bytes(settings, sampled, covers, is_signed, uses.in_steps);
     let noise_map = if settings.noise.is_some() || aovs.contains(&Aov::Noise) { 48 } else { 0 };
     // Names and shares of what covers a pixel, and the layers that hold them.
-    let coverage = covers * (24 + 56 + 128);
+    let coverage = covers * (24 + 56 + 80);
     let variance = if uses.variance { 4 + layers } else { 0 };
     let denoiser = if uses.denoise { 5 * 12 + DENOISER } else { 0 };
     let after = layers + coverage + noise_map.max(variance + uses.beside).max(denoiser);
@@ -146,7 +146,7 @@ pub fn of_scene(scene: &Scene) -> u64 {
                 Geometry::Mesh(mesh) => {
                     let uses = meshes.entry(Arc::as_ptr(mesh)).or_insert(0);
                     *uses += 1;
-                    if *uses == 1 { mesh.indices.len() as u64 * TRIANGLE + vertex_bytes(mesh) } else { NODE }
+                    if *uses == 1 { mesh.indices.len() as u64 * TRIANGLE } else { NODE }
                 }
             });
         }
@@ -160,7 +160,7 @@ pub fn of_scene(scene: &Scene) -> u64 {
 }
 
 /// Of a triangle of a mesh: its share of the structure, and of what builds it. Measured.
-const TRIANGLE: u64 = 190;
+const TRIANGLE: u64 = 75;
 /// Of a segment of a curve, measured.
 const SEGMENT: u64 = 400;
 /// Of an analytic shape with its place, measured.
@@ -168,16 +168,7 @@ const SHAPE: u64 = 700;
 /// Of a place of a node.
 const NODE: u64 = 250;
 /// Of a pixel of an environment: its radiance, and two tables to sample it by. Measured.
-const ENVIRONMENT: u64 = 60;
-
-/// A mesh that is placed by a transform is copied.
-fn vertex_bytes(mesh: &TriangleMesh) -> u64 {
-    let bytes = size_of_val(&mesh.positions[..])
-        + size_of_val(&mesh.normals[..])
-        + size_of_val(&mesh.indices[..])
-        + mesh.uvs.iter().map(|uvs| size_of_val(&uvs[..])).sum::<usize>();
-    bytes as u64
-}
+const ENVIRONMENT: u64 = 26;
 
 /// The coarser levels of an image, and the numbers that they are made of.
 fn pyramid_bytes(image: &Image) -> u64 {

@@ -4,6 +4,7 @@ mod bench;
 mod errors;
 mod info;
 mod interrupt;
+mod memory;
 mod motion;
 mod options;
 mod output;
