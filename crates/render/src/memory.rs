@@ -19,8 +19,6 @@ use std::sync::Arc;
 pub struct Uses {
     /// Threads that render.
     pub threads: usize,
-    /// The film is filled in steps that may end anywhere, as in the viewer.
-    pub in_steps: bool,
     /// Layers of variance are made of it, too.
     pub variance: bool,
     /// A denoiser removes the noise.
@@ -92,7 +90,7 @@ pub fn of_picture(settings: &Settings, uses: &Uses) -> Estimate {
     let covers = aovs.iter().filter(|aov| aov.kind() == AovKind::Coverage).count() as u64;
     let layers = 4 * picture_channels(settings);
     let is_signed = FilterSampler::new(settings.filter).mean_weight() < 1.0;
-    let film = film_bytes(settings, sampled, covers, is_signed, uses.in_steps);
+    let film = film_bytes(settings, sampled, covers, is_signed);
     let noise_map = if settings.noise.is_some() || aovs.contains(&Aov::Noise) { 48 } else { 0 };
     // Names and shares of what covers a pixel, and the layers that hold them.
     let coverage = covers * (24 + 56 + 80);
@@ -114,12 +112,12 @@ pub fn picture_channels(settings: &Settings) -> u64 {
 }
 
 /// The film's bytes for each pixel.
-fn film_bytes(settings: &Settings, sampled: u64, covers: u64, is_signed: bool, in_steps: bool) -> u64 {
+fn film_bytes(settings: &Settings, sampled: u64, covers: u64, is_signed: bool) -> u64 {
     let channels = 4 + sampled;
     let sums = 8 * (channels * if is_signed { 3 } else { 2 } + 1);
     // Sums of whole blocks, and of the block that is being filled.
     let blocks = u64::from(settings.spp >= BLOCK);
-    let partial = u64::from(settings.spp < BLOCK || !settings.spp.is_multiple_of(BLOCK) || in_steps);
+    let partial = u64::from(settings.spp < BLOCK || !settings.spp.is_multiple_of(BLOCK));
     let decided = if settings.noise.is_some() { 16 + 2 * 4 } else { 0 };
     // The list of a pixel that few things cover, with the heap around it.
     let cover = 24 + 80;

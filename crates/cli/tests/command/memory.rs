@@ -43,7 +43,9 @@ fn a_picture_that_does_not_fit_is_refused_with_one_that_does() {
 fn the_estimate_is_near_what_is_used() {
     let place = Place::new();
     for words in ["-o a.png", "--spp 17 --filter mitchell -o a.png", "--aov depth,normal --variance -o a.exr"] {
-        place.run(&format!("render cornell-box -i flat --spp 1 --size 1200x1000 -t 2 -q --stats s.json {words}")).done();
+        place
+            .run(&format!("render cornell-box -i flat --spp 1 --size 1200x1000 -t 2 -q --stats s.json {words}"))
+            .done();
         let statistics = place.json("s.json");
         let number = |key: &str| statistics[key].as_f64().unwrap_or_else(|| panic!("{key} is a number"));
         let ratio = number("estimated_memory_bytes") / number("peak_memory_bytes");
@@ -60,7 +62,8 @@ fn a_million_spheres_of_few_bytes_are_not_written_out_but_counted() {
     let head = r#""format": "snell scene", "version": 1, "root": 0"#;
     place.write("dag.snell", format!("{{{head}, \"nodes\": [{}, {ball}]}}", nodes.join(", ")));
     let start = Instant::now();
-    for (format, problem) in [("stl", "9216000000 triangles"), ("obj", "9216000000 triangles"), ("glb", "2111111 nodes")]
+    for (format, problem) in
+        [("stl", "9216000000 triangles"), ("obj", "9216000000 triangles"), ("glb", "2111111 nodes")]
     {
         let run = run_within(&place, 2, &format!("convert dag.snell out.{format}"));
         assert!(run.code == 1 && run.err.contains(problem) && run.err.contains(".snell"), "{}", run.err);
