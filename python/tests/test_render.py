@@ -242,7 +242,7 @@ BAD = [
     ({"spp": 1.5}, TypeError, "spp is 1.5, expected a whole number"),
     ({"size": (0, 5)}, ValueError, r"size is \(0, 5\)"),
     ({"size": 5}, TypeError, "size is 5, expected a tuple"),
-    ({"size": (65536, 65536)}, ValueError, "GB of memory"),
+    ({"size": (65536, 65536)}, MemoryError, "GB of memory"),
     ({"crop": (0, 0, 99, 1)}, ValueError, "within the picture of 32 by 24"),
     ({"aovs": ["deph"]}, ValueError, 'aovs is "deph"; did you mean "depth"?'),
     ({"aovs": 3}, TypeError, "aovs is 3, expected a list of names"),

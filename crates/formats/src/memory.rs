@@ -176,8 +176,7 @@ static FIRST: Files = Files {
     used: "memory.usage_in_bytes",
     cached: ["total_inactive_file", "total_active_file"],
 };
-static SECOND: Files =
-    Files { limit: "memory.max", used: "memory.current", cached: ["inactive_file", "active_file"] };
+static SECOND: Files = Files { limit: "memory.max", used: "memory.current", cached: ["inactive_file", "active_file"] };
 
 impl Files {
     /// The least that a group and those around it leave.

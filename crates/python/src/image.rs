@@ -2,8 +2,8 @@
 
 use crate::arrays::{array, contiguous, from_vec, is_double, shown, slice};
 use crate::load::check_there;
-use crate::names::choice;
 use crate::memory::{admit, admit_all};
+use crate::names::choice;
 use crate::work::{Threads, run_to_end, run_to_end_on};
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyOSError, PyTypeError, PyValueError};

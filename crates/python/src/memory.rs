@@ -32,7 +32,7 @@ pub fn estimate(request: &Request, threads: usize) -> Estimate {
 }
 
 fn picture(settings: &Settings, threads: usize, denoise: bool) -> Estimate {
-    of_picture(settings, &Uses { threads, in_steps: true, variance: true, denoise, beside: 16 })
+    of_picture(settings, &Uses { threads, variance: true, denoise, beside: 16 })
 }
 
 /// An error if there is no memory for a picture; it says what fits.

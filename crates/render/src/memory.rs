@@ -19,8 +19,6 @@ use std::sync::Arc;
 pub struct Uses {
     /// Threads that render.
     pub threads: usize,
-    /// The film is filled in steps that may end anywhere, as in the viewer.
-    pub in_steps: bool,
     /// Layers of variance are made of it, too.
     pub variance: bool,
     /// A denoiser removes the noise.
@@ -43,7 +41,7 @@ pub struct Estimate {
 }
 
 /// Buffers of a thread, but for its samples: measured.
-const THREAD: u64 = 6 << 20;
+const THREAD: u64 = 2 << 20;
 
 /// Heap around each of a pixel's shares of small allocations.
 const TILE_BYTES: u64 = 6;
@@ -92,10 +90,10 @@ pub fn of_picture(settings: &Settings, uses: &Uses) -> Estimate {
     let covers = aovs.iter().filter(|aov| aov.kind() == AovKind::Coverage).count() as u64;
     let layers = 4 * picture_channels(settings);
     let is_signed = FilterSampler::new(settings.filter).mean_weight() < 1.0;
-    let film = film_bytes(settings, sampled, covers, is_signed, uses.in_steps);
+    let film = film_bytes(settings, sampled, covers, is_signed);
     let noise_map = if settings.noise.is_some() || aovs.contains(&Aov::Noise) { 48 } else { 0 };
     // Names and shares of what covers a pixel, and the layers that hold them.
-    let coverage = covers * (24 + 56 + 128);
+    let coverage = covers * (24 + 56 + 80);
     let variance = if uses.variance { 4 + layers } else { 0 };
     let denoiser = if uses.denoise { 5 * 12 + DENOISER } else { 0 };
     let after = layers + coverage + noise_map.max(variance + uses.beside).max(denoiser);
@@ -114,12 +112,12 @@ pub fn picture_channels(settings: &Settings) -> u64 {
 }
 
 /// The film's bytes for each pixel.
-fn film_bytes(settings: &Settings, sampled: u64, covers: u64, is_signed: bool, in_steps: bool) -> u64 {
+fn film_bytes(settings: &Settings, sampled: u64, covers: u64, is_signed: bool) -> u64 {
     let channels = 4 + sampled;
     let sums = 8 * (channels * if is_signed { 3 } else { 2 } + 1);
     // Sums of whole blocks, and of the block that is being filled.
     let blocks = u64::from(settings.spp >= BLOCK);
-    let partial = u64::from(settings.spp < BLOCK || !settings.spp.is_multiple_of(BLOCK) || in_steps);
+    let partial = u64::from(settings.spp < BLOCK || !settings.spp.is_multiple_of(BLOCK));
     let decided = if settings.noise.is_some() { 16 + 2 * 4 } else { 0 };
     // The list of a pixel that few things cover, with the heap around it.
     let cover = 24 + 80;
@@ -146,7 +144,7 @@ pub fn of_scene(scene: &Scene) -> u64 {
                 Geometry::Mesh(mesh) => {
                     let uses = meshes.entry(Arc::as_ptr(mesh)).or_insert(0);
                     *uses += 1;
-                    if *uses == 1 { mesh.indices.len() as u64 * TRIANGLE + vertex_bytes(mesh) } else { NODE }
+                    if *uses == 1 { mesh.indices.len() as u64 * TRIANGLE } else { NODE }
                 }
             });
         }
@@ -160,7 +158,7 @@ pub fn of_scene(scene: &Scene) -> u64 {
 }
 
 /// Of a triangle of a mesh: its share of the structure, and of what builds it. Measured.
-const TRIANGLE: u64 = 190;
+const TRIANGLE: u64 = 75;
 /// Of a segment of a curve, measured.
 const SEGMENT: u64 = 400;
 /// Of an analytic shape with its place, measured.
@@ -168,16 +166,7 @@ const SHAPE: u64 = 700;
 /// Of a place of a node.
 const NODE: u64 = 250;
 /// Of a pixel of an environment: its radiance, and two tables to sample it by. Measured.
-const ENVIRONMENT: u64 = 60;
-
-/// A mesh that is placed by a transform is copied.
-fn vertex_bytes(mesh: &TriangleMesh) -> u64 {
-    let bytes = size_of_val(&mesh.positions[..])
-        + size_of_val(&mesh.normals[..])
-        + size_of_val(&mesh.indices[..])
-        + mesh.uvs.iter().map(|uvs| size_of_val(&uvs[..])).sum::<usize>();
-    bytes as u64
-}
+const ENVIRONMENT: u64 = 26;
 
 /// The coarser levels of an image, and the numbers that they are made of.
 fn pyramid_bytes(image: &Image) -> u64 {

@@ -11,7 +11,7 @@ const BESIDE: u64 = 2 * 12 + 12;
 /// What the picture at rest takes beside its scene.
 pub fn estimate(settings: &Settings) -> Estimate {
     let threads = rayon::current_num_threads();
-    of_picture(settings, &Uses { threads, in_steps: true, variance: true, denoise: false, beside: BESIDE })
+    of_picture(settings, &Uses { threads, variance: true, denoise: false, beside: BESIDE })
 }
 
 /// An error for people if there is no memory for a picture of these settings; it says what fits.

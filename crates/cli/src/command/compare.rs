@@ -2,7 +2,9 @@
 
 use crate::failure::Failure;
 use crate::standard_output;
-use snell_formats::image::compare::{BYTES_PER_PIXEL, CompareOptions, Comparison, LinearImage, compare, difference_picture};
+use snell_formats::image::compare::{
+    BYTES_PER_PIXEL, CompareOptions, Comparison, LinearImage, compare, difference_picture,
+};
 use snell_formats::image::{WriteOptions, read_image, write_image};
 use snell_formats::memory::Available;
 use snell_formats::{Input, ReadOptions};

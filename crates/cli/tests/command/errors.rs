@@ -105,7 +105,7 @@ fn a_wrong_value_says_what_is_expected() {
     ");
     insta::assert_snapshot!(failure(&place, "render --size 60000x60000"), @"
     2
-    error: a picture of 60000x60000 pixels needs 576.0 GB of memory, more than is allowed or there is; make it smaller with --size, or render parts of it with --crop
+    error: a picture of 60000x60000 pixels is larger than the limit of 268435456 pixels; make it smaller with --size, or render parts of it with --crop
     ");
     insta::assert_snapshot!(failure(&place, "render --exposure nan"), @r#"
     2

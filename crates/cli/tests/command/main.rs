@@ -5,6 +5,7 @@ mod errors;
 mod info;
 mod interrupt;
 mod lost;
+mod memory;
 mod motion;
 mod options;
 mod output;

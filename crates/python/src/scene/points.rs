@@ -1,11 +1,11 @@
 //! What a scene is asked about points.
 
 use super::Scene;
-use crate::memory::admit_all;
 use crate::answers::{Asked, ClosestPoints, Live, Named};
 use crate::arrays::{Column, PointArray, array, from_vec, is_double, leading, slice};
 use crate::assemble::Snapshot;
 use crate::columns::Columns;
+use crate::memory::admit_all;
 use crate::nearest::{Nearest, PointPrecision};
 use crate::objects;
 use crate::precision::Precision;

@@ -16,7 +16,6 @@ fn estimate(options: &Options, settings: &Settings, scene: &Scene) -> Estimate {
     let values = picture_channels(settings) * if options.variance { 2 } else { 1 };
     let uses = Uses {
         threads: options.threads(),
-        in_steps: false,
         variance: options.variance,
         denoise: options.denoise.is_some(),
         beside: encoder_bytes(&extension, values, options.bits),

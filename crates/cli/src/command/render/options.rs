@@ -13,8 +13,7 @@ use snell_math::simd::Level;
 use snell_math::{ColorModel, Rgb};
 use snell_render::layers::needed_aovs;
 use snell_render::{
-    Crop, Filter, Guiding, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
-    Terminator,
+    Crop, Filter, Guiding, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows, Terminator,
 };
 use snell_scene::light::sky::Sky;
 use snell_scene::{Background, Camera, Environment, Scene};

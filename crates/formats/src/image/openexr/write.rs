@@ -43,14 +43,19 @@ pub fn encode(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, U
     }
     channels.sort_by(|a, b| a.name.cmp(&b.name));
     if let Some(twice) = channels.windows(2).find(|w| w[0].name == w[1].name) {
-        return Err(Unfit::new(format!("two channels have the name \"{}\"", twice[0].name), "rename one of the layers"));
+        return Err(Unfit::new(
+            format!("two channels have the name \"{}\"", twice[0].name),
+            "rename one of the layers",
+        ));
     }
     let long_names = channels.iter().any(|c| c.name.len() > 31);
     let size = Vec2(image.width as usize, image.height as usize);
     let described = channels.iter().map(|c| ChannelDescription::named(text(&c.name), c.sample_type())).collect();
-    let header = Header::new(text(""), size, described)
-        .with_attributes(LayerAttributes::default())
-        .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing);
+    let header = Header::new(text(""), size, described).with_attributes(LayerAttributes::default()).with_encoding(
+        Compression::ZIP16,
+        BlockDescription::ScanLines,
+        LineOrder::Increasing,
+    );
     let mut bytes = Cursor::new(Vec::new());
     exr::block::write(&mut bytes, [header].into_iter().collect(), true, |meta, writer| {
         let compressed = |&(number, index): &(usize, BlockIndex)| {
