@@ -1,8 +1,9 @@
-//! Signals that ask the program to end: Ctrl-C, and what schedulers, systems and closed terminals send (SIGTERM, SIGHUP, and
-//! SIGXCPU when the processor time allowed is used up).
+//! Signals that ask the program to end: Ctrl-C, and what schedulers, systems and closed terminals
+//! send (SIGTERM, SIGHUP, and SIGXCPU when the processor time allowed is used up).
 //!
-//! At first such a signal ends the program at once. Work that can be saved asks for a warning instead: the first signal is then
-//! a request to end, and only one that comes later ends the program at once. No temporary file is left either way.
+//! At first such a signal ends the program at once. Work that can be saved asks for a warning
+//! instead: the first signal is then a request to end, and only one that comes later ends the
+//! program at once. No temporary file is left either way.
 
 use crate::failure::Failure;
 use std::borrow::Cow;
@@ -34,7 +35,8 @@ fn state() -> MutexGuard<'static, State> {
     STATE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// From now on a signal ends the program at once, and says this. (One that came before may have been a request.)
+/// From now on a signal ends the program at once, and says this. (One that came before may have
+/// been a request.)
 pub fn end_at_once(farewell: impl Into<Cow<'static, str>>) {
     state().farewell = Some(farewell.into());
 }
@@ -98,7 +100,8 @@ pub fn watch() -> Result<(), Failure> {
     use std::sync::atomic::AtomicBool;
 
     let failed = |e: std::io::Error| Failure::Other(format!("cannot watch for signals: {e}"));
-    // A file that grows beyond what `ulimit -f` allows is an error of the file, not the end of the program.
+    // A file that grows beyond what `ulimit -f` allows is an error of the file, not the end of the
+    // program.
     signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).map_err(failed)?;
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGXCPU]).map_err(failed)?;
     if !is_hangup_ignored() {

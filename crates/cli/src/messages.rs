@@ -1,5 +1,5 @@
-//! Messages that may be lost: a closed terminal, a reader that is gone or a full disk are no reason to end, as they are for the
-//! macros of the standard library that have these names.
+//! Messages that may be lost: a closed terminal, a reader that is gone or a full disk are no reason
+//! to end, as they are for the macros of the standard library that have these names.
 
 macro_rules! eprintln {
     ($($message:tt)*) => {{

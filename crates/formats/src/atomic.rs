@@ -1,7 +1,8 @@
 //! Writing files so that a failure leaves what was there before.
 //!
-//! A file is written under a temporary name beside its place and then renamed. New files get the mode that the user's mask
-//! allows, replaced ones keep theirs. A link stays a link: what it leads to is replaced.
+//! A file is written under a temporary name beside its place and then renamed. New files get the
+//! mode that the user's mask allows, replaced ones keep theirs. A link stays a link: what it leads
+//! to is replaced.
 
 use crate::error::WriteError;
 use std::collections::BTreeSet;
@@ -22,8 +23,8 @@ pub fn check(path: &Path) -> std::result::Result<(), WriteError> {
     possible().map_err(io_error(path))
 }
 
-/// Writes `bytes` to a temporary file beside `path`, then renames it over `path`. What is no file, such as a pipe or a device,
-/// is written to and not replaced.
+/// Writes `bytes` to a temporary file beside `path`, then renames it over `path`. What is no file,
+/// such as a pipe or a device, is written to and not replaced.
 pub fn write(path: &Path, bytes: &[u8]) -> std::result::Result<(), WriteError> {
     write_with(path, |out| out.write_all(bytes))
 }
@@ -33,8 +34,8 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) 
     stage(path, fill).and_then(Staged::place).map_err(io_error(path))
 }
 
-/// Like [`write_with()`], but never replaces anything: if there is a file at `path`, the error is of the kind
-/// [`ErrorKind::AlreadyExists`].
+/// Like [`write_with()`], but never replaces anything: if there is a file at `path`, the error is
+/// of the kind [`ErrorKind::AlreadyExists`].
 pub fn write_new(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     if path.symlink_metadata().is_ok() {
         return Err(ErrorKind::AlreadyExists.into());
@@ -44,8 +45,8 @@ pub fn write_new(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -
     file.rename(|file| file.persist_noclobber(path).map(drop).map_err(|e| e.error))
 }
 
-/// Writes several files as [`write()`] does: all of them under temporary names before the first is renamed. The last is renamed
-/// last.
+/// Writes several files as [`write()`] does: all of them under temporary names before the first is
+/// renamed. The last is renamed last.
 pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> std::result::Result<(), WriteError> {
     let staged: Vec<_> = files
         .iter()
@@ -61,8 +62,8 @@ pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> std::result::Result<(), WriteE
     Ok(())
 }
 
-/// Removes all temporary files that there are, for a program that is about to end at once. No other can be made, and no file
-/// be put in its place, after that: other threads wait for the end.
+/// Removes all temporary files that there are, for a program that is about to end at once. No other
+/// can be made, and no file be put in its place, after that: other threads wait for the end.
 pub fn abandon() {
     let known = temporaries();
     for path in known.iter() {
@@ -110,7 +111,8 @@ fn destination(path: &Path) -> Result<Destination> {
     Err(Error::other("links lead to links without an end"))
 }
 
-/// True for `a/` and `a/.`, which the system takes for folders although the last part of these paths is `a`.
+/// True for `a/` and `a/.`, which the system takes for folders although the last part of these
+/// paths is `a`.
 fn names_a_folder(path: &Path) -> bool {
     let name = path.as_os_str().as_encoded_bytes();
     let is_separator = |b: Option<&u8>| b.is_some_and(|&b| std::path::is_separator(b.into()));
@@ -157,7 +159,8 @@ impl Staged {
     }
 }
 
-/// The temporary files that there are. They are made, renamed and removed while this is locked, so that [`abandon`] misses none.
+/// The temporary files that there are. They are made, renamed and removed while this is locked, so
+/// that [`abandon`] misses none.
 static TEMPORARIES: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 fn temporaries() -> MutexGuard<'static, BTreeSet<PathBuf>> {

@@ -16,7 +16,8 @@ impl Sources {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).insert(path.to_path_buf(), hash);
     }
 
-    /// The files read so far, by name, with the SHA-256 of their content (unpacked, if it was compressed with gzip).
+    /// The files read so far, by name, with the SHA-256 of their content (unpacked, if it was
+    /// compressed with gzip).
     pub fn list(&self) -> BTreeMap<PathBuf, [u8; 32]> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }

@@ -1,4 +1,5 @@
-//! What was rendered is not lost: signals, places that cannot be written to, files of the user where ours go.
+//! What was rendered is not lost: signals, places that cannot be written to, files of the user
+//! where ours go.
 #![cfg(unix)]
 
 use super::support::{BALL, Place, Run};

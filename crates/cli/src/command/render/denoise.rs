@@ -26,8 +26,8 @@ pub enum Denoised {
     Interrupted,
 }
 
-/// Replaces the colours of the picture, see [`Denoiser::denoise_picture`]. The library cannot be stopped, so it works on a copy
-/// that is left to it when a signal comes.
+/// Replaces the colours of the picture, see [`Denoiser::denoise_picture`]. The library cannot be
+/// stopped, so it works on a copy that is left to it when a signal comes.
 pub fn apply(denoiser: &Arc<Denoiser>, picture: &mut LayeredImage, threads: usize) -> Result<Denoised, Failure> {
     let is_used = |name: &str| matches!(name, "albedo" | "normal");
     let used = picture.layers.iter().enumerate().filter(|(i, layer)| *i == 0 || is_used(&layer.name));

@@ -14,9 +14,10 @@ const MAX_NAME_BYTES: usize = 255;
 /// Names that are tried in a folder.
 const MAX_NAMES: u32 = 1000;
 
-/// Writes a file as [`atomic::write_with()`] does; `what` it is, such as "the picture", is for messages. True if it is in its
-/// place. If that fails, it goes to the current folder or else to the one for temporary files, under a name that is free; the
-/// message names it. If none of them takes it and a person is there, the person is asked to make room, once.
+/// Writes a file as [`atomic::write_with()`] does; `what` it is, such as "the picture", is for
+/// messages. True if it is in its place. If that fails, it goes to the current folder or else to
+/// the one for temporary files, under a name that is free; the message names it. If none of them
+/// takes it and a person is there, the person is asked to make room, once.
 pub fn write(path: &Path, what: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>) -> Result<bool, Failure> {
     let Err(error) = atomic::write_with(path, fill) else { return Ok(true) };
     if elsewhere(path, what, &error.to_string(), fill) {
@@ -32,8 +33,8 @@ pub fn write(path: &Path, what: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::
     }
 }
 
-/// Writes a file under a free name in the current folder or in the one for temporary files, and says where, after what is wrong
-/// with its own place. False if neither takes it.
+/// Writes a file under a free name in the current folder or in the one for temporary files, and
+/// says where, after what is wrong with its own place. False if neither takes it.
 pub fn elsewhere(path: &Path, what: &str, problem: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>) -> bool {
     let folders = [Some(PathBuf::from(".")), Some(std::env::temp_dir())];
     let Some(place) = folders.into_iter().flatten().find_map(|folder| write_in(&folder, path, fill)) else {
@@ -71,7 +72,8 @@ fn extended(path: &Path, addition: &str) -> OsString {
     if name.len() <= MAX_NAME_BYTES { name } else { with("picture".as_ref()) }
 }
 
-/// Asks for room where a person can answer; true once there is an answer, false if there is nobody, or the program shall end.
+/// Asks for room where a person can answer; true once there is an answer, false if there is nobody,
+/// or the program shall end.
 fn asked_to_make_room(what: &str, error: &WriteError) -> bool {
     if !has_person() || interrupt::is_requested() {
         return false;

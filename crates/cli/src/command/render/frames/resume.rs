@@ -1,7 +1,7 @@
 //! What is known of frames while not all of them are there: a file beside them.
 //!
-//! Its first line says how they are made. The others are the numbers of frames whose files are ours: alone, for one that is yet
-//! to be made, or before the SHA-256 of the file that was written.
+//! Its first line says how they are made. The others are the numbers of frames whose files are
+//! ours: alone, for one that is yet to be made, or before the SHA-256 of the file that was written.
 
 use super::Place;
 use crate::command::render::options::Options;
@@ -57,8 +57,8 @@ fn holds(file: &Path, hash: &str) -> bool {
 }
 
 impl Memory {
-    /// What is remembered of frames that are made in this way, in these files. Files of others, where frames of an animated
-    /// picture are to wait, are an error.
+    /// What is remembered of frames that are made in this way, in these files. Files of others,
+    /// where frames of an animated picture are to wait, are an error.
     pub fn open(
         place: &Place,
         fingerprint: String,
@@ -121,7 +121,8 @@ impl Memory {
         Ok(snell_formats::atomic::write(&self.path, self.content.text().as_bytes())?)
     }
 
-    /// Ends it: all frames are there. Those that have waited in a folder are removed, and the folder if nothing else is in it.
+    /// Ends it: all frames are there. Those that have waited in a folder are removed, and the
+    /// folder if nothing else is in it.
     pub fn forget(self, place: &Place) {
         let _ = std::fs::remove_file(self.path);
         if place.animated.is_none() {
