@@ -449,3 +449,170 @@ fn choices() -> Choices {
     }
 }
 
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Opened;
+    use crate::size::fits;
+    use serde_json::{Value, json};
+
+    struct OneScene;
+
+    impl Source for OneScene {
+        fn open(&self, which: Which) -> Result<Opened, String> {
+            assert!(!matches!(which, Which::Builtin(name) if name == "panic"), "a fault in a reader");
+            let scene = snell_scene::builtin::builtin("cornell-box").ok_or("it is built in")?;
+            let settings = Settings { size: [8, 6], spp: 1, ..Settings::default() };
+            Ok(Opened {
+                camera: scene.cameras[0].clone(),
+                scene,
+                camera_number: 0,
+                is_camera_made: false,
+                settings,
+                display: Display::default(),
+                command: Vec::new(),
+            })
+        }
+    }
+
+    fn session() -> (Session, u32) {
+        let session = Session::new(Box::new(OneScene), false).expect("the scene is built in");
+        let (client, _) = session.join();
+        (session, client)
+    }
+
+    fn facts(session: &Session) -> String {
+        let Viewing { state, steering, watching, .. } = &*lock(&session.viewing);
+        format!("{} {steering} {watching} {}", state.facts(), session.version())
+    }
+
+    /// Messages that are fine, with all of their fields.
+    fn good(session: &Session) -> Vec<Value> {
+        let camera = serde_json::to_value(session.now().camera).expect("plain data");
+        vec![
+            json!({"type": "camera", "seq": 1, "camera": camera}),
+            json!({"type": "size", "size": [9, 7]}),
+            json!({"type": "render", "integrator": "whitted", "spp": 2, "max_depth": 3, "aov": "normal", "accelerator": "grid"}),
+            json!({"type": "render", "integrator": "aov", "aov": ""}),
+            json!({"type": "display", "exposure": 1, "tonemap": "aces"}),
+            json!({"type": "edit", "key": "light.0.intensity", "value": [1, 1, 1]}),
+            json!({"type": "edit", "key": "ambient", "value": [1, 1, 1]}),
+            json!({"type": "show", "node": 1, "visible": false}),
+            json!({"type": "undo"}),
+            json!({"type": "redo"}),
+            json!({"type": "reload"}),
+            json!({"type": "pick", "id": 1, "pixel": [1, 1]}),
+            json!({"type": "explain", "id": 1, "pixel": [1, 1], "sample": 0, "all": true}),
+            json!({"type": "ack", "frame": 1}),
+            json!({"type": "steer"}),
+        ]
+    }
+
+    /// The same with one value after another replaced by each of those that are hardly ever fine.
+    fn spoilt(message: &Value) -> Vec<Value> {
+        let long = "x".repeat(2000);
+        let bad = json!([
+            null, -1, 0, 0.5, 1e300, -1e300, 1e-300, 1e19, 4294967295_u32, 4294967296_u64, 65535, "", "nope", "NaN", long, true,
+            [], {}, [0, 0, 0], [null, null], [1e300, 1, 1], [16384, 16384], {"type": "x"}
+        ]);
+        let mut places = Vec::new();
+        fn walk(value: &Value, place: String, places: &mut Vec<String>) {
+            match value {
+                Value::Object(fields) => fields.iter().for_each(|(k, v)| walk(v, format!("{place}/{k}"), places)),
+                Value::Array(items) => items.iter().enumerate().for_each(|(i, v)| walk(v, format!("{place}/{i}"), places)),
+                _ => {}
+            }
+            places.push(place);
+        }
+        walk(message, String::new(), &mut places);
+        let replaced = |place: &String, value: &Value| {
+            let mut message = message.clone();
+            *message.pointer_mut(place).expect("a place of the message") = value.clone();
+            message
+        };
+        let values = bad.as_array().expect("a list");
+        places.iter().flat_map(|place| values.iter().map(move |value| replaced(place, value))).collect()
+    }
+
+    #[test]
+    fn a_message_that_is_refused_leaves_everything_as_it_was() {
+        let (session, client) = session();
+        let (mut refused, mut done) = (0, 0);
+        for message in good(&session) {
+            let sent: ToServer = serde_json::from_value(message.clone()).expect("a message");
+            let outcome = session.handle(client, sent);
+            // Which names there are may change; that most of these are fine may not.
+            done += u32::from(outcome.is_ok());
+            for bad in spoilt(&message) {
+                let Ok(sent) = serde_json::from_value::<ToServer>(bad.clone()) else { continue };
+                let before = facts(&session);
+                if session.handle(client, sent).is_err() {
+                    refused += 1;
+                    assert_eq!(facts(&session), before, "{bad}");
+                }
+                let now = session.now();
+                assert!(fits(&now.settings).is_ok() && now.camera.eye.as_vec3().is_finite(), "{bad}");
+                assert_eq!(now.settings.integrator == IntegratorKind::Aov, !now.settings.aovs.is_empty(), "{bad}");
+            }
+        }
+        assert!(done >= 13 && refused > 200, "{done} {refused}");
+    }
+
+    #[test]
+    fn a_message_is_applied_whole_or_not_at_all() {
+        let (session, client) = session();
+        for (message, part) in [
+            (json!({"type": "render", "integrator": "whitted", "aov": "nope"}), "aov"),
+            (json!({"type": "render", "spp": 7, "accelerator": "nope"}), "accelerator"),
+            (json!({"type": "render", "max_depth": 7, "spp": 0}), "spp"),
+            (json!({"type": "display", "exposure": 3, "tonemap": "nope"}), "tonemap"),
+            (json!({"type": "size", "size": [0, 100]}), "size"),
+        ] {
+            let before = facts(&session);
+            let sent = serde_json::from_value(message).expect("a message");
+            assert!(session.handle(client, sent).is_err() && facts(&session) == before, "{part}");
+        }
+        // One that steers when nobody does, and asks for what cannot be.
+        session.leave(client);
+        let before = facts(&session);
+        assert!(session.handle(client + 1, ToServer::Size { size: [0, 0] }).is_err());
+        assert_eq!(facts(&session), before);
+    }
+
+    #[test]
+    fn what_cannot_be_rendered_is_taken_back() {
+        let (session, client) = session();
+        session.has_shown(session.version());
+        let before = session.now();
+        session.handle(client, ToServer::Size { size: [20, 10] }).expect("a size");
+        let failed = session.version();
+        session.has_failed(failed, "no memory".into());
+        let now = session.now();
+        assert!(now.settings.size == before.settings.size && now.version > failed && now.generation > before.generation);
+        // Of what was shown and fails later, only a message comes.
+        session.has_shown(now.version);
+        session.has_failed(now.version, "again".into());
+        assert_eq!(session.version(), now.version);
+    }
+
+    #[test]
+    fn a_fault_in_a_reader_is_an_error() {
+        let (session, _) = session();
+        let before = facts(&session);
+        assert!(session.open(Which::Builtin("panic".into())).is_err_and(|e| e.contains("report")));
+        assert_eq!(facts(&session), before);
+    }
+
+    #[test]
+    fn changes_are_kept_in_bounds() {
+        let (session, client) = session();
+        let ask = |n: u32| match n % 2 {
+            0 => ToServer::Edit { key: "ambient".into(), value: json!([f64::from(n), 1, 1]) },
+            _ => ToServer::Show { node: 1, visible: n % 4 == 1 },
+        };
+        let ends = (0..1200).find(|&n| session.handle(client, ask(n)).is_err());
+        assert_eq!(ends, Some(1000));
+        let huge = ToServer::Edit { key: "ambient".into(), value: Value::String("1".repeat(5 << 20)) };
+        assert!(session.handle(client, huge).is_err());
+    }
+}

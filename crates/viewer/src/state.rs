@@ -182,6 +182,15 @@ impl State {
         &self.opened.scene
     }
 
+    /// All of it that messages change, to be compared.
+    #[cfg(test)]
+    pub fn facts(&self) -> String {
+        let Self { edits, applied, hidden, generation, geometry, camera, seq, settings, display, moved, .. } = self;
+        let scene = serde_json::to_string(&(&self.scene.materials, &self.scene.lights)).expect("plain data");
+        let numbers = (applied, hidden, generation, geometry, seq, moved);
+        format!("{edits:?} {numbers:?} {camera:?} {settings:?} {display:?} {scene}")
+    }
+
     fn edit(&mut self, edit: String) -> Result<(), String> {
         self.edits.truncate(self.applied);
         // A slider that is dragged is one change.

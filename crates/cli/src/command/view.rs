@@ -6,7 +6,7 @@ use clap::Parser;
 use snell_formats::image::Display;
 use snell_math::simd::Level;
 use snell_scene::Scene;
-use snell_viewer::{Opened, ServerOptions, Source, Which};
+use snell_viewer::{Opened, Server, ServerOptions, Source, Which, read_dropped};
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -18,6 +18,9 @@ const WATCH_INTERVAL: Duration = Duration::from_millis(300);
 
 /// Behind the choice of scenes if none is named.
 const FIRST_SCENE: &str = "cornell-box";
+
+/// Where the token may stand, besides `--token`.
+const TOKEN_VARIABLE: &str = "SNELL_VIEW_TOKEN";
 
 /// Options of `snell view`.
 #[derive(Clone, Debug, clap::Args)]
@@ -37,7 +40,8 @@ pub struct Options {
     /// Only print the address of the page
     #[arg(long)]
     no_open: bool,
-    /// Token of the page's address, 16 to 64 letters and digits, so that the address stays the same. Default: a random one
+    /// Token of the page's address, 16 to 64 letters and digits, so that the address stays the same. Other users of the machine can
+    /// read it here; the environment variable SNELL_VIEW_TOKEN keeps it private. Default: a random one
     #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
     token: Option<String>,
     /// Frames per second while something moves
@@ -67,6 +71,15 @@ fn parse_token(text: &str) -> Result<String, String> {
     if is_safe { Ok(text.to_string()) } else { Err("a token has 16 to 64 letters and digits".into()) }
 }
 
+/// The token that is asked for: by the option, or else by the environment, which other users of the
+/// machine cannot read.
+fn chosen_token(options: &Options) -> Result<Option<String>, Failure> {
+    let given = std::env::var_os(TOKEN_VARIABLE).filter(|_| options.token.is_none());
+    let Some(given) = given.filter(|value| !value.is_empty()) else { return Ok(options.token.clone()) };
+    let token = parse_token(&given.to_string_lossy());
+    token.map(Some).map_err(|problem| Failure::Usage(format!("{TOKEN_VARIABLE}: {problem}")))
+}
+
 /// Serves the scene until Ctrl-C.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if !(options.fps >= 1.0 && options.fps <= 240.0) {
@@ -81,7 +94,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         threads: options.threads.map_or_else(cores, |n| n as usize),
         is_gallery: options.scene.is_none(),
         may_be_framed: false,
-        token: options.token.clone(),
+        token: chosen_token(options)?,
     };
     let server = snell_viewer::serve(Box::new(files), &server_options).map_err(Failure::Other)?;
     let (ended, ends) = mpsc::channel();
@@ -95,7 +108,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     println!("{}", server.url);
     eprintln!("Open this address in a browser; Ctrl-C ends.");
     if !options.no_open && (options.open || has_display()) {
-        open_browser(&server.url);
+        open_browser(&server);
     }
     let watched = options.scene.as_ref().filter(|_| options.watch).map(PathBuf::from).filter(|path| path.exists());
     let mut before = watched.as_deref().and_then(modified);
@@ -124,8 +137,10 @@ fn has_display() -> bool {
     cfg!(any(target_os = "macos", windows)) || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
 }
 
-fn open_browser(url: &str) {
-    if let Err(error) = open::that_detached(url) {
+/// Other users of the machine can read the browser's command line, so it has no token in it.
+fn open_browser(server: &Server) {
+    let opened = server.url_for_browser().and_then(|url| open::that_detached(url).map_err(|e| e.to_string()));
+    if let Err(error) = opened {
         eprintln!("warning: no browser could be opened ({error}); open the address yourself");
     }
 }
@@ -155,8 +170,10 @@ impl Files {
         Ok(line.options)
     }
 
+    /// `name` is for messages and the command: it may come from a page, and is never read as an option.
     fn opened(&self, name: &str, scene: Scene) -> Result<Opened, Failure> {
-        let options = self.line(name).map_err(Failure::Usage)?;
+        let options = self.line(&self.scene).map_err(Failure::Usage)?;
+        let options = render::Options { scene: name.to_string(), ..options };
         let simd = Level::from_env().map_err(Failure::Usage)?;
         if options.has_frames() {
             let problem = "the viewer shows one moment: leave out --frames and --turntable, and choose it with --at";
@@ -172,7 +189,8 @@ impl Files {
             srgb: !scene.settings.raw_display,
         };
         let camera_number = scene.cameras.iter().position(|c| *c == camera).unwrap_or(0);
-        let command = [["snell".to_string(), "render".to_string(), name.to_string()].to_vec(), self.render.clone()];
+        let file = if name.starts_with('-') { format!("./{name}") } else { name.to_string() };
+        let command = [["snell".to_string(), "render".to_string(), file].to_vec(), self.render.clone()];
         Ok(Opened { scene, camera, camera_number, is_camera_made, settings, display, command: command.concat() })
     }
 }
@@ -192,9 +210,7 @@ impl Source for Files {
                 return Err(format!("{name}: {problem}; open it with `snell view {name}`"));
             }
             Which::Dropped { name, bytes } => {
-                // In a folder that does not exist, so that a dropped file can name no file of this machine.
-                let nowhere = Path::new("/nonexistent/dropped");
-                let scene = snell_formats::read_scene_bytes(&name, bytes, nowhere, &options).map_err(Failure::from);
+                let scene = read_dropped(&name, bytes, &options).map_err(Failure::Scene);
                 (name, scene)
             }
         };
