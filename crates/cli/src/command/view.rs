@@ -85,7 +85,12 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if !(options.fps >= 1.0 && options.fps <= 240.0) {
         return Err(Failure::Usage(format!("--fps {}: from 1 to 240", options.fps)));
     }
-    let files = Files::new(options.scene.as_deref().unwrap_or(FIRST_SCENE), &options.render)?;
+    let scene = options.scene.as_deref().unwrap_or(FIRST_SCENE);
+    let files = Files::new(scene, &options.render)?;
+    if files.line(scene).is_ok_and(|line| line.crop.is_some()) {
+        let problem = "--crop belongs to `snell render`: the viewer shows the whole picture; leave it out";
+        return Err(Failure::Usage(problem.into()));
+    }
     let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
     let server_options = ServerOptions {
         host: options.host,

@@ -9,3 +9,5 @@ mod options;
 mod output;
 mod statistics;
 mod support;
+#[cfg(unix)]
+mod view;
