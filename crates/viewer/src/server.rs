@@ -125,4 +125,3 @@ pub fn serve(source: Box<dyn Source>, options: &ServerOptions) -> Result<Server,
         .map_err(|e| format!("cannot start the renderer: {e}"))?;
     Ok(Server { address, url, session, guard, stop: Some(stop), threads: vec![network, worker] })
 }
-

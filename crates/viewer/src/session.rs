@@ -519,7 +519,9 @@ mod tests {
         fn walk(value: &Value, place: String, places: &mut Vec<String>) {
             match value {
                 Value::Object(fields) => fields.iter().for_each(|(k, v)| walk(v, format!("{place}/{k}"), places)),
-                Value::Array(items) => items.iter().enumerate().for_each(|(i, v)| walk(v, format!("{place}/{i}"), places)),
+                Value::Array(items) => {
+                    items.iter().enumerate().for_each(|(i, v)| walk(v, format!("{place}/{i}"), places))
+                }
                 _ => {}
             }
             places.push(place);
@@ -588,7 +590,9 @@ mod tests {
         let failed = session.version();
         session.has_failed(failed, "no memory".into());
         let now = session.now();
-        assert!(now.settings.size == before.settings.size && now.version > failed && now.generation > before.generation);
+        assert!(
+            now.settings.size == before.settings.size && now.version > failed && now.generation > before.generation
+        );
         // Of what was shown and fails later, only a message comes.
         session.has_shown(now.version);
         session.has_failed(now.version, "again".into());

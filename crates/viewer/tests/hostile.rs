@@ -85,7 +85,9 @@ fn page(server: &Server) -> Result<Page, u32> {
     let url = format!("{}ws", server.url.replace("http:", "ws:"));
     match tungstenite::client(url, connect(server)) {
         Ok((page, _)) => Ok(page),
-        Err(tungstenite::HandshakeError::Failure(tungstenite::Error::Http(answer))) => Err(answer.status().as_u16().into()),
+        Err(tungstenite::HandshakeError::Failure(tungstenite::Error::Http(answer))) => {
+            Err(answer.status().as_u16().into())
+        }
         Err(error) => panic!("{error}"),
     }
 }

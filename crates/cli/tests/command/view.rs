@@ -64,7 +64,8 @@ fn a_dropped_file_names_no_file_even_with_allow_outside() {
     let named = place.path("secret.mtl");
     let names = [named.display().to_string(), "/etc/passwd".into(), "../../../../etc/passwd".into()];
     for name in names {
-        let answer = viewer.ask("POST", "open?name=a.obj", &format!("mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"));
+        let answer =
+            viewer.ask("POST", "open?name=a.obj", &format!("mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"));
         assert!(answer.starts_with("HTTP/1.1 422") && answer.contains("can name no others"), "{answer}");
     }
     // A name is no option either.
