@@ -368,7 +368,7 @@ fn valid_camera(value: Value) -> Result<Camera, String> {
 /// A number whose square single precision does not hold, if there is one.
 fn too_large(value: &Value) -> Option<f64> {
     match value {
-        Value::Number(number) => number.as_f64().filter(|x| !(x.abs() <= FARTHEST)),
+        Value::Number(number) => number.as_f64().filter(|x| x.abs() > FARTHEST),
         Value::Array(items) => items.iter().find_map(too_large),
         Value::Object(fields) => fields.values().find_map(too_large),
         _ => None,
