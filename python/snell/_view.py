@@ -79,7 +79,7 @@ def view(
     open : bool
         Whether the page is opened in the browser. In a notebook the cell shows it; elsewhere it is opened.
     fps : float
-        Frames per second while something moves.
+        Frames per second while something moves, 1 to 240.
     **options
         As for :func:`render`: how the picture at rest is made.
 
@@ -97,7 +97,8 @@ def view(
     """
     shown = _view(_scene(scene), options, port, fps)
     if open or (open is None and not _is_notebook()):
-        webbrowser.open(shown.url)
+        # Other users of the machine can read the browser's command line, so it has no token in it.
+        webbrowser.open(shown._url_for_browser())
     return shown
 
 

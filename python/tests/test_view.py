@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import urllib.error
 import urllib.request
+import webbrowser
 
 import numpy as np
 import pytest
@@ -38,3 +39,30 @@ def test_a_view_answers_until_it_is_closed_and_only_with_its_token() -> None:
     assert not view.is_open and "closed" in repr(view)
     with pytest.raises(urllib.error.URLError):
         urllib.request.urlopen(view.url)
+
+
+def test_the_command_line_of_the_browser_has_no_token(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    with snell.view("cornell-box", spp=1, size=(16, 12), open=True) as view:
+        token = view.url.split("/")[3]
+        assert len(opened) == 1 and token not in opened[0]
+        with urllib.request.urlopen(opened[0]) as page:
+            assert page.url == view.url
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(opened[0])
+
+
+def test_a_dropped_file_names_no_file_of_the_machine() -> None:
+    with snell.view("cornell-box", spp=1, size=(16, 12), open=False) as view:
+        for name in ["/etc/passwd", "../../../../../etc/passwd"]:
+            text = f"mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+            with pytest.raises(urllib.error.HTTPError, match="422") as refused:
+                urllib.request.urlopen(view.url + "open?name=a.obj", data=text.encode())
+            assert "can name no others" in refused.value.read().decode()
+
+
+def test_a_rate_that_is_none_is_said() -> None:
+    for fps in [0, -1, float("nan"), float("inf")]:
+        with pytest.raises(ValueError, match="fps"):
+            snell.view("cornell-box", fps=fps, open=False)

@@ -15,8 +15,7 @@ use snell_render::Settings;
 use snell_scene::Camera;
 use snell_scene::framing::{FramingOptions, prepare};
 use snell_viewer::explain::{Question, Subject, report, structures};
-use snell_viewer::{Opened, Server, ServerOptions, Source, Which};
-use std::path::Path;
+use snell_viewer::{Opened, Server, ServerOptions, Source, Which, read_dropped};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Why a pixel looks as it does, as JSON. With `structures`, also the way of the camera ray through those acceleration structures.
@@ -66,6 +65,14 @@ impl View {
         py.detach(|| server.map(Server::stop));
     }
 
+    /// An address that leads to the page once, within a minute, for programs of the same user: for the
+    /// command line of a browser, which other users of the machine can read.
+    fn _url_for_browser(&self) -> PyResult<String> {
+        let server = self.server.lock().unwrap_or_else(PoisonError::into_inner);
+        let closed = || PyValueError::new_err("the view is closed");
+        server.as_ref().ok_or_else(closed)?.url_for_browser().map_err(PyRuntimeError::new_err)
+    }
+
     /// True until it is closed.
     #[getter]
     fn is_open(&self) -> bool {
@@ -107,6 +114,9 @@ pub fn _view<'py>(
     port: u16,
     frames_per_second: f64,
 ) -> PyResult<View> {
+    if !(1.0..=240.0).contains(&frames_per_second) {
+        return Err(PyValueError::new_err(format!("fps is {frames_per_second}, expected 1 to 240")));
+    }
     let keywords = Keywords(options);
     let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
     let (prepared, camera, Request { settings, .. }) = plan(py, scene, &keywords)?;
@@ -135,7 +145,6 @@ struct Shown {
 
 impl Source for Shown {
     fn open(&self, which: Which) -> Result<Opened, String> {
-        let options = ReadOptions::default();
         let (name, mut scene) = match which {
             Which::Given => (self.prepared.scene.name.clone(), self.prepared.scene.clone()),
             Which::Builtin(name) => {
@@ -143,10 +152,7 @@ impl Source for Shown {
                 (name, scene)
             }
             Which::Dropped { name, bytes } => {
-                // In a folder that does not exist, so that a dropped file can name no file of this machine.
-                let nowhere = Path::new("/nonexistent/dropped");
-                let scene =
-                    snell_formats::read_scene_bytes(&name, bytes, nowhere, &options).map_err(|e| e.to_string())?;
+                let scene = read_dropped(&name, bytes, &ReadOptions::default())?;
                 (name, scene)
             }
         };

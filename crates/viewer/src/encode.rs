@@ -1,11 +1,12 @@
 //! Pictures to bytes: JPEG while something moves, 16-bit floats at rest. One thread does it while the next picture is rendered.
 
-use crate::protocol::FrameHeader;
+use crate::protocol::{FrameHeader, ToPage};
 use crate::session::{Frame, Session};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 use snell_formats::image::{Display, Tonemap, display_value};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::Scope;
@@ -35,18 +36,16 @@ impl Encoder {
         let (pictures, incoming) = sync_channel::<Picture>(0);
         scope.spawn(move || {
             let mut table = DisplayTable::new(Display::default());
-            for Picture { header, rgb, display } in incoming {
-                let bytes = match display {
-                    None => Some(half_floats(header, &rgb)),
-                    Some(display) => {
-                        if *table.display() != display {
-                            table = DisplayTable::new(display);
-                        }
-                        jpeg(header, &rgb, &table)
+            for picture in incoming {
+                let number = picture.header.frame;
+                match catch_unwind(AssertUnwindSafe(|| bytes_of(picture, &mut table))) {
+                    Ok(Some(bytes)) => {
+                        session.frames.send_replace(Some(Arc::new(Frame { number, bytes: bytes.into() })));
                     }
-                };
-                if let Some(bytes) = bytes {
-                    session.frames.send_replace(Some(Arc::new(Frame { number: header.frame, bytes })));
+                    Ok(None) | Err(_) => {
+                        let message = "a fault in the encoder: this picture is not shown".into();
+                        session.tell(ToPage::Error { message });
+                    }
                 }
             }
         });
@@ -57,6 +56,15 @@ impl Encoder {
     pub fn send(&self, picture: Picture) -> Result<(), String> {
         self.pictures.send(picture).map_err(|_| "a fault in the encoder; please start again".into())
     }
+}
+
+/// The bytes that pages get. `None` for sizes that JPEG does not have.
+fn bytes_of(Picture { header, rgb, display }: Picture, table: &mut DisplayTable) -> Option<Vec<u8>> {
+    let Some(display) = display else { return Some(half_floats(header, &rgb)) };
+    if *table.display() != display {
+        *table = DisplayTable::new(display);
+    }
+    jpeg(header, &rgb, table)
 }
 
 /// Display values of half floats, for tone maps that treat channels alike. Made once per exposure.

@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod budget;
+mod connections;
 mod cost;
 mod denoise;
 mod describe;
@@ -14,21 +15,29 @@ pub mod explain;
 mod memory;
 mod pace;
 mod page;
+mod peer;
 mod pick;
 mod preview;
 pub mod protocol;
+mod routes;
 mod security;
 mod server;
 mod session;
+mod size;
+mod socket;
+mod state;
 mod temporal;
 mod thumbnail;
+mod upload;
 mod worker;
 
 pub use server::{Server, ServerOptions, serve};
 
 use snell_formats::image::Display;
+use snell_formats::{ReadOptions, read_scene_bytes};
 use snell_render::Settings;
 use snell_scene::{Camera, Scene};
+use std::path::Path;
 
 /// A scene that is ready to be looked at.
 pub struct Opened {
@@ -68,4 +77,50 @@ pub enum Which {
 pub trait Source: Send + Sync {
     /// Opens a scene; the error is for people.
     fn open(&self, which: Which) -> Result<Opened, String>;
+}
+
+/// Reads a file that was dropped on the page. It can name no other file, whatever the options allow:
+/// who sends it may be another than who chose them.
+pub fn read_dropped(name: &str, bytes: Vec<u8>, options: &ReadOptions) -> Result<Scene, String> {
+    // A folder that cannot exist, because what it would lie in is no folder.
+    let nowhere = Path::new(if cfg!(windows) { "NUL\\dropped" } else { "/dev/null/dropped" });
+    let confined = ReadOptions { allow_outside: false, ..options.clone() };
+    read_scene_bytes(name, bytes, nowhere, &confined).map_err(|mut error| {
+        if error.remedy.contains("--allow-outside") {
+            error.remedy = "a dropped file can name no others: open it with `snell view FILE`".into();
+        }
+        error.to_string()
+    })
+}
+
+/// The one of this name. The error is for people.
+fn by_name<T: Copy>(what: &str, all: &[T], name_of: impl Fn(T) -> &'static str, name: &str) -> Result<T, String> {
+    let known = all.iter().copied().find(|&x| name_of(x) == name);
+    known.ok_or_else(|| format!("there is no {what} {:?}", name.chars().take(80).collect::<String>()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dropped_file_names_no_other_file_whatever_is_allowed() {
+        let options = ReadOptions { allow_outside: true, ..ReadOptions::default() };
+        for name in ["/etc/passwd", "../../../../../../etc/passwd", "passwd", "./a/../../passwd"] {
+            for (file, text) in [
+                ("a.obj", format!("mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")),
+                ("a.pbrt", format!("WorldBegin\nInclude \"{name}\"\n")),
+                ("a.xml", format!("<scene version=\"3.0.0\"><include filename=\"{name}\"/></scene>")),
+            ] {
+                let read = read_dropped(file, text.into_bytes(), &options);
+                let said = match &read {
+                    Ok(scene) => scene.warnings.iter().map(|w| w.message.clone()).collect::<Vec<_>>().join("\n"),
+                    Err(message) => message.clone(),
+                };
+                // It is neither opened, nor is it said that it could be.
+                assert!(said.contains("passwd") && !said.contains("root:"), "{file} {name}: {said}");
+                assert!(!said.contains("give --allow-outside"), "{file} {name}: {said}");
+            }
+        }
+    }
 }

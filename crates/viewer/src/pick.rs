@@ -9,7 +9,8 @@ use snell_scene::CameraSample;
 /// What the camera sees at a position of the picture, in pixels from its upper left corner.
 pub fn pick(snapshot: &Snapshot, compiled: &CompiledScene, pixel: [f64; 2]) -> Option<PickedHit> {
     let film = DVec2::from(pixel);
-    if !film.is_finite() {
+    let [width, height] = snapshot.settings.size.map(f64::from);
+    if !(0.0..=width).contains(&film.x) || !(0.0..=height).contains(&film.y) {
         return None;
     }
     let sample = CameraSample { film, lens: Vec2::splat(0.5) };

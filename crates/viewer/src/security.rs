@@ -2,15 +2,30 @@
 //!
 //! The token keeps other users of the machine out. The check of `Host` keeps out pages of other sites whose name has been pointed
 //! at this machine (DNS rebinding), the check of `Origin` those that open sockets across sites.
+//!
+//! A browser that is started gets a code in the place of the token, because its command line can be
+//! read by other users. The code becomes the address with the token once, soon, and only for a
+//! program of the same user (see [`crate::peer`]).
 
+use crate::session::lock;
+use axum::extract::Request;
 use axum::http::HeaderMap;
 use axum::http::header::{HOST, ORIGIN};
 use std::net::{IpAddr, SocketAddr};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+/// First step of the path of a code. A token is longer.
+pub const ONCE: &str = "once";
+/// How long a code can be used: a browser that is started may take a while.
+const CODE_TIME: Duration = Duration::from_secs(60);
 
 /// What a request must show.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Guard {
     token: String,
+    /// The code that was given last, until it is used, and when it was given.
+    code: Mutex<Option<(String, Instant)>>,
     address: SocketAddr,
     /// Names by which the server may be called besides its address and, on loopback, `localhost`. Empty: any, because the user has
     /// asked to listen on all addresses.
@@ -22,13 +37,9 @@ impl Guard {
     pub fn new(address: SocketAddr, token: Option<String>) -> Result<Self, String> {
         let token = match token {
             Some(token) => token,
-            None => {
-                let mut bytes = [0_u8; 16];
-                getrandom::fill(&mut bytes).map_err(|e| format!("no random numbers for the token: {e}"))?;
-                bytes.iter().map(|b| format!("{b:02x}")).collect()
-            }
+            None => secret()?,
         };
-        Ok(Self { token, address, any_host: address.ip().is_unspecified() })
+        Ok(Self { token, code: Mutex::new(None), address, any_host: address.ip().is_unspecified() })
     }
 
     /// The token.
@@ -36,10 +47,43 @@ impl Guard {
         &self.token
     }
 
-    /// Whether this is the token. Takes as long for nearly right ones as for wrong ones.
+    /// Whether this is the token.
     pub fn knows(&self, token: &str) -> bool {
-        let difference = token.bytes().zip(self.token.bytes()).fold(0, |d, (a, b)| d | (a ^ b));
-        token.len() == self.token.len() && difference == 0
+        is_same(token, &self.token)
+    }
+
+    /// A new code in the place of the token; the one before is no longer taken.
+    pub fn new_code(&self) -> Result<String, String> {
+        let code = secret()?;
+        *lock(&self.code) = Some((code.clone(), Instant::now()));
+        Ok(code)
+    }
+
+    /// Whether this is the code and can still be used. It is used then.
+    pub fn takes_code(&self, code: &str) -> bool {
+        let is_it = |(known, given): &mut (String, Instant)| given.elapsed() < CODE_TIME && is_same(code, known);
+        lock(&self.code).take_if(is_it).is_some()
+    }
+
+    /// Whether a request says in one way only whom it is for and who asks. What proxies and servers
+    /// could read in two ways is an error.
+    pub fn check_form(&self, request: &Request) -> Result<(), String> {
+        let (headers, uri) = (request.headers(), request.uri());
+        let mut hosts = headers.get_all(HOST).iter();
+        let (Some(host), None) = (hosts.next(), hosts.next()) else {
+            return Err("a request has one Host".into());
+        };
+        let is_plain = |b: &u8| b.is_ascii_alphanumeric() || b".-_:[]".contains(b);
+        if !host.as_bytes().iter().all(is_plain) {
+            return Err("Host is a name or address, and a port".into());
+        }
+        if headers.get_all(ORIGIN).iter().count() > 1 {
+            return Err("a request has one Origin at most".into());
+        }
+        if uri.authority().is_some_and(|a| a.as_str() != host) || uri.scheme_str().is_some_and(|s| s != "http") {
+            return Err("the address asked for is not that of Host".into());
+        }
+        Ok(())
     }
 
     /// Whether the request is for this server.
@@ -71,6 +115,19 @@ impl Guard {
             || ip == Some(self.address.ip())
             || (self.address.ip().is_loopback() && (name == "localhost" || ip.is_some_and(|ip| ip.is_loopback())))
     }
+}
+
+/// 128 random bits.
+fn secret() -> Result<String, String> {
+    let mut bytes = [0_u8; 16];
+    getrandom::fill(&mut bytes).map_err(|e| format!("no random numbers for the token: {e}"))?;
+    Ok(bytes.iter().map(|b| format!("{b:02x}")).collect())
+}
+
+/// Whether two texts are the same. Takes as long for nearly right ones as for wrong ones.
+fn is_same(text: &str, secret: &str) -> bool {
+    let difference = text.bytes().zip(secret.bytes()).fold(0, |d, (a, b)| d | (a ^ b));
+    text.len() == secret.len() && difference == 0
 }
 
 #[cfg(test)]
@@ -116,5 +173,41 @@ mod tests {
     fn tokens_differ_and_only_the_whole_one_is_known() {
         let (a, b) = (guard("127.0.0.1:1"), guard("127.0.0.1:1"));
         assert!(a.knows(a.token()) && !a.knows(b.token()) && !a.knows("") && !a.knows(&a.token()[1..]));
+    }
+
+    #[test]
+    fn a_code_is_taken_once() {
+        let guard = guard("127.0.0.1:1");
+        assert!(!guard.takes_code("") && !guard.takes_code(guard.token()));
+        let old = guard.new_code().expect("random numbers");
+        let code = guard.new_code().expect("random numbers");
+        assert!(code != guard.token() && !guard.takes_code(&old));
+        assert!(guard.takes_code(&code) && !guard.takes_code(&code));
+    }
+
+    #[test]
+    fn what_can_be_read_in_two_ways_is_refused() {
+        let guard = guard("127.0.0.1:8080");
+        let is_fine = |uri: &str, headers: &[(&str, &str)]| {
+            let request = headers.iter().fold(Request::builder().uri(uri), |r, (name, value)| r.header(*name, *value));
+            guard.check_form(&request.body(axum::body::Body::empty()).expect("a request")).is_ok()
+        };
+        let host = ("host", "localhost:8080");
+        assert!(is_fine("/", &[host, ("origin", "http://localhost:8080")]));
+        assert!(is_fine("http://localhost:8080/", &[host]));
+        let other = ("host", "evil.example");
+        let bad: [(&str, &[(&str, &str)]); 8] = [
+            ("/", &[]),
+            ("/", &[host, host]),
+            ("/", &[host, other]),
+            ("/", &[("host", "evil.example@localhost:8080")]),
+            ("/", &[host, ("origin", "http://localhost:8080"), ("origin", "http://evil.example")]),
+            ("http://evil.example/", &[host]),
+            ("http://localhost/", &[host]),
+            ("https://localhost:8080/", &[host]),
+        ];
+        for (uri, headers) in bad {
+            assert!(!is_fine(uri, headers), "{uri} {headers:?}");
+        }
     }
 }

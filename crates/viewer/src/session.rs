@@ -7,27 +7,23 @@ use crate::describe::scene_info;
 use crate::explain::{self, Question, Report, Structure, Subject};
 use crate::pace::Pace;
 use crate::protocol::{Choices, SceneChoice, SceneInfo, ToPage, ToServer, ViewInfo};
-use crate::{Opened, Source, Which};
-use crate::{cost, thumbnail};
-use serde_json::Value;
+use crate::state::{Change, State};
+use crate::{Source, Which, by_name, cost, thumbnail};
+use axum::body::Bytes;
 use snell_formats::image::{Display, Tonemap};
 use snell_intersect::accel::AcceleratorKind;
 use snell_render::{Aov, CompiledScene, IntegratorKind, Settings};
 use snell_scene::builtin::BUILTINS;
-use snell_scene::{Camera, LayeredImage, Scene, overrides};
-use std::collections::{BTreeMap, BTreeSet};
+use snell_scene::{Camera, LayeredImage, Scene};
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use tokio::sync::{broadcast, watch};
+use tokio::sync::{Semaphore, broadcast, watch};
 
 /// How long nothing must move before the picture is refined.
 pub const REST: Duration = Duration::from_millis(150);
-/// Largest side of a picture that a page may ask for.
-const MAX_SIDE: u32 = 8192;
-/// Most samples per pixel.
-const MAX_SPP: u32 = 1 << 20;
-
 /// With at most so many triangles, all structures are built without being asked for.
 const FEW_TRIANGLES: u64 = 300_000;
 
@@ -37,34 +33,17 @@ pub struct Frame {
     /// Its number.
     pub number: u32,
     /// Header and bytes.
-    pub bytes: Vec<u8>,
+    pub bytes: Bytes,
 }
 
-/// Everything that decides what the picture is.
-pub struct State {
-    opened: Opened,
-    /// Changes of the scene that can be taken back, as `-D` takes them.
-    edits: Vec<String>,
-    /// How many of them count; the rest can be made again.
-    applied: usize,
-    /// The scene with its edits.
-    pub scene: Arc<Scene>,
-    hidden: BTreeSet<u32>,
-    /// Counts up with the scene.
-    pub generation: u32,
-    /// Counts up when more has changed than materials, lights and surroundings.
-    pub geometry: u32,
-    /// Where it is seen from.
-    pub camera: Camera,
-    /// Number of the last camera message.
-    pub seq: u32,
-    /// How it is rendered at rest.
-    pub settings: Settings,
-    /// How values are shown.
-    pub display: Display,
-    /// Last change that makes another picture.
-    pub moved: Instant,
+/// What is looked at and by whom.
+struct Viewing {
+    state: State,
+    /// The newest state of which there was a picture, with its version.
+    shown: Option<(u64, State)>,
+    /// Pages that watch.
     watching: u32,
+    /// Number of the page that steers; 0 if none does.
     steering: u32,
     is_stopped: bool,
     /// True until a scene is chosen, if none was named.
@@ -106,7 +85,12 @@ pub struct Finished {
 /// A scene being looked at.
 pub struct Session {
     source: Box<dyn Source>,
-    state: Mutex<State>,
+    viewing: Mutex<Viewing>,
+    /// Held while a scene is read: one at a time.
+    reading: Mutex<()>,
+    /// Held while a pixel is explained or a structure is measured: one at a time, because of their
+    /// memory.
+    pub examining: Arc<Semaphore>,
     changed: Condvar,
     version: AtomicU64,
     clients: AtomicU32,
@@ -134,11 +118,13 @@ impl Session {
     /// Looks at what the source opens first.
     pub fn new(source: Box<dyn Source>, is_gallery: bool) -> Result<Self, String> {
         let opened = source.open(Which::Given)?;
-        crate::memory::check(&opened.settings)?;
-        let state = State { is_gallery, ..State::new(opened) };
+        let state = State::new(opened)?;
+        let viewing = Viewing { state, shown: None, watching: 0, steering: 0, is_stopped: false, is_gallery };
         Ok(Self {
             source,
-            state: Mutex::new(state),
+            viewing: Mutex::new(viewing),
+            reading: Mutex::new(()),
+            examining: Arc::new(Semaphore::new(1)),
             changed: Condvar::new(),
             version: AtomicU64::new(1),
             clients: AtomicU32::new(0),
@@ -159,19 +145,21 @@ impl Session {
 
     /// Waits until the state is newer than `seen`, or until `until` if that comes first. `None` if the session ends.
     pub fn wait(&self, seen: u64, until: Option<Instant>) -> Option<Snapshot> {
-        let mut state = lock(&self.state);
+        let mut viewing = lock(&self.viewing);
         loop {
-            if state.is_stopped {
+            if viewing.is_stopped {
                 return None;
             }
             let now = Instant::now();
             let is_due = self.version() != seen || until.is_some_and(|u| u <= now);
-            if is_due && state.watching > 0 {
-                return Some(self.snapshot(&state));
+            if is_due && viewing.watching > 0 {
+                return Some(self.snapshot(&viewing.state));
             }
-            state = match until.filter(|u| *u > now && state.watching > 0) {
-                Some(until) => self.changed.wait_timeout(state, until - now).unwrap_or_else(PoisonError::into_inner).0,
-                None => self.changed.wait(state).unwrap_or_else(PoisonError::into_inner),
+            viewing = match until.filter(|u| *u > now && viewing.watching > 0) {
+                Some(until) => {
+                    self.changed.wait_timeout(viewing, until - now).unwrap_or_else(PoisonError::into_inner).0
+                }
+                None => self.changed.wait(viewing).unwrap_or_else(PoisonError::into_inner),
             };
         }
     }
@@ -192,7 +180,7 @@ impl Session {
 
     /// Ends the worker.
     pub fn stop(&self) {
-        lock(&self.state).is_stopped = true;
+        lock(&self.viewing).is_stopped = true;
         self.version.fetch_add(1, Ordering::Release);
         self.changed.notify_all();
     }
@@ -203,167 +191,149 @@ impl Session {
         let _ = self.events.send(message);
     }
 
-    /// A page has come; gives its number. The first one steers.
+    /// A page has come; gives its number and what it is told first. The first page steers.
     pub fn join(&self) -> (u32, Vec<ToPage>) {
         let client = self.clients.fetch_add(1, Ordering::Relaxed) + 1;
-        let mut state = lock(&self.state);
-        state.watching += 1;
-        if state.watching == 1 {
-            state.steering = client;
+        let mut viewing = lock(&self.viewing);
+        viewing.watching += 1;
+        if viewing.watching == 1 {
+            viewing.steering = client;
         }
         // A picture for whom came.
         self.changed.notify_all();
-        let messages = vec![
-            ToPage::Welcome {
-                version: crate::protocol::VERSION,
-                client,
-                choices: choices(),
-                is_gallery: state.is_gallery,
-            },
-            ToPage::Scene { scene: self.scene_info(&state) },
-            ToPage::View { view: self.view_info(&state) },
-        ];
-        let steering = ToPage::Steering { client: state.steering, watching: state.watching };
-        drop(state);
-        self.tell(steering.clone());
-        (client, [messages, vec![steering]].concat())
+        let welcome = ToPage::Welcome {
+            version: crate::protocol::VERSION,
+            client,
+            choices: choices(),
+            is_gallery: viewing.is_gallery,
+        };
+        let messages = [vec![welcome], self.all_of(&viewing)].concat();
+        drop(viewing);
+        self.tell_steering();
+        (client, messages)
+    }
+
+    /// Everything that a page shows, for one that has missed something.
+    pub fn all(&self) -> Vec<ToPage> {
+        self.all_of(&lock(&self.viewing))
+    }
+
+    fn all_of(&self, viewing: &Viewing) -> Vec<ToPage> {
+        let Viewing { state, steering, watching, .. } = viewing;
+        vec![
+            ToPage::Scene { scene: self.scene_info(state) },
+            ToPage::View { view: self.view_info(state) },
+            ToPage::Steering { client: *steering, watching: *watching },
+        ]
     }
 
     /// A page has gone; if it steered, whoever acts next will.
     pub fn leave(&self, client: u32) {
-        let mut state = lock(&self.state);
-        state.watching = state.watching.saturating_sub(1);
-        if state.steering == client {
-            state.steering = 0;
+        let mut viewing = lock(&self.viewing);
+        viewing.watching = viewing.watching.saturating_sub(1);
+        if viewing.steering == client {
+            viewing.steering = 0;
         }
-        let message = ToPage::Steering { client: state.steering, watching: state.watching };
-        drop(state);
-        self.tell(message);
+        drop(viewing);
+        self.tell_steering();
     }
 
-    /// Does what a page asks. What is asked only of one page's own connection (acknowledgements, picks) does not come here. An error
-    /// is for that page.
+    fn tell_steering(&self) {
+        let Viewing { steering, watching, .. } = *lock(&self.viewing);
+        self.tell(ToPage::Steering { client: steering, watching });
+    }
+
+    /// Does what a page asks, all of it or, with an error for that page, nothing. What is asked only of one page's own connection
+    /// (acknowledgements, picks) does not come here.
     pub fn handle(&self, client: u32, message: ToServer) -> Result<(), String> {
-        let mut state = lock(&self.state);
-        if matches!(message, ToServer::Steer) || state.steering == 0 {
-            state.steering = client;
-            self.tell(ToPage::Steering { client, watching: state.watching });
-        }
-        if state.steering != client {
+        let mut viewing = lock(&self.viewing);
+        let takes_over = viewing.steering != client && (viewing.steering == 0 || matches!(message, ToServer::Steer));
+        if viewing.steering != client && !takes_over {
             // A page says its size when it opens, whether it steers or not.
             if matches!(message, ToServer::Size { .. } | ToServer::Display { .. }) {
                 return Ok(());
             }
             return Err("another page steers; take over first".into());
         }
-        let is_camera = matches!(message, ToServer::Camera { .. });
-        match message {
-            ToServer::Camera { seq, camera } => {
-                state.camera = valid_camera(camera)?;
-                state.seq = seq;
+        let is_reload = matches!(message, ToServer::Reload);
+        let (state, change) = viewing.state.after(message)?;
+        viewing.state = state;
+        viewing.steering = client;
+        match change {
+            Change::Nothing | Change::Display => drop(viewing),
+            // Where the camera is is told when it rests.
+            Change::Camera => self.after_change(viewing),
+            Change::Picture => {
+                self.after_change(viewing);
+                self.tell_view();
             }
-            ToServer::Size { size } => {
-                if size.iter().any(|s| !(1..=MAX_SIDE).contains(s)) {
-                    return Err(format!(
-                        "a picture of {}x{} pixels; each side is from 1 to {MAX_SIDE}",
-                        size[0], size[1]
-                    ));
-                }
-                if state.settings.size == size {
-                    return Ok(());
-                }
-                crate::memory::check(&Settings { size, ..state.settings.clone() })?;
-                state.settings.size = size;
-            }
-            ToServer::Render { integrator, spp, max_depth, aov, accelerator } => {
-                state.set_render(integrator, spp, max_depth, aov, accelerator)?;
-            }
-            ToServer::Display { exposure, tonemap } => {
-                if exposure.is_nan() || exposure.abs() > 100.0 {
-                    return Err("an exposure is a number of stops from -100 to 100".into());
-                }
-                state.display.exposure = exposure;
-                state.display.tonemap = by_name("tone map", &Tonemap::ALL, Tonemap::name, &tonemap)?;
-                // The page shows what it has; nothing is rendered again.
-                return Ok(());
-            }
-            ToServer::Edit { key, value } => {
-                let text = match value {
-                    Value::String(text) => text,
-                    other => other.to_string(),
-                };
-                state.edit(format!("{key}={text}"))?;
-            }
-            ToServer::Show { node, visible } => state.edit(format!("node.{node}.visible={visible}"))?,
-            ToServer::Undo => {
-                let applied = state.applied.saturating_sub(1);
-                state.go_to(applied)?;
-            }
-            ToServer::Redo => {
-                let applied = (state.applied + 1).min(state.edits.len());
-                state.go_to(applied)?;
-            }
-            ToServer::Reload => {
-                drop(state);
-                return self.open(Which::Given);
-            }
-            ToServer::Steer | ToServer::Ack { .. } | ToServer::Pick { .. } | ToServer::Explain { .. } => return Ok(()),
         }
-        self.after_change(state);
-        // Where the camera is is told when it rests.
-        if !is_camera {
-            self.tell_view();
+        if takes_over {
+            self.tell_steering();
         }
-        Ok(())
+        if is_reload { self.open(Which::Given) } else { Ok(()) }
     }
 
-    /// Opens another scene, or the same again. The camera stays if it is the same.
+    /// Opens another scene, or the same again. The camera stays if it is the same. Scenes are read one after another.
     pub fn open(&self, which: Which) -> Result<(), String> {
-        let keeps_camera = matches!(which, Which::Given);
+        let is_same = matches!(which, Which::Given);
+        let _turn = lock(&self.reading);
         self.tell(ToPage::Busy { message: "reading the scene".into() });
-        let opened = self.source.open(which);
+        let opened = catch_unwind(AssertUnwindSafe(|| self.source.open(which)));
         self.tell(ToPage::Busy { message: String::new() });
-        let opened = opened?;
-        let mut state = lock(&self.state);
-        let mut new = State::new(opened);
-        (new.generation, new.geometry) = (state.generation + 1, state.geometry + 1);
-        (new.watching, new.steering, new.seq) = (state.watching, state.steering, state.seq);
-        new.settings.size = state.settings.size;
-        new.is_stopped = state.is_stopped;
-        if keeps_camera {
-            new.camera = state.camera.clone();
-            new.display = state.display;
-            new.settings = Settings { build: new.settings.build.clone(), ..state.settings.clone() };
-        }
-        *state = new;
-        self.after_change(state);
+        let opened = opened.unwrap_or_else(|_| Err("a fault in the reader; please report the file".into()))?;
+        let mut viewing = lock(&self.viewing);
+        viewing.state = viewing.state.reopened(opened, is_same)?;
+        viewing.is_gallery = false;
+        self.after_change(viewing);
         self.tell_view();
         Ok(())
     }
 
-    fn after_change(&self, mut state: MutexGuard<State>) {
-        state.moved = Instant::now();
+    fn after_change(&self, viewing: MutexGuard<Viewing>) {
         self.version.fetch_add(1, Ordering::Release);
-        drop(state);
+        drop(viewing);
         self.changed.notify_all();
+    }
+
+    /// Pages see the picture of a version.
+    pub fn has_shown(&self, version: u64) {
+        let mut viewing = lock(&self.viewing);
+        if self.version() == version {
+            viewing.shown = Some((version, viewing.state.clone()));
+        }
+    }
+
+    /// No picture of a version can be made: pages are told why, and what was shown before comes back.
+    pub fn has_failed(&self, version: u64, message: String) {
+        self.tell(ToPage::Error { message });
+        let mut viewing = lock(&self.viewing);
+        if self.version() != version {
+            return;
+        }
+        // What was shown and fails later stays: there is nothing better.
+        let Some((_, before)) = viewing.shown.take_if(|(shown, _)| *shown != version) else { return };
+        viewing.state = viewing.state.taken_back_to(&before);
+        self.after_change(viewing);
+        self.tell_view();
     }
 
     /// Tells the pages how the scene is rendered.
     pub fn tell_view(&self) {
-        let view = self.view_info(&lock(&self.state));
+        let view = self.view_info(&lock(&self.viewing).state);
         self.tell(ToPage::View { view });
     }
 
     /// A scene has been compiled.
     pub fn set_compiled(&self, generation: u32, compiled: &Arc<CompiledScene>) {
         *lock(&self.compiled) = Some((generation, compiled.clone()));
-        let scene = self.scene_info(&lock(&self.state));
+        let scene = self.scene_info(&lock(&self.viewing).state);
         self.tell(ToPage::Scene { scene });
     }
 
     /// A copy of what a picture needs now.
     pub fn now(&self) -> Snapshot {
-        self.snapshot(&lock(&self.state))
+        self.snapshot(&lock(&self.viewing).state)
     }
 
     /// Why a pixel of the picture at rest looks as it does.
@@ -432,8 +402,8 @@ impl Session {
     }
 
     fn scene_info(&self, state: &State) -> SceneInfo {
-        let mut info = scene_info(&state.opened.scene, &state.scene, &state.hidden, state.generation);
-        info.history = [state.applied > 0, state.applied < state.edits.len()];
+        let mut info = scene_info(state.base(), &state.scene, &state.hidden, state.generation);
+        info.history = state.history();
         if let Some((_, compiled)) = &*lock(&self.compiled) {
             info.triangles = compiled.world.instanced_triangle_count();
         }
@@ -462,185 +432,8 @@ impl Session {
     }
 }
 
-impl State {
-    fn new(opened: Opened) -> Self {
-        Self {
-            scene: Arc::new(opened.scene.clone()),
-            camera: opened.camera.clone(),
-            settings: Settings { progressive: true, ..opened.settings.clone() },
-            display: opened.display,
-            opened,
-            edits: Vec::new(),
-            applied: 0,
-            hidden: BTreeSet::new(),
-            generation: 1,
-            geometry: 1,
-            seq: 0,
-            moved: Instant::now(),
-            watching: 0,
-            steering: 0,
-            is_stopped: false,
-            is_gallery: false,
-        }
-    }
-
-    fn edit(&mut self, edit: String) -> Result<(), String> {
-        let before = (self.edits.clone(), self.applied);
-        self.edits.truncate(self.applied);
-        // A slider that is dragged is one change.
-        let is_again = self.edits.last().is_some_and(|old| key(old) == key(&edit));
-        if is_again && self.moved.elapsed() < Duration::from_secs(1) {
-            self.edits.pop();
-        }
-        self.edits.push(edit);
-        let applied = self.edits.len();
-        let outcome = self.go_to(applied);
-        if outcome.is_err() {
-            (self.edits, self.applied) = before;
-        }
-        outcome
-    }
-
-    /// The scene after this many edits.
-    fn go_to(&mut self, applied: usize) -> Result<(), String> {
-        let mut scene = self.opened.scene.clone();
-        for edit in standing(&self.edits[..applied]) {
-            overrides::apply(&mut scene, edit).map_err(|e| e.to_string())?;
-        }
-        let hidden = standing(&self.edits[..applied]).filter_map(|edit| hidden_node(edit)).collect();
-        self.geometry += u32::from(hidden != self.hidden);
-        self.scene = Arc::new(scene);
-        (self.hidden, self.applied) = (hidden, applied);
-        self.generation += 1;
-        Ok(())
-    }
-
-    fn set_render(
-        &mut self,
-        integrator: Option<String>,
-        spp: Option<u32>,
-        max_depth: Option<u32>,
-        aov: Option<String>,
-        accelerator: Option<String>,
-    ) -> Result<(), String> {
-        let settings = &mut self.settings;
-        if let Some(name) = integrator {
-            settings.integrator = by_name("integrator", &IntegratorKind::ALL, IntegratorKind::name, &name)?;
-            settings.aovs.clear();
-            settings.max_depth = settings.integrator.default_max_depth();
-            if settings.integrator == IntegratorKind::Aov {
-                settings.aovs.push(Aov::Normal);
-            }
-        }
-        match aov.as_deref() {
-            None => {}
-            Some("") => {
-                settings.aovs.clear();
-                if settings.integrator == IntegratorKind::Aov {
-                    settings.integrator = self.opened.settings.integrator;
-                    settings.max_depth = self.opened.settings.max_depth;
-                }
-            }
-            Some(name) => {
-                settings.aovs = vec![by_name("layer", &Aov::ALL, Aov::name, name)?];
-                settings.integrator = IntegratorKind::Aov;
-            }
-        }
-        if let Some(spp) = spp {
-            settings.spp = spp.clamp(1, MAX_SPP);
-        }
-        if let Some(depth) = max_depth {
-            settings.max_depth = depth.min(Settings::MAX_DEPTH);
-        }
-        if let Some(name) = accelerator {
-            settings.build.accelerator = by_name("accelerator", &AcceleratorKind::ALL, AcceleratorKind::name, &name)?;
-            self.generation += 1;
-            self.geometry += 1;
-        }
-        Ok(())
-    }
-
-    /// What makes the picture at rest from a shell.
-    fn command(&self) -> String {
-        let (settings, camera) = (&self.settings, &self.camera);
-        let mut words: Vec<String> = self.opened.command.clone();
-        let mut option = |name: &str, value: String| words.extend([name.to_string(), value]);
-        option("--size", format!("{}x{}", settings.size[0], settings.size[1]));
-        option("--spp", settings.spp.to_string());
-        option("-i", settings.integrator.name().into());
-        if settings.integrator == IntegratorKind::Aov {
-            option("--aov", settings.aovs.first().map_or("normal", |a| a.name()).into());
-        } else {
-            option("--max-depth", settings.max_depth.to_string());
-        }
-        if settings.build.accelerator != AcceleratorKind::default() {
-            option("--accelerator", settings.build.accelerator.name().into());
-        }
-        for edit in standing(&self.edits[..self.applied]) {
-            option("-D", edit.clone());
-        }
-        let is_other = self.opened.is_camera_made && settings.size != self.opened.settings.size;
-        if is_other || *camera != self.opened.camera {
-            let number = self.opened.camera_number;
-            let before = serde_json::to_value(&self.opened.camera).unwrap_or_default();
-            let now = serde_json::to_value(camera).unwrap_or_default();
-            for (key, value) in now.as_object().into_iter().flatten() {
-                let is_said = before.get(key) != Some(value) || (is_other && !value.is_null());
-                if is_said && key != "name" {
-                    option("-D", format!("camera.{number}.{key}={value}"));
-                }
-            }
-        }
-        words.iter().map(|w| quoted(w)).collect::<Vec<_>>().join(" ")
-    }
-}
-
-/// What an edit changes.
-fn key(edit: &str) -> &str {
-    edit.split_once('=').map_or(edit, |(key, _)| key)
-}
-
-/// The edits that count: of those of one key the last, and nothing is said of nodes that are shown.
-fn standing(edits: &[String]) -> impl Iterator<Item = &String> {
-    let is_last = move |(i, edit): &(usize, &String)| !edits[i + 1..].iter().any(|later| key(later) == key(edit));
-    let says = |edit: &&String| !(edit.starts_with("node.") && edit.ends_with(".visible=true"));
-    edits.iter().enumerate().filter(is_last).map(|(_, edit)| edit).filter(says)
-}
-
-/// The node that an edit hides.
-fn hidden_node(edit: &str) -> Option<u32> {
-    edit.strip_prefix("node.")?.strip_suffix(".visible=false")?.parse().ok()
-}
-
-/// A word as a shell wants it.
-fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(is_plain) {
-        return word.to_string();
-    }
-    format!("'{}'", word.replace('\'', "'\\''"))
-}
-
-/// A camera with which rays can be made, whatever a page sends.
-fn valid_camera(value: Value) -> Result<Camera, String> {
-    let camera: Camera = serde_json::from_value(value).map_err(|e| format!("camera: {e}"))?;
-    let is_finite = camera.eye.is_finite() && camera.towards.is_finite() && camera.up.is_finite();
-    let lens_is_finite = camera.aperture_radius.is_finite() && camera.focus_distance.is_finite();
-    if !is_finite || !lens_is_finite || camera.focus_distance <= 0.0 || camera.aperture_radius < 0.0 {
-        return Err("camera: numbers must be finite, the focus positive and the aperture not negative".into());
-    }
-    let upright = Camera::from_direction(camera.eye, camera.towards, camera.up, camera.projection);
-    // Camera vectors that are as they should be stay as they are, to the bit.
-    let is_close = (upright.towards - camera.towards).length() < 1e-9 && (upright.up - camera.up).length() < 1e-9;
-    Ok(if is_close { camera } else { Camera { towards: upright.towards, up: upright.up, ..camera } })
-}
-
 fn scene_choice(builtin: &snell_scene::builtin::Builtin) -> SceneChoice {
     SceneChoice { name: builtin.name.into(), description: builtin.description.into() }
-}
-
-fn by_name<T: Copy>(what: &str, all: &[T], name_of: impl Fn(T) -> &'static str, name: &str) -> Result<T, String> {
-    all.iter().copied().find(|&x| name_of(x) == name).ok_or_else(|| format!("there is no {what} \"{name}\""))
 }
 
 fn choices() -> Choices {
@@ -659,12 +452,171 @@ fn choices() -> Choices {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Opened;
+    use crate::size::fits;
+    use serde_json::{Value, json};
+
+    struct OneScene;
+
+    impl Source for OneScene {
+        fn open(&self, which: Which) -> Result<Opened, String> {
+            assert!(!matches!(which, Which::Builtin(name) if name == "panic"), "a fault in a reader");
+            let scene = snell_scene::builtin::builtin("cornell-box").ok_or("it is built in")?;
+            let settings = Settings { size: [8, 6], spp: 1, ..Settings::default() };
+            Ok(Opened {
+                camera: scene.cameras[0].clone(),
+                scene,
+                camera_number: 0,
+                is_camera_made: false,
+                settings,
+                display: Display::default(),
+                command: Vec::new(),
+            })
+        }
+    }
+
+    fn session() -> (Session, u32) {
+        let session = Session::new(Box::new(OneScene), false).expect("the scene is built in");
+        let (client, _) = session.join();
+        (session, client)
+    }
+
+    fn facts(session: &Session) -> String {
+        let Viewing { state, steering, watching, .. } = &*lock(&session.viewing);
+        format!("{} {steering} {watching} {}", state.facts(), session.version())
+    }
+
+    /// Messages that are fine, with all of their fields.
+    fn good(session: &Session) -> Vec<Value> {
+        let camera = serde_json::to_value(session.now().camera).expect("plain data");
+        vec![
+            json!({"type": "camera", "seq": 1, "camera": camera}),
+            json!({"type": "size", "size": [9, 7]}),
+            json!({"type": "render", "integrator": "whitted", "spp": 2, "max_depth": 3, "aov": "normal", "accelerator": "grid"}),
+            json!({"type": "render", "integrator": "aov", "aov": ""}),
+            json!({"type": "display", "exposure": 1, "tonemap": "aces"}),
+            json!({"type": "edit", "key": "light.0.intensity", "value": [1, 1, 1]}),
+            json!({"type": "edit", "key": "ambient", "value": [1, 1, 1]}),
+            json!({"type": "show", "node": 1, "visible": false}),
+            json!({"type": "undo"}),
+            json!({"type": "redo"}),
+            json!({"type": "reload"}),
+            json!({"type": "pick", "id": 1, "pixel": [1, 1]}),
+            json!({"type": "explain", "id": 1, "pixel": [1, 1], "sample": 0, "all": true}),
+            json!({"type": "ack", "frame": 1}),
+            json!({"type": "steer"}),
+        ]
+    }
+
+    /// The same with one value after another replaced by each of those that are hardly ever fine.
+    fn spoilt(message: &Value) -> Vec<Value> {
+        let long = "x".repeat(2000);
+        let bad = json!([
+            null, -1, 0, 0.5, 1e300, -1e300, 1e-300, 1e19, 4294967295_u32, 4294967296_u64, 65535, "", "nope", "NaN", long, true,
+            [], {}, [0, 0, 0], [null, null], [1e300, 1, 1], [16384, 16384], {"type": "x"}
+        ]);
+        let mut places = Vec::new();
+        fn walk(value: &Value, place: String, places: &mut Vec<String>) {
+            match value {
+                Value::Object(fields) => fields.iter().for_each(|(k, v)| walk(v, format!("{place}/{k}"), places)),
+                Value::Array(items) => {
+                    items.iter().enumerate().for_each(|(i, v)| walk(v, format!("{place}/{i}"), places))
+                }
+                _ => {}
+            }
+            places.push(place);
+        }
+        walk(message, String::new(), &mut places);
+        let replaced = |place: &String, value: &Value| {
+            let mut message = message.clone();
+            *message.pointer_mut(place).expect("a place of the message") = value.clone();
+            message
+        };
+        let values = bad.as_array().expect("a list");
+        places.iter().flat_map(|place| values.iter().map(move |value| replaced(place, value))).collect()
+    }
 
     #[test]
-    fn of_several_changes_of_one_thing_the_last_counts() {
-        let edits = ["a=1", "node.3.visible=false", "b=2", "a=3", "node.3.visible=true", "node.4.visible=false"];
-        let edits: Vec<String> = edits.map(String::from).to_vec();
-        assert_eq!(standing(&edits).collect::<Vec<_>>(), ["b=2", "a=3", "node.4.visible=false"]);
-        assert_eq!(standing(&edits[..3]).filter_map(|edit| hidden_node(edit)).collect::<Vec<_>>(), [3]);
+    fn a_message_that_is_refused_leaves_everything_as_it_was() {
+        let (session, client) = session();
+        let (mut refused, mut done) = (0, 0);
+        for message in good(&session) {
+            let sent: ToServer = serde_json::from_value(message.clone()).expect("a message");
+            let outcome = session.handle(client, sent);
+            // Which names there are may change; that most of these are fine may not.
+            done += u32::from(outcome.is_ok());
+            for bad in spoilt(&message) {
+                let Ok(sent) = serde_json::from_value::<ToServer>(bad.clone()) else { continue };
+                let before = facts(&session);
+                if session.handle(client, sent).is_err() {
+                    refused += 1;
+                    assert_eq!(facts(&session), before, "{bad}");
+                }
+                let now = session.now();
+                assert!(fits(&now.settings).is_ok() && now.camera.eye.as_vec3().is_finite(), "{bad}");
+                assert_eq!(now.settings.integrator == IntegratorKind::Aov, !now.settings.aovs.is_empty(), "{bad}");
+            }
+        }
+        assert!(done >= 13 && refused > 200, "{done} {refused}");
+    }
+
+    #[test]
+    fn a_message_is_applied_whole_or_not_at_all() {
+        let (session, client) = session();
+        for (message, part) in [
+            (json!({"type": "render", "integrator": "whitted", "aov": "nope"}), "aov"),
+            (json!({"type": "render", "spp": 7, "accelerator": "nope"}), "accelerator"),
+            (json!({"type": "render", "max_depth": 7, "spp": 0}), "spp"),
+            (json!({"type": "display", "exposure": 3, "tonemap": "nope"}), "tonemap"),
+            (json!({"type": "size", "size": [0, 100]}), "size"),
+        ] {
+            let before = facts(&session);
+            let sent = serde_json::from_value(message).expect("a message");
+            assert!(session.handle(client, sent).is_err() && facts(&session) == before, "{part}");
+        }
+        // One that steers when nobody does, and asks for what cannot be.
+        session.leave(client);
+        let before = facts(&session);
+        assert!(session.handle(client + 1, ToServer::Size { size: [0, 0] }).is_err());
+        assert_eq!(facts(&session), before);
+    }
+
+    #[test]
+    fn what_cannot_be_rendered_is_taken_back() {
+        let (session, client) = session();
+        session.has_shown(session.version());
+        let before = session.now();
+        session.handle(client, ToServer::Size { size: [20, 10] }).expect("a size");
+        let failed = session.version();
+        session.has_failed(failed, "no memory".into());
+        let now = session.now();
+        assert!(
+            now.settings.size == before.settings.size && now.version > failed && now.generation > before.generation
+        );
+        // Of what was shown and fails later, only a message comes.
+        session.has_shown(now.version);
+        session.has_failed(now.version, "again".into());
+        assert_eq!(session.version(), now.version);
+    }
+
+    #[test]
+    fn a_fault_in_a_reader_is_an_error() {
+        let (session, _) = session();
+        let before = facts(&session);
+        assert!(session.open(Which::Builtin("panic".into())).is_err_and(|e| e.contains("report")));
+        assert_eq!(facts(&session), before);
+    }
+
+    #[test]
+    fn changes_are_kept_in_bounds() {
+        let (session, client) = session();
+        let ask = |n: u32| match n % 2 {
+            0 => ToServer::Edit { key: "ambient".into(), value: json!([f64::from(n), 1, 1]) },
+            _ => ToServer::Show { node: 1, visible: n % 4 == 1 },
+        };
+        let ends = (0..1200).find(|&n| session.handle(client, ask(n)).is_err());
+        assert_eq!(ends, Some(1000));
+        let huge = ToServer::Edit { key: "ambient".into(), value: Value::String("1".repeat(5 << 20)) };
+        assert!(session.handle(client, huge).is_err());
     }
 }

@@ -5,6 +5,7 @@ use crate::encode::{Encoder, Picture};
 use crate::preview::{self, Preview, rgb_of};
 use crate::protocol::{FrameHeader, ToPage};
 use crate::session::{Finished, REST, Session, Snapshot, lock};
+use crate::size::fits;
 use crate::temporal::{self, History};
 use snell_math::Rgb;
 use snell_render::{CompiledScene, Film, IntegratorKind, Job, Settings, Underway, picture};
@@ -99,17 +100,23 @@ impl<'a> Worker<'a> {
             due = match outcome {
                 Ok(Ok(due)) => due,
                 Ok(Err(message)) => {
-                    self.session.tell(ToPage::Error { message });
+                    self.session.has_failed(snapshot.version, message);
                     None
                 }
                 Err(_) => {
-                    (self.compiled, self.refinement) = (None, None);
+                    self.forget();
                     let message = "a fault in the renderer; the scene can still be changed or reloaded".into();
-                    self.session.tell(ToPage::Error { message });
+                    self.session.has_failed(snapshot.version, message);
                     None
                 }
             };
         }
+    }
+
+    /// Keeps nothing of what a fault may have left half done.
+    fn forget(&mut self) {
+        (self.compiled, self.refinement, self.history) = (None, None, None);
+        (self.fill, self.last_preview, self.moving) = (None, None, None);
     }
 
     /// What is to be rendered next, when it is time.
@@ -127,6 +134,7 @@ impl<'a> Worker<'a> {
             self.refinement = None;
             self.preview(snapshot, &compiled)?;
             self.moving = Some(self.frame);
+            self.session.has_shown(snapshot.version);
             return Ok(Some(snapshot.moved + REST));
         }
         self.moving = None;
@@ -204,6 +212,8 @@ impl<'a> Worker<'a> {
             }
             Some(known) => known,
             None => {
+                // Memory may have become scarce since the size was accepted.
+                fits(settings)?;
                 self.session.tell_view();
                 let is_quick = settings.guiding.is_some();
                 let underway = if is_quick { &quick } else { &whole }.begin(threads, &keep_going);

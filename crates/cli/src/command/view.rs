@@ -7,7 +7,7 @@ use clap::Parser;
 use snell_formats::image::Display;
 use snell_math::simd::Level;
 use snell_scene::Scene;
-use snell_viewer::{Opened, ServerOptions, Source, Which};
+use snell_viewer::{Opened, Server, ServerOptions, Source, Which, read_dropped};
 use std::ffi::OsString;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
@@ -19,6 +19,9 @@ const WATCH_INTERVAL: Duration = Duration::from_millis(300);
 
 /// Behind the choice of scenes if none is named.
 const FIRST_SCENE: &str = "cornell-box";
+
+/// Where the token may stand, besides `--token`.
+const TOKEN_VARIABLE: &str = "SNELL_VIEW_TOKEN";
 
 /// Options of `snell view`.
 #[derive(Clone, Debug, clap::Args)]
@@ -38,7 +41,8 @@ pub struct Options {
     /// Only print the address of the page
     #[arg(long)]
     no_open: bool,
-    /// Token of the page's address, 16 to 64 letters and digits, so that the address stays the same. Default: a random one
+    /// Token of the page's address, 16 to 64 letters and digits, so that the address stays the same. Other users of the machine can
+    /// read it here; the environment variable SNELL_VIEW_TOKEN keeps it private. Default: a random one
     #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
     token: Option<String>,
     /// Frames per second while something moves
@@ -76,9 +80,18 @@ impl Options {
 }
 
 /// The threads that options of `snell render` ask for. What is wrong with them is found out later.
-pub(super) fn threads_of(render: &[String]) -> usize {
-    let words = std::iter::once("scene").chain(render.iter().map(String::as_str));
+pub(super) fn threads_of(render: &[OsString]) -> usize {
+    let words = std::iter::once("scene".as_ref()).chain(render.iter().map(OsString::as_os_str));
     RenderLine::try_parse_from(words).map_or_else(|_| threads::cores(), |line| line.options.threads())
+}
+
+/// The token that is asked for: by the option, or else by the environment, which other users of the
+/// machine cannot read.
+fn chosen_token(options: &Options) -> Result<Option<String>, Failure> {
+    let given = std::env::var_os(TOKEN_VARIABLE).filter(|_| options.token.is_none());
+    let Some(given) = given.filter(|value| !value.is_empty()) else { return Ok(options.token.clone()) };
+    let token = parse_token(&given.to_string_lossy());
+    token.map(Some).map_err(|problem| Failure::Usage(format!("{TOKEN_VARIABLE}: {problem}")))
 }
 
 /// Serves the scene until Ctrl-C, or another signal to end.
@@ -86,7 +99,12 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if !(options.fps >= 1.0 && options.fps <= 240.0) {
         return Err(Failure::Usage(format!("--fps {}: from 1 to 240", options.fps)));
     }
-    let files = Files::new(options.scene.as_deref().unwrap_or(Path::new(FIRST_SCENE)), &options.render)?;
+    let scene = options.scene.as_deref().unwrap_or(Path::new(FIRST_SCENE));
+    let files = Files::new(scene, &options.render)?;
+    if files.line(scene).is_ok_and(|line| line.crop.is_some()) {
+        let problem = "--crop belongs to `snell render`: the viewer shows the whole picture; leave it out";
+        return Err(Failure::Usage(problem.into()));
+    }
     let server_options = ServerOptions {
         host: options.host,
         port: options.port,
@@ -94,7 +112,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         threads: options.threads(),
         is_gallery: options.scene.is_none(),
         may_be_framed: false,
-        token: options.token.clone(),
+        token: chosen_token(options)?,
     };
     let server = snell_viewer::serve(Box::new(files), &server_options).map_err(Failure::Other)?;
     interrupt::save_first();
@@ -104,7 +122,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     println!("{}", server.url);
     eprintln!("Open this address in a browser; Ctrl-C ends.");
     if !options.no_open && (options.open || has_display()) {
-        open_browser(&server.url);
+        open_browser(&server);
     }
     let watched = options.scene.as_ref().filter(|_| options.watch).filter(|path| path.exists());
     let mut before = watched.and_then(|path| modified(path));
@@ -134,8 +152,10 @@ fn has_display() -> bool {
     cfg!(any(target_os = "macos", windows)) || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
 }
 
-fn open_browser(url: &str) {
-    if let Err(error) = open::that_detached(url) {
+/// Other users of the machine can read the browser's command line, so it has no token in it.
+fn open_browser(server: &Server) {
+    let opened = server.url_for_browser().and_then(|url| open::that_detached(url).map_err(|e| e.to_string()));
+    if let Err(error) = opened {
         eprintln!("warning: no browser could be opened ({error}); open the address yourself");
     }
 }
@@ -165,8 +185,10 @@ impl Files {
         Ok(line.options)
     }
 
+    /// `name` is for messages and the command: it may come from a page, and is never read as an option.
     fn opened(&self, name: &Path, scene: Scene) -> Result<Opened, Failure> {
-        let options = self.line(name).map_err(Failure::Usage)?;
+        let options = self.line(&self.scene).map_err(Failure::Usage)?;
+        let options = render::Options { scene: name.into(), ..options };
         let simd = Level::from_env().map_err(Failure::Usage)?;
         if options.has_frames() {
             let problem = "the viewer shows one moment: leave out --frames and --turntable, and choose it with --at";
@@ -182,7 +204,9 @@ impl Files {
             srgb: !scene.settings.raw_display,
         };
         let camera_number = scene.cameras.iter().position(|c| *c == camera).unwrap_or(0);
-        let words = ["snell".as_ref(), "render".as_ref(), name.as_os_str()].into_iter();
+        let is_like_option = name.as_os_str().as_encoded_bytes().starts_with(b"-");
+        let file = if is_like_option { Path::new(".").join(name) } else { name.to_path_buf() };
+        let words = ["snell".as_ref(), "render".as_ref(), file.as_os_str()].into_iter();
         let words = words.chain(self.render.iter().map(OsString::as_os_str));
         Ok(Opened {
             scene,
@@ -211,9 +235,7 @@ impl Source for Files {
                 return Err(format!("{name}: {problem}; open it with `snell view {name}`"));
             }
             Which::Dropped { name, bytes } => {
-                // In a folder that does not exist, so that a dropped file can name no file of this machine.
-                let nowhere = Path::new("/nonexistent/dropped");
-                let scene = snell_formats::read_scene_bytes(&name, bytes, nowhere, &options).map_err(Failure::from);
+                let scene = read_dropped(&name, bytes, &options).map_err(Failure::Scene);
                 (name.into(), scene)
             }
         };

@@ -14,3 +14,5 @@ mod pipes;
 mod statistics;
 mod support;
 mod usd;
+#[cfg(unix)]
+mod view;

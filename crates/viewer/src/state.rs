@@ -1,0 +1,389 @@
+//! What is looked at, and how: everything that decides what the picture is.
+//!
+//! A message never changes a state: [`State::after`] gives the next one whole, or an error.
+
+use crate::protocol::ToServer;
+use crate::size::fits;
+use crate::{Opened, by_name};
+use serde_json::Value;
+use snell_formats::image::{Display, Tonemap};
+use snell_intersect::accel::AcceleratorKind;
+use snell_render::{Aov, IntegratorKind, Settings};
+use snell_scene::camera::{Intrinsics, Projection};
+use snell_scene::{Camera, Scene, overrides, problem_at};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Most samples per pixel.
+const MAX_SPP: u32 = 1 << 20;
+/// Most changes of the scene that are kept, and bytes of all of them.
+const MAX_EDITS: usize = 1000;
+const MAX_EDIT_BYTES: usize = 4 << 20;
+/// Farthest distance from the origin, and of the focus, that a camera may have: what is farther has
+/// squares that single precision does not hold.
+const FARTHEST: f64 = 1e18;
+
+/// Everything that decides what the picture is.
+#[derive(Clone)]
+pub struct State {
+    opened: Arc<Opened>,
+    /// Changes of the scene that can be taken back, as `-D` takes them.
+    edits: Vec<String>,
+    /// How many of them count; the rest can be made again.
+    applied: usize,
+    /// The scene with its edits.
+    pub scene: Arc<Scene>,
+    /// Numbers of the nodes that are not shown.
+    pub hidden: BTreeSet<u32>,
+    /// Counts up with the scene.
+    pub generation: u32,
+    /// Counts up when more has changed than materials, lights and surroundings.
+    pub geometry: u32,
+    /// Where it is seen from.
+    pub camera: Camera,
+    /// Number of the last camera message.
+    pub seq: u32,
+    /// How it is rendered at rest.
+    pub settings: Settings,
+    /// How values are shown.
+    pub display: Display,
+    /// Last change that makes another picture.
+    pub moved: Instant,
+}
+
+/// What a message has changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// Nothing that can be seen.
+    Nothing,
+    /// How a page shows the values that it has.
+    Display,
+    /// Where the scene is seen from.
+    Camera,
+    /// The scene, or how it is rendered.
+    Picture,
+}
+
+impl State {
+    /// A scene as it was opened. An error if its picture is too large.
+    pub fn new(opened: Opened) -> Result<Self, String> {
+        let size = opened.settings.size;
+        Self::with_size(opened, size)
+    }
+
+    /// A scene as it was opened, but for the size of its picture.
+    fn with_size(opened: Opened, size: [u32; 2]) -> Result<Self, String> {
+        let settings = Settings { size, progressive: true, crop: None, ..opened.settings.clone() };
+        fits(&settings)?;
+        Ok(Self {
+            scene: Arc::new(opened.scene.clone()),
+            camera: opened.camera.clone(),
+            settings,
+            display: opened.display,
+            opened: Arc::new(opened),
+            edits: Vec::new(),
+            applied: 0,
+            hidden: BTreeSet::new(),
+            generation: 1,
+            geometry: 1,
+            seq: 0,
+            moved: Instant::now(),
+        })
+    }
+
+    /// Another scene for the same pages; or the same one, read again (`is_same`), for which camera
+    /// and settings stay.
+    pub fn reopened(&self, opened: Opened, is_same: bool) -> Result<Self, String> {
+        let mut new = Self::with_size(opened, self.settings.size)?;
+        (new.generation, new.geometry, new.seq) = (self.generation + 1, self.geometry + 1, self.seq);
+        if is_same {
+            (new.camera, new.display) = (self.camera.clone(), self.display);
+            new.settings = Settings { build: new.settings.build.clone(), ..self.settings.clone() };
+        }
+        Ok(new)
+    }
+
+    /// What was looked at before, after a state from which no picture could be made. Its numbers go
+    /// on from those of that state.
+    pub fn taken_back_to(&self, before: &Self) -> Self {
+        let (generation, geometry) = (self.generation + 1, self.geometry + 1);
+        Self { generation, geometry, seq: self.seq, moved: Instant::now(), ..before.clone() }
+    }
+
+    /// The state after a message. Messages that are about pages and not about the picture change
+    /// nothing. The error is for people.
+    pub fn after(&self, message: ToServer) -> Result<(Self, Change), String> {
+        let mut next = self.clone();
+        let change = next.apply(message)?;
+        if change == Change::Picture {
+            fits(&next.settings)?;
+        }
+        if !matches!(change, Change::Nothing | Change::Display) {
+            next.moved = Instant::now();
+        }
+        Ok((next, change))
+    }
+
+    /// Changes this state, half of it if there is an error: see [`Self::after`].
+    fn apply(&mut self, message: ToServer) -> Result<Change, String> {
+        match message {
+            ToServer::Camera { seq, camera } => {
+                self.camera = valid_camera(camera)?;
+                self.seq = seq;
+                return Ok(Change::Camera);
+            }
+            ToServer::Size { size } if size == self.settings.size => return Ok(Change::Nothing),
+            ToServer::Size { size } => self.settings.size = size,
+            ToServer::Render { integrator, spp, max_depth, aov, accelerator } => {
+                self.set_render(integrator, spp, max_depth, aov, accelerator)?;
+            }
+            ToServer::Display { exposure, tonemap } => {
+                if exposure.is_nan() || exposure.abs() > 100.0 {
+                    return Err("an exposure is a number of stops from -100 to 100".into());
+                }
+                self.display.exposure = exposure;
+                self.display.tonemap = by_name("tone map", &Tonemap::ALL, Tonemap::name, &tonemap)?;
+                return Ok(Change::Display);
+            }
+            ToServer::Edit { key, value } => {
+                let text = match value {
+                    Value::String(text) => text,
+                    other => other.to_string(),
+                };
+                self.edit(format!("{key}={text}"))?;
+            }
+            ToServer::Show { node, visible } => {
+                if node as usize >= self.opened.scene.nodes.len() {
+                    return Err(format!("there is no node {node}"));
+                }
+                self.edit(format!("node.{node}.visible={visible}"))?;
+            }
+            ToServer::Undo if self.applied == 0 => return Ok(Change::Nothing),
+            ToServer::Undo => self.go_to(self.applied - 1)?,
+            ToServer::Redo if self.applied == self.edits.len() => return Ok(Change::Nothing),
+            ToServer::Redo => self.go_to(self.applied + 1)?,
+            ToServer::Reload
+            | ToServer::Steer
+            | ToServer::Ack { .. }
+            | ToServer::Pick { .. }
+            | ToServer::Explain { .. } => return Ok(Change::Nothing),
+        }
+        Ok(Change::Picture)
+    }
+
+    /// Whether there is a change to take back, and one to make again.
+    pub fn history(&self) -> [bool; 2] {
+        [self.applied > 0, self.applied < self.edits.len()]
+    }
+
+    /// The scene without its edits.
+    pub fn base(&self) -> &Scene {
+        &self.opened.scene
+    }
+
+    /// All of it that messages change, to be compared.
+    #[cfg(test)]
+    pub fn facts(&self) -> String {
+        let Self { edits, applied, hidden, generation, geometry, camera, seq, settings, display, moved, .. } = self;
+        let scene = serde_json::to_string(&(&self.scene.materials, &self.scene.lights)).expect("plain data");
+        let numbers = (applied, hidden, generation, geometry, seq, moved);
+        format!("{edits:?} {numbers:?} {camera:?} {settings:?} {display:?} {scene}")
+    }
+
+    fn edit(&mut self, edit: String) -> Result<(), String> {
+        self.edits.truncate(self.applied);
+        // A slider that is dragged is one change.
+        let is_again = self.edits.last().is_some_and(|old| key(old) == key(&edit));
+        if is_again && self.moved.elapsed() < Duration::from_secs(1) {
+            self.edits.pop();
+        }
+        self.edits.push(edit);
+        let bytes: usize = self.edits.iter().map(String::len).sum();
+        if self.edits.len() > MAX_EDITS || bytes > MAX_EDIT_BYTES {
+            return Err(format!(
+                "more than {MAX_EDITS} changes of the scene, or {} MB of them; undo some, or copy the \
+                 command and begin with it",
+                MAX_EDIT_BYTES >> 20
+            ));
+        }
+        self.go_to(self.edits.len())
+    }
+
+    /// The scene after this many edits.
+    fn go_to(&mut self, applied: usize) -> Result<(), String> {
+        let mut scene = self.opened.scene.clone();
+        for edit in standing(&self.edits[..applied]) {
+            overrides::apply(&mut scene, edit).map_err(|e| e.to_string())?;
+        }
+        let hidden = standing(&self.edits[..applied]).filter_map(|edit| hidden_node(edit)).collect();
+        self.geometry += u32::from(hidden != self.hidden);
+        self.scene = Arc::new(scene);
+        (self.hidden, self.applied) = (hidden, applied);
+        self.generation += 1;
+        Ok(())
+    }
+
+    fn set_render(
+        &mut self,
+        integrator: Option<String>,
+        spp: Option<u32>,
+        max_depth: Option<u32>,
+        aov: Option<String>,
+        accelerator: Option<String>,
+    ) -> Result<(), String> {
+        let settings = &mut self.settings;
+        if let Some(name) = integrator {
+            settings.integrator = by_name("integrator", &IntegratorKind::ALL, IntegratorKind::name, &name)?;
+            settings.aovs.clear();
+            settings.max_depth = settings.integrator.default_max_depth();
+            if settings.integrator == IntegratorKind::Aov {
+                settings.aovs.push(Aov::Normal);
+            }
+        }
+        match aov.as_deref() {
+            None => {}
+            Some("") => {
+                settings.aovs.clear();
+                if settings.integrator == IntegratorKind::Aov {
+                    (settings.integrator, settings.max_depth) = light_of(&self.opened.settings);
+                }
+            }
+            Some(name) => {
+                settings.aovs = vec![by_name("layer", &Aov::ALL, Aov::name, name)?];
+                settings.integrator = IntegratorKind::Aov;
+            }
+        }
+        if let Some(spp) = spp {
+            if !(1..=MAX_SPP).contains(&spp) {
+                return Err(format!("{spp} samples per pixel; choose 1 to {MAX_SPP}"));
+            }
+            settings.spp = spp;
+        }
+        if let Some(depth) = max_depth {
+            if depth > Settings::MAX_DEPTH {
+                return Err(format!("{depth} bounces; choose 0 to {}", Settings::MAX_DEPTH));
+            }
+            settings.max_depth = depth;
+        }
+        if let Some(name) = accelerator {
+            let kind = by_name("accelerator", &AcceleratorKind::ALL, AcceleratorKind::name, &name)?;
+            if kind != settings.build.accelerator {
+                settings.build.accelerator = kind;
+                self.generation += 1;
+                self.geometry += 1;
+            }
+        }
+        Ok(())
+    }
+
+    /// What makes the picture at rest from a shell.
+    pub fn command(&self) -> String {
+        let (settings, camera) = (&self.settings, &self.camera);
+        let mut words: Vec<String> = self.opened.command.clone();
+        let mut option = |name: &str, value: String| words.extend([name.to_string(), value]);
+        option("--size", format!("{}x{}", settings.size[0], settings.size[1]));
+        option("--spp", settings.spp.to_string());
+        option("-i", settings.integrator.name().into());
+        if settings.integrator == IntegratorKind::Aov {
+            option("--aov", settings.aovs.first().map_or("normal", |a| a.name()).into());
+        } else {
+            option("--max-depth", settings.max_depth.to_string());
+        }
+        if settings.build.accelerator != AcceleratorKind::default() {
+            option("--accelerator", settings.build.accelerator.name().into());
+        }
+        for edit in standing(&self.edits[..self.applied]) {
+            option("-D", edit.clone());
+        }
+        let is_other = self.opened.is_camera_made && settings.size != self.opened.settings.size;
+        if is_other || *camera != self.opened.camera {
+            let number = self.opened.camera_number;
+            let before = serde_json::to_value(&self.opened.camera).unwrap_or_default();
+            let now = serde_json::to_value(camera).unwrap_or_default();
+            for (key, value) in now.as_object().into_iter().flatten() {
+                let is_said = before.get(key) != Some(value) || (is_other && !value.is_null());
+                if is_said && key != "name" {
+                    option("-D", format!("camera.{number}.{key}={value}"));
+                }
+            }
+        }
+        words.iter().map(|w| quoted(w)).collect::<Vec<_>>().join(" ")
+    }
+}
+
+/// The integrator that shows light, and its bounces, in a scene that was opened with these settings.
+fn light_of(settings: &Settings) -> (IntegratorKind, u32) {
+    match settings.integrator {
+        IntegratorKind::Aov => (IntegratorKind::Path, IntegratorKind::Path.default_max_depth()),
+        other => (other, settings.max_depth),
+    }
+}
+
+/// What an edit changes.
+fn key(edit: &str) -> &str {
+    edit.split_once('=').map_or(edit, |(key, _)| key)
+}
+
+/// The edits that count: of those of one key the last, and nothing is said of nodes that are shown.
+fn standing(edits: &[String]) -> impl Iterator<Item = &String> {
+    let is_last = move |(i, edit): &(usize, &String)| !edits[i + 1..].iter().any(|later| key(later) == key(edit));
+    let says = |edit: &&String| !(edit.starts_with("node.") && edit.ends_with(".visible=true"));
+    edits.iter().enumerate().filter(is_last).map(|(_, edit)| edit).filter(says)
+}
+
+/// The node that an edit hides.
+fn hidden_node(edit: &str) -> Option<u32> {
+    edit.strip_prefix("node.")?.strip_suffix(".visible=false")?.parse().ok()
+}
+
+/// A word as a shell wants it.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.to_string();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
+}
+
+/// A camera with which rays can be made, whatever a page sends.
+fn valid_camera(value: Value) -> Result<Camera, String> {
+    let mut camera: Camera = serde_json::from_value(value).map_err(|e| format!("camera: {e}"))?;
+    let all = serde_json::to_value(&camera).map_err(|e| format!("camera: {e}"))?;
+    if let Some(number) = too_large(&all) {
+        return Err(format!("camera: {number:e} is larger than any number that is computed with"));
+    }
+    if let Some(problem) = problem_at(&all, &[]) {
+        return Err(format!("camera: {problem}"));
+    }
+    if let Projection::Intrinsics(Intrinsics { focal_length, .. }) = camera.projection
+        && focal_length.contains(&0.0)
+    {
+        return Err("camera: a focal length of 0 shows nothing".into());
+    }
+    camera.square_up();
+    Ok(camera)
+}
+
+/// A number whose square single precision does not hold, if there is one.
+fn too_large(value: &Value) -> Option<f64> {
+    match value {
+        Value::Number(number) => number.as_f64().filter(|x| x.abs() > FARTHEST),
+        Value::Array(items) => items.iter().find_map(too_large),
+        Value::Object(fields) => fields.values().find_map(too_large),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_several_changes_of_one_thing_the_last_counts() {
+        let edits = ["a=1", "node.3.visible=false", "b=2", "a=3", "node.3.visible=true", "node.4.visible=false"];
+        let edits: Vec<String> = edits.map(String::from).to_vec();
+        assert_eq!(standing(&edits).collect::<Vec<_>>(), ["b=2", "a=3", "node.4.visible=false"]);
+        assert_eq!(standing(&edits[..3]).filter_map(|edit| hidden_node(edit)).collect::<Vec<_>>(), [3]);
+    }
+}
