@@ -28,7 +28,7 @@ struct Kept {
 impl Kept {
     fn new(compact: bool) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
-        let (list, options) = (list(900, 3), options(compact));
+        let (list, options) = (list(if cfg!(miri) { 30 } else { 900 }, 3), options(compact));
         let tree = GroupTree::build(&list, &[], &options).expect("a tree");
         let GroupTree { nodes, blocks, root, rest, depth, skipped, .. } = tree;
         let wide = Wide { nodes, blocks, root, rest, depth };
@@ -156,11 +156,9 @@ fn what_is_not_a_file_is_neither_opened_nor_replaced() {
         let made = std::process::Command::new("mkfifo").arg(path).status();
         assert!(made.expect("mkfifo").success());
     };
-    let makers: [&dyn Fn(&Path); 3] = [
-        &make_pipe,
-        &|path| std::fs::create_dir(path).expect("a folder"),
-        &|path| std::os::unix::fs::symlink("/dev/zero", path).expect("a link"),
-    ];
+    let makers: [&dyn Fn(&Path); 3] = [&make_pipe, &|path| std::fs::create_dir(path).expect("a folder"), &|path| {
+        std::os::unix::fs::symlink("/dev/zero", path).expect("a link")
+    }];
     for make in makers {
         std::fs::remove_file(path).expect("it was a file");
         make(path);
