@@ -20,8 +20,8 @@ use spare::Piece;
 /// Any bits must be a valid value, and there must be no padding.
 pub(crate) unsafe trait Plain: Copy + Send + Sync + 'static {}
 
-/// Pieces at least this large are mapped by themselves.
-const MAPPED_BYTES: usize = 3 << 17;
+/// Pieces at least this large are mapped by themselves. (Few bytes are much for Miri.)
+const MAPPED_BYTES: usize = if cfg!(miri) { 1 << 12 } else { 3 << 17 };
 
 /// Bytes of a huge page where the system has them, and if not, what memory is aligned to.
 const HUGE_PAGE: usize = 1 << 21;
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn memory_of_any_size_holds_what_is_written() {
-        for len in [0, 1, 1000, if cfg!(miri) { 1 << 17 } else { 1 << 20 }] {
+        for len in [0, 1, 1000, if cfg!(miri) { 1 << 11 } else { 1 << 20 }] {
             let mut memory = Storage::<u32>::unset(len);
             assert_eq!(memory.len(), len);
             memory.iter_mut().zip(0..).for_each(|(x, i)| *x = i);
