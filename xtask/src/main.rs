@@ -1,6 +1,7 @@
 //! The words that developers and CI use: `cargo xtask test` and friends. No dependencies, so that it starts at once.
 
 mod python;
+mod sanitize;
 mod web;
 
 use std::io::{BufRead, BufReader};
@@ -16,6 +17,7 @@ const HELP: &str = "cargo xtask COMMAND
   lint   formatting, clippy and documentation, warnings as errors
   fmt    format everything
   docs   build the API documentation
+  sanitize [address|miri]  tests of the code that is not safe Rust, under AddressSanitizer and Miri; needs a nightly Rust
   golden make the pictures of golden scenes that changed the new references; look at them before you commit
 ";
 
@@ -30,6 +32,7 @@ fn main() -> ExitCode {
         "fmt" => run("format", cargo(&["fmt", "--all"])),
         "docs" => run("documentation", cargo(&["doc", "--workspace", "--no-deps"])),
         "golden" => golden(),
+        "sanitize" => sanitize::run(std::env::args().nth(2).as_deref()),
         _ => {
             eprint!("{HELP}");
             return ExitCode::from(2);
@@ -140,7 +143,11 @@ impl Counts {
 
 /// Runs tests of the workspace, those that one word chooses, and counts them.
 fn cargo_test(which: &str, counts: &mut Counts) -> bool {
-    let mut command = cargo(&["test", "--workspace", "--no-fail-fast", which]);
+    counted(cargo(&["test", "--workspace", "--no-fail-fast", which]), counts)
+}
+
+/// Runs a command that runs tests, with its output shown, and counts them.
+fn counted(mut command: Command, counts: &mut Counts) -> bool {
     command.stdout(Stdio::piped());
     let finished = command.spawn().and_then(|mut child| {
         let output = child.stdout.take().map(BufReader::new);

@@ -1,7 +1,7 @@
 //! The tree of one group, in the quality asked for.
 
 use super::blocks::Blocks;
-use super::cache::{self, Cached};
+use super::cache::{self, Cached, Entry};
 use super::high::High;
 use super::medium::Medium;
 use super::primitive::{MAX_TRIANGLES, OBJECT, Triangles, triangle_primitives};
@@ -12,7 +12,6 @@ use crate::accel::brute_force::GroupList;
 use crate::kernel::binning::Primitive;
 use crate::kernel::node::ChildRef;
 use snell_math::Bounds3;
-use std::path::Path;
 
 /// Builds the tree of one group. `boxes` are those of its objects, in order.
 pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOptions) -> Result<GroupTree, String> {
@@ -51,7 +50,7 @@ pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOpti
     let folder = options.cache.as_deref().filter(|_| count >= cache::LEAST_TRIANGLES);
     let (Cached { wide, skipped }, cache) = match folder {
         None => (build()?, CacheUse::None),
-        Some(folder) => through_cache(&cache::path(folder, list, boxes, options), count, list.objects.len(), build)?,
+        Some(folder) => through_cache(&Entry::new(folder, list, boxes, options), count, list.objects.len(), build)?,
     };
     let Wide { nodes, blocks, root, rest, depth } = wide;
     let objects = list.objects.clone();
@@ -75,21 +74,27 @@ pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOpti
 
 /// The tree in a file, or else a new one, which is then written there.
 fn through_cache(
-    path: &Path,
+    entry: &Entry,
     triangles: usize,
     objects: usize,
     build: impl FnOnce() -> Result<Cached, String>,
 ) -> Result<(Cached, CacheUse), String> {
-    let damage = match cache::read(path, triangles, objects) {
+    let damage = match entry.read(triangles, objects) {
         Ok(Some(cached)) => return Ok((cached, CacheUse::Read)),
         Ok(None) => None,
-        Err(e) => Some(format!("the cached structure {} was not used and is replaced: {e}", path.display())),
+        Err(damage) => Some(damage),
     };
     let built = build()?;
-    let usage = match (cache::write(path, &built.wide, &built.skipped), damage) {
-        (Err(e), _) => CacheUse::Failed(format!("the structure could not be cached as {}: {e}", path.display())),
-        (Ok(()), Some(warning)) => CacheUse::Failed(warning),
-        (Ok(()), None) => CacheUse::Written,
+    let path = entry.path.display();
+    let usage = match (damage, entry.write(&built.wide, &built.skipped)) {
+        (None, Ok(())) => CacheUse::Written,
+        (None, Err(e)) => CacheUse::Failed(format!("the structure could not be cached as {path}: {e}")),
+        (Some(damage), Ok(())) => {
+            CacheUse::Failed(format!("the cached structure {path} was not used and is replaced: {damage}"))
+        }
+        (Some(damage), Err(e)) => CacheUse::Failed(format!(
+            "the cached structure {path} was not used ({damage}) and could not be replaced: {e}"
+        )),
     };
     Ok((built, usage))
 }

@@ -1,4 +1,4 @@
-//! The memory of trees: large pieces come from the system in huge pages where it has them, or from a mapped file.
+//! The memory of trees: large pieces come from the system in huge pages where it has them.
 //!
 //! Fresh pages are a good part of the cost of a build, and address translation one of walking large trees, so pieces of some size
 //! are mapped by themselves and the system is asked for huge pages. No memory is filled before several threads write their parts of it:
@@ -6,7 +6,6 @@
 
 use std::alloc::{Layout, alloc_zeroed, dealloc, handle_alloc_error};
 use std::fmt;
-use std::fs::File;
 use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 use std::ptr::NonNull;
@@ -21,8 +20,8 @@ use spare::Piece;
 /// Any bits must be a valid value, and there must be no padding.
 pub(crate) unsafe trait Plain: Copy + Send + Sync + 'static {}
 
-/// Pieces at least this large are mapped by themselves.
-const MAPPED_BYTES: usize = 3 << 17;
+/// Pieces at least this large are mapped by themselves. (Few bytes are much for Miri.)
+const MAPPED_BYTES: usize = if cfg!(miri) { 1 << 12 } else { 3 << 17 };
 
 /// Bytes of a huge page where the system has them, and if not, what memory is aligned to.
 const HUGE_PAGE: usize = 1 << 21;
@@ -40,13 +39,13 @@ fn map_anonymous(bytes: usize) -> Option<(NonNull<u8>, usize, memmap2::MmapMut)>
     let mut map = memmap2::MmapMut::map_anon(bytes.checked_add(HUGE_PAGE)?).ok()?;
     let offset = map.as_ptr().align_offset(HUGE_PAGE);
     let start = map.get_mut(offset..offset + bytes)?.as_mut_ptr();
-    #[cfg(target_os = "linux")]
+    #[cfg(all(target_os = "linux", not(miri)))]
     // Only a wish: without huge pages it is as before.
     let _ = map.advise_range(memmap2::Advice::HugePage, offset, huge);
     Some((NonNull::new(start)?, bytes, map))
 }
 
-/// A slice that owns its memory: on the heap, mapped, or in a file.
+/// A slice that owns its memory: on the heap or mapped.
 pub(crate) struct Storage<T> {
     start: NonNull<T>,
     len: usize,
@@ -58,8 +57,6 @@ pub(crate) struct Storage<T> {
 enum Owner {
     Heap(Layout),
     Mapped(Piece),
-    /// A file, held only to be dropped.
-    File(#[expect(dead_code, reason = "held to be dropped")] memmap2::MmapMut),
     /// Given back.
     Nobody,
 }
@@ -88,31 +85,16 @@ impl<T: Plain> Storage<T> {
         Self { start, len, owner: Owner::Heap(layout), values: PhantomData }
     }
 
-    /// Values in a file, from a byte on that is a multiple of the size of a page. What is written to them stays in memory.
-    pub fn mapped(file: &File, start: u64, len: usize) -> std::io::Result<Self> {
-        let layout = Layout::array::<T>(len).map_err(std::io::Error::other)?;
-        if len == 0 {
-            return Ok(Self::unset(0));
-        }
-        let options = || {
-            let mut options = memmap2::MmapOptions::new();
-            options.offset(start).len(layout.size());
-            options
-        };
-        // SAFETY: the mapping is private, so only another process that changes the file in place could change what is seen here before it is
-        // first touched; files are complete when they get their name and are never written again. Any bits are valid values.
-        let mut map = unsafe { options().map_copy(file)? };
-        let start = NonNull::new(map.as_mut_ptr().cast::<T>()).expect("mapped memory has an address");
-        if !start.is_aligned() {
-            return Err(std::io::Error::other("the memory of the file is not aligned"));
-        }
-        Ok(Self { start, len, owner: Owner::File(map), values: PhantomData })
-    }
-
     /// The values as they are in memory.
     pub fn bytes(&self) -> &[u8] {
         // SAFETY: plain values have no padding, and all of them are readable.
         unsafe { std::slice::from_raw_parts(self.start.as_ptr().cast(), size_of_val(&**self)) }
+    }
+
+    /// The same, to be changed.
+    pub fn bytes_mut(&mut self) -> &mut [u8] {
+        // SAFETY: as above, nobody else has them, and any bits are valid values.
+        unsafe { std::slice::from_raw_parts_mut(self.start.as_ptr().cast(), size_of_val(&**self)) }
     }
 }
 
@@ -122,7 +104,7 @@ impl<T> Drop for Storage<T> {
             // SAFETY: it was allocated with this layout; plain values need no drop.
             Owner::Heap(layout) if layout.size() > 0 => unsafe { dealloc(self.start.as_ptr().cast(), layout) },
             Owner::Mapped(piece) => piece.give_back(),
-            Owner::Heap(_) | Owner::File(_) | Owner::Nobody => {}
+            Owner::Heap(_) | Owner::Nobody => {}
         }
     }
 }
@@ -167,7 +149,7 @@ mod tests {
 
     #[test]
     fn memory_of_any_size_holds_what_is_written() {
-        for len in [0, 1, 1000, 1 << 20] {
+        for len in [0, 1, 1000, if cfg!(miri) { 1 << 11 } else { 1 << 20 }] {
             let mut memory = Storage::<u32>::unset(len);
             assert_eq!(memory.len(), len);
             memory.iter_mut().zip(0..).for_each(|(x, i)| *x = i);

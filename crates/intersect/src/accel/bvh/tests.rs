@@ -20,7 +20,7 @@ fn vector(i: u32, k: u32, seed: u32) -> Vec3 {
 }
 
 /// Triangles of all sizes and shapes, some of them coincident, flat along an axis, slivers, or degenerate.
-fn soup(n: u32, seed: u32) -> TriangleMesh {
+pub(in crate::accel::bvh) fn soup(n: u32, seed: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for i in 0..n {
         let at = vector(i, 0, seed) * 10.0;
@@ -325,9 +325,9 @@ fn check_cached(compact: bool) {
     assert_eq!(cached(&world_of(&mesh, &BuildOptions { compact: !compact, ..options.clone() })), (0, 0));
     assert_eq!(cached(&world_of(&[Arc::new(soup(70_000, 9))], &options)), (0, 0));
     let mut damages: Vec<Vec<u8>> = vec![Vec::new(), whole[..100].to_vec(), whole[..whole.len() - 1].to_vec()];
-    // In the header, in the references of a node, and in the numbers of a block.
-    let blocks = whole.len() - contents(&built).1.len();
-    for place in [3, 20, 40, 60, 4096 + 195, (blocks / 4096) * 4096 + if compact { 3 } else { 291 }] {
+    // In the header, in a box and the references of a node, and in the corners and numbers of blocks.
+    let last = whole.len() - 4 * 1024;
+    for place in [3, 40, 120, 4000, 4096 + 20, 4096 + 195, last - 333, last, last + 291] {
         let mut bytes = whole.clone();
         bytes[place] ^= 0x35;
         damages.push(bytes);
@@ -340,6 +340,13 @@ fn check_cached(compact: bool) {
         assert!(contents(&built) == contents(&world));
         assert_eq!(cached(&world_of(&mesh, &options)), (1, 0), "it was replaced");
     }
+    std::fs::remove_file(&path).expect("it was a file");
+    std::fs::create_dir(&path).expect("a folder");
+    let world = world_of(&mesh, &options);
+    assert!(contents(&built) == contents(&world));
+    assert!(matches!(&world.warnings()[..], [warning] if warning.contains("could not be replaced")));
+    std::fs::remove_dir(&path).expect("a folder");
+    std::fs::write(&path, whole).expect("written");
     let nowhere = BuildOptions { cache: Some(path.join("below a file")), ..options };
     let world = world_of(&mesh, &nowhere);
     assert_eq!(cached(&world), (0, 1));

@@ -1,0 +1,97 @@
+//! Errors of memory that no result shows: tests of the code that is not safe Rust, under AddressSanitizer and Miri.
+
+use crate::{Counts, counted};
+use std::process::{Command, Stdio};
+
+/// A package, and what the names of its tests contain.
+type Tests = (&'static str, &'static [&'static str]);
+
+/// What runs under AddressSanitizer. It sees every access, also those of vector instructions and of C++.
+const ADDRESS: [Tests; 3] = [
+    ("snell-math", &["simd::"]),
+    ("snell-intersect", &["kernel::", "accel::bvh::"]),
+    ("snell-formats", &["meshopt", "compression"]),
+];
+
+/// What runs under Miri, which also sees what the rules of the language forbid. It is a thousand times as slow, has
+/// only the instructions that every machine has, and knows neither C++ nor large worlds.
+const MIRI: [Tests; 2] = [
+    ("snell-math", &["simd::"]),
+    ("snell-intersect", &["kernel::compact", "accel::bvh::storage", "a_tree_stays_as_it_was_read"]),
+];
+
+/// Both, or the one whose name is given.
+pub fn run(which: Option<&str>) -> bool {
+    let runs: [(&str, fn(&mut Counts) -> Option<bool>); 2] = [("address", address), ("miri", miri)];
+    if let Some(name) = which.filter(|name| runs.iter().all(|run| run.0 != *name)) {
+        eprintln!("xtask: there is no sanitizer {name}: name `address`, `miri`, or none for both");
+        return false;
+    }
+    if !starts(&["--version"]) {
+        eprintln!("xtask: sanitizers need a nightly Rust: `rustup toolchain install nightly`");
+        return false;
+    }
+    let mut results = Vec::new();
+    for (name, run) in runs.into_iter().filter(|run| which.is_none_or(|name| name == run.0)) {
+        let mut counts = Counts::default();
+        let result = match run(&mut counts) {
+            Some(succeeded) if succeeded && counts.passed > 0 => "passed",
+            Some(_) => "FAILED",
+            None => "skipped",
+        };
+        results.push(result);
+        println!("{name}: {} passed, {} failed, {} left out: {result}", counts.passed, counts.failed, counts.ignored);
+    }
+    // What is skipped is no proof: one that was asked for by name has to run.
+    !results.contains(&"FAILED") && !(which.is_some() && results.contains(&"skipped"))
+}
+
+/// Cargo of the nightly toolchain, which builds into a folder of its own.
+fn nightly(arguments: &[&str], folder: &str) -> Command {
+    // Not that of the environment, which is of the toolchain that built this.
+    let mut command = Command::new("cargo");
+    command.arg("+nightly").args(arguments).env("CARGO_TARGET_DIR", format!("target/{folder}"));
+    command
+}
+
+fn starts(arguments: &[&str]) -> bool {
+    let mut command = nightly(arguments, "sanitize");
+    command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|status| status.success())
+}
+
+/// `None` where there is none.
+fn address(counts: &mut Counts) -> Option<bool> {
+    if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+        println!("address: it is set up for Linux on x86-64 only");
+        return None;
+    }
+    const TARGET: &str = "x86_64-unknown-linux-gnu";
+    let run = |(package, names): Tests| {
+        // With a target, build scripts and macros are built without.
+        let mut command = nightly(&["test", "--target", TARGET, "--package", package, "--lib", "--"], "sanitize");
+        // Frames are larger: the stack of a test thread has to be.
+        command.args(names).env("RUSTFLAGS", "-Zsanitizer=address").env("RUST_MIN_STACK", (64 << 20).to_string());
+        command.env(format!("CXXFLAGS_{TARGET}"), "-fsanitize=address -fno-omit-frame-pointer");
+        counted(command, counts)
+    };
+    Some(all(ADDRESS.map(run)))
+}
+
+/// `None` where there is no Miri.
+fn miri(counts: &mut Counts) -> Option<bool> {
+    if !starts(&["miri", "--version"]) {
+        println!("miri: it is not installed: `rustup component add --toolchain nightly miri rust-src`");
+        return None;
+    }
+    let run = |(package, names): Tests| {
+        let mut command = nightly(&["miri", "test", "--package", package, "--lib", "--"], "miri");
+        // Tests write files, and threads of the pool never end; its queues do not keep the rules of stacked borrows.
+        command.args(names).env("MIRIFLAGS", "-Zmiri-disable-isolation -Zmiri-ignore-leaks -Zmiri-tree-borrows");
+        counted(command, counts)
+    };
+    Some(all(MIRI.map(run)))
+}
+
+fn all<const N: usize>(results: [bool; N]) -> bool {
+    results.iter().all(|&succeeded| succeeded)
+}
