@@ -7,6 +7,8 @@
 
 pub mod atomic;
 pub mod error;
+mod expansion;
+mod guard;
 pub mod ies;
 pub mod image;
 pub mod input;
@@ -23,7 +25,7 @@ pub use input::Input;
 pub use limits::Limits;
 pub use write::{SceneWriter, Written, check_scene_path, write_scene, write_scene_as};
 
-use snell_scene::Scene;
+use snell_scene::{Environment, Scene};
 use std::path::Path;
 
 /// A reader of scene or mesh files.
@@ -82,8 +84,7 @@ pub fn read_scene_bytes(
     directory: &Path,
     options: &ReadOptions,
 ) -> Result<Scene, ReadError> {
-    let bytes = input::unpacked(bytes, name, &options.limits)?;
-    read_input(&Input::from_bytes(name, bytes, directory, options))
+    read_input(&Input::from_packed(name, bytes, directory, options)?)
 }
 
 fn read_input(input: &Input) -> Result<Scene, ReadError> {
@@ -101,6 +102,9 @@ fn read_input(input: &Input) -> Result<Scene, ReadError> {
         ));
     };
     let mut scene = (reader.read)(input).map_err(|error| input.located(error))?;
+    if let Some(Environment::Image { image, .. }) = &scene.environment {
+        image::charge_environment(input, image)?;
+    }
     if scene.name.is_empty() {
         scene.name = input.stem();
     }

@@ -101,7 +101,7 @@ pub(super) fn read_ies(
         (None, None) => return Err(profile.error("a light profile needs \"uri\" or \"bufferView\"")),
     };
     let name = format!("{} ({})", reader.input.name, profile.path());
-    let input = Input::from_bytes(&name, bytes, &reader.input.directory, &reader.input.options);
+    let input = reader.input.part(&name, bytes);
     let color = extension.numbers_or("color", [1.0; 3])?;
     let factor = extension.number_or("multiplier", 1.0)? * scale;
     let [r, g, b] = color.map(|c| (c.clamp(0.0, 1.0) * factor.max(0.0)) as f32);

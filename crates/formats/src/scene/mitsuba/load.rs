@@ -5,10 +5,11 @@ mod transform;
 
 use super::object::{Child, Content, Object, Property};
 use super::value::{self, Hue, Value, shortened};
+use super::xml;
 use crate::Input;
 use crate::scene::fault::{Fault, Spot};
 use crate::scene::notes::Notes;
-use roxmltree::{Document, Node, ParsingOptions};
+use roxmltree::Node;
 use snell_math::{DVec3, Rgb};
 use std::cell::Cell;
 use std::collections::HashMap;
@@ -116,13 +117,9 @@ impl<'a> Loader<'a> {
         })?;
         let text = text.trim_start_matches('\u{feff}');
         let nodes_limit = u32::try_from(self.main.options.limits.elements).unwrap_or(u32::MAX);
-        let options = ParsingOptions { nodes_limit, ..ParsingOptions::default() };
-        let document = Document::parse_with_options(text, options).map_err(|error| {
-            let place = error.pos();
-            let message = error.to_string();
-            // The place is told as that of all messages.
-            let problem = message.replace(&format!(" at {place}"), "");
-            Fault::new(Spot { file: number, line: place.row, column: place.col }, problem, "correct the XML")
+        let document = xml::parse(text, nodes_limit).map_err(|flaw| {
+            let spot = Spot { file: number, line: flaw.line, column: flaw.column };
+            Fault::new(spot, flaw.problem, "correct the XML")
         })?;
         let lines = std::iter::once(0).chain(text.match_indices('\n').map(|(i, _)| i + 1)).collect();
         let file = File { number, text, lines, input };
