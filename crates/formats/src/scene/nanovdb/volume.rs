@@ -141,6 +141,13 @@ impl<'a> Volumes<'a> {
     /// # Errors
     /// If it is not one of floats, damaged or too large.
     pub fn volume(&self, name: &str) -> Result<Option<Volume>, ReadError> {
+        crate::guard::guarded(|| self.read(name)).unwrap_or_else(|| {
+            let problem = format!("the grid \"{name}\" is damaged: its decoder gave up");
+            Err(self.input.error(Place::Whole, problem, REMEDY))
+        })
+    }
+
+    fn read(&self, name: &str) -> Result<Option<Volume>, ReadError> {
         let Some(entry) = self.entries.iter().find(|entry| entry.about.name == name) else { return Ok(None) };
         if entry.about.grid_class == GridClass::LevelSet {
             let problem = format!("the grid \"{name}\" is a level set, which is a surface and no density");
