@@ -16,9 +16,9 @@ const MAX_TRIANGLES: usize = 8_000_000;
 const SAME_PLANE: f64 = 1e-7;
 
 /// Most pairs of triangles in one plane that are compared: where thousands lie in one place there are millions.
-const MAX_PAIRS: usize = 20_000_000;
+const MAX_PAIRS: usize = 2_000_000;
 /// Most pairs of pieces in one plane that are remembered.
-const MAX_FOUND: usize = 100_000;
+const MAX_FOUND: usize = 10_000;
 
 /// A triangle in the world.
 #[derive(Clone, Copy)]
