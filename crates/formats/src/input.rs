@@ -46,12 +46,7 @@ impl Input {
     }
 
     /// The same, unpacked if they are compressed with gzip.
-    pub fn from_packed(
-        name: &str,
-        bytes: Vec<u8>,
-        directory: &Path,
-        options: &ReadOptions,
-    ) -> Result<Self, ReadError> {
+    pub fn from_packed(name: &str, bytes: Vec<u8>, directory: &Path, options: &ReadOptions) -> Result<Self, ReadError> {
         let mut input = Self::from_bytes(name, bytes, directory, options);
         if input.bytes.starts_with(&GZIP) {
             input.bytes = input.unpack(&input.bytes, Compression::Gzip, Place::Whole)?;

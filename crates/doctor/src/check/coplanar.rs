@@ -52,7 +52,8 @@ pub fn coplanar(subject: &Subject, report: &mut Report) {
         .chunk_by(|a, b| a.key == b.key)
         .filter(|g| g.iter().any(|f| (f.place, f.component) != (g[0].place, g[0].component)))
         .collect();
-    let found: Vec<(BTreeMap<(Piece, Piece), Overlap>, bool)> = groups.par_iter().map(|group| overlaps(group)).collect();
+    let found: Vec<(BTreeMap<(Piece, Piece), Overlap>, bool)> =
+        groups.par_iter().map(|group| overlaps(group)).collect();
     if found.iter().any(|(_, is_whole)| !is_whole) {
         let message = "so many faces lie in one place that not all of them were compared";
         report.add(Severity::Note, "", message, "take out what is there several times");

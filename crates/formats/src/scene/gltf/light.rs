@@ -3,8 +3,8 @@
 use super::Reader;
 use super::container::fetch_uri;
 use super::json::Json;
-use crate::ies::read_ies as read_ies_file;
 use crate::ReadError;
+use crate::ies::read_ies as read_ies_file;
 use snell_math::{DAffine3, DMat3, DVec3, Rgb};
 use snell_scene::framing::{DEFAULT_BACKGROUND, default_sky, sky_seen_by};
 use snell_scene::light::{Attenuation, SpotFalloff};

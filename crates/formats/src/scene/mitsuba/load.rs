@@ -77,7 +77,8 @@ impl File<'_> {
     fn spot(&self, offset: usize) -> Spot {
         let line = self.lines.partition_point(|start| *start <= offset);
         let start = self.lines[line - 1];
-        let (from, before) = Some(self.last.get()).filter(|(at, _)| (start..=offset).contains(at)).unwrap_or((start, 1));
+        let (from, before) =
+            Some(self.last.get()).filter(|(at, _)| (start..=offset).contains(at)).unwrap_or((start, 1));
         let column = self.text.get(from..offset).map_or(0, |t| t.chars().count()) + before;
         self.last.set((offset, column));
         Spot { file: self.number, line: line as u32, column: column as u32 }

@@ -20,8 +20,9 @@ pub fn parse(text: &str, nodes_limit: u32) -> Result<Document<'_>, Flaw> {
         let before = &text[..at];
         let line = before.matches('\n').count() as u32 + 1;
         let column = before[before.rfind('\n').map_or(0, |i| i + 1)..].chars().count() as u32 + 1;
-        let problem =
-            format!("an element has more than {MAX_ATTRIBUTES} attributes, or the file more than {MAX_NAMESPACES} namespaces");
+        let problem = format!(
+            "an element has more than {MAX_ATTRIBUTES} attributes, or the file more than {MAX_NAMESPACES} namespaces"
+        );
         return Err(Flaw { line, column, problem });
     }
     let options = ParsingOptions { nodes_limit, ..ParsingOptions::default() };

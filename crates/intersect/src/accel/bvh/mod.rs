@@ -250,7 +250,10 @@ impl Forest {
     /// is in it: boxes are widened by such steps, and so most rays meet most boxes.
     pub fn blurred(&self) -> Option<f32> {
         let groups = self.trees.iter().zip(&self.extents);
-        groups.filter(|(tree, extent)| tree.is_blurred(**extent * f32::EPSILON)).map(|(_, &extent)| extent).reduce(f32::max)
+        groups
+            .filter(|(tree, extent)| tree.is_blurred(**extent * f32::EPSILON))
+            .map(|(_, &extent)| extent)
+            .reduce(f32::max)
     }
 
     /// Memory of all trees.
