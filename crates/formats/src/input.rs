@@ -2,10 +2,12 @@
 
 use crate::ReadOptions;
 use crate::error::{Place, ReadError};
+use crate::expansion::{Compression, Expansion, unpack};
 use crate::json_place::line_and_column;
 use crate::limits::Limits;
 use crate::open::{self, NamedBy};
 use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 
 /// A file being read.
 #[derive(Clone, Debug)]
@@ -20,6 +22,8 @@ pub struct Input {
     pub root: PathBuf,
     /// How to read.
     pub options: ReadOptions,
+    /// What the files of the scene have become in memory.
+    pub(crate) expansion: Arc<Expansion>,
 }
 
 impl Input {
@@ -30,23 +34,46 @@ impl Input {
         options.record(path, &bytes);
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty() && !open::is_own_descriptor(path));
         let directory = folder.unwrap_or(Path::new(".")).to_path_buf();
-        Ok(Self { name, bytes, root: directory.clone(), directory, options: options.clone() })
+        let expansion = Arc::new(Expansion::default());
+        expansion.open(path);
+        let input = Self { name, bytes, root: directory.clone(), directory, options: options.clone(), expansion };
+        input.charge(input.bytes.len() as u64, "its content")?;
+        Ok(input)
     }
 
     /// Bytes that are already here.
     pub fn from_bytes(name: &str, bytes: Vec<u8>, directory: &Path, options: &ReadOptions) -> Self {
         let directory = directory.to_path_buf();
-        Self { name: name.into(), bytes, root: directory.clone(), directory, options: options.clone() }
+        let expansion = Arc::new(Expansion::of_bytes(bytes.len() as u64));
+        Self { name: name.into(), bytes, root: directory.clone(), directory, options: options.clone(), expansion }
+    }
+
+    /// The same, unpacked if they are compressed with gzip.
+    pub fn from_packed(name: &str, bytes: Vec<u8>, directory: &Path, options: &ReadOptions) -> Result<Self, ReadError> {
+        let mut input = Self::from_bytes(name, bytes, directory, options);
+        if input.bytes.starts_with(&GZIP) {
+            input.bytes = input.unpack(&input.bytes, Compression::Gzip, Place::Whole)?;
+        }
+        Ok(input)
+    }
+
+    /// Bytes that this file holds, as a file of their own.
+    pub(crate) fn part(&self, name: &str, bytes: Vec<u8>) -> Self {
+        let (directory, root, expansion) = (self.directory.clone(), self.root.clone(), self.expansion.clone());
+        Self { name: name.into(), bytes, directory, root, options: self.options.clone(), expansion }
     }
 
     /// Opens a file that this one names; see [`Self::resolve`].
     pub fn open_relative(&self, name: &str) -> Result<Self, ReadError> {
         let path = self.resolve(name)?;
         let shown = path.display().to_string();
+        self.count_file(&path)?;
         let bytes = read_limited(&path, &shown, NamedBy::File, &self.options.limits)?;
         self.options.record(&path, &bytes);
         let directory = path.parent().unwrap_or(Path::new(".")).to_path_buf();
-        Ok(Self { name: shown, bytes, directory, root: self.root.clone(), options: self.options.clone() })
+        let opened = Self { directory, ..self.part(&shown, bytes) };
+        opened.charge(opened.bytes.len() as u64, "its content")?;
+        Ok(opened)
     }
 
     /// The path of a file that this one names, relative to this one's folder; whether it exists is not said. Absolute names, and
@@ -103,32 +130,17 @@ impl Input {
 
 /// How gzip files begin.
 const GZIP: [u8; 3] = [0x1f, 0x8b, 8];
-/// Text and meshes do not shrink to less than this part; files that do are made to fill the memory.
-const MAX_EXPANSION: u64 = 256;
-/// Files may grow to this size whatever their own.
-const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
-
 /// The content of a file that was compressed with gzip; others as they are.
-pub(crate) fn unpacked(bytes: Vec<u8>, name: &str, limits: &Limits) -> Result<Vec<u8>, ReadError> {
-    use std::io::Read;
+fn unpacked(bytes: Vec<u8>, name: &str, limits: &Limits) -> Result<Vec<u8>, ReadError> {
     if !bytes.starts_with(&GZIP) {
         return Ok(bytes);
     }
-    let error = |problem: String, remedy: &str| ReadError {
+    unpack(&bytes, Compression::Gzip, limits).map_err(|(problem, remedy)| ReadError {
         file: name.into(),
         place: Place::Whole,
         problem,
         remedy: remedy.into(),
-    };
-    let limit = (bytes.len() as u64 * MAX_EXPANSION).max(ALWAYS_ALLOWED_BYTES).min(limits.file_bytes);
-    let mut content = Vec::new();
-    flate2::read::MultiGzDecoder::new(&*bytes).take(limit + 1).read_to_end(&mut content).map_err(|e| {
-        error(format!("its gzip compression is damaged: {e}"), "the file seems cut off; compress or copy it again")
-    })?;
-    if content.len() as u64 > limit {
-        return Err(error(format!("unpacks to more than {limit} bytes, the limit"), "unpack it with gunzip"));
-    }
-    Ok(content)
+    })
 }
 
 /// True if `path`, links followed where it exists, lies in `root`.

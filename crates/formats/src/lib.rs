@@ -7,6 +7,8 @@
 
 pub mod atomic;
 pub mod error;
+mod expansion;
+mod guard;
 pub mod ies;
 pub mod image;
 pub mod input;
@@ -27,7 +29,7 @@ pub use limits::Limits;
 pub use sources::Sources;
 pub use write::{SceneWriter, Written, check_scene_path, write_scene, write_scene_as};
 
-use snell_scene::Scene;
+use snell_scene::{Environment, Scene};
 use std::path::Path;
 
 /// A reader of scene or mesh files.
@@ -97,9 +99,9 @@ pub fn read_scene_bytes(
     directory: &Path,
     options: &ReadOptions,
 ) -> Result<Scene, ReadError> {
-    let bytes = input::unpacked(bytes, name, &options.limits)?;
-    options.record(Path::new(name), &bytes);
-    read_input(&Input::from_bytes(name, bytes, directory, options))
+    let input = Input::from_packed(name, bytes, directory, options)?;
+    options.record(Path::new(name), &input.bytes);
+    read_input(&input)
 }
 
 fn read_input(input: &Input) -> Result<Scene, ReadError> {
@@ -117,6 +119,9 @@ fn read_input(input: &Input) -> Result<Scene, ReadError> {
         ));
     };
     let mut scene = (reader.read)(input).map_err(|error| input.located(error))?;
+    if let Some(Environment::Image { image, .. }) = &scene.environment {
+        image::charge_environment(input, image)?;
+    }
     if scene.name.is_empty() {
         scene.name = input.stem();
     }

@@ -673,7 +673,7 @@ impl World {
     }
 
     /// What the user should know of the build: files of [`BuildOptions::cache`] that were damaged or could not be written, and coordinates
-    /// so large that all rays are slow.
+    /// so large that rays are slow.
     pub fn warnings(&self) -> Vec<String> {
         let Structure::Bvh(forest) = &self.structure else { return Vec::new() };
         let warning = |tree: &std::sync::Arc<crate::accel::bvh::GroupTree>| match &tree.cache {
@@ -688,7 +688,14 @@ impl World {
                  or scale the scene"
             )
         });
-        forest.trees.iter().filter_map(warning).chain(slow).collect()
+        let blurred = forest.ordinary.then(|| forest.blurred()).flatten().map(|reach| {
+            format!(
+                "coordinates reach {reach:.1e}, where single precision is {:.1e} apart: that is more than the size of most \
+                 things, so that rays meet nearly all of them and are slow; move what lies so far out, or scale it down",
+                reach * f32::EPSILON
+            )
+        });
+        forest.trees.iter().filter_map(warning).chain(slow).chain(blurred).collect()
     }
 
     /// Memory of the acceleration structures in bytes, without the geometries.

@@ -12,8 +12,9 @@ use pyo3::types::{PyBool, PyDict};
 use snell_formats::image::cryptomatte;
 use snell_oidn::DenoiseError;
 use snell_render::layers::{Coverage, name_groups};
-use snell_render::{Aov, Film, Guiding, Job, Progress, Settings, Underway};
+use snell_render::{Aov, Film, Guiding, Job, Progress, Settings, Underway, with_patience};
 use snell_scene::{Camera, LayeredImage};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -161,9 +162,19 @@ impl _Render {
 
 impl Plan {
     fn run(&self, begun: Option<Begun>, goal: Goal, watch: &Watch) -> Result<Rendered, DenoiseError> {
+        with_patience(|| watch.cancel.check().is_err(), |cancel| self.run_with(begun, goal, watch, cancel))
+    }
+
+    fn run_with(
+        &self,
+        begun: Option<Begun>,
+        goal: Goal,
+        watch: &Watch,
+        cancel: &AtomicBool,
+    ) -> Result<Rendered, DenoiseError> {
         let Request { settings, is_training_timed, denoiser, .. } = &self.request;
         let (start, compiled) = (Instant::now(), &self.prepared.compiled);
-        let job = Job::new(compiled, &self.camera, settings);
+        let job = Job::new(compiled, &self.camera, settings).with_cancel(cancel);
         let keep_going = |progress: &Progress| {
             if let Some(training) = progress.training {
                 // A pass takes as long as all before it. Where passes are counted, the clock has no say: bits must repeat.

@@ -22,7 +22,7 @@ use output::Target;
 use snell_formats::error::one_line;
 use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
-use snell_render::{CompiledScene, FilmTile, Guiding, IntegratorKind, Job, Settings, Statistics};
+use snell_render::{CompiledScene, FilmTile, Guiding, IntegratorKind, Job, Settings, Statistics, with_patience};
 use snell_scene::{Camera, Pose, Scene};
 use stage::{Shot, Stage};
 use std::ffi::OsString;
@@ -174,14 +174,15 @@ impl Session<'_> {
         let tev = options.tev().map(|url| Tev::open(url, &scene.name, &settings)).transpose()?;
         let start = Instant::now();
         let watcher = |tile: &FilmTile| tev.iter().for_each(|tev| tev.send(tile));
-        let mut job = Job::new(&compiled, &camera, &settings);
-        if tev.is_some() {
-            job = job.watched(&watcher);
-        }
         interrupt::save_first();
-        let (film, statistics) = render(&job, options, threads, &scene.name);
+        let (film, statistics) = with_patience(interrupt::is_requested, |cancel| {
+            let mut job = Job::new(&compiled, &camera, &settings).with_cancel(cancel);
+            if tev.is_some() {
+                job = job.watched(&watcher);
+            }
+            render(&job, options, threads, &scene.name)
+        });
         let render_seconds = start.elapsed().as_secs_f64();
-        drop(job);
         if let Some(tev) = tev {
             tev.finish(&film.tiles);
         }

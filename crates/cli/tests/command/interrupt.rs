@@ -81,3 +81,22 @@ fn ctrl_c_before_anything_is_rendered_leaves_the_picture_that_is_there() {
     assert!(rest.contains("interrupted before anything was rendered"), "{rest}");
     assert_eq!((place.image("a.png").width, place.files()), (20, vec!["a.png".to_string()]));
 }
+
+/// A billion spheres, all in one place: a ray that comes near meets them all.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_a_render_whose_first_ray_takes_hours() {
+    let place = Place::new();
+    let children = |i: usize| format!("{{\"children\": {:?}}}, ", [i + 1; 10]);
+    let nodes: String = (0..9).map(children).collect();
+    let sphere = r#"{"surfaces": [{"shape": {"shape": "sphere", "radius": 1}}]}"#;
+    let scene = format!(r#"{{"format": "snell scene", "version": 1, "root": 0, "nodes": [{nodes}{sphere}]}}"#);
+    place.write("a.snell", &scene);
+    for integrator in ["path", "whitted"] {
+        let start = Instant::now();
+        let words = format!("render a.snell --size 16x12 --spp 1 -i {integrator} -t 2 --progress none -o a.png");
+        let (code, rest) = interrupted(&place, &words, Some(5));
+        assert_eq!(code, Some(130), "{rest}");
+        assert!(start.elapsed() < Duration::from_secs(15), "{:?}", start.elapsed());
+    }
+}

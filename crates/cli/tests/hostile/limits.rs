@@ -23,7 +23,7 @@ fn snell(folder: &Path, words: &str) -> Command {
 }
 
 /// Runs the command; it must end by itself, soon, with a result or one message.
-fn survive(folder: &Path, words: &str) -> Output {
+pub fn survive(folder: &Path, words: &str) -> Output {
     let start = Instant::now();
     let output = snell(folder, words).output().expect("the command exists");
     let messages = String::from_utf8_lossy(&output.stderr);
@@ -46,7 +46,7 @@ fn survive_scene(folder: &Path, name: &str) -> [bool; 3] {
     [render, format!("info {name}"), format!("info {name} --json")].map(|w| survive(folder, &w).status.success())
 }
 
-fn folder_with(files: &[(&str, Vec<u8>)]) -> TempDir {
+pub fn folder_with(files: &[(&str, Vec<u8>)]) -> TempDir {
     let folder = TempDir::new().expect("temporary folders can be made");
     for (name, content) in files {
         std::fs::write(folder.path().join(name), content).expect("the folder is writable");

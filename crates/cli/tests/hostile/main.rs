@@ -2,6 +2,7 @@
 //! panic. Files are read and rendered in this process, because it is quicker, and limits are tried with the real command.
 
 mod collection;
+mod costs;
 mod graph;
 mod limits;
 mod mutate;

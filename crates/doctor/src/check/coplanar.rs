@@ -15,6 +15,11 @@ const MAX_TRIANGLES: usize = 8_000_000;
 /// Distance of planes that count as one, as part of the scene's size.
 const SAME_PLANE: f64 = 1e-7;
 
+/// Most pairs of triangles in one plane that are compared: where thousands lie in one place there are millions.
+const MAX_PAIRS: usize = 2_000_000;
+/// Most pairs of pieces in one plane that are remembered.
+const MAX_FOUND: usize = 10_000;
+
 /// A triangle in the world.
 #[derive(Clone, Copy)]
 struct Face {
@@ -47,9 +52,14 @@ pub fn coplanar(subject: &Subject, report: &mut Report) {
         .chunk_by(|a, b| a.key == b.key)
         .filter(|g| g.iter().any(|f| (f.place, f.component) != (g[0].place, g[0].component)))
         .collect();
-    let found: Vec<BTreeMap<(Piece, Piece), Overlap>> = groups.par_iter().map(|group| overlaps(group)).collect();
+    let found: Vec<(BTreeMap<(Piece, Piece), Overlap>, bool)> =
+        groups.par_iter().map(|group| overlaps(group)).collect();
+    if found.iter().any(|(_, is_whole)| !is_whole) {
+        let message = "so many faces lie in one place that not all of them were compared";
+        report.add(Severity::Note, "", message, "take out what is there several times");
+    }
     let mut all: BTreeMap<(Piece, Piece), Overlap> = BTreeMap::new();
-    for (pair, overlap) in found.into_iter().flatten() {
+    for (pair, overlap) in found.into_iter().flat_map(|(found, _)| found) {
         let known = all.entry(pair).or_insert(Overlap { area: 0.0, count: 0, ..overlap });
         known.area += overlap.area;
         known.count += overlap.count;
@@ -114,7 +124,9 @@ fn plane_key(normal: DVec3, point: DVec3, size: f64) -> u64 {
     })
 }
 
-fn overlaps(group: &[Face]) -> BTreeMap<(Piece, Piece), Overlap> {
+/// What the pieces of a plane share; false if there was too much to compare.
+fn overlaps(group: &[Face]) -> (BTreeMap<(Piece, Piece), Overlap>, bool) {
+    let mut compared = 0;
     let mut found: BTreeMap<(Piece, Piece), Overlap> = BTreeMap::new();
     let axis = group[0].normal.abs();
     let flat = |p: DVec3| {
@@ -134,7 +146,7 @@ fn overlaps(group: &[Face]) -> BTreeMap<(Piece, Piece), Overlap> {
     let resolution = ((group.len() as f64).sqrt().ceil()).clamp(1.0, 2048.0);
     let cell = ((high - low) / resolution).max(DVec2::splat(f64::MIN_POSITIVE));
     let index = |p: DVec2| ((p - low) / cell).floor().clamp(DVec2::ZERO, DVec2::splat(resolution - 1.0)).as_uvec2();
-    let mut cells: HashMap<(u32, u32), Vec<u32>> = HashMap::new();
+    let mut cells: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
     for (i, triangle) in flat.iter().enumerate() {
         let (a, b) = bounds(triangle);
         let (a, b) = (index(a), index(b));
@@ -146,6 +158,10 @@ fn overlaps(group: &[Face]) -> BTreeMap<(Piece, Piece), Overlap> {
     }
     for (&(x, y), list) in &cells {
         for (k, &i) in list.iter().enumerate() {
+            compared += list.len() - k;
+            if compared > MAX_PAIRS || found.len() > MAX_FOUND {
+                return (found, false);
+            }
             for &j in &list[k + 1..] {
                 let (f, g) = (&group[i as usize], &group[j as usize]);
                 let (p, q) = ((f.place, f.component), (g.place, g.component));
@@ -178,7 +194,7 @@ fn overlaps(group: &[Face]) -> BTreeMap<(Piece, Piece), Overlap> {
             }
         }
     }
-    found
+    (found, true)
 }
 
 fn double_area(t: &[DVec2; 3]) -> f64 {

@@ -9,6 +9,8 @@ use std::collections::BTreeMap;
 
 /// Rays by which an emitting surface looks around.
 const PROBES: u32 = 64;
+/// Most places of emitting surfaces that are looked at.
+const MAX_LOOKS: usize = 2000;
 /// What lies nearer than this part of the scene's size covers a lamp.
 const NEAR: f64 = 1e-3;
 
@@ -133,11 +135,16 @@ fn emitters(subject: &Subject, report: &mut Report) {
     let mut lit: BTreeMap<usize, bool> = BTreeMap::new();
     let mut covered: BTreeMap<usize, (usize, DVec3)> = BTreeMap::new();
     let size = subject.finite_bounds().size().length();
+    let mut looks = 0;
     for (place, placed) in subject.placed.iter().enumerate() {
         for (slot, id) in placed.slots() {
             let Some(id) = id.filter(|id| id.index() < subject.scene.materials.len()) else { continue };
             let material = &subject.scene.materials[id.index()];
             if !material.is_emissive() || !material.illuminates || lit.get(&id.index()) == Some(&true) {
+                continue;
+            }
+            looks += 1;
+            if looks > MAX_LOOKS {
                 continue;
             }
             match looks_around(subject, place, slot, material, size) {
@@ -148,6 +155,10 @@ fn emitters(subject: &Subject, report: &mut Report) {
                 }
             }
         }
+    }
+    if looks > MAX_LOOKS {
+        let message = format!("there are {looks} emitting surfaces, and the first {MAX_LOOKS} were looked at");
+        report.add(Severity::Note, "", message, "look at parts of the scene one by one");
     }
     for (i, material) in subject.scene.materials.iter().enumerate() {
         if material.is_emissive() && lit.get(&i) == Some(&false) {

@@ -26,7 +26,6 @@ pub use tonemap::display_value;
 use crate::{Input, Place, ReadError, WriteError};
 use picture::Unfit;
 use snell_scene::{Image, Layer, LayeredImage};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 /// How to turn scene-linear values into display values, for formats that hold display values.
@@ -245,9 +244,25 @@ fn names(which: fn(&ImageFormat) -> bool) -> String {
     IMAGE_FORMATS.iter().filter(|f| which(f)).map(|f| f.name).collect::<Vec<_>>().join(", ")
 }
 
-/// The last line of defence: a panic of a decoder is an error of the file.
+/// Decodes the image of an environment, from which light comes.
+pub fn read_environment(input: &Input) -> Result<Image, ReadError> {
+    let image = read_image(input)?;
+    charge_environment(input, &image)?;
+    Ok(image)
+}
+
+/// Bytes that light from a pixel of an environment takes when it is rendered: three floats.
+const ENVIRONMENT_BYTES: u64 = 12;
+
+/// Counts the memory that rendering takes for an environment.
+pub(crate) fn charge_environment(input: &Input, image: &Image) -> Result<(), ReadError> {
+    let pixels = u64::from(image.width) * u64::from(image.height);
+    input.charge(pixels * ENVIRONMENT_BYTES, "light from the environment's image")
+}
+
+/// A panic of a decoder is an error of the file.
 fn guarded<T>(input: &Input, read: impl FnOnce() -> Result<T, ReadError>) -> Result<T, ReadError> {
-    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
+    crate::guard::guarded(read).unwrap_or_else(|| {
         Err(input.error(Place::Whole, "the image is damaged: its decoder gave up", "export the image again"))
     })
 }

@@ -28,8 +28,8 @@ const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
 const LARGE_BYTES: u64 = 256 << 20;
 const MAX_EXPANSION_OF_LARGE: u64 = 128;
 
-/// Refuses an image that is empty, over the limit, or that declares more than its bytes can hold. To be called before anything is
-/// allocated.
+/// Refuses an image that is empty, over the limit, or that declares more than its bytes can hold, or the scene may take; counts the
+/// memory. To be called once, before anything is allocated.
 pub fn check_size(input: &Input, width: u64, height: u64, bytes_per_pixel: u64) -> Result<(), ReadError> {
     let limit = input.options.limits.image_pixels;
     if width == 0 || height == 0 {
@@ -52,6 +52,7 @@ pub fn check_size(input: &Input, width: u64, height: u64, bytes_per_pixel: u64) 
             "the file is cut off, damaged or made to fill the memory: export the image again, or scale it down",
         ));
     }
+    input.charge(needed, "the image")?;
     // The decoder's own pixels, and those that it gives.
     let needed = needed.saturating_mul(2);
     if needed > ALWAYS_ALLOWED_BYTES {

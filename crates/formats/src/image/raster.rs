@@ -23,10 +23,13 @@ pub fn read_radiance(input: &Input) -> Result<Image, ReadError> {
     decode(input, decoder)
 }
 
-/// At most four channels of floats per pixel, twice: the decoder's own buffers and the result.
+/// What decoders may take beside the pixels, such as for profiles and comments, which are compressed as well: twice what the
+/// file's bytes may stand for.
 fn decoder_limits(input: &Input) -> Limits {
     let mut limits = Limits::default();
-    limits.max_alloc = Some(input.options.limits.image_pixels.saturating_mul(32));
+    let crate::Limits { memory_bytes, expansion, .. } = input.options.limits;
+    let allowed = (input.bytes.len() as u64).saturating_mul(expansion).saturating_add(memory_bytes);
+    limits.max_alloc = Some(allowed.saturating_mul(2));
     limits
 }
 

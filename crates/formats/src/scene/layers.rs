@@ -8,6 +8,9 @@ use snell_scene::material::{AlphaMode, ScalarParam};
 /// met if those before it were not.
 pub type Layers = Vec<Material>;
 
+/// Most layers of a surface. Blends of blends of blends double them each time.
+pub const MAX_LAYERS: usize = 256;
+
 /// `top` on this share of the surface, `rest` elsewhere.
 pub fn blend(top: Layers, rest: Layers, share: ScalarParam) -> Layers {
     if share == ScalarParam::constant(1.0) {

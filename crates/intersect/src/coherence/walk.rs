@@ -316,7 +316,7 @@ impl<'w> Walk<'w> {
     /// Tests a ray with one triangle, by the rule that decides in every structure.
     pub fn confirm(&mut self, ray: &Ray, source: &Source) -> Option<Hit> {
         self.work.confirmed += 1;
-        let context = Context { filter: &AcceptAll, options: &self.world.options, data: &() };
+        let context = Context { filter: &AcceptAll, options: &self.world.options, data: &(), cancel: None };
         let mut search = Search::new(ray.into(), &context, Closest::new(ray));
         let local = LocalRay::new(&self.ray_in(source.frame, ray)?);
         let corners = self.local_corners(source).map(|p| p.to_array());

@@ -200,7 +200,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
                 }
             }
         }
-        if queues.is_empty() {
+        if queues.is_empty() || batch.context.is_cancelled() {
             break;
         }
         // SAFETY: the queues hold slots, each at most once, which have a search, and are at what their queue

@@ -157,6 +157,7 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
         forest,
         data: batch.context.data,
         options: batch.context.options,
+        cancel: batch.context.cancel,
         masks: 0,
         rays: &[],
         first: 0,
@@ -182,7 +183,7 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
     let (mut walkers, mut luggage) = ([new(), new(), new(), new()], Luggage::new());
     let (mut trial, mut detail) = (Trial::default(), Detail::default());
     let mut next = 0;
-    while next < all.len() {
+    while next < all.len() && !batch.context.is_cancelled() {
         // Runs that are bundles.
         let (mut count, mut members) = (0, 0);
         let (chunk, backward) = (next, G::ANY && trial.is_backward());

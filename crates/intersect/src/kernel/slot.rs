@@ -585,7 +585,7 @@ mod tests {
         let world = build(builder, AcceleratorKind::Bvh, Level::Scalar);
         let Structure::Bvh(forest) = &world.structure else { panic!("the product's own structure") };
         let tree = &forest.trees[0];
-        let context = Context { filter: &AcceptAll, options: &world.options, data: &() };
+        let context = Context { filter: &AcceptAll, options: &world.options, data: &(), cancel: None };
         let rays: Vec<Ray> = (0..200).map(|_| Ray::new(random.point(0.5), random.direction())).collect();
         let mut below = [const { MaybeUninit::uninit() }; SMALL_STACK];
         let slots = Slots::<Any<Single>>::new(1, forest.stack_size);

@@ -67,7 +67,8 @@ fn is_mesh(geometries: &[Geometry], geometry: u32) -> bool {
 impl World {
     /// Every hit of each ray, in order; none for invalid rays. There is no limit to their number.
     pub fn all<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter) -> AllHits {
-        self.searcher(filter).all(rays.into())
+        let rays = rays.into();
+        self.searcher(filter).with_cancel(rays.cancel()).all(rays)
     }
 
     /// Every hit of one ray, ascending by `t`, equal ones by instance, geometry and primitive.
@@ -80,7 +81,8 @@ impl World {
     /// # Panics
     /// If the slices differ in length.
     pub fn count<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter, counts: &mut [u32]) {
-        self.searcher(filter).count(rays.into(), counts);
+        let rays = rays.into();
+        self.searcher(filter).with_cancel(rays.cancel()).count(rays, counts);
     }
 
     /// True if the structure may hold a triangle several times.

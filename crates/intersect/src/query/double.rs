@@ -22,7 +22,8 @@ impl DWorld {
         filter: &dyn HitFilter<Double>,
         hits: &mut [DHit],
     ) {
-        self.searcher(filter).closest(rays.into(), grouping, hits);
+        let rays = rays.into();
+        self.searcher(filter).with_cancel(rays.cancel()).closest(rays, grouping, hits);
     }
 
     /// As [`crate::World::occluded`].
@@ -36,7 +37,8 @@ impl DWorld {
         filter: &dyn HitFilter<Double>,
         blocked: &mut [bool],
     ) {
-        self.searcher(filter).occluded(rays.into(), grouping, blocked);
+        let rays = rays.into();
+        self.searcher(filter).with_cancel(rays.cancel()).occluded(rays, grouping, blocked);
     }
 
     /// As [`crate::World::closest_one`].
@@ -51,7 +53,8 @@ impl DWorld {
 
     /// As [`crate::World::all`].
     pub fn all<'a>(&self, rays: impl Into<Rays<'a, Double>>, filter: &dyn HitFilter<Double>) -> AllHits<Double> {
-        self.searcher(filter).all(rays.into())
+        let rays = rays.into();
+        self.searcher(filter).with_cancel(rays.cancel()).all(rays)
     }
 
     /// As [`crate::World::all_one`].
@@ -64,7 +67,8 @@ impl DWorld {
     /// # Panics
     /// If the slices differ in length.
     pub fn count<'a>(&self, rays: impl Into<Rays<'a, Double>>, filter: &dyn HitFilter<Double>, counts: &mut [u32]) {
-        self.searcher(filter).count(rays.into(), counts);
+        let rays = rays.into();
+        self.searcher(filter).with_cancel(rays.cancel()).count(rays, counts);
     }
 
     /// As [`crate::World::closest_counted`].
@@ -79,7 +83,7 @@ impl DWorld {
     #[inline]
     fn searcher<'a>(&'a self, filter: &'a dyn HitFilter<Double>) -> Searcher<'a, Double> {
         let world = &self.world;
-        let context = Context { filter, options: &world.options, data: &self.data };
+        let context = Context { filter, options: &world.options, data: &self.data, cancel: None };
         Searcher { world, context }
     }
 }

@@ -62,7 +62,8 @@ impl World {
     /// # Panics
     /// If the slices differ in length.
     pub fn closest<'a>(&self, rays: impl Into<Rays<'a>>, grouping: Grouping, filter: &dyn HitFilter, hits: &mut [Hit]) {
-        self.searcher(filter).closest(rays.into(), grouping, hits);
+        let rays = rays.into();
+        self.searcher(filter).with_cancel(rays.cancel()).closest(rays, grouping, hits);
     }
 
     /// For each ray, whether anything lies in its interval. Invalid rays are not occluded.
@@ -76,7 +77,8 @@ impl World {
         filter: &dyn HitFilter,
         blocked: &mut [bool],
     ) {
-        self.searcher(filter).occluded(rays.into(), grouping, blocked);
+        let rays = rays.into();
+        self.searcher(filter).with_cancel(rays.cancel()).occluded(rays, grouping, blocked);
     }
 
     /// The nearest hit of one ray.
@@ -108,7 +110,8 @@ impl World {
         filter: &dyn HitFilter,
         hits: &mut [Hit],
     ) -> TraversalWork {
-        self.searcher(filter).closest_work(rays.into(), hits)
+        let rays = rays.into();
+        self.searcher(filter).with_cancel(rays.cancel()).closest_work(rays, hits)
     }
 
     /// For each ray, whether anything lies in its interval, and what all of them together cost to find out.
@@ -121,12 +124,13 @@ impl World {
         filter: &dyn HitFilter,
         blocked: &mut [bool],
     ) -> TraversalWork {
-        self.searcher(filter).occluded_work(rays.into(), blocked)
+        let rays = rays.into();
+        self.searcher(filter).with_cancel(rays.cancel()).occluded_work(rays, blocked)
     }
 
     #[inline]
     pub(crate) fn searcher<'a>(&'a self, filter: &'a dyn HitFilter) -> Searcher<'a> {
-        let context = Context { filter, options: &self.options, data: &() };
+        let context = Context { filter, options: &self.options, data: &(), cancel: None };
         Searcher { world: self, context }
     }
 }

@@ -65,7 +65,8 @@ type DistanceOf<W> = <Of<W> as Precision>::Distance;
 type NearestOf<W> = <Of<W> as Precision>::Nearest;
 
 impl<'a, W: Queries> Parallel<'a, W> {
-    /// Stops soon after the flag is set, with [`Cancelled`]. It is looked at before each piece of at most 16,384 rays, or 64 points.
+    /// Stops soon after the flag is set, with [`Cancelled`]. It is looked at before each piece of at most 16,384 rays, or 64
+    /// points, and while rays are searched for.
     pub fn with_cancel(self, cancel: &'a AtomicBool) -> Self {
         Self { cancel: Some(cancel), ..self }
     }
@@ -89,7 +90,7 @@ impl<'a, W: Queries> Parallel<'a, W> {
         filter: &dyn HitFilter<Of<W>>,
         hits: &mut [HitOf<W>],
     ) -> Result<(), Cancelled> {
-        let rays = rays.into();
+        let rays = self.cancellable(rays.into());
         self.write(rays.len(), self.piece(rays.len()), hits, |range, hits| {
             self.world.closest(rays.slice(range), grouping, filter, hits);
         })
@@ -109,7 +110,7 @@ impl<'a, W: Queries> Parallel<'a, W> {
         filter: &dyn HitFilter<Of<W>>,
         blocked: &mut [bool],
     ) -> Result<(), Cancelled> {
-        let rays = rays.into();
+        let rays = self.cancellable(rays.into());
         self.write(rays.len(), self.piece(rays.len()), blocked, |range, blocked| {
             self.world.occluded(rays.slice(range), grouping, filter, blocked);
         })
@@ -128,7 +129,7 @@ impl<'a, W: Queries> Parallel<'a, W> {
         filter: &dyn HitFilter<Of<W>>,
         counts: &mut [u32],
     ) -> Result<(), Cancelled> {
-        let rays = rays.into();
+        let rays = self.cancellable(rays.into());
         self.write(rays.len(), self.piece(rays.len()), counts, |range, counts| {
             self.world.count(rays.slice(range), filter, counts)
         })
@@ -143,7 +144,7 @@ impl<'a, W: Queries> Parallel<'a, W> {
         rays: impl Into<Rays<'r, Of<W>>>,
         filter: &dyn HitFilter<Of<W>>,
     ) -> Result<AllHits<Of<W>>, Cancelled> {
-        let rays = rays.into();
+        let rays = self.cancellable(rays.into());
         let piece = self.piece(rays.len());
         let pieces = (0..rays.len().div_ceil(piece)).into_par_iter().map(|i| {
             self.check()?;
@@ -209,6 +210,11 @@ impl<'a, W: Queries> Parallel<'a, W> {
         self.write(points.len(), RUN, inside, |range, inside| self.world.occupancy(&points[range], inside))
     }
 
+    /// The rays, with the flag.
+    fn cancellable<'r>(&'r self, rays: Rays<'r, Of<W>>) -> Rays<'r, Of<W>> {
+        self.cancel.map_or(rays, |flag| rays.with_cancel(flag))
+    }
+
     /// Rays of a piece of a batch.
     fn piece(&self, rays: usize) -> usize {
         let most = if self.cancel.is_some() { MAX_PIECE_TO_CANCEL } else { MAX_PIECE };
@@ -229,7 +235,9 @@ impl<'a, W: Queries> Parallel<'a, W> {
             self.check()?;
             query(i * piece..i * piece + answers.len(), answers);
             Ok(())
-        })
+        })?;
+        // The last pieces may have been ended early.
+        self.check()
     }
 
     fn check(&self) -> Result<(), Cancelled> {

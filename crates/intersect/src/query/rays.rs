@@ -2,6 +2,7 @@
 
 use crate::precision::{Double, Precision, Single};
 use snell_math::{DRay, Ray, Vec3};
+use std::sync::atomic::AtomicBool;
 
 /// One ray with its mask and time. A `&Ray` converts into it: all geometries, time 0.
 #[derive(Clone, Copy, Debug)]
@@ -42,12 +43,14 @@ pub struct Rays<'a, P: Precision = Single> {
     masks: &'a [u32],
     /// Empty, or one per ray.
     times: &'a [f32],
+    /// Ends the search early when it is set.
+    cancel: Option<&'a AtomicBool>,
 }
 
 impl<'a, P: Precision> Rays<'a, P> {
     /// The rays, for all geometries and at time 0.
     pub fn new(rays: &'a [P::Ray]) -> Self {
-        Self { rays, masks: &[], times: &[] }
+        Self { rays, masks: &[], times: &[], cancel: None }
     }
 
     /// With a mask per ray ([`RayQuery::mask`]).
@@ -66,6 +69,17 @@ impl<'a, P: Precision> Rays<'a, P> {
     pub fn with_times(self, times: &'a [f32]) -> Self {
         assert_eq!(times.len(), self.rays.len(), "one time per ray");
         Self { times, ..self }
+    }
+
+    /// With a flag that is looked at all the time, also while one ray is searched for: soon after it is set the query ends, and its
+    /// answers are of no use.
+    pub fn with_cancel(self, cancel: &'a AtomicBool) -> Self {
+        Self { cancel: Some(cancel), ..self }
+    }
+
+    /// The flag, if there is one.
+    pub(crate) fn cancel(&self) -> Option<&'a AtomicBool> {
+        self.cancel
     }
 
     /// How many rays there are.
@@ -116,7 +130,7 @@ impl<'a, P: Precision> Rays<'a, P> {
     pub fn slice(&self, range: std::ops::Range<usize>) -> Self {
         let masks = if self.masks.is_empty() { self.masks } else { &self.masks[range.clone()] };
         let times = if self.times.is_empty() { self.times } else { &self.times[range.clone()] };
-        Self { rays: &self.rays[range], masks, times }
+        Self { rays: &self.rays[range], masks, times, ..*self }
     }
 }
 

@@ -7,6 +7,7 @@ use crate::kernel::node::padded;
 use crate::precision::{Precision, Real, Rules};
 use crate::world::{GeometryOptions, TraversalCounters};
 use snell_math::DAffine3;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Rays, hits and distances of the world that a goal is about.
 pub(crate) type RayOf<G> = <<G as Goal>::Precision as Precision>::Ray;
@@ -88,6 +89,16 @@ pub(crate) struct Context<'a, P: Rules> {
     pub options: &'a [GeometryOptions],
     /// What the precision wants to know.
     pub data: &'a P::Data,
+    /// Ends all searches early when it is set.
+    pub cancel: Option<&'a AtomicBool>,
+}
+
+impl<P: Rules> Context<'_, P> {
+    /// True if nobody waits for the answers any more. Asked where a search may go on for long: at every instance.
+    #[inline(always)]
+    pub fn is_cancelled(&self) -> bool {
+        self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed))
+    }
 }
 
 /// A search over one ray.

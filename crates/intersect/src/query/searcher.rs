@@ -13,6 +13,7 @@ use crate::kernel::traverse::search_forest;
 use crate::kernel::{interleave, packet};
 use crate::precision::{Double, Precision, Rules, Single};
 use crate::world::{Structure, TraversalCounters, TraversalWork, World};
+use std::sync::atomic::AtomicBool;
 
 type HitOf<P> = <P as Precision>::Hit;
 
@@ -108,6 +109,15 @@ impl Searcher<'_> {
             work.add(&counted.counters);
         });
         work
+    }
+}
+
+impl<'a, P: Rules> Searcher<'a, P> {
+    /// The same, ended by a flag.
+    #[inline]
+    pub fn with_cancel(mut self, cancel: Option<&'a AtomicBool>) -> Self {
+        self.context.cancel = cancel;
+        self
     }
 }
 
@@ -218,7 +228,7 @@ impl<P: Rules> Searcher<'_, P> {
             }
             Structure::Walked(structures) => {
                 let mut scratch = structures.scratch();
-                for i in 0..rays.len() {
+                for i in (0..rays.len()).take_while(|_| !self.context.is_cancelled()) {
                     let query = rays.get(i);
                     let mut search = Search::new(query, &self.context, start(query.ray));
                     if P::is_valid(query.ray) {
@@ -228,7 +238,11 @@ impl<P: Rules> Searcher<'_, P> {
                 }
                 scratch.keep();
             }
-            _ => (0..rays.len()).for_each(|i| answers.put(i, self.search(rays.get(i), &start))),
+            _ => {
+                for i in (0..rays.len()).take_while(|_| !self.context.is_cancelled()) {
+                    answers.put(i, self.search(rays.get(i), &start));
+                }
+            }
         }
     }
 

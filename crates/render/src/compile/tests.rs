@@ -3,6 +3,7 @@
 mod motion;
 
 use super::*;
+use snell_intersect::shape::{AnyShape, Sphere};
 use snell_intersect::{AcceptAll, Curves, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DVec3, Rgb, Vec2};
 use snell_scene::material::Diffuse;
@@ -97,6 +98,22 @@ fn a_vertex_so_far_out_that_all_rays_are_slow_is_told() {
         let compiled = CompiledScene::new(&nested(Arc::new(mesh)), &BuildOptions::default()).expect("a valid scene");
         let told =
             compiled.warnings.iter().any(|w| w.message.starts_with("coordinates reach 3.0e38, and beyond 1e12 "));
+        assert_eq!(told, is_told, "{:?}", compiled.warnings);
+    }
+}
+
+#[test]
+fn things_smaller_than_the_steps_of_coordinates_so_far_out_are_told() {
+    for (radius, is_told) in [(1e4, false), (4_294_967_295.0, true)] {
+        let mut scene = Scene::new("far");
+        for i in 0..80 {
+            let transform = DAffine3::from_translation(DVec3::new(f64::from(i % 9), f64::from(i / 9), 0.0));
+            let sphere = AnyShape::from(Sphere { radius: if i == 40 { radius } else { 0.1 } });
+            let surface = Surface { geometry: Geometry::Shape(Arc::new(sphere)), materials: Vec::new() };
+            scene.add_child(scene.root, Node { transform, surfaces: vec![surface], ..Node::named("ball") });
+        }
+        let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
+        let told = compiled.warnings.iter().any(|w| w.message.starts_with("coordinates reach 4.3e9, where single"));
         assert_eq!(told, is_told, "{:?}", compiled.warnings);
     }
 }

@@ -8,6 +8,7 @@ mod light_parts;
 mod part;
 mod parts;
 mod paths;
+mod patience;
 mod photons;
 mod projection_maps;
 mod tracer;
@@ -16,6 +17,7 @@ mod underway;
 mod volumes;
 
 pub(crate) use journal::{Event, Journal, Shaded};
+pub use patience::with_patience;
 pub use tracer::{Recording, hit_filter};
 pub use underway::Underway;
 
@@ -128,6 +130,7 @@ pub struct Job<'a> {
     light_parts: LightParts,
     crop: Crop,
     watcher: Option<TileWatcher<'a>>,
+    cancel: Option<&'a AtomicBool>,
 }
 
 /// A tile being filled by several threads.
@@ -186,12 +189,20 @@ impl<'a> Job<'a> {
             light_parts: LightParts::new(scene, settings),
             crop,
             watcher: None,
+            cancel: None,
         }
     }
 
     /// The same render, with somebody who looks at tiles as they come.
     pub fn watched(self, watcher: TileWatcher<'a>) -> Self {
         Self { watcher: Some(watcher), ..self }
+    }
+
+    /// The same render, with a flag that gives up what is underway. When `keep_going` says no, threads end the parts that they
+    /// have begun, which may take minutes where one ray meets millions of things. Soon after the flag is set they leave them;
+    /// the film has only whole parts. A cancelled render makes no progress any more.
+    pub fn with_cancel(self, cancel: &'a AtomicBool) -> Self {
+        Self { cancel: Some(cancel), ..self }
     }
 
     /// Renders with `threads` threads (at least one) until all samples are taken or `keep_going` says no. `keep_going` is called
@@ -244,7 +255,7 @@ impl<'a> Job<'a> {
         let (trained, _) = self.trained(threads, &|_| true);
         let (wants_lobes, field) = (self.light_parts.want_lobes(), trained.as_ref());
         let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights, field, wants_lobes };
-        let tracer = Tracer::new(self.scene, None);
+        let tracer = Tracer::new(self.scene, None, self.cancel);
         let mut renderer =
             PartRenderer::new(context, self.camera, &self.sampler, &self.filter, &self.light_parts, tracer);
         for range in (Ranges::Blocks { start: 0, end: self.settings.spp, is_progressive: false }).all() {
@@ -298,7 +309,7 @@ impl<'a> Job<'a> {
         let wants_lobes = self.light_parts.want_lobes();
         let field = tally.field.as_ref();
         let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights, field, wants_lobes };
-        let tracer = Tracer::new(self.scene, tally.record.then(Recording::default));
+        let tracer = Tracer::new(self.scene, tally.record.then(Recording::default), self.cancel);
         let mut renderer =
             PartRenderer::new(context, self.camera, &self.sampler, &self.filter, &self.light_parts, tracer);
         let mut mine = Statistics::default();
@@ -331,6 +342,10 @@ impl<'a> Job<'a> {
             };
             let before = mine.rays.total();
             let part = renderer.render(area, pixels.as_deref(), range, &mut mine);
+            if renderer.tracer.is_cancelled() {
+                tally.stopped.store(true, Ordering::Relaxed);
+                break;
+            }
             let samples = part.values.len() as u64;
             mine.samples += samples;
             tally.done.fetch_add(samples, Ordering::Relaxed);

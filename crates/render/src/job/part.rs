@@ -198,7 +198,8 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Takes samples `range` of the pixels of `area`: of all, or of those with these numbers (row by row).
+    /// Takes samples `range` of the pixels of `area`: of all, or of those with these numbers (row by row). If it is
+    /// [cancelled](Tracer::is_cancelled), the part is of no use.
     pub fn render(
         &mut self,
         area: Crop,
@@ -227,6 +228,9 @@ impl<'a> PartRenderer<'a> {
             false => MAX_SAMPLES / (range[1] - range[0]).max(1) as usize,
         };
         for positions in positions.chunks(at_once.max(1)) {
+            if self.tracer.is_cancelled() {
+                break;
+            }
             self.take_samples(positions, range, statistics);
             self.finish(&mut part, statistics);
         }
@@ -245,7 +249,7 @@ impl<'a> PartRenderer<'a> {
                 Grouping::None
             };
         let mut depth = 0;
-        while self.paths.len() > 0 {
+        while self.paths.len() > 0 && !self.tracer.is_cancelled() {
             self.note_arrivals();
             self.journal.iter_mut().for_each(|journal| journal.events.push(Event::Depth));
             let is_shown = depth == 0 && self.shows_first_hits();

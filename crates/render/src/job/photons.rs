@@ -72,8 +72,8 @@ impl Job<'_> {
             let shots: Vec<Mutex<Shots>> = batches.clone().map(|_| Mutex::default()).collect();
             let next = AtomicUsize::new(0);
             let work = || {
-                let mut tracer = Tracer::new(self.scene, None);
-                loop {
+                let mut tracer = Tracer::new(self.scene, None, self.cancel);
+                while !tracer.is_cancelled() {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(shots) = shots.get(index) else { break };
                     lock(shots).shoot((self.scene, &lights, maps), &sampler, batches.start + index, &mut tracer);
@@ -88,7 +88,8 @@ impl Job<'_> {
         shots.extend(shoot(scouts..batches, &maps));
         let records: Vec<Record> = shots.into_iter().flat_map(|shots| shots.records).collect();
         // Regions and quads are made by what is found in them, so all is read again where there are new ones.
-        for round in 0..ROUNDS {
+        let is_cancelled = || self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed));
+        for round in (0..ROUNDS).take_while(|_| !is_cancelled()) {
             if round == PARALLAX_ROUND {
                 field.find_parallax(&records, rng::hash_combine(seed, ROUNDS), threads);
             }

@@ -3,6 +3,7 @@
 use crate::compile::CompiledScene;
 use snell_intersect::{AcceptAll, Grouping, Hit, HitFilter, Rays};
 use snell_math::Ray;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Traces batches.
@@ -12,6 +13,8 @@ pub struct Tracer<'a> {
     pub spent: Duration,
     /// The batches, if they are wanted.
     pub recording: Option<Recording>,
+    /// Ends queries early when it is set.
+    cancel: Option<&'a AtomicBool>,
 }
 
 /// Batches of rays that a render traced.
@@ -32,8 +35,13 @@ impl Recording {
 }
 
 impl<'a> Tracer<'a> {
-    pub fn new(scene: &'a CompiledScene, recording: Option<Recording>) -> Self {
-        Self { scene, spent: Duration::ZERO, recording }
+    pub fn new(scene: &'a CompiledScene, recording: Option<Recording>, cancel: Option<&'a AtomicBool>) -> Self {
+        Self { scene, spent: Duration::ZERO, recording, cancel }
+    }
+
+    /// True if what was found since is of no use: nobody waits for it any more.
+    pub fn is_cancelled(&self) -> bool {
+        self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed))
     }
 
     /// Who decides about hits on cut-out and blended surfaces.
@@ -65,8 +73,12 @@ impl<'a> Tracer<'a> {
         self.spent += start.elapsed();
     }
 
-    fn timed<'r>(&self, rays: &'r [Ray], times: &'r [f32]) -> Rays<'r> {
-        if self.scene.moves { Rays::new(rays).with_times(times) } else { Rays::new(rays) }
+    fn timed<'r>(&self, rays: &'r [Ray], times: &'r [f32]) -> Rays<'r>
+    where
+        'a: 'r,
+    {
+        let rays = if self.scene.moves { Rays::new(rays).with_times(times) } else { Rays::new(rays) };
+        self.cancel.map_or(rays, |cancel| rays.with_cancel(cancel))
     }
 
     /// For each ray, whether anything is in its way.

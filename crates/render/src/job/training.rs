@@ -118,7 +118,7 @@ impl Job<'_> {
                     field: Some(field),
                     wants_lobes: false,
                 };
-                let tracer = Tracer::new(self.scene, None);
+                let tracer = Tracer::new(self.scene, None, self.cancel);
                 let mut renderer =
                     PartRenderer::new(context, self.camera, &sampler, &self.filter, &light_parts, tracer);
                 let mut mine = Statistics::default();

@@ -446,7 +446,7 @@ impl Options {
                 None => {
                     let input = snell_formats::Input::open(Path::new(value), &self.read_options())?;
                     Some(Environment::Image {
-                        image: Arc::new(snell_formats::image::read_image(&input)?),
+                        image: Arc::new(snell_formats::image::read_environment(&input)?),
                         scale: Rgb::WHITE,
                         world_from_environment: snell_math::DAffine3::IDENTITY,
                     })

@@ -5,6 +5,7 @@
 
 use super::super::picture::check_size;
 use super::chromaticities::to_rec709;
+use crate::guard::guarded;
 use crate::{Input, Place, ReadError};
 use exr::block::UncompressedBlock;
 use exr::block::chunk::Chunk;
@@ -15,7 +16,6 @@ use half::f16;
 use rayon::prelude::*;
 use snell_scene::{Image, Layer, LayeredImage};
 use std::io::Cursor;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Chunks decompressed at a time: enough for all cores, little enough to bound the memory.
 const BATCH: usize = 64;
@@ -113,9 +113,9 @@ fn convert_colours(meta: &MetaData, image: &mut LayeredImage) {
 }
 
 fn decompress(chunk: Chunk, meta: &MetaData) -> Result<UncompressedBlock, String> {
-    match catch_unwind(AssertUnwindSafe(|| UncompressedBlock::decompress_chunk(chunk, meta, false))) {
-        Ok(block) => block.map_err(|e| e.to_string()),
-        Err(_) => Err("its decoder gave up".into()),
+    match guarded(|| UncompressedBlock::decompress_chunk(chunk, meta, false)) {
+        Some(block) => block.map_err(|e| e.to_string()),
+        None => Err("its decoder gave up".into()),
     }
 }
 

@@ -272,7 +272,9 @@ impl Accessor<'_, '_> {
                 .json
                 .error_with("the file uses its accessors for too many vertices in all", "split the scene"));
         }
-        Ok(())
+        let bytes = self.count.saturating_mul(self.width * 4) as u64;
+        let charged = self.all.buffers.input().charge(bytes, "what it is decoded to");
+        charged.map_err(|e| self.json.error_with(e.problem, e.remedy))
     }
 
     /// Where a sparse accessor has its places and values.

@@ -121,6 +121,11 @@ impl<'a> Buffers<'a> {
         Ok(Self { input, binary, declared, views, loaded, decoded })
     }
 
+    /// The file.
+    pub fn input(&self) -> &'a Input {
+        self.input
+    }
+
     /// Where a buffer view lies, checked against what its buffer declares. Reads no buffer.
     pub fn view(&self, index: &Json) -> Result<View, ReadError> {
         let view = entry(&self.views, index, "buffer views")?;
@@ -162,7 +167,10 @@ impl<'a> Buffers<'a> {
                 let json = &self.views[view.number];
                 let bytes = self.stored(view.buffer, view.offset, packed)?;
                 let extension = meshopt::extension(json)?.ok_or_else(|| json.error("the view is not compressed"))?;
-                let decoded = Compression::read(extension, packed, view.length)?.decode(bytes)?;
+                let compression = Compression::read(extension, packed, view.length)?;
+                self.input.charge(view.length as u64, "a compressed buffer view")?;
+                let decoded = crate::guard::guarded(|| compression.decode(bytes))
+                    .ok_or_else(|| json.error("the compressed data is damaged: its decoder gave up"))??;
                 cell.get_or_init(|| decoded)
             }
         };

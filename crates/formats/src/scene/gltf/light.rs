@@ -3,8 +3,8 @@
 use super::Reader;
 use super::container::fetch_uri;
 use super::json::Json;
+use crate::ReadError;
 use crate::ies::read_ies as read_ies_file;
-use crate::{Input, ReadError};
 use snell_math::{DAffine3, DMat3, DVec3, Rgb};
 use snell_scene::framing::{DEFAULT_BACKGROUND, default_sky, sky_seen_by};
 use snell_scene::light::{Attenuation, SpotFalloff};
@@ -101,7 +101,7 @@ pub(super) fn read_ies(
         (None, None) => return Err(profile.error("a light profile needs \"uri\" or \"bufferView\"")),
     };
     let name = format!("{} ({})", reader.input.name, profile.path());
-    let input = Input::from_bytes(&name, bytes, &reader.input.directory, &reader.input.options);
+    let input = reader.input.part(&name, bytes);
     let color = extension.numbers_or("color", [1.0; 3])?;
     let factor = extension.number_or("multiplier", 1.0)? * scale;
     let [r, g, b] = color.map(|c| (c.clamp(0.0, 1.0) * factor.max(0.0)) as f32);

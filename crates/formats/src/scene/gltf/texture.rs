@@ -113,7 +113,7 @@ impl<'s, 'a> Source<'s, 'a> {
                 (shown, fetch_uri(input, &uri)?)
             }
         };
-        read_image(&Input::from_bytes(&name, bytes, &input.directory, &input.options))
+        read_image(&input.part(&name, bytes))
     }
 }
 

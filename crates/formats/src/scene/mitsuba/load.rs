@@ -5,10 +5,11 @@ mod transform;
 
 use super::object::{Child, Content, Object, Property};
 use super::value::{self, Hue, Value, shortened};
+use super::xml;
 use crate::Input;
 use crate::scene::fault::{Fault, Spot};
 use crate::scene::notes::Notes;
-use roxmltree::{Document, Node, ParsingOptions};
+use roxmltree::Node;
 use snell_math::{DVec3, Rgb};
 use std::cell::Cell;
 use std::collections::HashMap;
@@ -40,6 +41,9 @@ const MAX_FILE_DEPTH: usize = 16;
 /// Objects in objects; each takes some of the thread's stack.
 const MAX_DEPTH: usize = 128;
 
+/// Properties of an object: each is compared with all before it.
+const MAX_PROPERTIES: usize = 4096;
+
 /// What is known while files are read.
 pub struct Loader<'a> {
     main: &'a Input,
@@ -65,13 +69,18 @@ struct File<'t> {
     text: &'t str,
     lines: Vec<usize>,
     input: &'t Input,
+    /// The last offset that was asked for, and its column: counting goes on from there, for a file may be one long line.
+    last: Cell<(usize, usize)>,
 }
 
 impl File<'_> {
     fn spot(&self, offset: usize) -> Spot {
         let line = self.lines.partition_point(|start| *start <= offset);
         let start = self.lines[line - 1];
-        let column = self.text.get(start..offset).map_or(0, |t| t.chars().count()) + 1;
+        let (from, before) =
+            Some(self.last.get()).filter(|(at, _)| (start..=offset).contains(at)).unwrap_or((start, 1));
+        let column = self.text.get(from..offset).map_or(0, |t| t.chars().count()) + before;
+        self.last.set((offset, column));
         Spot { file: self.number, line: line as u32, column: column as u32 }
     }
 
@@ -116,16 +125,12 @@ impl<'a> Loader<'a> {
         })?;
         let text = text.trim_start_matches('\u{feff}');
         let nodes_limit = u32::try_from(self.main.options.limits.elements).unwrap_or(u32::MAX);
-        let options = ParsingOptions { nodes_limit, ..ParsingOptions::default() };
-        let document = Document::parse_with_options(text, options).map_err(|error| {
-            let place = error.pos();
-            let message = error.to_string();
-            // The place is told as that of all messages.
-            let problem = message.replace(&format!(" at {place}"), "");
-            Fault::new(Spot { file: number, line: place.row, column: place.col }, problem, "correct the XML")
+        let document = xml::parse(text, nodes_limit).map_err(|flaw| {
+            let spot = Spot { file: number, line: flaw.line, column: flaw.column };
+            Fault::new(spot, flaw.problem, "correct the XML")
         })?;
         let lines = std::iter::once(0).chain(text.match_indices('\n').map(|(i, _)| i + 1)).collect();
-        let file = File { number, text, lines, input };
+        let file = File { number, text, lines, input, last: Cell::new((0, 1)) };
         let root = document.root_element();
         if root.tag_name().name() != "scene" {
             let problem = format!("the element <{}>, where <scene> was expected", shortened(root.tag_name().name()));
@@ -280,6 +285,10 @@ impl<'a> Loader<'a> {
         if object.properties.iter().any(|p| p.name == name) {
             let problem = format!("{} has \"{name}\" twice", object.owner());
             return Err(Fault::new(at, problem, "take one of them out"));
+        }
+        if object.properties.len() >= MAX_PROPERTIES {
+            let problem = format!("{} has more than {MAX_PROPERTIES} properties, the limit", object.owner());
+            return Err(Fault::new(at, problem, "no plugin knows as many: take some out"));
         }
         object.properties.push(Property { name, at, value, used: Cell::new(false) });
         Ok(())

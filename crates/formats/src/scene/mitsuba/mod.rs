@@ -20,6 +20,7 @@ mod shape;
 mod tests;
 mod texture;
 mod value;
+mod xml;
 
 use crate::scene::fault::{Fault, Spot};
 use crate::scene::notes::Notes;

@@ -1,7 +1,7 @@
 //! Mitsuba's own mesh files: several meshes, each compressed, and at the end the table of where they begin.
 
+use crate::expansion::Compression;
 use crate::{Input, Place, ReadError};
-use flate2::read::ZlibDecoder;
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3};
 use std::io::Read;
@@ -33,7 +33,8 @@ pub fn read(input: &Input, index: usize) -> Result<Serialized, ReadError> {
     let limit = input.options.limits.elements as u64;
     let content = bytes.get(start + 4..).unwrap_or_default();
     let damaged = |problem: String| input.error(Place::Byte(start as u64), problem, "export the file again");
-    let mut body = Body { from: ZlibDecoder::new(content) };
+    let content = input.unpack(content, Compression::Zlib, Place::Byte(start as u64))?;
+    let mut body = Body { from: content.as_slice() };
     body.mesh(version, limit).map_err(damaged)
 }
 

@@ -1,5 +1,6 @@
 //! The grids of a NanoVDB file as regular grids.
 
+use crate::expansion::Compression;
 use crate::{Input, Place, ReadError};
 use nanovdb_rs::{
     Codec, GridClass, GridDataHeader, GridMetadata, GridType, ReadAccessor, SegmentHeader, ValidatedFloatTree,
@@ -8,7 +9,6 @@ use rayon::prelude::*;
 use snell_math::{DAffine3, DMat3, DVec3};
 use snell_scene::medium::ScalarGrid;
 use std::borrow::Cow;
-use std::io::Read;
 
 /// How files begin: those written before and since version 32.6 of the format, which have the same layout.
 const MAGIC: &[u8] = b"NanoVDB0";
@@ -141,6 +141,13 @@ impl<'a> Volumes<'a> {
     /// # Errors
     /// If it is not one of floats, damaged or too large.
     pub fn volume(&self, name: &str) -> Result<Option<Volume>, ReadError> {
+        crate::guard::guarded(|| self.read(name)).unwrap_or_else(|| {
+            let problem = format!("the grid \"{name}\" is damaged: its decoder gave up");
+            Err(self.input.error(Place::Whole, problem, REMEDY))
+        })
+    }
+
+    fn read(&self, name: &str) -> Result<Option<Volume>, ReadError> {
         let Some(entry) = self.entries.iter().find(|entry| entry.about.name == name) else { return Ok(None) };
         if entry.about.grid_class == GridClass::LevelSet {
             let problem = format!("the grid \"{name}\" is a level set, which is a surface and no density");
@@ -164,6 +171,7 @@ impl<'a> Volumes<'a> {
             );
             return Err(self.fault(entry, problem, "resample it with larger voxels"));
         };
+        self.input.charge(count as u64 * 4, &format!("the grid \"{name}\""))?;
         let first = low.map(|x| i64::from(x) - 1);
         let [nx, ny, _] = size;
         let mut values = vec![0.0; count];
@@ -199,19 +207,10 @@ impl<'a> Volumes<'a> {
         let bytes = match entry.codec {
             Codec::None => Cow::Borrowed(entry.bytes),
             Codec::Zip => {
-                let size = entry.about.grid_size;
-                if size > self.input.options.limits.file_bytes {
-                    let problem = format!("the grid \"{name}\" unpacks to {size} bytes, more than the limit");
-                    return Err(self.fault(entry, problem, "resample it with larger voxels"));
-                }
-                let mut content = Vec::new();
-                let unpacked = flate2::read::ZlibDecoder::new(entry.bytes).take(size).read_to_end(&mut content);
-                if unpacked.is_err() || content.len() as u64 != size {
-                    return Err(self.fault(
-                        entry,
-                        format!("the grid \"{name}\" is damaged: it does not unpack"),
-                        CUT_OFF,
-                    ));
+                let content = self.input.unpack(entry.bytes, Compression::Zlib, Place::Byte(entry.at as u64))?;
+                if content.len() as u64 != entry.about.grid_size {
+                    let problem = format!("the grid \"{name}\" is damaged: it does not unpack to its size");
+                    return Err(self.fault(entry, problem, CUT_OFF));
                 }
                 Cow::Owned(content)
             }

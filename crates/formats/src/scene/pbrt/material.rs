@@ -7,7 +7,7 @@ use super::spectrum::{COPPER, Role};
 use super::texture::{Function, Pattern};
 use super::{legacy, options::is_kind};
 use crate::scene::fault::{Fault, Spot};
-use crate::scene::layers::{self, Layers};
+use crate::scene::layers::{self, Layers, MAX_LAYERS};
 use crate::scene::metal::{Roughness, metal};
 use crate::scene::scattering::{self, Coefficients, color_of_albedo};
 use crate::scene::sheet::letting_through;
@@ -426,6 +426,12 @@ impl Builder<'_> {
         if a.layers.is_empty() || b.layers.is_empty() || a.opacity.is_some() || b.opacity.is_some() {
             self.note(owner.clone(), at, || {
                 format!("{owner} of something transparent or of no surface: the first material was used alone")
+            });
+            return a;
+        }
+        if a.layers.len() + b.layers.len() > MAX_LAYERS {
+            self.note(format!("{owner} too deep"), at, || {
+                format!("{owner} of mixes makes more than {MAX_LAYERS} materials of one: the first was used alone")
             });
             return a;
         }

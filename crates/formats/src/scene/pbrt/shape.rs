@@ -53,6 +53,8 @@ struct Strands {
 
 /// Most triangles that stand for curves, subdivided surfaces and parts of shapes in one scene: a short file can ask for any number.
 const MAX_MADE: usize = 1 << 25;
+/// Memory of one of these, with its share of vertices and of the structure for rays.
+const MADE_BYTES: u64 = 100;
 
 /// The geometry of a shape.
 pub enum Made {
@@ -239,11 +241,15 @@ impl Builder<'_> {
     /// True if this many more triangles may stand for something else.
     fn may_make(&mut self, params: &Params, triangles: usize) -> bool {
         let made = self.shapes.made.saturating_add(triangles);
+        let owner = params.owner.clone();
         if made > MAX_MADE {
-            let owner = params.owner.clone();
             self.note("made triangles", params.at, || {
                 format!("{owner} needs more than {MAX_MADE} triangles together with those before it; it was left out")
             });
+            return false;
+        }
+        if let Err(error) = self.main.charge(triangles as u64 * MADE_BYTES, "its triangles") {
+            self.note("made triangles", params.at, || format!("{owner}: {}; it was left out", error.problem));
             return false;
         }
         self.shapes.made = made;

@@ -3,7 +3,7 @@
 use super::motion::MotionForm;
 use super::numbers::Numbers;
 use crate::image::read_image;
-use crate::{Input, Limits, ReadOptions};
+use crate::{Input, Limits};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use snell_intersect::{AnyShape, Curves, Shape, StrandBasis, TriangleMesh};
@@ -15,7 +15,6 @@ use snell_scene::{
     Scene, SceneSettings, Surface, Texture,
 };
 use std::collections::HashMap;
-use std::path::Path;
 use std::sync::Arc;
 
 /// A whole file.
@@ -294,7 +293,8 @@ impl Document {
     }
 
     /// The scene of a file.
-    pub fn scene(self, limits: &Limits) -> Result<Scene, Flaw> {
+    pub fn scene(self, input: &Input) -> Result<Scene, Flaw> {
+        let limits = &input.options.limits;
         let mut meshes = Vec::with_capacity(self.meshes.len());
         for (i, mesh) in self.meshes.into_iter().enumerate() {
             meshes.push(Arc::new(mesh.mesh(limits).map_err(|(key, flaw)| (format!("/meshes/{i}/{key}"), flaw))?));
@@ -305,7 +305,7 @@ impl Document {
         }
         let mut images = Vec::with_capacity(self.images.len());
         for (i, image) in self.images.into_iter().enumerate() {
-            images.push(Arc::new(image.image(limits).map_err(|flaw| (format!("/images/{i}"), flaw))?));
+            images.push(Arc::new(image.image(input).map_err(|flaw| (format!("/images/{i}"), flaw))?));
         }
         let errors = snell_scene::texture::errors(&self.textures, images.len()).into_iter().enumerate();
         if let Some((i, error)) = errors.into_iter().find_map(|(i, error)| Some((i, error?))) {
@@ -321,7 +321,7 @@ impl Document {
         let mut media = self.media;
         add_grids(&mut media, self.grids, self.media_grids, limits)?;
         let environment = match self.environment {
-            Some(form) => Some(form.environment(limits).map_err(|flaw| ("/environment".to_string(), flaw))?),
+            Some(form) => Some(form.environment(input).map_err(|flaw| ("/environment".to_string(), flaw))?),
             None => None,
         };
         let mut scene = Scene {
@@ -608,13 +608,11 @@ impl ImageForm {
         Self::Pixels(PixelsForm { width: *width, height: *height, channels: *channels, encoding: *encoding, pixels })
     }
 
-    fn image(self, limits: &Limits) -> Result<Image, String> {
+    fn image(self, input: &Input) -> Result<Image, String> {
         let PixelsForm { width, height, channels, encoding, pixels } = match self {
             Self::Pixels(form) => form,
             Self::Encoded(form) => {
-                let options = ReadOptions { limits: limits.clone(), ..ReadOptions::default() };
-                let input = Input::from_bytes("the picture", form.encoded.0, Path::new("."), &options);
-                return read_image(&input).map_err(|error| error.problem);
+                return read_image(&input.part("the picture", form.encoded.0)).map_err(|error| error.problem);
             }
         };
         let (found, pixels) = match pixels {
@@ -623,8 +621,8 @@ impl ImageForm {
             PixelForm::F32(Numbers(v)) => (v.len(), Pixels::F32(v)),
         };
         let area = u64::from(width) * u64::from(height);
-        if area == 0 || area > limits.image_pixels || !(1..=4).contains(&channels) {
-            let most = limits.image_pixels;
+        if area == 0 || area > input.options.limits.image_pixels || !(1..=4).contains(&channels) {
+            let most = input.options.limits.image_pixels;
             return Err(format!(
                 "{width} by {height} pixels of {channels} channels, expected 1 to {most} pixels of 1 to 4"
             ));
@@ -649,11 +647,11 @@ impl EnvironmentForm {
         }
     }
 
-    fn environment(self, limits: &Limits) -> Result<Environment, String> {
+    fn environment(self, input: &Input) -> Result<Environment, String> {
         Ok(match self {
             Self::Constant(color) => Environment::Constant(color),
             Self::Image { image, scale, world_from_environment } => Environment::Image {
-                image: Arc::new(image.image(limits)?),
+                image: Arc::new(image.image(input)?),
                 scale,
                 world_from_environment: affine(&world_from_environment),
             },

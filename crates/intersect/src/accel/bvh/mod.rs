@@ -134,7 +134,21 @@ pub(crate) struct GroupTree {
     pub sah_cost: f32,
 }
 
+/// Nodes of a tree that [`GroupTree::is_blurred`] looks at.
+const LOOKED_AT: usize = 1000;
+
 impl GroupTree {
+    /// True if most nodes, each with what is below it, are smaller than this.
+    fn is_blurred(&self, size: f32) -> bool {
+        let sample = self.nodes.iter().step_by(self.nodes.len() / LOOKED_AT + 1);
+        let (mut small, mut all) = (0, 0);
+        for bounds in sample.map(WideNode::bounds) {
+            small += usize::from(bounds.size().max_element() < size);
+            all += 1;
+        }
+        all > 1 && 2 * small > all
+    }
+
     /// Builds the tree of a group; `bounds` are the boxes of its objects in its coordinates.
     pub fn build(list: &GroupList, bounds: &[Bounds3d], options: &BvhOptions) -> Result<Self, String> {
         let boxes: Vec<Bounds3> = bounds.iter().map(Bounds3d::outward_f32).collect();
@@ -230,6 +244,16 @@ impl Forest {
             forest.apart = Apart::of(&forest.trees[0]);
         }
         forest
+    }
+
+    /// How far out the coordinates of a group reach, if single precision has no steps there that are small enough for most of what
+    /// is in it: boxes are widened by such steps, and so most rays meet most boxes.
+    pub fn blurred(&self) -> Option<f32> {
+        let groups = self.trees.iter().zip(&self.extents);
+        groups
+            .filter(|(tree, extent)| tree.is_blurred(**extent * f32::EPSILON))
+            .map(|(_, &extent)| extent)
+            .reduce(f32::max)
     }
 
     /// Memory of all trees.

@@ -10,6 +10,7 @@ use crate::precision::Rules;
 use crate::query::search::Goal;
 use snell_math::simd::Lanes16;
 use snell_math::{DAffine3, Vec3};
+use std::sync::atomic::Ordering;
 
 impl<G: Goal> Walker<'_, '_, G> {
     /// Tests a shape or instance for some of the rays.
@@ -121,6 +122,9 @@ pub(super) unsafe fn enter_object<W: Lanes16, G: Goal>(
     position: &Position,
     stacks: &mut Stacks,
 ) {
+    if rows[0].walker.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed)) {
+        return;
+    }
     // SAFETY: as promised by the caller.
     unsafe {
         if let ObjectRef::Placed(Object::Instance {

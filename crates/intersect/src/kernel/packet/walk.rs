@@ -16,6 +16,7 @@ use crate::world::GeometryOptions;
 use snell_math::simd::{Avx8, Avx16};
 use snell_math::simd::{Lanes8, Lanes16, Pair, Portable8, most};
 use std::mem::MaybeUninit;
+use std::sync::atomic::AtomicBool;
 
 /// Trees larger than this are fetched ahead.
 const PREFETCH_BYTES: usize = 2 << 20;
@@ -110,6 +111,8 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     pub(super) forest: &'w Forest,
     pub(super) data: &'w DataOf<G>,
     pub(super) options: &'w [GeometryOptions],
+    /// Ends all searches early when it is set.
+    pub(super) cancel: Option<&'w AtomicBool>,
     /// What all rays have in their masks.
     pub(super) masks: u32,
     /// The rays of the run, and the number of the first.

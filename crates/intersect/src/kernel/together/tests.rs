@@ -73,7 +73,7 @@ fn leaves<L: Lanes8>(
 fn look<L: Lanes8>(world: &World, rays: &[Ray], set_off: SetOff<Closest<Single>>) -> usize {
     let Structure::Bvh(forest) = &world.structure else { panic!("the product's own structure") };
     let tree = &forest.trees[0];
-    let context = Context { filter: &AcceptAll, options: &world.options, data: &() };
+    let context = Context { filter: &AcceptAll, options: &world.options, data: &(), cancel: None };
     let memory = Slots::<Closest<Single>>::new(rays.len(), forest.stack_size);
     let mut slots: Vec<*mut Slot<_>> = Vec::new();
     for (i, ray) in rays.iter().enumerate() {

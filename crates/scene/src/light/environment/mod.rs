@@ -17,7 +17,7 @@ use crate::image::Image;
 use snell_math::{ColorMode, DMat3, DVec3, Mat3, Rgb, SampledSpectrum, Vec2, Vec3, angles, sampling};
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
-use table::DirectionTable;
+use table::{Cells, DirectionTable, Rows};
 
 pub use table::DrawnDirection;
 
@@ -192,9 +192,9 @@ impl ImageLight {
     fn new(image: &Arc<Image>, scale: Rgb, matrix: DMat3) -> (Self, f64) {
         let texels = texels(image, scale);
         let (w, h) = (image.width as usize, image.height as usize);
-        let luminance = smoothed_luminance(&texels, w, h);
-        let (exact, mean_luminance) = DirectionTable::new(&luminance, [w, h], 0.0);
-        let compensated = DirectionTable::new(&luminance, [w, h], mean_luminance);
+        let cells = Cells::of(Smoothed::of(&texels, w), [w, h]);
+        let (exact, mean_luminance) = DirectionTable::new(&cells, 0.0);
+        let compensated = DirectionTable::new(&cells, mean_luminance);
         // A share of light this small is rounding.
         let excess = compensated.1 / mean_luminance.max(f64::MIN_POSITIVE);
         let compensated = (excess > 1e-4).then_some(compensated.0);
@@ -269,18 +269,38 @@ fn texels(image: &Image, scale: Rgb) -> Vec<Rgb> {
 }
 
 /// Mean luminance over each texel's square of the bilinear interpolation: the image filtered by `[1 6 1] / 8` both ways. It is
-/// positive wherever any of the interpolated radiance is.
-fn smoothed_luminance(texels: &[Rgb], w: usize, h: usize) -> Vec<f32> {
-    let plain: Vec<f32> = texels.iter().map(|t| sane(t.luminance())).collect();
-    let filter = |a: f32, b: f32, c: f32| (a + c) * 0.125 + b * 0.75;
-    let mut across = Vec::with_capacity(w * h);
-    for row in plain.chunks_exact(w) {
-        across.extend((0..w).map(|x| filter(row[(x + w - 1) % w], row[x], row[(x + 1) % w])));
+/// positive wherever any of the interpolated radiance is. Row by row, because a copy of a large image takes much memory.
+struct Smoothed<'a> {
+    texels: &'a [Rgb],
+    width: usize,
+    /// Rows that are filtered along themselves, with their numbers: the last three that were needed, row `y` at `y % 3`.
+    across: [(usize, Vec<f32>); 3],
+}
+
+impl<'a> Smoothed<'a> {
+    fn of(texels: &'a [Rgb], width: usize) -> Self {
+        Self { texels, width, across: std::array::from_fn(|_| (usize::MAX, Vec::new())) }
     }
-    let at = |x: usize, y: usize| across[y * w + x];
-    let mut both = Vec::with_capacity(w * h);
-    for y in 0..h {
-        both.extend((0..w).map(|x| filter(at(x, y.saturating_sub(1)), at(x, y), at(x, (y + 1).min(h - 1)))));
+}
+
+fn filter(a: f32, b: f32, c: f32) -> f32 {
+    (a + c) * 0.125 + b * 0.75
+}
+
+impl Rows for Smoothed<'_> {
+    fn row(&mut self, y: usize) -> Vec<f32> {
+        let (w, last) = (self.width, self.texels.len() / self.width - 1);
+        let near = [y.saturating_sub(1), y, (y + 1).min(last)];
+        for y in near {
+            let (number, across) = &mut self.across[y % 3];
+            if *number != y {
+                *number = y;
+                let plain: Vec<f32> = self.texels[y * w..][..w].iter().map(|t| sane(t.luminance())).collect();
+                across.clear();
+                across.extend((0..w).map(|x| filter(plain[(x + w - 1) % w], plain[x], plain[(x + 1) % w])));
+            }
+        }
+        let [above, here, below] = near.map(|y| &self.across[y % 3].1);
+        (0..w).map(|x| filter(above[x], here[x], below[x])).collect()
     }
-    both
 }

@@ -46,15 +46,14 @@ const MAX_TABLE: [usize; 2] = [2048, 1024];
 const FLOOR: f32 = 1e-3;
 
 impl DirectionTable {
-    /// The density in proportion to what this luminance (row by row from the zenith) exceeds `taken_off`, and the mean of that over the
-    /// sphere.
-    pub fn new(luminance: &[f32], [w, h]: [usize; 2], taken_off: f64) -> (Self, f64) {
-        let [columns, rows] = [w.min(MAX_TABLE[0]), h.min(MAX_TABLE[1])];
+    /// The density in proportion to what the luminance of cells exceeds `taken_off`, and the mean of that over the sphere.
+    pub fn new(luminance: &Cells, taken_off: f64) -> (Self, f64) {
+        let [columns, rows] = luminance.size;
         let mut table = Vec::with_capacity(rows);
         let mut sums = Vec::with_capacity(rows);
         let mut all = 0.0;
         for row in 0..rows {
-            let cell = |column| block_mean(luminance, [w, h], [column, row], [columns, rows]) - taken_off as f32;
+            let cell = |column: usize| luminance.means[row * columns + column] - taken_off as f32;
             let cells: Vec<f32> = (0..columns).map(|column| cell(column).max(0.0)).collect();
             let mean = cells.iter().map(|&c| f64::from(c)).sum::<f64>() / columns as f64;
             let floor = mean as f32 * FLOOR;
@@ -105,15 +104,42 @@ fn row_cos(row: usize, rows: usize) -> f64 {
     (PI64 * (0.5 - row as f64 / rows as f64)).sin()
 }
 
-/// Mean of all texels that a cell of a smaller (or equal) table touches.
-pub(super) fn block_mean(
-    values: &[f32],
-    [w, h]: [usize; 2],
-    [column, row]: [usize; 2],
-    [columns, rows]: [usize; 2],
-) -> f32 {
-    let range = |i: usize, cells: usize, texels: usize| (i * texels / cells, ((i + 1) * texels).div_ceil(cells));
-    let ((x0, x1), (y0, y1)) = (range(column, columns, w), range(row, rows, h));
-    let sum: f64 = (y0..y1).flat_map(|y| &values[y * w + x0..y * w + x1]).map(|&v| f64::from(v)).sum();
-    (sum / ((x1 - x0) * (y1 - y0)) as f64) as f32
+/// An image of numbers, row by row.
+pub(super) trait Rows {
+    /// The row of this number, from 0. Rows are asked for in ascending order; the last ones may be asked for again.
+    fn row(&mut self, y: usize) -> Vec<f32>;
+}
+
+/// Means over the cells of a table that is as large as an image, or smaller.
+pub(super) struct Cells {
+    /// Columns and rows.
+    pub size: [usize; 2],
+    /// Row by row.
+    pub means: Vec<f32>,
+}
+
+impl Cells {
+    /// Those of an image of this size: of each cell the mean of all texels that it touches.
+    pub fn of(image: impl Rows, [w, h]: [usize; 2]) -> Self {
+        Self::in_table(image, [w, h], [w.min(MAX_TABLE[0]), h.min(MAX_TABLE[1])])
+    }
+
+    /// The same for a table of this size.
+    pub fn in_table(mut image: impl Rows, [w, h]: [usize; 2], size: [usize; 2]) -> Self {
+        let range = |i: usize, cells: usize, texels: usize| i * texels / cells..((i + 1) * texels).div_ceil(cells);
+        let mut means = Vec::with_capacity(size[0] * size[1]);
+        for row in 0..size[1] {
+            let lines = range(row, size[1], h);
+            let mut sums = vec![0.0; size[0]];
+            for y in lines.clone() {
+                let line = image.row(y);
+                for (column, sum) in sums.iter_mut().enumerate() {
+                    line[range(column, size[0], w)].iter().for_each(|&v| *sum += f64::from(v));
+                }
+            }
+            let count = |column| range(column, size[0], w).len() * lines.len();
+            means.extend(sums.iter().enumerate().map(|(column, sum)| (sum / count(column) as f64) as f32));
+        }
+        Self { size, means }
+    }
 }

@@ -216,13 +216,31 @@ fn broken_pixels_and_black_pictures_do_no_harm() {
 
 #[test]
 fn a_table_smaller_than_the_image_still_covers_all_light() {
-    let luminance: Vec<f32> = (0..7 * 5).map(|i| f32::from(i == 17)).collect();
-    let touched = (0..3)
-        .flat_map(|r| (0..4).map(move |c| (c, r)))
-        .filter(|&(c, r)| table::block_mean(&luminance, [7, 5], [c, r], [4, 3]) > 0.0)
-        .count();
-    assert!(touched >= 1);
-    assert_eq!(table::block_mean(&[3.0; 35], [7, 5], [3, 2], [4, 3]), 3.0);
+    let one = Table((0..7 * 5).map(|i| f32::from(i == 17)).collect());
+    assert!(Cells::in_table(one, [7, 5], [4, 3]).means.iter().any(|&mean| mean > 0.0));
+    assert_eq!(Cells::in_table(Table(vec![3.0; 35]), [7, 5], [4, 3]).means[11], 3.0);
+}
+
+/// Seven numbers a row.
+struct Table(Vec<f32>);
+
+impl Rows for Table {
+    fn row(&mut self, y: usize) -> Vec<f32> {
+        self.0[y * 7..][..7].to_vec()
+    }
+}
+
+#[test]
+fn luminance_is_smoothed_row_by_row_as_it_is_all_at_once() {
+    let grey: Vec<f32> = (0..35).map(|i| uniform2([i, 1, 2, 3]).x).collect();
+    let texels: Vec<Rgb> = grey.iter().map(|&v| Rgb::splat(v)).collect();
+    let plain: Vec<f32> = texels.iter().map(|t| t.luminance()).collect();
+    let across = |x: usize, y: usize| filter(plain[y * 7 + (x + 6) % 7], plain[y * 7 + x], plain[y * 7 + (x + 1) % 7]);
+    let mut rows = Smoothed::of(&texels, 7);
+    for y in [0usize, 1, 1, 2, 3, 2, 4, 4, 0] {
+        let expected = (0..7).map(|x| filter(across(x, y.saturating_sub(1)), across(x, y), across(x, (y + 1).min(4))));
+        assert_eq!(rows.row(y), expected.collect::<Vec<_>>());
+    }
 }
 
 #[test]

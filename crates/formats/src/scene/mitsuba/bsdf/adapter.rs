@@ -6,7 +6,7 @@ use super::super::texture::Pattern;
 use super::super::value;
 use super::Look;
 use crate::scene::fault::Fault;
-use crate::scene::layers;
+use crate::scene::layers::{self, MAX_LAYERS};
 use snell_scene::Encoding;
 use snell_scene::material::{BumpMap, HeightUnit, NormalMap, ScalarParam};
 use std::rc::Rc;
@@ -85,6 +85,10 @@ impl Builder<'_> {
             } else {
                 child.used.set(false);
             }
+        }
+        if parts.iter().map(|part| part.layers.len()).sum::<usize>() > MAX_LAYERS {
+            let problem = format!("blends of blends make more than {MAX_LAYERS} bsdfs of one, the limit");
+            return Err(object.fault(problem, "blend fewer"));
         }
         if object.kind == "mixturebsdf" {
             return self.mixture(object, parts);

@@ -1,0 +1,49 @@
+//! How long a render that is to stop may take to end what it has begun.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::Duration;
+
+/// How long: most parts take milliseconds.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// How often it is asked.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Works with a flag, for [`super::Job::with_cancel`], that is set half a second after `is_stopped` begins to say yes.
+pub fn with_patience<T>(is_stopped: impl Fn() -> bool + Sync, work: impl FnOnce(&AtomicBool) -> T) -> T {
+    let cancel = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        // It is dropped when the work is done, also by a panic, and wakes the thread.
+        let (_working, end) = mpsc::channel::<()>();
+        let (is_stopped, cancel) = (&is_stopped, &cancel);
+        scope.spawn(move || {
+            let goes_on = |time| end.recv_timeout(time) == Err(RecvTimeoutError::Timeout);
+            while goes_on(LOOK) {
+                if is_stopped() {
+                    goes_on(PATIENCE);
+                    cancel.store(true, Ordering::Relaxed);
+                    break;
+                }
+            }
+        });
+        work(cancel)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_that_does_not_end_is_cancelled() {
+        let ended = with_patience(
+            || true,
+            |cancel| {
+                let looks = (0..100).map(|_| std::thread::sleep(PATIENCE / 10));
+                looks.into_iter().any(|()| cancel.load(Ordering::Relaxed))
+            },
+        );
+        assert!(ended && with_patience(|| false, |cancel| !cancel.load(Ordering::Relaxed)));
+    }
+}
