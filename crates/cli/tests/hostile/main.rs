@@ -2,10 +2,14 @@
 //! panic. Files are read and rendered in this process, because it is quicker, and limits are tried with the real command.
 
 mod collection;
+mod found;
 mod graph;
 mod limits;
 mod mutate;
 mod mutation;
+mod promise;
 mod render;
 mod seeds;
+mod smoke;
+mod subjects;
 mod watch;
