@@ -66,10 +66,10 @@ pub fn mutate(seed: &[u8], number: u32) -> Vec<u8> {
     bytes
 }
 
-/// The seed with one to six changes of bytes or of words, some of which are those of another file.
+/// The seed with one to four changes, mostly one, of bytes or of words, some of which are those of another file.
 pub fn mutate_words(seed: &[u8], other: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = seed.to_vec();
-    for _ in 0..1 + random.below(6) {
+    for _ in 0..1 + random.below(4) * random.below(2) {
         if random.below(3) == 0 { change_bytes(&mut bytes, random) } else { change_words(&mut bytes, other, random) }
     }
     bytes

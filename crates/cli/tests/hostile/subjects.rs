@@ -1,7 +1,7 @@
 //! What `smoke` damages: good small files, each with the files beside it.
 
 use super::mutate::{Random, correct_png_checksums, mutate_words};
-use super::promise::Case;
+use super::promise::{Case, files_in};
 use super::seeds;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -115,12 +115,8 @@ fn written() -> Vec<Subject> {
             if snell_formats::write_scene(&path, &scene).is_err() {
                 continue;
             }
-            let entries = std::fs::read_dir(beside).expect("the folder is readable").flatten();
-            let read = |e: std::fs::DirEntry| {
-                (e.file_name().to_string_lossy().into_owned(), std::fs::read(e.path()).expect("the file is readable"))
-            };
             let file = format!("{name}.{extension}");
-            all.push(Subject { kind: Kind::Scene, name: file.clone(), damaged: file, files: entries.map(read).collect() });
+            all.push(Subject { kind: Kind::Scene, name: file.clone(), damaged: file, files: files_in(beside) });
         }
     }
     all
