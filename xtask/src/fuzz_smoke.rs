@@ -37,7 +37,8 @@ pub fn fuzz_smoke(mut options: impl Iterator<Item = String>) -> bool {
     }
     // As `test` builds it, so that nothing is built twice.
     let test = "smoke::whatever_the_files_are_the_program_keeps_its_promises";
-    let mut command = cargo(&["test", "--quiet", "--workspace", "--test", "hostile", "--", "--exact", test, "--nocapture"]);
+    let mut command =
+        cargo(&["test", "--quiet", "--workspace", "--test", "hostile", "--", "--exact", test, "--nocapture"]);
     let variables = [("SNELL_FUZZ_SECONDS", &seconds), ("SNELL_FUZZ_SEED", &seed), ("SNELL_FUZZ_ONLY", &only)];
     command.envs(variables);
     if is_release {

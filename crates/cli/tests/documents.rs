@@ -533,7 +533,11 @@ fn the_table_of_crates_has_the_licences() {
         for name in names.split([',', ' ']).filter(|n| !n.is_empty() && !n.contains(['(', ')'])) {
             let stated = stated.split(';').next().unwrap_or(stated);
             for (_, licence) in licences.iter().filter(|(n, _)| n == name) {
-                assert_eq!(sorted(stated), sorted(licence), "{name}: THIRD_PARTY.md says {stated}, the crate {licence}");
+                assert_eq!(
+                    sorted(stated),
+                    sorted(licence),
+                    "{name}: THIRD_PARTY.md says {stated}, the crate {licence}"
+                );
                 count += 1;
             }
         }

@@ -28,7 +28,8 @@ fn what_once_broke_a_promise_does_not_any_more() {
     let scratch = tempfile::TempDir::new().expect("temporary folders can be made");
     let mut faults = Vec::new();
     for name in files.keys() {
-        let is_picture = snell_formats::image::IMAGE_FORMATS.iter().any(|f| f.extensions.iter().any(|e| name.ends_with(e)));
+        let is_picture =
+            snell_formats::image::IMAGE_FORMATS.iter().any(|f| f.extensions.iter().any(|e| name.ends_with(e)));
         for line in if is_picture { &PICTURE[..] } else { &SCENE } {
             let case = Case::new(files.clone(), name, line);
             if let Err(fault) = case.try_in(Path::new(env!("CARGO_BIN_EXE_snell")), scratch.path()) {

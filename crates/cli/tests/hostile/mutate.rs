@@ -29,8 +29,33 @@ const WORDS: [&[u8]; 20] = [
 
 /// Numbers at the ends of ranges, and what is none.
 const NUMBERS: [&str; 28] = [
-    "0", "-0", "1", "-1", "2", "0.5", "1e-7", "1e-38", "1e-45", "1e-320", "1e7", "1e12", "1e20", "1e38", "-1e38", "3.4028236e38",
-    "1e39", "1e300", "1e999", "nan", "inf", "255", "256", "65536", "2147483648", "4294967296", "9223372036854775808",
+    "0",
+    "-0",
+    "1",
+    "-1",
+    "2",
+    "0.5",
+    "1e-7",
+    "1e-38",
+    "1e-45",
+    "1e-320",
+    "1e7",
+    "1e12",
+    "1e20",
+    "1e38",
+    "-1e38",
+    "3.4028236e38",
+    "1e39",
+    "1e300",
+    "1e999",
+    "nan",
+    "inf",
+    "255",
+    "256",
+    "65536",
+    "2147483648",
+    "4294967296",
+    "9223372036854775808",
     "18446744073709551616",
 ];
 
@@ -171,6 +196,37 @@ fn replace_number(bytes: &mut Vec<u8>, at: usize, word: &[u8]) {
     if let Some(start) = next_digit(bytes, at) {
         let length = bytes[start..].iter().take_while(|b| b.is_ascii_digit() || **b == b'.').count();
         drop(bytes.splice(start..start + length, word.iter().copied()));
+    }
+}
+
+/// Changes one chunk of a PNG: its length, its order, or whether it is there at all. Checksums and lengths stay right.
+pub fn change_png_chunk(bytes: &mut Vec<u8>, random: &mut Random) {
+    let (mut chunks, mut at) = (Vec::new(), 8);
+    while let Some(length) = bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_be_bytes) {
+        let end = (at + 12).saturating_add(length as usize);
+        let Some(chunk) = bytes.get(at + 4..end - 4) else { return };
+        chunks.push(chunk.to_vec());
+        at = end;
+    }
+    if chunks.is_empty() {
+        return;
+    }
+    let (i, j) = (random.below(chunks.len()), random.below(chunks.len()));
+    match random.below(8) {
+        0..4 => {
+            let length = 4 + random.below(chunks[i].len());
+            chunks[i].truncate(length);
+        }
+        4 => chunks[i].extend((0..1 + random.below(8)).map(|k| k as u8)),
+        5 => chunks.swap(i, j),
+        6 => drop(chunks.remove(i)),
+        _ => chunks.insert(j, chunks[i].clone()),
+    }
+    bytes.truncate(8);
+    for chunk in chunks {
+        bytes.extend((chunk.len() as u32 - 4).to_be_bytes());
+        bytes.extend(&chunk);
+        bytes.extend(crc32(&chunk).to_be_bytes());
     }
 }
 

@@ -174,9 +174,13 @@ pub fn images() -> Vec<Seed> {
         let bytes = encode_image_as(format, &picture, &options).unwrap_or_else(|e| panic!("{e}"));
         Seed { format, name: format!("a.{format}"), bytes, folder: std::env::temp_dir() }
     };
-    let unwritten = [("png", palette_png()), ("bmp", bmp()), ("tga", tga()), ("webp", WEBP.to_vec()), ("ppm", PGM.to_vec())];
-    let unwritten = unwritten.into_iter().map(|(format, bytes)| {
-        Seed { format, name: format!("b.{format}"), bytes, folder: std::env::temp_dir() }
+    let unwritten =
+        [("png", palette_png()), ("bmp", bmp()), ("tga", tga()), ("webp", WEBP.to_vec()), ("ppm", PGM.to_vec())];
+    let unwritten = unwritten.into_iter().map(|(format, bytes)| Seed {
+        format,
+        name: format!("b.{format}"),
+        bytes,
+        folder: std::env::temp_dir(),
     });
     formats.map(seed).into_iter().chain(unwritten).collect()
 }

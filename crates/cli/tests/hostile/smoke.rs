@@ -76,13 +76,56 @@ const PICTURE_COMMANDS: [&str; 3] =
     ["compare FILE FILE", "compare FILE FILE --json --max-flip 1", "compare FILE FILE -o out.png"];
 /// Options whose values are odd, for a scene that is good.
 const VALUED: [&str; 24] = [
-    "--exposure", "--bits", "--noise", "--max-depth", "--seed", "--clamp", "--ao-distance", "--camera", "--size", "--crop", "--light-group",
-    "--aov", "--integrator", "--sampler", "--filter", "--tonemap", "--display", "--guiding", "--variant", "--scene", "--environment",
-    "-D", "--light-samples", "--frames",
+    "--exposure",
+    "--bits",
+    "--noise",
+    "--max-depth",
+    "--seed",
+    "--clamp",
+    "--ao-distance",
+    "--camera",
+    "--size",
+    "--crop",
+    "--light-group",
+    "--aov",
+    "--integrator",
+    "--sampler",
+    "--filter",
+    "--tonemap",
+    "--display",
+    "--guiding",
+    "--variant",
+    "--scene",
+    "--environment",
+    "-D",
+    "--light-samples",
+    "--frames",
 ];
 const VALUES: [&str; 24] = [
-    "0", "-1", "1e38", "1e999", "nan", "-inf", "4294967296", "18446744073709551616", "", ",", "=", "a=", "8x", "0x0", "1x1", "4,3,2,1",
-    "0,0,99999,1", "../x", "sky", "all", "depth,depth", "camera.0.fov=nan", "material.*.reflectance=1e38", "\u{1b}[31m",
+    "0",
+    "-1",
+    "1e38",
+    "1e999",
+    "nan",
+    "-inf",
+    "4294967296",
+    "18446744073709551616",
+    "",
+    ",",
+    "=",
+    "a=",
+    "8x",
+    "0x0",
+    "1x1",
+    "4,3,2,1",
+    "0,0,99999,1",
+    "../x",
+    "sky",
+    "all",
+    "depth,depth",
+    "camera.0.fov=nan",
+    "material.*.reflectance=1e38",
+    "\u{1b}[31m",
 ];
 
 /// Which commands are tried.
@@ -284,7 +327,8 @@ fn whatever_the_files_are_the_program_keeps_its_promises() {
         tally.refused,
         tally.findings.len()
     );
-    let list: Vec<_> = tally.findings.values().map(|(n, number, fault)| format!("{number}: {fault} ({n} times)")).collect();
+    let list: Vec<_> =
+        tally.findings.values().map(|(n, number, fault)| format!("{number}: {fault} ({n} times)")).collect();
     assert!(list.is_empty(), "{list:#?}");
     assert!(tally.done * 20 > executions, "only {} of {executions} got past the first lines", tally.done);
 }

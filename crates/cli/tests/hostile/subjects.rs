@@ -1,6 +1,6 @@
 //! What `smoke` damages: good small files, each with the files beside it.
 
-use super::mutate::{Random, correct_png_checksums, mutate_words};
+use super::mutate::{Random, change_png_chunk, correct_png_checksums, mutate_words};
 use super::promise::{Case, files_in};
 use super::seeds;
 use std::collections::BTreeMap;
@@ -47,8 +47,15 @@ impl Subject {
         let bytes = mutate_words(&self.files[&self.damaged], &other.files[&other.damaged], random);
         let entry = case.files.entry(self.damaged.clone()).or_default();
         *entry = bytes;
-        if self.damaged.ends_with(".png") && random.below(4) > 0 {
-            correct_png_checksums(entry);
+        if self.damaged.ends_with(".png") {
+            match random.below(4) {
+                0 => {}
+                1 => correct_png_checksums(entry),
+                _ => {
+                    *entry = self.files[&self.damaged].clone();
+                    change_png_chunk(entry, random);
+                }
+            }
         }
         case
     }
@@ -56,7 +63,8 @@ impl Subject {
 
 /// All subjects.
 pub fn subjects() -> Vec<Subject> {
-    let mut all: Vec<_> = seeds::scenes().iter().map(|seed| Subject::alone(Kind::Scene, &seed.name, &seed.bytes)).collect();
+    let mut all: Vec<_> =
+        seeds::scenes().iter().map(|seed| Subject::alone(Kind::Scene, &seed.name, &seed.bytes)).collect();
     all.extend(of_the_repository());
     all.extend(written());
     let pictures = seeds::images();
