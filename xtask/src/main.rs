@@ -1,5 +1,7 @@
 //! The words that developers and CI use: `cargo xtask test` and friends. No dependencies, so that it starts at once.
 
+mod fuzz_smoke;
+mod how_tested;
 mod python;
 mod sanitize;
 mod web;
@@ -18,6 +20,8 @@ const HELP: &str = "cargo xtask COMMAND
   fmt    format everything
   docs   build the API documentation
   sanitize [address|miri]  tests of the code that is not safe Rust, under AddressSanitizer and Miri; needs a nightly Rust
+  fuzz-smoke  give damaged files to the program, for two minutes or --seconds N; --seed N, --only render|commands, --release
+  how-tested  write the figures of docs/how-it-is-tested.md; lint says when they are out of date
   golden make the pictures of golden scenes that changed the new references; look at them before you commit
 ";
 
@@ -33,6 +37,8 @@ fn main() -> ExitCode {
         "docs" => run("documentation", cargo(&["doc", "--workspace", "--no-deps"])),
         "golden" => golden(),
         "sanitize" => sanitize::run(std::env::args().nth(2).as_deref()),
+        "fuzz-smoke" => fuzz_smoke::fuzz_smoke(std::env::args().skip(2)),
+        "how-tested" => how_tested::write().inspect_err(|error| eprintln!("xtask: {error}")).is_ok(),
         _ => {
             eprint!("{HELP}");
             return ExitCode::from(2);
@@ -97,7 +103,8 @@ fn lint() -> bool {
     ];
     // Every step runs, so that one look shows all there is to mend.
     let failed = steps.into_iter().filter_map(|(what, command)| (!run(what, command)).then_some(what)).count();
-    failed == 0
+    let is_page_current = how_tested::check().inspect_err(|error| eprintln!("xtask: {error}")).unwrap_or(false);
+    failed == 0 && is_page_current
 }
 
 /// The pictures of `tests/golden/` that are not as they were become the references.

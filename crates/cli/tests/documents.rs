@@ -419,7 +419,7 @@ fn the_tests_that_the_documents_name_are_there() {
         }
     }
     let mut count = 0;
-    for name in ["docs/lecture.md", "ARCHITECTURE.md", "CONTRIBUTING.md"] {
+    for name in ["docs/lecture.md", "docs/how-it-is-tested.md", "SECURITY.md", "ARCHITECTURE.md", "CONTRIBUTING.md"] {
         let text = read(&repository().join(name));
         // Names of tests have four words or more.
         let is_test = |w: &&str| {
@@ -459,4 +459,88 @@ fn the_table_of_crates_has_every_direct_dependency() {
         }
     }
     assert!(count > 20, "only {count} dependencies were found");
+}
+
+/// The licences of all crates that are built here: name, then the licence with `OR` for the old `/`.
+fn licences() -> Vec<(String, String)> {
+    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.args(["tree", "--workspace", "--offline", "--locked", "--edges", "normal,build,dev", "--prefix", "none"]);
+    let output = cargo.args(["--format", "{p}|{l}"]).current_dir(repository()).output().expect("cargo runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let lines = text.lines().filter_map(|line| line.trim_end_matches(" (*)").split_once('|'));
+    let lines = lines.map(|(package, licence)| {
+        let name = package.split(' ').next().unwrap_or(package);
+        (name.to_string(), licence.replace('/', " OR ").split_whitespace().collect::<Vec<_>>().join(" "))
+    });
+    lines.collect::<BTreeSet<_>>().into_iter().filter(|(name, _)| !name.starts_with("snell")).collect()
+}
+
+/// Whether a licence expression is satisfied by a list: `OR` needs one side, `AND` both.
+fn is_allowed(expression: &str, allowed: &dyn Fn(&str) -> bool) -> bool {
+    let depths = expression.char_indices().scan(0, |depth, (i, c)| {
+        *depth += i32::from(c == '(') - i32::from(c == ')');
+        Some((i, *depth))
+    });
+    let top: Vec<_> = depths.filter(|(_, depth)| *depth == 0).map(|(i, _)| i).collect();
+    for (operator, all) in [(" OR ", false), (" AND ", true)] {
+        if let Some(&at) = top.iter().find(|&&i| expression[i..].starts_with(operator)) {
+            let sides = [&expression[..at], &expression[at + operator.len()..]].map(|s| is_allowed(s, allowed));
+            return if all { sides == [true; 2] } else { sides != [false; 2] };
+        }
+    }
+    match expression.strip_prefix('(').and_then(|e| e.strip_suffix(')')) {
+        Some(inner) => is_allowed(inner, allowed),
+        None => allowed(expression),
+    }
+}
+
+/// The quoted words of a list of `deny.toml`.
+fn denied_unless(list: &str) -> Vec<String> {
+    let text = read(&repository().join("deny.toml"));
+    let rest = text.split_once(&format!("\n{list} = [")).unwrap_or_else(|| panic!("deny.toml has no {list}")).1;
+    let list = rest.split_once("]\n").expect("a list ends").0;
+    list.split('"').skip(1).step_by(2).map(String::from).collect()
+}
+
+#[test]
+fn every_licence_is_within_the_policy() {
+    let allow = denied_unless("allow");
+    let [exceptions, policy] = [denied_unless("exceptions").join(" "), read(&repository().join("THIRD_PARTY.md"))];
+    for licence in &allow {
+        let name = licence.split([' ', '-']).next().unwrap_or(licence);
+        assert!(policy.contains(name), "THIRD_PARTY.md does not name {licence}, which deny.toml allows");
+    }
+    let licences = licences();
+    for (name, licence) in &licences {
+        let allowed = |one: &str| allow.iter().any(|a| a == one) || exceptions.contains(&format!("{name} {one}"));
+        assert!(is_allowed(licence, &allowed), "{name} is under {licence}: not within the policy of deny.toml");
+    }
+    assert!(licences.len() > 150, "only {} crates were found", licences.len());
+    assert!(!is_allowed("(MIT OR Apache-2.0) AND IJG", &|one| one == "MIT"));
+}
+
+#[test]
+fn the_table_of_crates_has_the_licences() {
+    let page = read(&repository().join("THIRD_PARTY.md"));
+    let table = page.split_once("Direct dependencies:").expect("the table is there").1;
+    let licences = licences();
+    let mut count = 0;
+    for row in table.lines().filter(|l| l.starts_with("| ")).skip(1) {
+        let mut cells = row.trim_start_matches("| ").split(" | ");
+        let [names, stated] = [cells.next().unwrap_or_default(), cells.next().unwrap_or_default()];
+        let sorted = |text: &str| text.split_whitespace().map(String::from).collect::<BTreeSet<_>>();
+        for name in names.split([',', ' ']).filter(|n| !n.is_empty() && !n.contains(['(', ')'])) {
+            let stated = stated.split(';').next().unwrap_or(stated);
+            for (_, licence) in licences.iter().filter(|(n, _)| n == name) {
+                assert_eq!(
+                    sorted(stated),
+                    sorted(licence),
+                    "{name}: THIRD_PARTY.md says {stated}, the crate {licence}"
+                );
+                count += 1;
+            }
+        }
+    }
+    assert!(count > 30, "only {count} crates of the table were found");
 }

@@ -3,10 +3,14 @@
 
 mod collection;
 mod costs;
+mod found;
 mod graph;
 mod limits;
 mod mutate;
 mod mutation;
+mod promise;
 mod render;
 mod seeds;
+mod smoke;
+mod subjects;
 mod watch;

@@ -163,7 +163,7 @@ pub fn materials() -> Seed {
     Seed { format: "mtl", name: "damaged.mtl".into(), bytes: MTL.into(), folder: std::env::temp_dir() }
 }
 
-/// Small pictures of every format that Snell writes.
+/// Small pictures of every format that Snell reads.
 pub fn images() -> Vec<Seed> {
     let formats = [("png", 8), ("png", 16), ("jpg", 8), ("hdr", 8), ("exr", 8), ("pfm", 8), ("ppm", 8)];
     let seed = |(format, bits): (&'static str, u8)| {
@@ -174,5 +174,50 @@ pub fn images() -> Vec<Seed> {
         let bytes = encode_image_as(format, &picture, &options).unwrap_or_else(|e| panic!("{e}"));
         Seed { format, name: format!("a.{format}"), bytes, folder: std::env::temp_dir() }
     };
-    formats.map(seed).into()
+    let unwritten =
+        [("png", palette_png()), ("bmp", bmp()), ("tga", tga()), ("webp", WEBP.to_vec()), ("ppm", PGM.to_vec())];
+    let unwritten = unwritten.into_iter().map(|(format, bytes)| Seed {
+        format,
+        name: format!("b.{format}"),
+        bytes,
+        folder: std::env::temp_dir(),
+    });
+    formats.map(seed).into_iter().chain(unwritten).collect()
+}
+
+/// A lossy WebP of one pixel.
+const WEBP: &[u8] = b"RIFF\"\0\0\0WEBPVP8 \x16\0\0\x000\x01\0\x9d\x01*\x01\0\x01\0\x0e\xc0\xfe%\xa4\0\x03p\0\0\0\0";
+
+const PGM: &[u8] = b"P2\n# grey\n4 2\n15\n0 3 7 15\n1 2 4 8\n";
+
+/// A PNG of 4x2 pixels with a palette of four colours, two of them transparent.
+fn palette_png() -> Vec<u8> {
+    let header = [0, 0, 0, 4, 0, 0, 0, 2, 2, 3, 0, 0, 0];
+    // Two rows of one byte, each after the number of its filter, in a zlib stream that is stored as it is.
+    let rows = b"\x78\x01\x01\x04\x00\xfb\xff\x00\x1b\x00\xe4\x02\x1b\x01\x00";
+    let palette = [255, 0, 0, 0, 255, 0, 0, 0, 255, 9, 9, 9];
+    let chunks: [(&[u8; 4], &[u8]); 5] =
+        [(b"IHDR", &header), (b"PLTE", &palette), (b"tRNS", &[0, 128]), (b"IDAT", rows), (b"IEND", b"")];
+    let mut bytes = b"\x89PNG\r\n\x1a\n".to_vec();
+    for (kind, data) in chunks {
+        bytes.extend((data.len() as u32).to_be_bytes());
+        bytes.extend([&kind[..], data, &[0; 4]].concat());
+    }
+    super::mutate::correct_png_checksums(&mut bytes);
+    bytes
+}
+
+/// A bitmap of 4x2 pixels with a palette of four colours.
+fn bmp() -> Vec<u8> {
+    let palette = [[0, 0, 255, 0], [0, 255, 0, 0], [255, 0, 0, 0], [9, 9, 9, 0]].concat();
+    let numbers: [u32; 13] = [78, 0, 70, 40, 4, 2, 1 | 8 << 16, 0, 8, 2835, 2835, 4, 4];
+    let numbers = numbers.map(u32::to_le_bytes).concat();
+    [&b"BM"[..], &numbers, &palette, &[0, 1, 2, 3, 3, 2, 1, 0]].concat()
+}
+
+/// A Targa picture of 4x2 pixels in runs: three of one colour, five as they are.
+fn tga() -> Vec<u8> {
+    let header = [0, 0, 10, 0, 0, 0, 0, 0, 0, 0, 0, 0, 4, 0, 2, 0, 24, 0];
+    let pixels: Vec<u8> = (0..15).map(|i| i * 17).collect();
+    [&header[..], &[0x82, 1, 2, 3, 0x84], &pixels, &[0; 8], b"TRUEVISION-XFILE.\0"].concat()
 }

@@ -1,0 +1,50 @@
+//! The mutation fuzzer of the command line, which is a test of `crates/cli/tests/hostile/`, run for longer.
+
+use super::{cargo, run};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+const HELP: &str = "cargo xtask fuzz-smoke [--seconds N] [--seed N] [--only render|commands] [--release]
+
+  --seconds  how long; 120 if not given
+  --seed     of the random changes; if not given, every day another
+  --only     renders, or every other command
+  --release  the optimised program instead of the one that the tests have
+";
+
+/// Runs it; false if something was found or the options are wrong.
+pub fn fuzz_smoke(mut options: impl Iterator<Item = String>) -> bool {
+    let days = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |t| t.as_secs() / 86_400);
+    let (mut seconds, mut seed, mut only) = ("120".to_string(), days.to_string(), String::new());
+    let mut is_release = false;
+    while let Some(option) = options.next() {
+        let value = match option.as_str() {
+            "--seconds" => &mut seconds,
+            "--seed" => &mut seed,
+            "--only" => &mut only,
+            "--release" => {
+                is_release = true;
+                continue;
+            }
+            _ => {
+                eprint!("{HELP}");
+                return false;
+            }
+        };
+        *value = options.next().unwrap_or_default();
+    }
+    if is_release && !run("the build", cargo(&["build", "--release", "--quiet", "--package", "snell"])) {
+        return false;
+    }
+    // As `test` builds it, so that nothing is built twice.
+    let test = "smoke::whatever_the_files_are_the_program_keeps_its_promises";
+    let mut command =
+        cargo(&["test", "--quiet", "--workspace", "--test", "hostile", "--", "--exact", test, "--nocapture"]);
+    let variables = [("SNELL_FUZZ_SECONDS", &seconds), ("SNELL_FUZZ_SEED", &seed), ("SNELL_FUZZ_ONLY", &only)];
+    command.envs(variables);
+    if is_release {
+        let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or("target".into());
+        let program = std::path::Path::new(&target).join("release/snell");
+        command.env("SNELL_FUZZ_PROGRAM", std::path::absolute(program).unwrap_or_default());
+    }
+    run("fuzz-smoke", command)
+}
