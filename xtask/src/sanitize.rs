@@ -95,3 +95,14 @@ fn miri(counts: &mut Counts) -> Option<bool> {
 fn all<const N: usize>(results: [bool; N]) -> bool {
     results.iter().all(|&succeeded| succeeded)
 }
+
+#[cfg(test)]
+mod tests {
+    /// The profile of all tests is that of this one.
+    #[test]
+    #[should_panic(expected = "overflow")]
+    fn tests_check_arithmetic_for_overflow() {
+        let largest = std::hint::black_box(u8::MAX);
+        std::hint::black_box(largest + 1);
+    }
+}
