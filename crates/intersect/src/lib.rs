@@ -26,7 +26,6 @@
 //! ```
 
 pub mod accel;
-pub mod coherence;
 pub mod geometry;
 pub mod hit;
 mod kernel;
@@ -35,7 +34,6 @@ mod morton;
 pub mod precision;
 pub mod query;
 pub mod shape;
-pub mod visible;
 pub mod world;
 
 pub use accel::Quality;

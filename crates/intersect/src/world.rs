@@ -17,6 +17,7 @@ mod occurrence;
 mod reuse;
 pub mod smooth;
 pub mod spheres;
+pub mod tree_view;
 pub mod triangles;
 
 pub use dynamic::{DynamicWorld, Snapshots};

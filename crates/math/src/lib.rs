@@ -13,6 +13,7 @@ pub mod exact;
 pub mod exponentials;
 pub mod frame;
 mod kinds;
+pub mod plane;
 pub mod ray;
 pub mod rng;
 pub mod robust;

@@ -20,6 +20,9 @@ const MAX_PAIRS: usize = 2_000_000;
 /// Most pairs of pieces in one plane that are remembered.
 const MAX_FOUND: usize = 10_000;
 
+/// Cells of a grid that a triangle covers on average at most.
+const CELLS: f64 = 64.0;
+
 /// A triangle in the world.
 #[derive(Clone, Copy)]
 struct Face {
@@ -143,7 +146,15 @@ fn overlaps(group: &[Face]) -> (BTreeMap<(Piece, Piece), Overlap>, bool) {
     // A grid whose cells are about as large as the triangles, coarse enough that large ones do not fill the memory.
     let (low, high) =
         flat.iter().map(bounds).fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
-    let resolution = ((group.len() as f64).sqrt().ceil()).clamp(1.0, 2048.0);
+    let mut resolution = ((group.len() as f64).sqrt().ceil()).clamp(1.0, 2048.0);
+    let cells_of = |t: &[DVec2; 3], resolution: f64| {
+        let (a, b) = bounds(t);
+        let touched = ((b - a) / (high - low).max(DVec2::splat(f64::MIN_POSITIVE)) * resolution + 1.0).floor();
+        touched.x * touched.y
+    };
+    while resolution > 1.0 && flat.iter().map(|t| cells_of(t, resolution)).sum::<f64>() > CELLS * group.len() as f64 {
+        resolution = (resolution / 2.0).floor();
+    }
     let cell = ((high - low) / resolution).max(DVec2::splat(f64::MIN_POSITIVE));
     let index = |p: DVec2| ((p - low) / cell).floor().clamp(DVec2::ZERO, DVec2::splat(resolution - 1.0)).as_uvec2();
     let mut cells: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();

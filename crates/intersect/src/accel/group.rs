@@ -261,12 +261,6 @@ pub(crate) fn mapped(map: &DAffine3, ray: &DRay) -> DRay {
     DRay { origin: map.transform_point3(ray.origin), direction: map.transform_vector3(ray.direction), ..*ray }
 }
 
-/// The ray in the coordinates of an instanced group; `None` if it overflows on the way, then nothing there can be hit.
-#[inline(always)]
-pub(crate) fn ray_in_child(child_from_group: &DAffine3, ray: &DRay) -> Option<DRay> {
-    Some(mapped(child_from_group, ray)).filter(is_finite)
-}
-
 fn is_finite(ray: &DRay) -> bool {
     ray.origin.is_finite() && ray.direction.is_finite()
 }

@@ -19,7 +19,7 @@ pub(crate) use apart::{Apart, Begun};
 pub(crate) use contents::{List, is_for_lists};
 
 use super::interleave::Batch;
-use super::traverse::{Entry, Stack, Walk, search_forest, test_object, walk_portable};
+use super::traverse::{Entry, Stack, Walk, search_forest, test_object};
 use crate::accel::bvh::Forest;
 use crate::hit::Hit;
 use crate::precision::{Rules, Single};
@@ -28,7 +28,7 @@ use bundle::{Blocked, Bundle, Nearest, PerRay, RAYS};
 use contents::{FIRST_OBJECT, MAX_OBJECTS};
 use exact::Found;
 use shapes::ListShape;
-use snell_math::simd::{Doubles16, Lanes16, Level, PairDoubles, Portable8};
+use snell_math::simd::{Doubles16, Lanes16, Level};
 use snell_math::{Ray, Vec2, Vec3};
 use std::mem::MaybeUninit;
 
@@ -85,8 +85,8 @@ pub(crate) fn search_list<G: Goal<Precision = Single>>(
         #[cfg(target_arch = "x86_64")]
         // SAFETY: as above.
         Level::Avx2 => unsafe { run_avx2(&scene, stack, begun, start, finish) },
-        // SAFETY: portable code.
-        _ => unsafe { run::<PairDoubles<Portable8>, G>(&scene, stack, begun, start, finish, walk_portable::<G>) },
+        // Without wide registers, the tree is as fast.
+        _ => 0,
     }
 }
 
@@ -140,7 +140,7 @@ unsafe fn run_avx2<G: Goal<Precision = Single>>(
 ) -> usize {
     use super::traverse::walk_avx2;
     // SAFETY: as promised by the caller.
-    unsafe { run::<PairDoubles<snell_math::simd::Avx8>, G>(scene, stack, begun, start, finish, walk_avx2::<G>) }
+    unsafe { run::<snell_math::simd::PairDoubles<snell_math::simd::Avx8>, G>(scene, stack, begun, start, finish, walk_avx2::<G>) }
 }
 
 /// # Safety

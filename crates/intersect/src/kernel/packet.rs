@@ -27,23 +27,23 @@ mod walk;
 use super::interleave::Batch;
 use super::node::ChildRef;
 use super::prefetch::fetch;
-use super::traverse::{Walk, walk_portable};
+use super::traverse::Walk;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::precision::Rules;
 use crate::query::answers::Answers;
 use crate::query::search::{Goal, RayOf, Search};
 use bundle::RAYS;
 use exact::Found;
-use snell_math::simd::{Lanes8, Lanes16, Level, Pair, Portable8};
+use snell_math::simd::{Lanes8, Lanes16, Level, Portable8};
 use std::mem::MaybeUninit;
 use std::ops::Range;
 use sure::Sure;
 use trial::{Detail, Trial};
-use walk::{Luggage, Position, ROWS, Stacks, WalkBundles, Walker, first, walk_bundles_portable};
+use walk::{Luggage, Position, ROWS, Stacks, WalkBundles, Walker, first};
 #[cfg(target_arch = "x86_64")]
 use {
     super::traverse::walk_avx2,
-    snell_math::simd::{Avx8, Avx16},
+    snell_math::simd::{Avx8, Avx16, Pair},
     walk::{walk_bundles_avx2, walk_bundles_avx512},
 };
 
@@ -95,11 +95,8 @@ pub(crate) fn search_runs<G: Goal>(
         #[cfg(target_arch = "x86_64")]
         // SAFETY: as above.
         Level::Avx2 => unsafe { run_avx2(forest, batch, &mut stacks, start, answers) },
-        // SAFETY: portable code, and the stacks have `stack_size` entries.
-        _ => unsafe {
-            let entries = (walk_bundles_portable::<G> as WalkBundles<G>, walk_portable::<G> as Walk<G>);
-            run::<Pair<Portable8>, G>(forest, batch, &mut stacks, start, answers, entries)
-        },
+        // Without wide registers, rays are as fast one by one.
+        _ => vec![0..batch.rays.len()],
     }
 }
 

@@ -12,7 +12,7 @@ use crate::failure::Failure;
 use crate::standard_output;
 use serde_json::json;
 use snell_formats::ReadOptions;
-use snell_intersect::coherence::View;
+use snell_lab::coherence::View;
 use snell_intersect::{BuildOptions, Hit, World};
 use snell_math::{DVec2, Ray, Vec2};
 use snell_scene::Camera;
@@ -79,7 +79,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let fail = |e: &dyn std::fmt::Display| Failure::Scene(format!("{}: {e}", bench.name));
     let world = variants::rebuilt(&bench.world, &BuildOptions::default()).map_err(|e| fail(&e))?;
     // Fails before anything is measured if this world cannot be traced so.
-    snell_intersect::coherence::BeamTracer::new(&world).map_err(|e| fail(&e))?;
+    snell_lab::coherence::BeamTracer::new(&world).map_err(|e| fail(&e))?;
     let view = kinds::view(&bench.camera, options.side)
         .ok_or_else(|| fail(&"beams, pencils and cones need a pinhole camera with a flat picture"))?;
     if let Some(folder) = &options.image_folder {

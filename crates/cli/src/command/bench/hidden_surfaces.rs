@@ -11,7 +11,7 @@ use crate::failure::{Failure, choice};
 use crate::standard_output;
 use serde_json::{Map, Value, json};
 use snell_formats::ReadOptions;
-use snell_intersect::visible::{self, Characterization, HiddenLines, Method, Prepared, Screen, Seen};
+use snell_lab::visible::{self, Characterization, HiddenLines, Method, Prepared, Screen, Seen};
 use snell_intersect::{BuildOptions, World};
 use std::path::PathBuf;
 use std::process::ExitCode;

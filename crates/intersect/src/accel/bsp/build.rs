@@ -3,9 +3,10 @@
 //! The polygon of a triangle is the part of its plane within its box (grown by the margin of [`crate::accel::primitives`]), because
 //! that is where hits on it can be. Shapes, instances and small triangles whose box says as much take part with their box.
 
-use super::polygon::{Side, Vertices, parts_of_box, plane_in_box};
-use super::{ChildRef, Node, Plane};
+use super::polygon::{parts_of_box, plane_in_box};
+use super::{ChildRef, Node};
 use crate::accel::primitives::{Item, PARALLEL, Primitives};
+use snell_math::plane::{Plane, Side, Vertices};
 use snell_math::{Bounds3d, DVec3};
 
 /// Sets up to this size are not divided.

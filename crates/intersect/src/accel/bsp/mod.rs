@@ -7,20 +7,14 @@
 //! tell where to look.
 
 mod build;
-pub(crate) mod polygon;
+mod polygon;
 
 use super::box_ray::BoxRay;
 use super::primitives::Primitives;
 use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work, walk_with_stack};
 use crate::query::journey::Place;
+use snell_math::plane::Plane;
 use snell_math::{Bounds3, DVec3};
-
-/// `normal . (x - center) = offset`: the front is where the left side is greater.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Plane {
-    pub normal: DVec3,
-    pub offset: f64,
-}
 
 /// Where a child is: an inner node, or with [`Self::LEAF`] a leaf.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -13,8 +13,8 @@ use crate::accel::bvh::{Forest, GroupTree};
 use crate::query::search::{DataOf, Goal, HitOf, RayOf, RealOf, Search};
 use crate::world::GeometryOptions;
 #[cfg(target_arch = "x86_64")]
-use snell_math::simd::{Avx8, Avx16};
-use snell_math::simd::{Lanes8, Lanes16, Pair, Portable8, most};
+use snell_math::simd::{Avx8, Avx16, Pair};
+use snell_math::simd::{Lanes8, Lanes16, most};
 use std::mem::MaybeUninit;
 use std::sync::atomic::AtomicBool;
 
@@ -92,18 +92,6 @@ pub(super) unsafe fn walk_bundles_avx512<G: Goal>(
 ) {
     // SAFETY: as promised by the caller.
     unsafe { walk::<Avx16, G>(rows, members, stacks, position) }
-}
-
-/// # Safety
-/// As [`walk`].
-pub(super) unsafe fn walk_bundles_portable<G: Goal>(
-    rows: &mut Rows<'_, '_, '_, G>,
-    members: Members,
-    stacks: &mut Stacks,
-    position: Position,
-) {
-    // SAFETY: as promised by the caller.
-    unsafe { walk::<Pair<Portable8>, G>(rows, members, stacks, position) }
 }
 
 /// The searches of a run on their way through the forest.

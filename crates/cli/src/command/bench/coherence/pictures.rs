@@ -7,7 +7,7 @@ use crate::command::bench::kinds::Kind;
 use crate::failure::Failure;
 use snell_formats::image::{WriteOptions, write_image};
 use snell_intersect::Hit;
-use snell_intersect::coherence::{BeamTracer, Cone, ConeTracer, ConvexPolygon, PrimitiveId};
+use snell_lab::coherence::{BeamTracer, Cone, ConeTracer, ConvexPolygon, PrimitiveId};
 use snell_math::{DVec2, Ray, Vec2, Vec3};
 use snell_scene::{Layer, LayeredImage};
 use std::path::Path;

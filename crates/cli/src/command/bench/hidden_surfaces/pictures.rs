@@ -3,7 +3,7 @@
 use crate::command::bench::plot::{FAINT, INK, Svg};
 use crate::failure::Failure;
 use snell_formats::image::{WriteOptions, write_image};
-use snell_intersect::visible::{HiddenLines, LineKind, Method, Screen, Stretch};
+use snell_lab::visible::{HiddenLines, LineKind, Method, Screen, Stretch};
 use snell_math::rng;
 use snell_scene::{Layer, LayeredImage};
 use std::path::Path;

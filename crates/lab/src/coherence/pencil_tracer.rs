@@ -7,8 +7,8 @@ use super::polygon::{Affine, ConvexPolygon};
 use super::queries::{self, Query};
 use super::view::{Facet, View, Window};
 use super::walk::{Entry, RegionWork, Walk};
-use crate::hit::Hit;
-use crate::world::World;
+use snell_intersect::Hit;
+use snell_intersect::World;
 use snell_math::{DVec3, Ray, Vec2};
 
 /// A pencil that may meet more triangles than this is divided.

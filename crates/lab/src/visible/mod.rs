@@ -35,7 +35,7 @@ pub use hidden_lines::{HiddenLines, LineKind, LineWork, Stretch};
 pub use kinds::{Characterization, Method, Space};
 pub use screen::Screen;
 
-use crate::world::World;
+use snell_intersect::World;
 
 /// The item of a pixel where nothing is seen.
 pub const NOTHING: u32 = u32::MAX;

@@ -14,8 +14,7 @@ use super::facet::{Facet, Nearness};
 use super::pieces::{self, CutNode, Divider, Drawn, WHOLE};
 use super::screen::Triangle;
 use super::{NOTHING, Screen, VisibleError};
-use crate::accel::bsp::Plane;
-use crate::accel::bsp::polygon::Side;
+use snell_math::plane::{Plane, Side};
 use snell_math::{DVec2, DVec3, rng};
 
 /// Distances below this, relative to the coordinates of plane and polygon, are none.

@@ -4,18 +4,11 @@ use super::CoherenceError;
 use super::fragments::{Fragment, Fragments, Source};
 use super::polygon::ConvexPolygon;
 use super::view::{Facet, Rows, View, Window};
-use crate::accel::bvh::Forest;
-use crate::accel::group::{Object, Placement, ray_in_child, test_triangle};
-use crate::hit::Hit;
-use crate::kernel::node::{ChildRef, WideNode};
-use crate::kernel::ray::LocalRay;
-use crate::query::AcceptAll;
-use crate::query::search::{Closest, Context, Search};
-use crate::world::{Geometry, GeometryId, GroupId, Structure, World};
+use snell_intersect::world::tree_view::{TreeChild, TreeNode, TreeView};
+use snell_intersect::{AcceptAll, Geometry, GeometryId, GroupId, Hit, World};
 use snell_math::{Bounds3, DAffine3, DRay, DVec3, DVec4, Ray};
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap};
-use std::mem::MaybeUninit;
 
 /// What tracing regions cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -49,7 +42,7 @@ struct Frame {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     bounds: Bounds3,
-    child: ChildRef,
+    child: TreeChild,
     frame: u32,
 }
 
@@ -92,7 +85,7 @@ pub(super) enum Outcome {
 #[derive(Debug)]
 pub(super) struct Walk<'w> {
     pub world: &'w World,
-    forest: &'w Forest,
+    tree: TreeView<'w>,
     frames: Vec<Frame>,
     /// The frame of each occurrence that was met.
     frame_of: HashMap<u32, u32>,
@@ -104,11 +97,10 @@ pub(super) struct Walk<'w> {
 
 impl<'w> Walk<'w> {
     pub fn new(world: &'w World) -> Result<Self, CoherenceError> {
-        let Structure::Bvh(forest) = &world.structure else { return Err(CoherenceError::NotBvh) };
-        let only_triangles = forest.trees.iter().all(|tree| {
-            let still = |o: &Object| matches!(o, Object::Instance { child_from_group: Placement::Still(_), .. });
-            tree.objects.len() == tree.objects.placed().len() && tree.objects.placed().iter().all(still)
-        });
+        let tree = TreeView::new(world).ok_or(CoherenceError::NotBvh)?;
+        let is_instance = |group, object| tree.instance(group, object as u32).is_some();
+        let only_triangles =
+            (0..tree.group_count()).all(|group| (0..tree.object_count(group)).all(|object| is_instance(group, object)));
         if !only_triangles {
             return Err(CoherenceError::NotTriangles);
         }
@@ -118,11 +110,11 @@ impl<'w> Walk<'w> {
             outer: None,
             world_from_group: DAffine3::IDENTITY,
             is_root: true,
-            extent: extent(forest, 0),
+            extent: extent(&tree, 0),
         };
         Ok(Self {
             world,
-            forest,
+            tree,
             frames: vec![root],
             frame_of: HashMap::new(),
             work: RegionWork::default(),
@@ -133,11 +125,8 @@ impl<'w> Walk<'w> {
 
     /// Where walks start: the whole world.
     pub fn start(&self) -> Vec<Entry> {
-        let tree = &self.forest.trees[0];
-        if tree.root == ChildRef::NONE {
-            return Vec::new();
-        }
-        vec![Entry { bounds: Bounds3::INFINITE, child: tree.root, frame: 0 }]
+        let entry = |child| Entry { bounds: Bounds3::INFINITE, child, frame: 0 };
+        self.tree.root(0).map(entry).into_iter().collect()
     }
 
     /// Finds all that is visible in a region of a window, unless that is more than so many pieces. (What is hidden does not count: dividing
@@ -202,38 +191,36 @@ impl<'w> Walk<'w> {
             if f64::from(nearest) < floor {
                 break;
             }
-            if entry.child.is_object() {
-                if let Some(inner) = self.enter(entry) {
+            if let TreeChild::Object(object) = entry.child {
+                if let Some(inner) = self.enter(entry.frame, object) {
                     heap.push(Next { nearest, entry: inner });
                 }
                 continue;
             }
             self.look(view, window, entry.frame, &mut sight, &mut sight_of);
-            let tree = &self.forest.trees[self.frames[entry.frame as usize].group];
-            if entry.child.is_node() {
+            let Frame { group, instance, .. } = self.frames[entry.frame as usize];
+            if let TreeChild::Node(node) = entry.child {
                 self.work.nodes += 1;
-                let node = &tree.nodes[entry.child.index()];
-                let (mut met, nearest) = sight.boxes(node);
+                let node = self.tree.node(group, node);
+                let (mut met, nearest) = sight.boxes(&node);
                 while met != 0 {
                     let slot = met.trailing_zeros() as usize;
                     met &= met - 1;
-                    let child = node.children[slot];
-                    if child != ChildRef::NONE {
-                        let entry = Entry { bounds: node.slot_bounds(slot), child, frame: entry.frame };
+                    if let Some(child) = node.child(slot) {
+                        let entry = Entry { bounds: node.bounds(slot), child, frame: entry.frame };
                         heap.push(Next { nearest: nearest[slot], entry });
                     }
                 }
                 continue;
             }
             facets.clear();
-            let mut room = MaybeUninit::uninit();
-            let block = tree.blocks.get(entry.child.block(), &mut room);
-            let instance = self.frames[entry.frame as usize].instance;
-            for lane in 0..entry.child.count() as usize {
-                self.work.triangles += 1;
-                let source = Source { frame: entry.frame, triangle: block.ids[lane], instance };
-                let corners = block.corners(lane).map(|[x, y, z]| DVec3::new(x.into(), y.into(), z.into()));
-                window.facets(&sight.rows, &corners, |facet| facets.push((facet, source)));
+            if let TreeChild::Triangles { block, count } = entry.child {
+                self.work.triangles += u64::from(count);
+                self.tree.triangles(group, block, count, |triangle, corners| {
+                    let source = Source { frame: entry.frame, triangle, instance };
+                    let corners = corners.map(|p| p.as_dvec3());
+                    window.facets(&sight.rows, &corners, |facet| facets.push((facet, source)));
+                });
             }
             if !facets.is_empty() {
                 floor = take(entry, &facets);
@@ -256,31 +243,23 @@ impl<'w> Walk<'w> {
     }
 
     /// The root of the tree of an instance; `None` if it is empty or flattened.
-    fn enter(&mut self, entry: Entry) -> Option<Entry> {
-        let outer = &self.frames[entry.frame as usize];
-        let group = outer.group;
-        let number = entry.child.index();
-        let Object::Instance { child, offset, child_from_group: Placement::Still(map), .. } =
-            &self.forest.trees[group].objects.placed()[number]
-        else {
-            return None;
-        };
-        let inner = ChildRef::NONE != self.forest.trees[*child].root && map.is_finite();
-        if !inner {
-            return None;
-        }
-        let instance = outer.instance + offset;
+    fn enter(&mut self, frame: u32, object: u32) -> Option<Entry> {
+        let outer = &self.frames[frame as usize];
+        let placed = self.tree.instance(outer.group, object)?;
+        let root = self.tree.root(placed.child).filter(|_| placed.child_from_group.is_finite())?;
+        let instance = outer.instance + placed.offset;
         let frame = match self.frame_of.get(&instance) {
             Some(&frame) => frame,
             None => {
-                let placed = &self.world.group(GroupId(group as u32)).instances[number].group_from_child;
+                let group = self.world.group(GroupId(outer.group as u32));
+                let group_from_child = &group.instances[object as usize].group_from_child;
                 let frame = Frame {
-                    group: *child,
+                    group: placed.child,
                     instance,
-                    outer: Some((entry.frame, *map)),
-                    world_from_group: outer.world_from_group * *placed.matrix(),
+                    outer: Some((frame, placed.child_from_group)),
+                    world_from_group: outer.world_from_group * *group_from_child.matrix(),
                     is_root: false,
-                    extent: extent(self.forest, *child),
+                    extent: extent(&self.tree, placed.child),
                 };
                 self.frames.push(frame);
                 let number = self.frames.len() as u32 - 1;
@@ -288,13 +267,13 @@ impl<'w> Walk<'w> {
                 number
             }
         };
-        Some(Entry { bounds: Bounds3::INFINITE, child: self.forest.trees[*child].root, frame })
+        Some(Entry { bounds: Bounds3::INFINITE, child: root, frame })
     }
 
     /// Instance, geometry and primitive of a triangle.
     pub fn ids(&self, source: &Source) -> [u32; 3] {
         let frame = &self.frames[source.frame as usize];
-        let (geometry, primitive) = self.forest.trees[frame.group].triangle(source.triangle);
+        let (geometry, primitive) = self.tree.triangle(frame.group, source.triangle);
         [frame.instance, geometry, primitive]
     }
 
@@ -316,20 +295,20 @@ impl<'w> Walk<'w> {
     /// Tests a ray with one triangle, by the rule that decides in every structure.
     pub fn confirm(&mut self, ray: &Ray, source: &Source) -> Option<Hit> {
         self.work.confirmed += 1;
-        let context = Context { filter: &AcceptAll, options: &self.world.options, data: &(), cancel: None };
-        let mut search = Search::new(ray.into(), &context, Closest::new(ray));
-        let local = LocalRay::new(&self.ray_in(source.frame, ray)?);
-        let corners = self.local_corners(source).map(|p| p.to_array());
-        test_triangle(&mut search, &local, &corners, || self.ids(source));
-        let hit = search.goal.result();
-        hit.is_hit().then_some(hit)
+        let local = self.ray_in(source.frame, ray)?;
+        self.tree.test_triangle(ray, &local, &self.local_corners(source), self.ids(source))
     }
 
     /// A ray of the world as the instances map it, one after the other.
     fn ray_in(&self, frame: u32, ray: &Ray) -> Option<DRay> {
         match &self.frames[frame as usize].outer {
             None => Some(DRay::from(ray)),
-            Some((outer, map)) => ray_in_child(map, &self.ray_in(*outer, ray)?),
+            Some((outer, map)) => {
+                let ray = self.ray_in(*outer, ray)?;
+                let (origin, direction) = (map.transform_point3(ray.origin), map.transform_vector3(ray.direction));
+                // What overflows on the way hits nothing.
+                (origin.is_finite() && direction.is_finite()).then_some(DRay { origin, direction, ..ray })
+            }
         }
     }
 
@@ -347,14 +326,13 @@ impl<'w> Walk<'w> {
 }
 
 /// The largest absolute coordinates in a group.
-fn extent(forest: &Forest, group: usize) -> DVec3 {
-    let tree = &forest.trees[group];
-    if !tree.root.is_node() {
+fn extent(tree: &TreeView, group: usize) -> DVec3 {
+    let Some(TreeChild::Node(root)) = tree.root(group) else {
         // A single leaf: its triangles are always looked at.
         return DVec3::INFINITY;
-    }
-    let node = &tree.nodes[tree.root.index()];
-    let all = (0..8).fold(Bounds3::EMPTY, |b, slot| b.union(&node.slot_bounds(slot)));
+    };
+    let node = tree.node(group, root);
+    let all = (0..8).fold(Bounds3::EMPTY, |b, slot| b.union(&node.bounds(slot)));
     all.min.abs().max(all.max.abs()).as_dvec3()
 }
 
@@ -394,11 +372,11 @@ impl Side {
 
     /// The greatest value in each box of a node.
     #[inline(always)]
-    fn greatest_of(&self, node: &WideNode) -> [f32; 8] {
+    fn greatest_of(&self, node: &TreeNode) -> [f32; 8] {
         let mut sums = [self.offset; 8];
         for axis in 0..3 {
             let n = self.normal[axis];
-            let planes = &node.bounds[usize::from(n >= 0.0)][axis];
+            let planes = &node.planes()[usize::from(n >= 0.0)][axis];
             for (sum, plane) in sums.iter_mut().zip(planes) {
                 *sum += n * plane;
             }
@@ -426,7 +404,7 @@ impl Sight {
     }
 
     /// Which boxes may be in the window, and how near they may be.
-    fn boxes(&self, node: &WideNode) -> (u32, [f32; 8]) {
+    fn boxes(&self, node: &TreeNode) -> (u32, [f32; 8]) {
         let mut inside = [true; 8];
         for side in &self.sides {
             let greatest = side.greatest_of(node);

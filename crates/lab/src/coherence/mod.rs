@@ -35,14 +35,14 @@ pub use polygon::ConvexPolygon;
 pub use view::View;
 pub use walk::RegionWork;
 
-/// Which triangle of a world: as in [`crate::Hit`].
+/// Which triangle of a world: as in [`snell_intersect::Hit`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct PrimitiveId {
-    /// See [`crate::Hit::instance`].
+    /// See [`snell_intersect::Hit::instance`].
     pub instance: u32,
-    /// See [`crate::Hit::geometry`].
+    /// See [`snell_intersect::Hit::geometry`].
     pub geometry: u32,
-    /// See [`crate::Hit::primitive`].
+    /// See [`snell_intersect::Hit::primitive`].
     pub primitive: u32,
 }
 

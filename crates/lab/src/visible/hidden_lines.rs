@@ -15,8 +15,8 @@
 
 use super::facet::{Edge, Facet};
 use super::{Characterization, NOTHING, Screen, Space, VisibleError};
-use crate::query::AcceptAll;
-use crate::world::World;
+use snell_intersect::AcceptAll;
+use snell_intersect::World;
 use snell_math::{DVec2, DVec3, Ray};
 use std::collections::HashMap;
 

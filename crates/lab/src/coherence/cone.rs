@@ -5,7 +5,7 @@ use super::polygon::{ConvexPolygon, DISK_AREA};
 use super::view::View;
 use super::walk::{RegionWork, Walk};
 use super::{CoherenceError, PrimitiveId};
-use crate::world::World;
+use snell_intersect::World;
 use snell_math::{DVec3, Ray};
 
 /// A round cone, or a cylinder.

@@ -6,8 +6,8 @@ use super::queries::{self, Query};
 use super::view::{Facet, View, Window};
 use super::walk::{Entry, Outcome, RegionWork, Walk};
 use super::{CoherenceError, PrimitiveId};
-use crate::hit::Hit;
-use crate::world::World;
+use snell_intersect::Hit;
+use snell_intersect::World;
 use snell_math::{DVec2, DVec3, Ray};
 
 /// A beam of more pieces than this is divided: the work in one grows with the square.

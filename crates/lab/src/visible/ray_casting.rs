@@ -5,9 +5,9 @@ use super::canvas::{Canvas, Seen};
 use super::facet::centre;
 use super::{NOTHING, Screen, VisibleError};
 use crate::coherence::PrimitiveId;
-use crate::hit::Hit;
-use crate::query::{AcceptAll, Grouping};
-use crate::world::World;
+use snell_intersect::Hit;
+use snell_intersect::{AcceptAll, Grouping};
+use snell_intersect::World;
 use snell_math::{DVec3, Ray};
 
 /// Pairs of rays and triangles that may be tested.

@@ -3,7 +3,7 @@
 use super::facet::{Facet, Nearness, centre};
 use super::{VisibleError, facet};
 use crate::coherence::{PrimitiveId, View};
-use crate::world::{Geometry, GroupId, World};
+use snell_intersect::{Geometry, GroupId, World};
 use snell_math::{DVec2, DVec3};
 
 /// Worlds of more triangles than this are refused: a facet takes some four hundred bytes.

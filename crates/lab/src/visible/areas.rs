@@ -8,7 +8,7 @@ use super::canvas::{Canvas, Seen};
 use super::facet::centre;
 use super::{NOTHING, Screen, VisibleError};
 use crate::coherence::{BeamTracer, ConvexPolygon};
-use crate::world::World;
+use snell_intersect::World;
 use snell_math::DVec2;
 
 /// A centre so near to a piece, in pixels, may be in it: who has it is decided as everywhere.

@@ -1,0 +1,82 @@
+//! Planes, and convex polygons that they cut.
+
+use crate::{Bounds3d, DVec3};
+
+/// The plane of all points `p` with `normal . p = offset`; its front is where the left side is greater.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// The direction that the front faces; distances are in units of its length.
+    pub normal: DVec3,
+    /// The distance from the origin, along the normal.
+    pub offset: f64,
+}
+
+/// The vertices of convex polygons, one polygon after another.
+pub type Vertices = Vec<DVec3>;
+
+/// On which side of a plane something lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// All of it is on the plane.
+    On,
+    /// None of it is in front.
+    Back,
+    /// None of it is behind.
+    Front,
+    /// Some of it is in front, and some behind.
+    Across,
+}
+
+impl Plane {
+    /// The distance of a point in front of the plane; it is negative behind.
+    #[inline(always)]
+    pub fn distance(&self, p: &DVec3) -> f64 {
+        self.normal.dot(*p) - self.offset
+    }
+
+    /// The side on which a polygon lies; distances up to `tolerance` count as none.
+    #[inline(always)]
+    pub fn side(&self, polygon: &[DVec3], tolerance: f64) -> Side {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for p in polygon {
+            let d = self.distance(p);
+            (low, high) = (low.min(d), high.max(d));
+        }
+        side_of(low, high, tolerance)
+    }
+
+    /// The side on which a box lies. A box is never on a plane, unless it is flat.
+    #[inline(always)]
+    pub fn side_of_box(&self, b: &Bounds3d, tolerance: f64) -> Side {
+        let (center, half) = (b.center(), b.size() * 0.5);
+        let (middle, radius) = (self.distance(&center), self.normal.abs().dot(half));
+        side_of(middle - radius, middle + radius, tolerance)
+    }
+
+    /// Appends the part of a polygon on one side of the plane (`sign` 1: the front, -1: the back). Vertices on the plane belong to both.
+    pub fn cut(&self, polygon: &[DVec3], sign: f64, out: &mut Vertices) {
+        let Some(mut from) = polygon.last() else { return };
+        let mut d_from = self.distance(from) * sign;
+        for to in polygon {
+            let d_to = self.distance(to) * sign;
+            if (d_from < 0.0 && d_to > 0.0) || (d_from > 0.0 && d_to < 0.0) {
+                // The same point whichever side is asked for.
+                let (a, b, da, db) = if d_from < 0.0 { (from, to, d_from, d_to) } else { (to, from, d_to, d_from) };
+                out.push(*a + (*b - *a) * (da / (da - db)));
+            }
+            if d_to >= 0.0 {
+                out.push(*to);
+            }
+            (from, d_from) = (to, d_to);
+        }
+    }
+}
+
+fn side_of(low: f64, high: f64, tolerance: f64) -> Side {
+    match (low < -tolerance, high > tolerance) {
+        (false, false) => Side::On,
+        (true, false) => Side::Back,
+        (false, true) => Side::Front,
+        (true, true) => Side::Across,
+    }
+}
