@@ -33,8 +33,7 @@ fn black(width: usize, height: usize) -> Vec<u8> {
 fn is_refused(name: &str, files: &[(&str, Vec<u8>)], words: &str, expected: &str) {
     let folder = folder_with(files);
     let start = Instant::now();
-    let output = survive(folder.path(), words);
-    let messages = String::from_utf8_lossy(&output.stderr);
+    let messages = survive(folder.path(), words).messages;
     assert!(messages.contains(expected) && messages.lines().count() == 1, "{name}: {messages}");
     assert!(start.elapsed() < Duration::from_secs(30), "{name}: {:?}", start.elapsed());
 }

@@ -1,49 +1,29 @@
-//! Small files that ask for much: huge counts, deep nesting, files that name files. The real command, with 4 GB of address space:
-//! an allocation from a declared count, or a stack that overflows, would end it by a signal.
+//! Small files that ask for much: huge counts, deep nesting, files that name files. The real command, with limits on its address
+//! space: an allocation from a declared count, or a stack that overflows, would end it by a signal.
 
 use super::mutate::crc32;
+use super::promise::{self, Ended};
 use snell_formats::image::{WriteOptions, encode_image_as};
 use snell_scene::{Layer, LayeredImage};
 use std::fmt::Write;
 use std::path::Path;
-use std::process::{Command, Output};
-use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-fn snell(folder: &Path, words: &str) -> Command {
-    let mut command = if cfg!(target_os = "linux") {
-        let mut shell = Command::new("sh");
-        shell.args(["-c", "ulimit -v 4000000; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_snell")]);
-        shell
-    } else {
-        Command::new(env!("CARGO_BIN_EXE_snell"))
-    };
-    command.args(words.split_whitespace()).current_dir(folder).env_remove("SNELL_SIMD");
-    command
-}
-
-/// Runs the command; it must end by itself, soon, with a result or one message.
-pub fn survive(folder: &Path, words: &str) -> Output {
-    let start = Instant::now();
-    let output = snell(folder, words).output().expect("the command exists");
-    let messages = String::from_utf8_lossy(&output.stderr);
-    let code = output.status.code();
-    assert!(matches!(code, Some(0 | 1)), "{words}: {:?}: {messages}", output.status);
-    assert!(start.elapsed() < Duration::from_secs(60), "{words}: took {:?}", start.elapsed());
-    assert!(!messages.contains("panicked") && !messages.contains("internal fault"), "{words}: {messages}");
-    if code == Some(1) {
-        assert_eq!(messages.lines().filter(|l| l.starts_with("error: ")).count(), 1, "{words}: {messages}");
-        eprintln!("{words}: {}", messages.trim_end().chars().take(300).collect::<String>());
-    } else {
-        eprintln!("{words}: done in {:?}", start.elapsed());
-    }
-    output
+/// Runs the command, which must keep its promises.
+pub fn survive(folder: &Path, words: &str) -> Ended {
+    let words: Vec<_> = words.split_whitespace().map(String::from).collect();
+    let scratch = TempDir::new().expect("temporary folders can be made");
+    let ended = promise::run(Path::new(env!("CARGO_BIN_EXE_snell")), &words, folder, scratch.path());
+    assert_eq!(ended.fault(&words), None, "{words:?}");
+    let message: String = ended.messages.trim_end().chars().take(300).collect();
+    eprintln!("{words:?}: {:?} in {:?}: {message}", ended.code, ended.time);
+    ended
 }
 
 /// Renders the file, and shows what is in it.
 fn survive_scene(folder: &Path, name: &str) -> [bool; 3] {
     let render = format!("render {name} --size 8x8 --spp 1 -t 1 -q -o {name}.png");
-    [render, format!("info {name}"), format!("info {name} --json")].map(|w| survive(folder, &w).status.success())
+    [render, format!("info {name}"), format!("info {name} --json")].map(|w| survive(folder, &w).code == Some(0))
 }
 
 pub fn folder_with(files: &[(&str, Vec<u8>)]) -> TempDir {
@@ -132,7 +112,7 @@ fn huge_pictures_are_refused() {
         let words = format!("render --environment {name} --size 8x8 --spp 1 -t 1 -q -o out.png");
         for words in [words, format!("compare {name} {name}")] {
             let output = survive(folder.path(), &words);
-            assert_eq!(output.status.code(), Some(1), "{words}");
+            assert_eq!(output.code, Some(1), "{words}");
         }
     }
 }
@@ -228,6 +208,6 @@ fn many_different_warnings_are_no_flood() {
     );
     let folder = folder_with(&[("a.gltf", gltf.into_bytes())]);
     let output = survive(folder.path(), "render a.gltf --size 8x8 --spp 1 -t 1");
-    let lines = String::from_utf8_lossy(&output.stderr).lines().count();
-    assert!(output.status.success() && lines < 2000, "{lines} lines");
+    let lines = output.messages.lines().count();
+    assert!(output.code == Some(0) && lines < 2000, "{lines} lines");
 }

@@ -122,7 +122,7 @@ fn change_bytes(bytes: &mut Vec<u8>, random: &mut Random) {
         }
         // Digits turned into other digits keep a text valid and reach deeper than random bytes.
         9..13 => replace_digit(bytes, at, random.below(10) as u8),
-        13 => replace_number(bytes, at, *random.choose::<&[u8]>(&WORDS[..9])),
+        13 => replace_number(bytes, at, random.choose::<&[u8]>(&WORDS[..9])),
         _ => bytes[at] = bytes[at].wrapping_add(1),
     }
 }
