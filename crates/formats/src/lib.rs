@@ -104,6 +104,19 @@ pub fn read_scene_bytes(
     read_input(&input)
 }
 
+/// Refuses a large file that there is no memory to read: numbers in text become several times as
+/// long on their way. Measured on meshes.
+fn check_memory(input: &Input) -> Result<(), ReadError> {
+    const LARGE: usize = 16 << 20;
+    if input.bytes.len() < LARGE {
+        return Ok(());
+    }
+    let is_text = !input.bytes[..4096].contains(&0);
+    let needed = input.bytes.len() as u64 * if is_text { 5 } else { 2 };
+    let admitted = memory::Available::now().admit("to read this file", needed);
+    admitted.map_err(|problem| input.error(Place::Whole, problem, "give it more memory, or split the scene"))
+}
+
 fn read_input(input: &Input) -> Result<Scene, ReadError> {
     let extension = input.extension();
     let reader = SCENE_READERS
@@ -118,6 +131,7 @@ fn read_input(input: &Input) -> Result<Scene, ReadError> {
             format!("use one of: {} (`snell formats` tells more)", known.join(", ")),
         ));
     };
+    check_memory(input)?;
     let mut scene = (reader.read)(input).map_err(|error| input.located(error))?;
     if let Some(Environment::Image { image, .. }) = &scene.environment {
         image::charge_environment(input, image)?;

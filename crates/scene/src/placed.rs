@@ -2,6 +2,8 @@
 
 use crate::graph::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
 use snell_math::{DAffine3, Transform};
+use std::collections::HashSet;
+use std::sync::Arc;
 
 /// Most placements in one list: a small file can place one surface any number of times.
 pub const MAX_PLACED: u64 = 10_000_000;
@@ -44,6 +46,17 @@ impl Placed<'_> {
 /// How many nodes and surfaces the graph has when instances are counted each; at most `u64::MAX`.
 pub fn placement_count(scene: &Scene) -> Result<u64, String> {
     total(scene, |node| 1 + node.surfaces.len() as u64)
+}
+
+/// The triangles of all meshes, each mesh counted once: what work on the meshes themselves takes.
+pub fn distinct_triangles(scene: &Scene) -> u64 {
+    let mut seen = HashSet::new();
+    let surfaces = scene.nodes.iter().flat_map(|node| &node.surfaces);
+    let triangles = surfaces.map(|surface| match &surface.geometry {
+        Geometry::Mesh(mesh) if seen.insert(Arc::as_ptr(mesh)) => mesh.indices.len() as u64,
+        _ => 0,
+    });
+    triangles.sum()
 }
 
 /// The sum of something over all nodes when instances are counted each; at most `u64::MAX`.
@@ -95,7 +108,6 @@ mod tests {
     use crate::Node;
     use snell_intersect::shape::Sphere;
     use snell_math::DVec3;
-    use std::sync::Arc;
 
     #[test]
     fn a_shared_surface_is_listed_at_each_place_with_the_material_it_inherits() {

@@ -6,6 +6,9 @@ use serde_json::{Value, json};
 use snell_doctor::{Finding, Severity, examine};
 use snell_formats::ReadOptions;
 use snell_formats::error::one_line;
+use snell_formats::memory::Available;
+use snell_scene::Scene;
+use snell_scene::placed::distinct_triangles;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -27,7 +30,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
     let shown = options.scene.display().to_string();
     let findings = match scene_source::load(&options.scene, &read) {
-        Ok(scene) => examine(&scene).map_err(|e| Failure::Scene(format!("{shown}: {e}")))?,
+        Ok(scene) => {
+            let failed = |e: String| Failure::Scene(format!("{shown}: {e}"));
+            check_memory(&scene).map_err(failed)?;
+            examine(&scene).map_err(|e| failed(e.to_string()))?
+        }
         Err(Failure::Read(error)) if options.json => vec![Finding {
             check: "reader",
             severity: Severity::Error,
@@ -49,6 +56,15 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     };
     standard_output::write(text.as_bytes())?;
     Ok(if counts[0] + counts[1] > 0 { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+/// Refuses a scene that there is no memory to look at.
+fn check_memory(scene: &Scene) -> Result<(), String> {
+    // Of a triangle: how it hangs together with others, and a structure for rays. Measured.
+    const BYTES: u64 = 260;
+    let triangles = distinct_triangles(scene);
+    let admitted = Available::now().admit(&format!("to examine {triangles} triangles"), triangles * BYTES);
+    admitted.map_err(|problem| format!("{problem}; give it more memory, or split the scene"))
 }
 
 fn as_json(scene: &str, findings: &[Finding], [errors, warnings, notes]: [usize; 3]) -> Value {

@@ -1,5 +1,6 @@
 //! All surfaces as triangles in the world, as the simplest formats have them.
 
+use super::BYTES_OF_TRIANGLE;
 use super::Output;
 use super::tessellate::{most_triangles, tessellate};
 use crate::strip;
@@ -10,9 +11,6 @@ use std::borrow::Cow;
 
 /// What 32-bit numbers can count of corners.
 const MOST_TRIANGLES: u64 = u32::MAX as u64 / 3;
-
-/// Bytes of a vertex and a triangle on their way into a file, with what is written of them.
-const BYTES_OF_TRIANGLE: u64 = 150;
 
 /// What a scene becomes when everything is triangles: their number, instances counted each.
 fn triangle_count(scene: &Scene) -> Result<u64, String> {

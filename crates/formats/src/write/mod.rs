@@ -22,6 +22,7 @@ mod tests;
 use crate::error::WriteError;
 use crate::memory::Available;
 use crate::{atomic, scene};
+use snell_scene::placed::distinct_triangles;
 use snell_scene::texture::Pattern;
 use snell_scene::{Scene, Warning};
 use std::path::{Path, PathBuf};
@@ -172,6 +173,10 @@ fn exists(path: &Path) -> WriteError {
     }
 }
 
+/// Bytes of a triangle of a mesh, with its vertices, on its way into a file: as what is written, in
+/// buffers that grow. Measured.
+const BYTES_OF_TRIANGLE: u64 = 220;
+
 /// Writes a scene in the format that the extension of `path` names; the file appears whole or not at all. Replaces files.
 pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), WriteError> {
     write_scene_as(path, scene, true).map(drop)
@@ -183,6 +188,13 @@ pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), WriteError> {
 pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Written, WriteError> {
     let writer = writer_for(path)?;
     let mut output = Output::new(path, Available::now());
+    let triangles = distinct_triangles(scene);
+    let admitted = output.available.admit(&format!("to write {triangles} triangles"), triangles * BYTES_OF_TRIANGLE);
+    admitted.map_err(|problem| WriteError::Format {
+        path: path.into(),
+        problem,
+        remedy: "give it more memory, or split the scene".into(),
+    })?;
     lose_choices(scene, writer.name, &mut output);
     let drawn = patterns::drawn(scene, writer.knows, &mut output);
     (writer.write)(&drawn, &mut output).map_err(|problem| WriteError::Format {

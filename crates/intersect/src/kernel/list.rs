@@ -140,7 +140,16 @@ unsafe fn run_avx2<G: Goal<Precision = Single>>(
 ) -> usize {
     use super::traverse::walk_avx2;
     // SAFETY: as promised by the caller.
-    unsafe { run::<snell_math::simd::PairDoubles<snell_math::simd::Avx8>, G>(scene, stack, begun, start, finish, walk_avx2::<G>) }
+    unsafe {
+        run::<snell_math::simd::PairDoubles<snell_math::simd::Avx8>, G>(
+            scene,
+            stack,
+            begun,
+            start,
+            finish,
+            walk_avx2::<G>,
+        )
+    }
 }
 
 /// # Safety

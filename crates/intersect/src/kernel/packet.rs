@@ -96,7 +96,7 @@ pub(crate) fn search_runs<G: Goal>(
         // SAFETY: as above.
         Level::Avx2 => unsafe { run_avx2(forest, batch, &mut stacks, start, answers) },
         // Without wide registers, rays are as fast one by one.
-        _ => vec![0..batch.rays.len()],
+        _ => std::iter::once(0..batch.rays.len()).collect(),
     }
 }
 

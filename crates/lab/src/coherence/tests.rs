@@ -1,9 +1,9 @@
 //! Beams, pencils and cones against rays, and against what is known.
 
 use super::*;
+use snell_intersect::Sphere;
 use snell_intersect::accel::AcceleratorKind;
 use snell_intersect::{AcceptAll, Grouping};
-use snell_intersect::Sphere;
 use snell_intersect::{BuildOptions, World, WorldBuilder};
 use snell_intersect::{Hit, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Ray, Transform, Vec3, rng};

@@ -6,8 +6,8 @@ use super::facet::centre;
 use super::{NOTHING, Screen, VisibleError};
 use crate::coherence::PrimitiveId;
 use snell_intersect::Hit;
-use snell_intersect::{AcceptAll, Grouping};
 use snell_intersect::World;
+use snell_intersect::{AcceptAll, Grouping};
 use snell_math::{DVec3, Ray};
 
 /// Pairs of rays and triangles that may be tested.

@@ -4,8 +4,8 @@ use super::facet::centre;
 use super::*;
 use crate::coherence::View;
 use snell_intersect::Sphere;
-use snell_intersect::{BuildOptions, WorldBuilder};
 use snell_intersect::{AcceptAll, TriangleMesh};
+use snell_intersect::{BuildOptions, WorldBuilder};
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Ray, Transform, Vec3, rng};
 use std::sync::Arc;
 

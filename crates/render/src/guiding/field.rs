@@ -341,7 +341,6 @@ impl Field {
                 }
             }
         });
-        drop(queue);
         // Sorted by region, by counting.
         let mut starts = vec![0u32; self.cells.len() + 1];
         regions.iter().for_each(|&region| starts[region as usize + 1] += 1);

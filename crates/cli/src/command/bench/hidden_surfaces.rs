@@ -11,8 +11,8 @@ use crate::failure::{Failure, choice};
 use crate::standard_output;
 use serde_json::{Map, Value, json};
 use snell_formats::ReadOptions;
-use snell_lab::visible::{self, Characterization, HiddenLines, Method, Prepared, Screen, Seen};
 use snell_intersect::{BuildOptions, World};
+use snell_lab::visible::{self, Characterization, HiddenLines, Method, Prepared, Screen, Seen};
 use std::path::PathBuf;
 use std::process::ExitCode;
 

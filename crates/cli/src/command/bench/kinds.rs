@@ -1,8 +1,8 @@
 //! The kinds of rays that are measured, made for a scene and always the same.
 
 use super::scenes::Bench;
-use snell_lab::coherence::View;
 use snell_intersect::{AcceptAll, Grouping, Hit, SurfaceInteraction, World};
+use snell_lab::coherence::View;
 use snell_math::{DVec2, DVec3, Frame, Ray, Vec2, rng, sampling};
 use snell_scene::Camera;
 use snell_scene::camera::{CameraSample, Projection};

@@ -3,9 +3,9 @@
 use super::super::clock::MIN_PIECE;
 use super::super::contest::Answer;
 use super::Case;
-use snell_lab::coherence::{BeamTracer, CoherenceError, Cone, ConeTracer, PencilTracer, RegionWork};
 use snell_intersect::world::TraversalWork;
 use snell_intersect::{AcceptAll, Grouping, Hit};
+use snell_lab::coherence::{BeamTracer, CoherenceError, Cone, ConeTracer, PencilTracer, RegionWork};
 use snell_math::{Ray, Vec2};
 
 /// A way to trace rays.

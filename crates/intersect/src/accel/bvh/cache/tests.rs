@@ -146,7 +146,7 @@ fn whoever_writes_at_the_same_time_leaves_one_whole_file() {
             });
         }
     });
-    assert_eq!(kept.names(), [kept.entry.path.clone()]);
+    assert_eq!(kept.names(), std::slice::from_ref(&kept.entry.path));
     assert!(std::fs::read(&kept.entry.path).expect("a file") == kept.file);
 }
 
