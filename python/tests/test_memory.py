@@ -99,8 +99,8 @@ def test_one_thread_loads_renders_and_saves_whatever_the_environment_says(tmp_pa
         """,
         RAYON_NUM_THREADS="300",
     )
-    # The thread of the pool, and the one that renders.
-    assert int(out) <= 2
+    # The thread of the pool, the one that renders, and the one that gives up work when it is asked to.
+    assert int(out) <= 3
 
 
 def test_the_estimate_is_beside_the_picture_and_not_in_its_file(tmp_path):
