@@ -186,7 +186,7 @@ impl ManyBsdf {
         matches!(self.0, Kind::Glass(_))
     }
 
-    /// True if it may be asked with any [`ManyPoint::body`].
+    /// True if it may be asked with any [`ManyPoint::with_body`].
     pub fn takes_any_body(&self) -> bool {
         matches!(self.0, Kind::RoughGloss(_) | Kind::Mixed(_))
     }
