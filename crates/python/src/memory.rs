@@ -6,7 +6,8 @@ use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use snell_formats::memory::Available;
 use snell_render::Settings;
-use snell_render::memory::{Estimate, Uses, of_picture};
+use snell_render::memory::{Estimate, Uses, of_picture, of_scene};
+use snell_scene::Scene;
 
 /// What is smaller is not asked about: to ask takes longer than to make it.
 const SMALL: u64 = 16 << 20;
@@ -24,13 +25,13 @@ pub fn admit_all(what: &str, count: usize, bytes_of_each: usize) -> PyResult<()>
     admit(what, count as u64 * bytes_of_each as u64)
 }
 
-/// What a render takes beside its scene: film and picture, its variance, and the picture once more
-/// as an array or on its way into a file.
-pub fn estimate(request: &Request, threads: usize) -> Estimate {
+/// What a render takes beside the scene as Python has it: the scene once it is compiled, film and picture.
+pub fn estimate(request: &Request, threads: usize, scene: &Scene) -> Estimate {
     let Request { settings, denoiser, .. } = request;
-    picture(settings, threads, denoiser.is_some())
+    picture(settings, threads, denoiser.is_some()).with(of_scene(scene))
 }
 
+/// Film and picture, its variance, and the picture once more as an array or on its way into a file.
 fn picture(settings: &Settings, threads: usize, denoise: bool) -> Estimate {
     of_picture(settings, &Uses { threads, variance: true, denoise, beside: 16 })
 }

@@ -264,7 +264,8 @@ fn facts(py: Python<'_>, plan: &Plan, begun: &Begun) -> PyResult<Py<PyDict>> {
     facts.set_item("seconds", seconds)?;
     facts.set_item("rays", statistics.rays.total())?;
     facts.set_item("invalid_samples", statistics.invalid_samples)?;
-    facts.set_item("estimated_memory_bytes", memory::estimate(&plan.request, plan.threads.count()).bytes())?;
+    let estimate = memory::estimate(&plan.request, plan.threads.count(), &plan.prepared.scene);
+    facts.set_item("estimated_memory_bytes", estimate.bytes())?;
     facts.set_item("is_complete", statistics.is_complete)?;
     facts.set_item("warnings", &plan.prepared.warnings)?;
     Ok(facts.unbind())

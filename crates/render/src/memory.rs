@@ -46,8 +46,12 @@ const THREAD: u64 = 2 << 20;
 /// Heap around each of a pixel's shares of small allocations.
 const TILE_BYTES: u64 = 6;
 
-/// A denoiser's own memory for each pixel, and at most: as Open Image Denoise limits itself.
-const DENOISER: u64 = 400;
+/// What Open Image Denoise takes for itself, measured (2.5, one and two threads): its library and weights, and for each pixel,
+/// as long as it works on the whole picture at once; of larger pictures it works on parts.
+const DENOISER: u64 = 24 << 20;
+const DENOISER_PIXEL: u64 = 640;
+const DENOISER_WHOLE: u64 = 3_000_000;
+const DENOISER_LATER_PIXEL: u64 = 105;
 
 impl Estimate {
     /// All of it.
@@ -95,14 +99,30 @@ pub fn of_picture(settings: &Settings, uses: &Uses) -> Estimate {
     // Names and shares of what covers a pixel, and the layers that hold them.
     let coverage = covers * (24 + 56 + 80);
     let variance = if uses.variance { 4 + layers } else { 0 };
-    let denoiser = if uses.denoise { 5 * 12 + DENOISER } else { 0 };
-    let after = layers + coverage + noise_map.max(variance + uses.beside).max(denoiser);
     let size = settings.crop.unwrap_or(Crop::full(settings.size)).size();
+    let (denoiser_itself, denoiser) = if uses.denoise { denoiser_bytes(size) } else { (0, 0) };
+    let after = layers + coverage + noise_map.max(variance + uses.beside).max(denoiser);
     let sample = size_of::<FilmSample>() as u64 + 4 * sampled + 8 * covers;
     let samples = u64::from(TILE * TILE) * u64::from(settings.spp.min(BLOCK));
     let guiding = settings.guiding.map_or(0, |guiding| guiding_bytes(guiding.passes));
     let threads = uses.threads.max(1) as u64 * (THREAD + 3 * samples * sample);
-    Estimate { fixed: threads + guiding, per_pixel: film + after, size, is_crop: settings.crop.is_some() }
+    Estimate {
+        fixed: PROGRAM + threads + guiding + denoiser_itself,
+        per_pixel: film + after,
+        size,
+        is_crop: settings.crop.is_some(),
+    }
+}
+
+/// What a denoiser takes whatever the size, and for each pixel, with the copies that it is given.
+fn denoiser_bytes(size: [u32; 2]) -> (u64, u64) {
+    const COPIES: u64 = 5 * 12;
+    let [width, height] = size.map(u64::from);
+    if width * height <= DENOISER_WHOLE {
+        return (DENOISER, COPIES + DENOISER_PIXEL);
+    }
+    let first = DENOISER_WHOLE * (DENOISER_PIXEL - DENOISER_LATER_PIXEL);
+    (DENOISER + first, COPIES + DENOISER_LATER_PIXEL)
 }
 
 /// Values of each pixel of the picture and its layers, without those of coverage and variance.
@@ -157,8 +177,11 @@ pub fn of_scene(scene: &Scene) -> u64 {
     bytes
 }
 
-/// Of a triangle of a mesh: its share of the structure, and of what builds it. Measured.
-const TRIANGLE: u64 = 75;
+/// Of a triangle of a mesh: its share of the structure, and of what builds it. Measured for the builders and layouts that
+/// take most (`--quality high`, `--bvh-compact`).
+const TRIANGLE: u64 = 115;
+/// Pages of the program that nothing but rendering touches. Measured.
+const PROGRAM: u64 = 4 << 20;
 /// Of a segment of a curve, measured.
 const SEGMENT: u64 = 400;
 /// Of an analytic shape with its place, measured.

@@ -5,8 +5,8 @@ use snell_render::Settings;
 use snell_render::memory::{Estimate, Uses, of_picture};
 
 /// Bytes for each pixel beside film and picture: the linear colours that are shown and those before
-/// them, and the frame on its way to the pages.
-const BESIDE: u64 = 2 * 12 + 12;
+/// them, the frame on its way to the pages, and what making them leaves (measured).
+const BESIDE: u64 = 2 * 12 + 12 + 24;
 
 /// What the picture at rest takes beside its scene.
 pub fn estimate(settings: &Settings) -> Estimate {

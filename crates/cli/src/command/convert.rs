@@ -1,9 +1,9 @@
 //! `snell convert`: a scene in another format.
 
 use crate::failure::Failure;
+use crate::messages::{self, counted};
 use crate::{scene_source, standard_output};
 use serde_json::json;
-use snell_formats::error::one_line;
 use snell_formats::{ReadOptions, Written, check_scene_path, write_scene_as};
 use snell_scene::Warning;
 use std::path::{Path, PathBuf};
@@ -38,21 +38,14 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         standard_output::write(text.as_bytes())?;
     } else {
         for warning in &scene.warnings {
-            eprintln!("warning: {}", one_line(&counted(warning)));
+            eprintln!("warning: {}", counted(warning));
         }
         for loss in &written.losses {
-            eprintln!("lost: {}", one_line(&counted(loss)));
+            eprintln!("lost: {}", counted(loss));
         }
         eprintln!("{}", summary(&options.output, &written));
     }
     Ok(ExitCode::SUCCESS)
-}
-
-fn counted(warning: &Warning) -> String {
-    match warning.count {
-        1 => warning.message.clone(),
-        count => format!("{} ({count} times)", warning.message),
-    }
 }
 
 fn summary(path: &Path, written: &Written) -> String {
@@ -70,13 +63,10 @@ fn summary(path: &Path, written: &Written) -> String {
 }
 
 fn as_json(warnings: &[Warning], written: &Written) -> serde_json::Value {
-    let list = |list: &[Warning]| -> Vec<_> {
-        list.iter().map(|w| json!({ "message": w.message, "count": w.count })).collect()
-    };
     json!({
         "format": written.format,
         "files": written.files.iter().map(|p| p.display().to_string()).collect::<Vec<_>>(),
-        "warnings": list(warnings),
-        "losses": list(&written.losses),
+        "warnings": messages::as_json(warnings),
+        "losses": messages::as_json(&written.losses),
     })
 }

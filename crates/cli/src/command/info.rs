@@ -3,7 +3,7 @@
 mod text;
 
 use crate::failure::Failure;
-use crate::{scene_source, standard_output};
+use crate::{messages, scene_source, standard_output};
 use serde_json::{Value, json};
 use snell_formats::ReadOptions;
 use snell_math::Bounds3d;
@@ -108,8 +108,8 @@ impl Facts<'_> {
             }).collect::<Vec<_>>(),
             "variants": scene.variants,
             "scenes": scene.scenes,
-            "warnings": scene.warnings.iter().map(|w| json!({ "message": w.message, "count": w.count })).collect::<Vec<_>>(),
-            "notes": scene.notes.iter().map(|n| json!({ "message": n.message, "count": n.count })).collect::<Vec<_>>(),
+            "warnings": messages::as_json(&scene.warnings),
+            "notes": messages::as_json(&scene.notes),
             "tree": self.tree_json(scene.root, 64, &mut HashSet::new()),
         })
     }

@@ -14,16 +14,16 @@ mod tev;
 pub use options::Options;
 
 use crate::failure::Failure;
+use crate::messages::counted;
 use crate::progress::Reporter;
 use crate::{interrupt, scene_source, spectrum_file};
 use denoise::Denoised;
 use options::GuidingOption;
 use output::Target;
-use snell_formats::error::one_line;
 use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
 use snell_render::{CompiledScene, FilmTile, Guiding, IntegratorKind, Job, Settings, Statistics, with_patience};
-use snell_scene::{Camera, Pose, Scene};
+use snell_scene::{Camera, Pose, Scene, Warning};
 use stage::{Shot, Stage};
 use std::ffi::OsString;
 use std::path::Path;
@@ -166,9 +166,11 @@ impl Session<'_> {
         let Shot { camera, later_cameras, compiled, build_seconds, .. } = shot;
         let settings = Settings { later_cameras, ..options.settings(scene, &camera, self.simd)? };
         let is_first = !std::mem::replace(&mut self.has_begun, true);
+        let warnings = warnings(options, scene, &compiled, &settings);
         if is_first && !options.quiet {
-            warn(&options.scene, scene, &compiled);
-            warn_of_lost_layers(options, &settings);
+            for warning in &warnings {
+                eprintln!("warning: {}", counted(warning));
+            }
         }
         let threads = options.threads();
         let tev = options.tev().map(|url| Tev::open(url, &scene.name, &settings)).transpose()?;
@@ -194,6 +196,7 @@ impl Session<'_> {
             scene,
             compiled: &compiled,
             settings: &settings,
+            warnings,
             tonemap: self.tonemap,
             statistics,
             film: &film,
@@ -206,7 +209,6 @@ impl Session<'_> {
         };
         snell_render::layers::name_groups(&mut picture, &film, &settings.light_groups);
         layers::add_cryptomatte(&mut picture, &film, scene, &compiled);
-        let (least_samples, statistics) = (film.least_samples(), summary.json());
         let is_dropped = is_cut && (film.mean_samples() == 0.0 || options.has_frames());
         let mut fate = Fate::Nothing;
         if !is_dropped {
@@ -234,28 +236,32 @@ impl Session<'_> {
                 return Err(Failure::Other(problem));
             }
         }
+        // Last, because the most memory may be taken by the denoiser or the encoder.
+        let (least_samples, statistics) = (film.least_samples(), summary.json());
         Ok(Outcome { compiled, fate, least_samples, render_seconds, statistics })
     }
 }
 
-/// What the readers warn of names the place in a file. What is found later is about the whole of `name`.
-fn warn(path: &Path, scene: &Scene, compiled: &CompiledScene) {
-    let name = path.display();
-    let found_later = compiled.warnings.iter().map(|warning| (format!("{name}: "), warning));
-    for (place, warning) in scene.warnings.iter().map(|warning| (String::new(), warning)).chain(found_later) {
-        let times = if warning.count > 1 { format!(" ({} times)", warning.count) } else { String::new() };
-        eprintln!("warning: {place}{}{times}", one_line(&warning.message));
+/// What there is to say before a picture is rendered. What the readers warn of names the place in a file; what is found
+/// later is about the whole of the scene.
+fn warnings(options: &Options, scene: &Scene, compiled: &CompiledScene, settings: &Settings) -> Vec<Warning> {
+    let mut warnings = scene.warnings.clone();
+    let name = options.scene.display();
+    let found_later = compiled.warnings.iter();
+    warnings.extend(found_later.map(|w| Warning { message: format!("{name}: {}", w.message), ..w.clone() }));
+    if loses_layers(options, settings) {
+        let message = "only OpenEXR holds layers and variance; write the picture to a file.exr to have them";
+        Warning::note(&mut warnings, message.into(), 1);
     }
+    warnings
 }
 
 /// Only OpenEXR holds layers. The integrator `aov` shows its first one in any format.
-fn warn_of_lost_layers(options: &Options, settings: &Settings) {
+fn loses_layers(options: &Options, settings: &Settings) -> bool {
     let extension = options.output.as_ref().and_then(|path| path.extension());
     let shown = usize::from(settings.integrator == IntegratorKind::Aov);
     let asked = options.aov.len().max(shown) > shown || !options.light_group.is_empty() || options.variance;
-    if asked && !extension.is_some_and(|e| e.eq_ignore_ascii_case("exr")) {
-        eprintln!("warning: only OpenEXR holds layers and variance; write the picture to a file.exr to have them");
-    }
+    asked && !extension.is_some_and(|e| e.eq_ignore_ascii_case("exr"))
 }
 
 /// Makes a scene ready to be looked at, as the options say.

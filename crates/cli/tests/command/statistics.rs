@@ -28,6 +28,25 @@ fn the_statistics_have_all_their_keys() {
 }
 
 #[test]
+fn the_statistics_have_the_warnings_that_are_not_shown() {
+    let place = Place::new();
+    let obj = "mtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n";
+    std::fs::write(place.path("a.obj"), obj).expect("written");
+    let words = "render a.obj --size 8x6 --spp 1 --aov depth --stats s.json -o a.png";
+    let shown = place.run(words).done().err;
+    let quiet = place.run(&format!("{words} -q")).done().err;
+    assert_eq!(quiet, "");
+    let listed = place.json("s.json")["warnings"].clone();
+    let listed = listed.as_array().expect("a list");
+    let messages: Vec<_> = listed.iter().map(|w| w["message"].as_str().expect("text")).collect();
+    assert!(messages.iter().any(|m| m.contains("none.mtl")) && messages.iter().any(|m| m.contains("OpenEXR")));
+    for message in messages {
+        assert!(shown.contains(&format!("warning: {message}")), "{message}\n{shown}");
+    }
+    assert_eq!(shown.matches("warning: ").count(), listed.len(), "{shown}");
+}
+
+#[test]
 fn the_hash_is_that_of_the_linear_floats_from_the_top_row() {
     let place = Place::new();
     place.run("render cornell-box --size 20x14 --spp 4 -t 1 -q --stats s.json -o a.pfm").done();

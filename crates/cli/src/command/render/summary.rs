@@ -2,12 +2,13 @@
 
 use super::options::Options;
 use super::output::Target;
+use crate::messages;
 use crate::progress::duration;
 use crate::resources::peak_memory_bytes;
 use serde_json::{Value, json};
 use snell_formats::image::Tonemap;
 use snell_render::{CompiledScene, Film, Settings, Statistics};
-use snell_scene::Scene;
+use snell_scene::{Scene, Warning};
 use std::path::Path;
 
 /// The facts.
@@ -15,6 +16,8 @@ pub struct Summary<'a> {
     pub scene: &'a Scene,
     pub compiled: &'a CompiledScene,
     pub settings: &'a Settings,
+    /// What was said before the render began.
+    pub warnings: Vec<Warning>,
     pub tonemap: Tonemap,
     pub statistics: Statistics,
     pub film: &'a Film,
@@ -83,6 +86,7 @@ impl Summary<'_> {
             "converged": self.converged(),
             "complete": self.statistics.is_complete,
             "invalid_samples": self.statistics.invalid_samples,
+            "warnings": messages::as_json(&self.warnings),
             "peak_memory_bytes": peak_memory_bytes(),
             "estimated_memory_bytes": self.estimated_memory_bytes,
             "accelerator_memory_bytes": self.compiled.world.memory_bytes(),
