@@ -141,3 +141,41 @@ impl Drop for Process {
         let _ = self.0.wait();
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt;
+
+    /// A program in the place of Python.
+    fn script(folder: &tempfile::TempDir, text: &str) -> PathBuf {
+        let path = folder.path().join("python3");
+        std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).expect("written");
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).expect("ours");
+        path
+    }
+
+    #[test]
+    fn output_without_end_is_cut_off() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut options = ReadOptions::default();
+        options.limits.file_bytes = 10_000;
+        let endless = script(&folder, "exec yes scene");
+        let answer = run(&endless, Path::new("a.usda"), &options).expect("it starts");
+        assert!(matches!(answer.end, End::TooLarge));
+        assert_eq!(answer.scene.len(), 10_001);
+        let brief = script(&folder, "echo scene; echo 'warning: odd' >&2");
+        let answer = run(&brief, Path::new("a.usda"), &options).expect("it starts");
+        assert!(matches!(answer.end, End::Exit(0)));
+        assert_eq!((answer.scene.as_slice(), answer.said.as_str()), (&b"scene\n"[..], "warning: odd\n"));
+    }
+
+    #[test]
+    fn what_takes_too_long_is_ended() {
+        let child = Command::new("sleep").arg("600").spawn().expect("it starts");
+        let (id, mut process) = (child.id(), Process(child));
+        assert!(process.wait(Instant::now() + Duration::from_millis(20)).expect("it can be asked").is_none());
+        drop(process);
+        assert!(!Path::new(&format!("/proc/{id}")).exists());
+    }
+}
