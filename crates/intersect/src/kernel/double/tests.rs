@@ -230,11 +230,12 @@ proptest! {
             let angle = (i as f64 + phase) / n as f64 * std::f64::consts::TAU;
             middle + x * angle.cos() + y * angle.sin() + z * (phase - 0.5)
         }).collect();
-        // On the edges a ray may leave the fan only at its rim.
+        // On the edges a ray may leave the fan only at its rim. What lies behind the origin does not count: the line of a ray
+        // from within a fan that opens towards it passes the other side, too.
         for target in rim.iter().map(|r| middle + (*r - middle) * (at * 0.9)).chain([middle]) {
             let ray = DRay::new(origin, target - origin);
             let count = (0..n)
-                .filter(|&i| exact_hit(&ray, &[middle, rim[i], rim[(i + 1) % n]], f64::NEG_INFINITY).is_some())
+                .filter(|&i| exact_hit(&ray, &[middle, rim[i], rim[(i + 1) % n]], 0.0).is_some())
                 .count();
             prop_assert_eq!(count, 1);
         }
