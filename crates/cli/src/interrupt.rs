@@ -94,7 +94,7 @@ fn end(farewell: &str) -> ! {
 /// Begins to watch for signals.
 #[cfg(unix)]
 pub fn watch() -> Result<(), Failure> {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXCPU, SIGXFSZ};
+    use signal_hook::consts::{SIGABRT, SIGHUP, SIGINT, SIGTERM, SIGXCPU, SIGXFSZ};
     use signal_hook::iterator::Signals;
     use std::sync::Arc;
     use std::sync::atomic::AtomicBool;
@@ -103,6 +103,8 @@ pub fn watch() -> Result<(), Failure> {
     // A file that grows beyond what `ulimit -f` allows is an error of the file, not the end of the
     // program.
     signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).map_err(failed)?;
+    // Where memory or stack runs out, the standard library says so and aborts. That is a failure like others.
+    signal_hook::flag::register_conditional_shutdown(SIGABRT, 1, Arc::new(AtomicBool::new(true))).map_err(failed)?;
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGXCPU]).map_err(failed)?;
     if !is_hangup_ignored() {
         signals.add_signal(SIGHUP).map_err(failed)?;

@@ -1,4 +1,22 @@
-//! What the process uses.
+//! What the process uses, and whether there is as much.
+
+use crate::failure::Failure;
+use snell_formats::memory::Available;
+use snell_render::memory::of_scene;
+use snell_scene::Scene;
+
+/// An error for people if there is no memory for `what` on all threads.
+pub fn admit(what: &str, bytes: u64) -> Result<(), String> {
+    let available = Available::now().for_threads(rayon::current_num_threads());
+    let admitted = available.admit(what, bytes);
+    admitted.map_err(|problem| format!("{problem}; give it more memory, or make the scene simpler"))
+}
+
+/// Refuses a scene that there is no memory to make ready for rays.
+pub fn admit_scene(name: &str, scene: &Scene) -> Result<(), Failure> {
+    let admitted = admit("the scene ready for rays", of_scene(scene));
+    admitted.map_err(|problem| Failure::Scene(format!("{name}: {problem}")))
+}
 
 /// Resident memory of this process now, in bytes; `None` where the system does not say.
 pub fn memory_bytes() -> Option<u64> {

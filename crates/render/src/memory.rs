@@ -10,7 +10,7 @@ use crate::film::{BLOCK, FilmSample, TILE};
 use crate::integrator::aov::{Aov, AovKind};
 use crate::settings::{Crop, Settings};
 use snell_intersect::TriangleMesh;
-use snell_scene::{Environment, Geometry, Image, Pixels, Scene};
+use snell_scene::{Environment, Geometry, Image, NodeId, Pixels, Scene};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -155,11 +155,17 @@ pub fn of_scene(scene: &Scene) -> u64 {
     let mut meshes: HashMap<*const TriangleMesh, u64> = HashMap::new();
     let mut bytes = 0u64;
     let mut add = |more: u64| bytes = bytes.saturating_add(more);
+    let shapes = |id: NodeId| {
+        let surfaces = scene.nodes.get(id.index()).map_or(&[][..], |node| &node.surfaces);
+        surfaces.iter().filter(|surface| matches!(surface.geometry, Geometry::Shape(_))).count() as u64
+    };
+    add(NODE + shapes(scene.root) * SHAPE);
     for node in &scene.nodes {
-        add(NODE * (1 + node.children.len() as u64));
+        // Shapes are there for each place of their node, other surfaces once.
+        node.children.iter().for_each(|&child| add(NODE + shapes(child) * SHAPE));
         for surface in &node.surfaces {
             add(match &surface.geometry {
-                Geometry::Shape(_) => SHAPE,
+                Geometry::Shape(_) => 0,
                 Geometry::Curves(curves) => curves.segment_count() as u64 * SEGMENT,
                 Geometry::Mesh(mesh) => {
                     let uses = meshes.entry(Arc::as_ptr(mesh)).or_insert(0);

@@ -82,12 +82,17 @@ pub fn placed(scene: &Scene) -> Result<Vec<Placed<'_>>, String> {
     all.try_reserve_exact(usize::try_from(surfaces).unwrap_or(usize::MAX)).map_err(|_| {
         format!("it is {surfaces} surfaces, instances counted each, and there is no memory for a list of them")
     })?;
-    let mut stack: Vec<(NodeId, DAffine3, Option<MaterialId>, &str)> = vec![(scene.root, DAffine3::IDENTITY, None, "")];
-    while let Some((id, world_from_parent, material, name)) = stack.pop() {
+    // Of each node on the way: the children that are left, and what they inherit.
+    let mut stack = vec![(std::slice::from_ref(&scene.root).iter(), DAffine3::IDENTITY, None, "")];
+    while let Some((children, world_from_parent, material, name)) = stack.last_mut() {
+        let Some(&id) = children.next() else {
+            stack.pop();
+            continue;
+        };
         let node = &scene.nodes[id.index()];
-        let world_from_node = world_from_parent * node.transform;
-        let material = node.material.or(material);
-        let name = if node.name.is_empty() { name } else { &node.name };
+        let world_from_node = *world_from_parent * node.transform;
+        let material = node.material.or(*material);
+        let name = if node.name.is_empty() { *name } else { &node.name };
         if let Some(world_from_surface) = Transform::new(world_from_node) {
             all.extend(node.surfaces.iter().map(|surface| Placed {
                 node: id,
@@ -97,7 +102,7 @@ pub fn placed(scene: &Scene) -> Result<Vec<Placed<'_>>, String> {
                 inherited: material,
             }));
         }
-        stack.extend(node.children.iter().rev().map(|&child| (child, world_from_node, material, name)));
+        stack.push((node.children.iter(), world_from_node, material, name));
     }
     Ok(all)
 }

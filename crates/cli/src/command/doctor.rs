@@ -1,12 +1,13 @@
 //! `snell doctor`: what is wrong with a scene.
 
 use crate::failure::Failure;
+use crate::resources::admit;
 use crate::{scene_source, standard_output};
 use serde_json::{Value, json};
 use snell_doctor::{Finding, Severity, examine};
 use snell_formats::ReadOptions;
 use snell_formats::error::one_line;
-use snell_formats::memory::Available;
+use snell_render::memory::of_scene;
 use snell_scene::Scene;
 use snell_scene::placed::distinct_triangles;
 use std::path::PathBuf;
@@ -63,8 +64,7 @@ fn check_memory(scene: &Scene) -> Result<(), String> {
     // Of a triangle: how it hangs together with others, and a structure for rays. Measured.
     const BYTES: u64 = 260;
     let triangles = distinct_triangles(scene);
-    let admitted = Available::now().admit(&format!("to examine {triangles} triangles"), triangles * BYTES);
-    admitted.map_err(|problem| format!("{problem}; give it more memory, or split the scene"))
+    admit(&format!("to examine {triangles} triangles"), triangles * BYTES + of_scene(scene))
 }
 
 fn as_json(scene: &str, findings: &[Finding], [errors, warnings, notes]: [usize; 3]) -> Value {

@@ -121,6 +121,9 @@ fn load(options: &Options) -> Result<Scene, Failure> {
     Ok(scene)
 }
 
+/// Pictures of more pixels take so long to save that one says so.
+const QUICKLY_SAVED: u64 = 4_000_000;
+
 /// What all pictures of one command have in common.
 struct Session<'a> {
     options: &'a Options,
@@ -190,6 +193,9 @@ impl Session<'_> {
         }
         let is_cut = interrupt::is_requested() && !statistics.is_complete;
         let has_holes = is_cut && film.least_samples() == 0;
+        if is_cut && film.crop.size().iter().map(|&side| u64::from(side)).product::<u64>() > QUICKLY_SAVED {
+            eprintln!("interrupted: saving what was rendered; a second signal gives it up");
+        }
 
         let mut picture = snell_render::picture(&film, &settings, &compiled);
         let summary = Summary {

@@ -2,6 +2,7 @@
 
 use super::render;
 use crate::failure::Failure;
+use crate::resources::admit_scene;
 use crate::{interrupt, threads};
 use clap::Parser;
 use snell_formats::image::Display;
@@ -196,6 +197,7 @@ impl Files {
         }
         let is_camera_made = scene.cameras.is_empty();
         let scene = render::prepare_scene(scene, &options)?;
+        admit_scene(&name.display().to_string(), &scene)?;
         let camera = render::choose_camera(&scene, &options)?;
         let settings = options.settings(&scene, &camera, simd)?;
         let display = Display {

@@ -367,3 +367,15 @@ fn a_memory_of_frames_without_hashes_counts_as_made_in_another_way() {
     assert!(run.err.contains("made in another way") && run.err.contains("frame 1 of 2"), "{}", run.err);
     assert_eq!(place.files(), ["a.0000.png", "a.0001.png"]);
 }
+
+#[test]
+fn a_signal_ends_the_wait_for_a_reader_of_a_pipe_and_the_picture_is_kept() {
+    let place = Place::new();
+    assert!(Command::new("mkfifo").arg(place.path("a.png")).status().expect("it is part of Unix").success());
+    let running = Running::new(place.command(&format!("render cornell-box -i flat {SMALL} -o a.png")));
+    // Nothing shows that it waits; a render that had not begun would end with 130.
+    std::thread::sleep(Duration::from_secs(3));
+    let run = running.ended_by(Signal::SIGTERM);
+    assert!(run.code == 1 && run.err.contains("nothing reads this pipe"), "{} {}", run.code, run.err);
+    assert!(place.path("a-1.png").is_file() && run.err.contains("a-1.png"), "{}", run.err);
+}

@@ -54,6 +54,27 @@ fn the_estimate_is_near_what_is_used() {
 }
 
 #[test]
+fn a_scene_of_more_parts_than_fit_is_refused_by_whatever_makes_it_ready_for_rays() {
+    let place = Place::new();
+    let children = vec!["1"; 1_000_000].join(",");
+    let ball = r#"{"surfaces": [{"shape": {"shape": "sphere", "radius": 1}}]}"#;
+    let head = r#""format": "snell scene", "version": 1, "root": 0"#;
+    place.write("wide.snell", format!("{{{head}, \"nodes\": [{{\"children\": [{children}]}}, {ball}]}}"));
+    let small = "--size 8x6 --spp 1";
+    for words in [
+        &format!("render wide.snell {small} -o a.png"),
+        &format!("explain wide.snell --pixel 1,1 -- {small}"),
+        "doctor wide.snell",
+        "view wide.snell --no-open",
+        "bench rays wide.snell",
+    ] {
+        let run = run_within(&place, 1, words);
+        assert!([1, 2].contains(&run.code) && run.err.lines().count() == 1, "{words}: {} {}", run.code, run.err);
+        assert!(run.err.contains("of memory, and") && run.err.contains("ulimit -v"), "{words}: {}", run.err);
+    }
+}
+
+#[test]
 fn a_million_spheres_of_few_bytes_are_not_written_out_but_counted() {
     let place = Place::new();
     let level = |i: usize| format!("{{\"children\": {:?}}}", [i + 1; 10]);

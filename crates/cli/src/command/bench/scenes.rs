@@ -3,6 +3,7 @@
 mod generate;
 
 use crate::failure::Failure;
+use crate::resources::admit_scene;
 use crate::scene_source;
 use snell_formats::ReadOptions;
 use snell_formats::error::one_line;
@@ -102,6 +103,7 @@ pub fn load(name: &str, read: &ReadOptions) -> Result<Bench, Failure> {
 fn compile(name: &str, scene: &Scene) -> Result<World, Failure> {
     let options =
         BuildOptions { accelerator: snell_intersect::accel::AcceleratorKind::None, ..BuildOptions::default() };
+    admit_scene(name, scene)?;
     let compiled = CompiledScene::new(scene, &options).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
     let shared = || Failure::Other(format!("{name}: the world is in use elsewhere"));
     Arc::into_inner(compiled.world).ok_or_else(shared)

@@ -32,7 +32,10 @@ pub fn check(options: &Options, settings: &Settings, scene: &Scene) -> Result<u6
     let what = format!("a picture of {width}x{height} pixels");
     available.admit(&what, estimate.bytes()).map_err(|problem| {
         let fits = estimate.advice(available.bytes);
-        let remedy = "make it smaller with --size, or render parts of it with --crop";
+        let remedy = match estimate.largest(available.bytes) {
+            Some(_) => "make it smaller with --size, or render parts of it with --crop",
+            None => "most of it is for the scene; make that simpler, or give it more memory",
+        };
         Failure::Usage(format!("{problem}; {fits}: {remedy}"))
     })?;
     Ok(memory_bytes().unwrap_or(0) + estimate.bytes())

@@ -19,7 +19,11 @@ const MAX_NAMES: u32 = 1000;
 /// the one for temporary files, under a name that is free; the message names it. If none of them
 /// takes it and a person is there, the person is asked to make room, once.
 pub fn write(path: &Path, what: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>) -> Result<bool, Failure> {
-    let Err(error) = atomic::write_with(path, fill) else { return Ok(true) };
+    let written = match reader(path) {
+        Ok(_reader) => atomic::write_with(path, fill),
+        Err(source) => Err(WriteError::Io { path: path.into(), source }),
+    };
+    let Err(error) = written else { return Ok(true) };
     if elsewhere(path, what, &error.to_string(), fill) {
         return Ok(false);
     }
@@ -42,6 +46,33 @@ pub fn elsewhere(path: &Path, what: &str, problem: &str, fill: &dyn Fn(&mut dyn 
     };
     eprintln!("error: {}; {what} is saved as {} instead", one_line(problem), one_line(&place.display().to_string()));
     true
+}
+
+/// Waits until something reads the pipe at `path`, if there is one, and keeps it open. A signal that comes meanwhile is an
+/// error.
+#[cfg(unix)]
+fn reader(path: &Path) -> std::io::Result<Option<std::fs::File>> {
+    use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+    if !std::fs::metadata(path).is_ok_and(|known| known.file_type().is_fifo()) {
+        return Ok(None);
+    }
+    let known = interrupt::requests();
+    let at_once = nix::fcntl::OFlag::O_NONBLOCK.bits();
+    loop {
+        match std::fs::OpenOptions::new().write(true).custom_flags(at_once).open(path) {
+            Err(error) if error.raw_os_error() == Some(nix::errno::Errno::ENXIO as i32) => {}
+            opened => return opened.map(Some),
+        }
+        interrupt::wait(Duration::from_millis(20), known);
+        if interrupt::requests() > known {
+            return Err(std::io::Error::other("nothing reads this pipe"));
+        }
+    }
+}
+
+#[cfg(not(unix))]
+fn reader(_: &Path) -> std::io::Result<Option<std::fs::File>> {
+    Ok(None)
 }
 
 fn write_in(folder: &Path, path: &Path, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>) -> Option<PathBuf> {
