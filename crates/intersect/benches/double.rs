@@ -1,5 +1,5 @@
 //! Compares worlds in double precision with worlds in single precision on the same rays:
-//! `cargo run --release -p snell-intersect --example double -- [bunny] [bunnies:15] [terrain:724] [room]`.
+//! `cargo bench -p snell-intersect --bench double -- [bunny] [bunnies:15] [terrain:724] [room]`.
 //!
 //! One thread, in processor time where Linux tells it; medians of alternating runs. Single precision traces the scene where it is,
 //! double precision does so too, and once more with everything moved to a city in UTM coordinates.
@@ -96,7 +96,7 @@ fn report(kind: &str, n: usize, times: [f64; 3], same: [usize; 2]) {
 }
 
 fn main() {
-    let names: Vec<String> = std::env::args().skip(1).collect();
+    let names: Vec<String> = std::env::args().skip(1).filter(|name| name != "--bench").collect();
     let names = if names.is_empty() { vec!["bunny".into(), "terrain:724".into()] } else { names };
     for name in &names {
         let Some(mesh) = scenes::by_name(name) else {

@@ -1,6 +1,6 @@
 //! Samples per second of built-in scenes on one thread, and how the time is shared between tracing and everything else.
 //!
-//! `cargo run --release -p snell-render --example shading_speed [SCENE...]`
+//! `cargo bench -p snell-render --bench shading_speed -- [SCENE...]`
 
 use snell_intersect::BuildOptions;
 use snell_render::{CompiledScene, Job, Settings};
@@ -10,7 +10,7 @@ use std::time::Instant;
 const REPEATS: usize = 5;
 
 fn main() {
-    let chosen: Vec<String> = std::env::args().skip(1).collect();
+    let chosen: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
     let scenes = if chosen.is_empty() {
         ["cornell-box", "spheres", "teapot", "night-town"].map(String::from).to_vec()
     } else {

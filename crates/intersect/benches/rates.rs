@@ -1,4 +1,4 @@
-//! Measures build time and ray rates on a mesh: `cargo run --release -p snell-intersect --example rates -- mesh.obj [copies [kinds]]`, where
+//! Measures build time and ray rates on a mesh: `cargo bench -p snell-intersect --bench rates -- mesh.obj [copies [kinds]]`, where
 //! kinds may be `diffuse,shuffled` (then nothing else is measured). With `SNELL_SIMD` set, at that level only.
 //!
 //! One thread, in processor time where the system tells it (so that other work on the machine counts less); primary rays over 1024x1024 pixels in blocks of 4x4, one cosine bounce from the hits, the bounces shuffled, and
@@ -13,6 +13,11 @@ use snell_math::simd::Level;
 use snell_math::{DMat3, DVec3, Frame, Ray, Vec3, rng, sampling};
 use std::sync::Arc;
 use std::time::Instant;
+
+/// The `n`-th argument; Cargo adds one of its own to the last.
+fn argument(n: usize) -> Option<String> {
+    std::env::args().nth(n).filter(|word| word != "--bench")
+}
 
 fn read_obj(path: &str) -> std::io::Result<TriangleMesh> {
     let mut mesh = TriangleMesh::default();
@@ -78,7 +83,7 @@ fn primary_rays(world: &World) -> Vec<Ray> {
 
 /// True if this kind of ray is to be measured.
 fn is_wanted(name: &str) -> bool {
-    std::env::args().nth(3).is_none_or(|kinds| kinds.split(',').any(|kind| kind == name))
+    argument(3).is_none_or(|kinds| kinds.split(',').any(|kind| kind == name))
 }
 
 fn report(name: &str, world: &World, rays: &[Ray], grouping: Grouping) -> Vec<Hit> {
@@ -112,8 +117,8 @@ fn report(name: &str, world: &World, rays: &[Ray], grouping: Grouping) -> Vec<Hi
 }
 
 fn main() -> std::io::Result<()> {
-    let path = std::env::args().nth(1).unwrap_or_else(|| "../shared/data/meshes/common/stanford-bunny.obj".into());
-    let n = std::env::args().nth(2).and_then(|n| n.parse().ok()).unwrap_or(1);
+    let path = argument(1).unwrap_or_else(|| "../shared/data/meshes/common/stanford-bunny.obj".into());
+    let n = argument(2).and_then(|n| n.parse().ok()).unwrap_or(1);
     let mesh = read_obj(&path)?;
     let mesh = Arc::new(if n == 1 { mesh } else { copies(&mesh, n) });
     let only = std::env::var("SNELL_SIMD").ok();

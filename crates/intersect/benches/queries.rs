@@ -1,11 +1,11 @@
 //! Measures the queries besides closest hits, and commits of a world that changes:
-//! `cargo run --release -p snell-intersect --example queries -- bunny`.
+//! `cargo bench -p snell-intersect --bench queries -- bunny`.
 //!
 //! One thread, in processor time where Linux tells it. Points in the mesh's box grown by half, points near the surface, rays
 //! through the box. Best of three.
 
 mod clock;
-#[allow(dead_code, reason = "shared with other examples")]
+#[allow(dead_code, reason = "shared with other benchmarks")]
 mod scenes;
 
 use snell_intersect::{AcceptAll, BuildOptions, DynamicWorld, NearestPoint, WorldBuilder};
@@ -14,10 +14,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 fn main() {
-    let Some(path) = std::env::args().nth(1) else {
-        eprintln!("usage: queries SCENE (see scenes/mod.rs)");
-        std::process::exit(2);
-    };
+    let path = std::env::args().nth(1).filter(|name| name != "--bench").unwrap_or_else(|| "bunny".into());
     let mesh = Arc::new(scenes::by_name(&path).expect("a scene"));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
     let mut builder = WorldBuilder::default();

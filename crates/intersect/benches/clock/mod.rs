@@ -1,6 +1,6 @@
 //! Processor time: on a shared machine a better measure than the clock on the wall, which is taken where the system does not tell.
 
-#![allow(dead_code, reason = "every example takes some of it")]
+#![allow(dead_code, reason = "every benchmark takes some of it")]
 
 use std::time::Instant;
 

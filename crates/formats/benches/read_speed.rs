@@ -1,4 +1,4 @@
-//! How fast a scene is read: `cargo run --release -p snell-formats --example read_speed -- FILE`. Without a file, 20 MB of pbrt text are made.
+//! How fast a scene is read: `cargo bench -p snell-formats --bench read_speed -- FILE`. Without a file, 20 MB of pbrt text are made.
 
 use snell_formats::{ReadOptions, read_scene_bytes};
 use snell_scene::Geometry;
@@ -28,7 +28,7 @@ fn generated(bytes: usize) -> String {
 }
 
 fn main() {
-    let (name, bytes) = match std::env::args().nth(1) {
+    let (name, bytes) = match std::env::args().nth(1).filter(|word| word != "--bench") {
         Some(file) => (file.clone(), std::fs::read(&file).expect("the file can be read")),
         None => ("generated.pbrt".into(), generated(20_000_000).into_bytes()),
     };

@@ -1,4 +1,4 @@
-//! Measures builds: `cargo run --release -p snell-intersect --example builds -- [SCENE...] [--quality LIST] [--rays] [--cache FOLDER]`.
+//! Measures builds: `cargo bench -p snell-intersect --bench builds -- [SCENE...] [--quality LIST] [--rays] [--cache FOLDER]`.
 //!
 //! Scenes: `bunny`, `bunnies` (100 turned copies in one mesh, 7M triangles), `terrain` (4.2M), `room` (columns and long thin beams, 1.8M),
 //! `terrain:N` with N by N squares. Prints for each quality the best time of five builds, triangles per second, the surface area
