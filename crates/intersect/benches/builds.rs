@@ -5,6 +5,8 @@
 //! heuristic's cost (nodes and blocks a random ray through the bounds would visit), bytes per triangle and, with `--rays`, rates on one thread.
 //! With `--cache` trees are kept in files there, as by `snell render --bvh-cache`: the time is that of a start from the file, once there
 //! is one.
+//!
+//! Cargo runs it in the crate's folder: give paths that are absolute.
 
 mod clock;
 mod scenes;

@@ -3,6 +3,8 @@
 //!
 //! One thread, in processor time where the system tells it (so that other work on the machine counts less); primary rays over 1024x1024 pixels in blocks of 4x4, one cosine bounce from the hits, the bounces shuffled, and
 //! shadow rays to a point above. Best of five.
+//!
+//! Cargo runs it in the crate's folder: give paths that are absolute.
 
 mod clock;
 
@@ -13,6 +15,9 @@ use snell_math::simd::Level;
 use snell_math::{DMat3, DVec3, Frame, Ray, Vec3, rng, sampling};
 use std::sync::Arc;
 use std::time::Instant;
+
+/// What is measured if nothing else is named.
+const BUNNY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/meshes/common/stanford-bunny.obj");
 
 /// The `n`-th argument; Cargo adds one of its own to the last.
 fn argument(n: usize) -> Option<String> {
@@ -117,7 +122,7 @@ fn report(name: &str, world: &World, rays: &[Ray], grouping: Grouping) -> Vec<Hi
 }
 
 fn main() -> std::io::Result<()> {
-    let path = argument(1).unwrap_or_else(|| "../shared/data/meshes/common/stanford-bunny.obj".into());
+    let path = argument(1).unwrap_or_else(|| BUNNY.into());
     let n = argument(2).and_then(|n| n.parse().ok()).unwrap_or(1);
     let mesh = read_obj(&path)?;
     let mesh = Arc::new(if n == 1 { mesh } else { copies(&mesh, n) });

@@ -21,7 +21,7 @@ fn uniform(i: usize, k: u32) -> f64 {
 }
 
 fn bunny() -> TriangleMesh {
-    let path = "../shared/data/meshes/common/stanford-bunny.obj";
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/meshes/common/stanford-bunny.obj");
     let mut mesh = TriangleMesh::default();
     for line in std::fs::read_to_string(path).expect("the bunny, beside the repository").lines() {
         let mut words = line.split_whitespace();
