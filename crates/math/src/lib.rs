@@ -30,3 +30,8 @@ pub use glam::{self, DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4, IVec2, Mat3, M
 pub use ray::{DRay, Ray};
 pub use spectrum::{ColorMode, ColorModel, Rgb, SampledSpectrum, SampledWavelengths};
 pub use transform::Transform;
+
+/// The example of the README is a test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

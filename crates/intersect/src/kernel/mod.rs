@@ -1,5 +1,5 @@
-//! Traversal kernels: ray-boxes and ray-triangles, written once over [`snell_math::simd::Lanes8`], and their entries per level. What was
-//! measured is in `README.md` beside this file.
+//! Traversal kernels: ray-boxes and ray-triangles, written once over [`snell_math::simd::Lanes8`], and their entries per level.
+//! `README.md` beside this file says how a ray travels and which kernel is used when.
 
 pub(crate) mod binning;
 mod careful;

@@ -4,7 +4,7 @@
 //! counts what the tree needs as 8-wide nodes and blocks, and all threads write it in place. The tree depends neither on the threads nor on
 //! the instructions.
 //!
-//! Measured with `examples/builds.rs` on 4 cores of an EPYC (Zen 3) that was shared with other work, so in processor time: millions of triangles per second as
+//! Measured with `benches/builds.rs` on 4 cores of an EPYC (Zen 3) that was shared with other work, so in processor time: millions of triangles per second as
 //! if it were spread evenly over the four (in brackets Embree 4.4 on the same machine, counted alike), surface area cost, bytes per triangle.
 //!
 //! | scene | fast | medium | high |
