@@ -86,7 +86,7 @@ def render(
     spp : int
         Samples per pixel: 64 for ``"path"``. With `noise` or `time` the most, and as many as it takes if left out.
     size : tuple of int
-        Width and height in pixels: (1280, 720).
+        Width and height in pixels: (960, 720).
     camera : Camera, int, str
         A camera, or number or name of one of the scene's; the first.
     aovs : list of str

@@ -62,7 +62,7 @@ BAD = [
     (lambda s: s.cast_rays(RAY, t_max="far"), TypeError, "t_max: dtype is <U3"),
     (lambda s: s.cast_rays([RAY] * 3, mask=[1, -2, 3]), ValueError, r"mask\[1\] is -2, expected 0 to 4294967295"),
     (lambda s: s.cast_rays(RAY, mask=0.5), TypeError, "mask: dtype is float64, expected integers"),
-    (lambda s: s.cast_rays(RAY, threads=0), ValueError, "threads is 0, expected 1 to 1024"),
+    (lambda s: s.cast_rays(RAY, threads=0), ValueError, "threads is 0, expected 1 to 4096"),
     (lambda s: s.distance([[1, 2]]), ValueError, r"points: shape is \(1, 2\), expected \(\.\.\., 3\)"),
     (lambda s: s.commit(np.float16), ValueError, "dtype is float16, expected float32 or float64"),
     (lambda s: snell.create_rays_pinhole(), TypeError, "expected intrinsic_matrix and extrinsic_matrix"),

@@ -243,7 +243,7 @@ BAD = [
     ({"size": (0, 5)}, ValueError, r"size is \(0, 5\)"),
     ({"size": 5}, TypeError, "size is 5, expected a tuple"),
     ({"size": (65536, 65536)}, MemoryError, "GB of memory"),
-    ({"crop": (0, 0, 99, 1)}, ValueError, "within the picture of 32 by 24"),
+    ({"crop": (0, 0, 99, 1)}, ValueError, "crop 0,0,99,1 reaches beyond the picture of 32x24 pixels"),
     ({"aovs": ["deph"]}, ValueError, 'aovs is "deph"; did you mean "depth"?'),
     ({"aovs": 3}, TypeError, "aovs is 3, expected a list of names"),
     ({"camera": 7}, IndexError, "camera is 7, but the scene has 1"),
@@ -265,6 +265,25 @@ BAD = [
 def test_bad_options_are_named(options, error, message):
     with pytest.raises(error, match=message):
         snell.render("cornell-box", **{**SMALL, **options})
+
+
+def test_defaults_are_those_of_the_command():
+    scene = snell.Scene()
+    scene.add_shape("sphere", radius=1)
+    image = snell.render(scene, integrator="flat", spp=1)
+    assert image.shape[:2] == (720, 960) and image.metadata["max_depth"] == 1
+    assert snell.render(scene, integrator="ao", size=(8, 6)).metadata["samples"] == 32
+    assert snell.render("cornell-box", max_depth=5000, **SMALL).metadata["max_depth"] == 1000
+
+
+def test_a_crop_is_measured_by_the_picture_of_the_scene(tmp_path):
+    path = tmp_path / "wide.pbrt"
+    path.write_text(
+        'Film "rgb" "integer xresolution" 2000 "integer yresolution" 1000\n'
+        'Camera "perspective"\nWorldBegin\nTranslate 0 0 5\nShape "sphere"\n'
+    )
+    image = snell.render(path, integrator="flat", spp=1, crop=(1900, 900, 1910, 920))
+    assert image.shape[:2] == (20, 10)
 
 
 def test_unknown_options_are_pointed_out():

@@ -1,13 +1,13 @@
 //! The threads of the process.
 
 use crate::failure::Failure;
+use clap::builder::RangedI64ValueParser;
+use snell_render::threads::MAX;
+pub use snell_render::threads::cores;
 
-/// Most threads that are started where no number is given.
-const MOST: usize = 1024;
-
-/// One for each core that this process may use.
-pub fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, |n| n.get()).min(MOST)
+/// Reads a number of threads on the command line.
+pub fn number() -> RangedI64ValueParser<u32> {
+    clap::value_parser!(u32).range(1..=MAX as i64)
 }
 
 /// Starts the threads on which files are read and written and structures are built: this many for

@@ -1,13 +1,12 @@
 //! Whether there is memory for what is about to be made: Python gets a `MemoryError` instead of
 //! losing its process.
 
-use crate::settings::Request;
+use crate::render::Task;
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use snell_formats::memory::Available;
 use snell_render::Settings;
 use snell_render::memory::{Estimate, Uses, of_picture, of_scene};
-use snell_scene::Scene;
 
 /// What is smaller is not asked about: to ask takes longer than to make it.
 const SMALL: u64 = 16 << 20;
@@ -26,9 +25,8 @@ pub fn admit_all(what: &str, count: usize, bytes_of_each: usize) -> PyResult<()>
 }
 
 /// What a render takes beside the scene as Python has it: the scene once it is compiled, film and picture.
-pub fn estimate(request: &Request, threads: usize, scene: &Scene) -> Estimate {
-    let Request { settings, denoiser, .. } = request;
-    picture(settings, threads, denoiser.is_some()).with(of_scene(scene))
+pub fn estimate(task: &Task, threads: usize) -> Estimate {
+    picture(&task.settings, threads, task.denoiser.is_some()).with(of_scene(&task.prepared.scene))
 }
 
 /// Film and picture, its variance, and the picture once more as an array or on its way into a file.

@@ -5,14 +5,14 @@ use crate::image::{Image, Look};
 use crate::memory;
 use crate::prepare::{Prepared, Request as Preparation};
 use crate::scene::Scene;
-use crate::settings::{self, DEFAULT_SIZE, Keywords, Request, denoise_error};
+use crate::settings::{self, Keywords, denoise_error, request_error};
 use crate::work::{Cancel, Threads, begin_alone};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 use snell_formats::image::cryptomatte;
-use snell_oidn::DenoiseError;
+use snell_oidn::{DenoiseError, Denoiser};
 use snell_render::layers::{Coverage, name_groups};
-use snell_render::{Aov, Film, Guiding, Job, Progress, Settings, Underway, with_patience};
+use snell_render::{Aov, Film, Guiding, Job, Progress, Request, Settings, Underway, with_patience};
 use snell_scene::{Camera, LayeredImage};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -21,11 +21,9 @@ use std::time::{Duration, Instant};
 /// How often progress is told.
 const REPORT: Duration = Duration::from_millis(100);
 
-/// A render that is planned: the scene is ready, the options are read.
+/// A render that is planned.
 struct Plan {
-    prepared: Arc<Prepared>,
-    camera: Camera,
-    request: Request,
+    task: Task,
     threads: Threads,
     look: Look,
 }
@@ -68,24 +66,41 @@ pub struct _Render {
     begun: Mutex<Option<Begun>>,
 }
 
-/// Makes the scene ready and reads the options.
-pub fn plan<'py>(
-    py: Python<'py>,
-    scene: &Bound<'py, Scene>,
-    keywords: &Keywords<'_, 'py>,
-) -> PyResult<(Arc<Prepared>, Camera, Request)> {
-    let mut build = settings::build(keywords)?;
-    build.compact |= scene.get().0.contents(py).compact;
-    let size = settings::size(keywords)?.unwrap_or(DEFAULT_SIZE);
-    let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
-    // The least that it takes, before the scene is made ready; the rest when all settings are known.
-    let least = Settings { size, crop: settings::crop(keywords, size)?, spp: 1, ..Settings::default() };
-    memory::check_picture(&least, 1, false)?;
-    let prepared = scene.get().0.prepared(py, &Preparation { build, size }, threads)?;
-    let camera = cameras::choose(&prepared.scene.cameras, keywords.any("camera")?.as_ref())?;
-    let request = settings::read(keywords, &prepared.scene, &camera)?;
-    memory::check_picture(&request.settings, threads.count(), request.denoiser.is_some())?;
-    Ok((prepared, camera, request))
+/// What is rendered, and how.
+pub struct Task {
+    /// The scene, ready to be rendered.
+    pub prepared: Arc<Prepared>,
+    /// Who looks at it.
+    pub camera: Camera,
+    /// What was asked for.
+    pub request: Request,
+    /// The settings that follow.
+    pub settings: Settings,
+    /// What removes the noise.
+    pub denoiser: Option<Denoiser>,
+}
+
+impl Task {
+    /// Makes the scene ready and reads the options.
+    pub fn new<'py>(py: Python<'py>, scene: &Bound<'py, Scene>, keywords: &Keywords<'_, 'py>) -> PyResult<Self> {
+        let request = settings::request(keywords)?;
+        let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
+        if let Some(size) = request.size {
+            // The least that it takes; the rest when all settings are known.
+            let crop = request.crop_within(size).map_err(request_error)?;
+            let least = Settings { size, crop, spp: 1, ..Settings::default() };
+            memory::check_picture(&least, 1, false)?;
+        }
+        let mut build = request.build();
+        build.compact |= scene.get().0.contents(py).compact;
+        let size = request.size.unwrap_or(Request::DEFAULT_SIZE);
+        let prepared = scene.get().0.prepared(py, &Preparation { build, size }, threads)?;
+        let camera = cameras::choose(&prepared.scene.cameras, keywords.any("camera")?.as_ref())?;
+        let settings = request.resolve(&prepared.scene, &camera).map_err(request_error)?;
+        let denoiser = settings::denoiser(keywords)?;
+        memory::check_picture(&settings, threads.count(), denoiser.is_some())?;
+        Ok(Self { prepared, camera, request, settings, denoiser })
+    }
 }
 
 #[pymethods]
@@ -94,20 +109,20 @@ impl _Render {
     #[new]
     fn new<'py>(py: Python<'py>, scene: &Bound<'py, Scene>, options: &Bound<'py, PyDict>) -> PyResult<Self> {
         let keywords = Keywords(options);
-        let (prepared, camera, request) = plan(py, scene, &keywords)?;
+        let task = Task::new(py, scene, &keywords)?;
         let exposure = keywords.get("exposure", "a number")?;
         let tonemap: Option<String> = keywords.get("tonemap", "a name")?;
-        let look = Look::of(&prepared.scene.settings, request.settings.integrator)?;
+        let look = Look::of(&task.prepared.scene.settings, task.settings.integrator)?;
         let look = look.with(exposure, tonemap.as_deref())?;
         let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
-        let plan = Plan { prepared, camera, request, threads, look };
+        let plan = Plan { task, threads, look };
         Ok(Self { plan: Arc::new(plan), begun: Mutex::new(None) })
     }
 
     /// Samples per pixel that are asked for.
     #[getter]
     fn samples(&self) -> u32 {
-        self.plan.request.settings.spp
+        self.plan.task.settings.spp
     }
 
     /// Whether all of it is rendered.
@@ -127,7 +142,7 @@ impl _Render {
         time: Option<f64>,
         report: Option<Py<PyAny>>,
     ) -> PyResult<Image> {
-        let time = time.map(|s| Duration::try_from_secs_f64(s).unwrap_or_default()).or(self.plan.request.time);
+        let time = time.map(|s| Duration::try_from_secs_f64(s).unwrap_or_default()).or(self.plan.task.request.time);
         let goal = Goal { samples, time };
         let watch = Arc::new(Watch::default());
         let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -172,13 +187,14 @@ impl Plan {
         watch: &Watch,
         cancel: &AtomicBool,
     ) -> Result<Rendered, DenoiseError> {
-        let Request { settings, is_training_timed, denoiser, .. } = &self.request;
-        let (start, compiled) = (Instant::now(), &self.prepared.compiled);
-        let job = Job::new(compiled, &self.camera, settings).with_cancel(cancel);
+        let Task { prepared, camera, request, settings, denoiser } = &self.task;
+        let (start, compiled) = (Instant::now(), &prepared.compiled);
+        let job = Job::new(compiled, camera, settings).with_cancel(cancel);
         let keep_going = |progress: &Progress| {
             if let Some(training) = progress.training {
-                // A pass takes as long as all before it. Where passes are counted, the clock has no say: bits must repeat.
-                let share = goal.time.filter(|_| *is_training_timed).map(|limit| limit.mul_f64(Guiding::SHARE));
+                // A pass takes as long as all before it.
+                let share =
+                    goal.time.filter(|_| request.is_training_timed()).map(|limit| limit.mul_f64(Guiding::SHARE));
                 let is_late = training.begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
                 return !is_late && watch.cancel.check().is_ok();
             }
@@ -210,7 +226,7 @@ impl Plan {
 
     /// Adds the layers and the metadata of Cryptomatte.
     fn add_cryptomatte(&self, picture: &mut LayeredImage, film: &Film) {
-        let Prepared { scene, compiled, .. } = &*self.prepared;
+        let Prepared { scene, compiled, .. } = &*self.task.prepared;
         for (aov, kind) in [(Aov::CryptoObject, "CryptoObject"), (Aov::CryptoMaterial, "CryptoMaterial")] {
             if let Some(coverage) = Coverage::of(film, aov, scene, compiled) {
                 let matte = cryptomatte::encode(kind, &coverage.names, coverage.shares.iter().map(Vec::as_slice));
@@ -244,9 +260,9 @@ fn share(progress: &Progress, elapsed: Duration, limit: Option<Duration>) -> f64
 /// What a picture knows of how it was made.
 fn facts(py: Python<'_>, plan: &Plan, begun: &Begun) -> PyResult<Py<PyDict>> {
     let (settings, Begun { underway: Underway { film, statistics, .. }, seconds, .. }): (&Settings, _) =
-        (&plan.request.settings, begun);
+        (&plan.task.settings, begun);
     let facts = PyDict::new(py);
-    facts.set_item("scene", &plan.prepared.scene.name)?;
+    facts.set_item("scene", &plan.task.prepared.scene.name)?;
     facts.set_item("integrator", settings.integrator.name())?;
     facts.set_item("samples", film.least_samples())?;
     if settings.noise.is_some() {
@@ -264,9 +280,9 @@ fn facts(py: Python<'_>, plan: &Plan, begun: &Begun) -> PyResult<Py<PyDict>> {
     facts.set_item("seconds", seconds)?;
     facts.set_item("rays", statistics.rays.total())?;
     facts.set_item("invalid_samples", statistics.invalid_samples)?;
-    let estimate = memory::estimate(&plan.request, plan.threads.count(), &plan.prepared.scene);
+    let estimate = memory::estimate(&plan.task, plan.threads.count());
     facts.set_item("estimated_memory_bytes", estimate.bytes())?;
     facts.set_item("is_complete", statistics.is_complete)?;
-    facts.set_item("warnings", &plan.prepared.warnings)?;
+    facts.set_item("warnings", &plan.task.prepared.warnings)?;
     Ok(facts.unbind())
 }

@@ -1,9 +1,9 @@
 //! A scene in the browser, and why a pixel looks as it does.
 
 use crate::prepare::Prepared;
-use crate::render::plan;
+use crate::render::Task;
 use crate::scene::Scene;
-use crate::settings::{Keywords, Request};
+use crate::settings::Keywords;
 use crate::work::{Threads, begin_alone, bound_shared_pool};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -11,7 +11,7 @@ use pyo3::types::PyDict;
 use snell_formats::ReadOptions;
 use snell_formats::image::{Display, Tonemap};
 use snell_intersect::accel::AcceleratorKind;
-use snell_render::Settings;
+use snell_render::Request;
 use snell_scene::Camera;
 use snell_scene::framing::{FramingOptions, prepare};
 use snell_viewer::explain::{Question, Subject, report, structures};
@@ -30,7 +30,7 @@ pub fn _explain<'py>(
 ) -> PyResult<String> {
     let keywords = Keywords(options);
     let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
-    let (prepared, camera, Request { settings, .. }) = plan(py, scene, &keywords)?;
+    let Task { prepared, camera, settings, .. } = Task::new(py, scene, &keywords)?;
     let kinds = followed.iter().map(|name| {
         let names: Vec<_> = AcceleratorKind::ALL.iter().map(|k| k.name()).collect();
         let unknown = || PyValueError::new_err(format!("structures has {name:?}, expected of {}", names.join(", ")));
@@ -119,7 +119,7 @@ pub fn _view<'py>(
     }
     let keywords = Keywords(options);
     let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
-    let (prepared, camera, Request { settings, .. }) = plan(py, scene, &keywords)?;
+    let Task { prepared, camera, request, .. } = Task::new(py, scene, &keywords)?;
     bound_shared_pool(threads);
     let threads = threads.count();
     let options = ServerOptions {
@@ -131,7 +131,9 @@ pub fn _view<'py>(
         may_be_framed: true,
         token: None,
     };
-    let source = Box::new(Shown { prepared, camera, settings });
+    // The page shows the whole picture.
+    let request = Request { crop: None, ..request };
+    let source = Box::new(Shown { prepared, camera, request });
     let server = py.detach(|| snell_viewer::serve(source, &options)).map_err(PyRuntimeError::new_err)?;
     Ok(View { url: server.url.clone(), server: Mutex::new(Some(server)) })
 }
@@ -140,7 +142,7 @@ pub fn _view<'py>(
 struct Shown {
     prepared: Arc<Prepared>,
     camera: Camera,
-    settings: Settings,
+    request: Request,
 }
 
 impl Source for Shown {
@@ -157,8 +159,9 @@ impl Source for Shown {
             }
         };
         let is_camera_made = scene.cameras.is_empty();
-        prepare(&mut scene, &FramingOptions { size: self.settings.size, ..FramingOptions::default() })
-            .map_err(|e| e.to_string())?;
+        let size = self.request.size.unwrap_or(Request::DEFAULT_SIZE);
+        let framing = FramingOptions { size, ..FramingOptions::default() };
+        prepare(&mut scene, &framing).map_err(|e| e.to_string())?;
         let camera = if scene.cameras.contains(&self.camera) { Some(&self.camera) } else { scene.cameras.first() };
         let camera = camera.cloned().ok_or("the scene has no camera")?;
         let wanted = scene.settings.tonemap.as_deref().unwrap_or("none");
@@ -169,7 +172,7 @@ impl Source for Shown {
         };
         let camera_number = scene.cameras.iter().position(|c| *c == camera).unwrap_or(0);
         let command = ["snell", "render", &name].map(String::from).to_vec();
-        let settings = Settings { crop: None, ..self.settings.clone() };
+        let settings = self.request.resolve(&scene, &camera).map_err(|e| e.to_string())?;
         Ok(Opened { scene, camera, camera_number, is_camera_made, settings, display, command })
     }
 }

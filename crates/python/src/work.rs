@@ -6,6 +6,7 @@
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use snell_render::threads;
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -24,9 +25,6 @@ pub fn bound_shared_pool(threads: Threads) {
     let _ = ThreadPoolBuilder::new().num_threads(threads.0).thread_name(name).build_global();
 }
 
-/// Most threads of a pool.
-const MAX_THREADS: usize = 1024;
-
 /// The pools of the process `pid`, by their number of threads.
 struct Pools {
     pid: u32,
@@ -38,10 +36,6 @@ static POOLS: Mutex<Pools> = Mutex::new(Pools { pid: 0, by_threads: BTreeMap::ne
 /// The number of cores: asking the system takes longer than many a call.
 static CORES: OnceLock<usize> = OnceLock::new();
 
-fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, |n| n.get()).min(MAX_THREADS)
-}
-
 /// How many threads work for one call: `None` means all cores.
 #[derive(Clone, Copy, Debug)]
 pub struct Threads(usize);
@@ -50,10 +44,11 @@ impl Threads {
     /// From the argument `threads`.
     pub fn new(threads: Option<usize>) -> PyResult<Self> {
         match threads {
-            None => Ok(Self(*CORES.get_or_init(cores))),
-            Some(n) if (1..=MAX_THREADS).contains(&n) => Ok(Self(n)),
+            None => Ok(Self(*CORES.get_or_init(threads::cores))),
+            Some(n) if (1..=threads::MAX).contains(&n) => Ok(Self(n)),
             Some(n) => Err(PyValueError::new_err(format!(
-                "threads is {n}, expected 1 to {MAX_THREADS}, or None for all cores"
+                "threads is {n}, expected 1 to {}, or None for all cores",
+                threads::MAX
             ))),
         }
     }

@@ -29,9 +29,10 @@ pub mod light_sampler;
 pub mod memory;
 mod picture;
 pub mod reference;
+pub mod request;
 pub mod sampler;
 pub mod settings;
-mod threads;
+pub mod threads;
 mod volume;
 
 pub use compile::{CompileError, CompiledScene, Moving};
@@ -41,5 +42,6 @@ pub use integrator::{IntegratorKind, aov::Aov};
 pub use job::{Job, Progress, Recording, Statistics, Training, Underway, with_patience};
 pub use light_sampler::LightSamplerKind;
 pub use picture::picture;
+pub use request::{GuidingPasses, Request, RequestError};
 pub use sampler::SamplerKind;
 pub use settings::{Crop, LightGroup, LightStrategy, Settings, Shadows, Terminator, TileOrder};

@@ -18,11 +18,12 @@ use crate::messages::counted;
 use crate::progress::Reporter;
 use crate::{interrupt, scene_source, spectrum_file};
 use denoise::Denoised;
-use options::GuidingOption;
 use output::Target;
 use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
-use snell_render::{CompiledScene, FilmTile, Guiding, IntegratorKind, Job, Settings, Statistics, with_patience};
+use snell_render::{
+    CompiledScene, FilmTile, Guiding, GuidingPasses, IntegratorKind, Job, Request, Settings, Statistics, with_patience,
+};
 use snell_scene::{Camera, Pose, Scene, Warning};
 use stage::{Shot, Stage};
 use std::ffi::OsString;
@@ -278,7 +279,7 @@ pub(super) fn prepare_scene(scene: Scene, options: &Options) -> Result<Scene, Fa
 /// Adds what the scene lacks and changes what the options say. A camera that is made shows all of the poses.
 fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &Options) -> Result<(), Failure> {
     options.apply_environment(scene)?;
-    let size = options.size.unwrap_or(options::DEFAULT_SIZE);
+    let size = options.size.unwrap_or(Request::DEFAULT_SIZE);
     let framing = snell_scene::framing::FramingOptions { size, ..Default::default() };
     let prepared = snell_scene::framing::prepare_for(scene, poses, &framing);
     let failed = |e: &dyn std::fmt::Display| Failure::Scene(format!("{}: {e}", options.scene.display()));
@@ -318,7 +319,7 @@ fn render(job: &Job, options: &Options, threads: usize, name: &str) -> (snell_re
             reporter.update_training(&training);
             // A pass takes as long as all before it. Where passes are counted, the clock has no say: bits must repeat.
             let share =
-                limit.filter(|_| options.guiding == Some(GuidingOption::Auto)).map(|l| l.mul_f64(Guiding::SHARE));
+                limit.filter(|_| options.guiding == Some(GuidingPasses::Auto)).map(|l| l.mul_f64(Guiding::SHARE));
             let late = training.begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
             return !late && !interrupt::is_requested();
         }

@@ -53,7 +53,7 @@ pub struct Options {
     #[arg(long)]
     watch: bool,
     /// Threads. Default: one per core
-    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(short, long, value_name = "N", value_parser = threads::number())]
     threads: Option<u32>,
     /// More options of `snell render`, after `--`: how the picture at rest is made, such as `-- --spp 256 --environment sky`
     #[arg(last = true, value_name = "RENDER OPTIONS")]

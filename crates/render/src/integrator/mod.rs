@@ -94,6 +94,15 @@ impl IntegratorKind {
         }
     }
 
+    /// Samples per pixel if the user and the scene say nothing.
+    pub fn default_spp(self) -> u32 {
+        match self {
+            Self::Path | Self::Direct => 64,
+            Self::Ao => 32,
+            _ => 16,
+        }
+    }
+
     /// True if media count. To the others there are none.
     pub(crate) fn sees_media(self) -> bool {
         matches!(self, Self::Direct | Self::Path)

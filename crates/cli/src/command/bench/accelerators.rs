@@ -4,12 +4,11 @@ mod growth;
 mod measure;
 mod plot;
 
-use super::clock;
 use super::kinds::{Kind, parse_side};
 use super::scenes::{self, Bench};
 use super::variants;
 use crate::failure::{Failure, choice};
-use crate::standard_output;
+use crate::{standard_output, threads};
 use growth::Growth;
 use measure::{Case, Measured, Measurer};
 use serde_json::{Value, json};
@@ -261,7 +260,7 @@ impl Report<'_> {
             "grid_resolution": switches.grid_resolution,
             "nested_grids": switches.nested_grids,
             "build_seconds": measured.build_seconds,
-            "build_threads": clock::cores(),
+            "build_threads": threads::cores(),
             "memory_bytes": measured.memory_bytes,
             "references": measured.references,
             "rays": rays,

@@ -5,7 +5,7 @@ use super::peer::{Peer, PeerPath, parse_peer};
 use super::scenes::{self, Bench};
 use super::variants;
 use crate::failure::Failure;
-use crate::standard_output;
+use crate::{standard_output, threads};
 use rayon::ThreadPool;
 use serde_json::{Value, json};
 use snell_embree::{BuildQuality, SceneOptions};
@@ -21,7 +21,7 @@ pub struct Options {
     #[arg(value_name = "SCENE", required = true)]
     scenes: Vec<String>,
     /// Numbers of threads. Default: 1 and one per core
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = threads::number())]
     threads: Vec<u32>,
     #[command(flatten)]
     variants: variants::Options,

@@ -1,5 +1,6 @@
 //! Time, threads and medians.
 
+use crate::threads::cores;
 use rayon::ThreadPool;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -40,11 +41,6 @@ pub fn thread_counts(asked: &[u32]) -> Vec<usize> {
         [] => vec![1],
         _ => asked.iter().map(|&n| n as usize).collect(),
     }
-}
-
-/// How many threads the machine runs at once.
-pub fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, |n| n.get())
 }
 
 /// A pool of this many threads.

@@ -2,7 +2,7 @@
 
 use super::{make_folder, scenes};
 use crate::failure::Failure;
-use crate::standard_output;
+use crate::{standard_output, threads};
 use serde_json::{Value, json};
 use snell_formats::ReadOptions;
 use snell_formats::image::{WriteOptions, write_image};
@@ -34,7 +34,7 @@ pub struct Options {
     #[arg(long, value_name = "FOLDER")]
     keep: Option<PathBuf>,
     /// Threads. Default: one per core
-    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(short, long, value_name = "N", value_parser = threads::number())]
     threads: Option<u32>,
     /// Print JSON, a line for each scene
     #[arg(long)]
@@ -126,8 +126,7 @@ fn render(
     seconds: f64,
     options: &Options,
 ) -> (Film, Statistics) {
-    let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
-    let threads = options.threads.map_or_else(cores, |n| n as usize);
+    let threads = options.threads.map_or_else(threads::cores, |n| n as usize);
     let start = process_time();
     Job::new(compiled, camera, settings).run(threads, &|progress| {
         let spent = (process_time().saturating_sub(start)).as_secs_f64();

@@ -7,7 +7,7 @@ use super::peer::{Peer, PeerPath, contenders, parse_peer};
 use super::scenes::{self, Bench};
 use super::{dump, variants};
 use crate::failure::{Failure, choice};
-use crate::standard_output;
+use crate::{standard_output, threads};
 use serde_json::{Value, json};
 use snell_embree::{BuildQuality, PeerScene, SceneOptions};
 use snell_formats::ReadOptions;
@@ -27,7 +27,7 @@ pub struct Options {
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "primary,shadow,diffuse,shuffled")]
     rays: Vec<String>,
     /// Numbers of threads. Default: 1 and one per core
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = threads::number())]
     threads: Vec<u32>,
     /// How Snell is called: batch, or one (ray a call, against one ray a call)
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "batch")]
@@ -78,7 +78,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         threads: clock::thread_counts(&options.threads),
         calls: options.calls.iter().map(call).collect::<Result<_, _>>()?,
         variants: options.variants.variants()?,
-        peer: options.peer.as_ref().map(|path| Peer::new(&path.load()?, clock::cores())).transpose()?,
+        peer: options.peer.as_ref().map(|path| Peer::new(&path.load()?, threads::cores())).transpose()?,
     };
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
     for (i, name) in options.scenes.iter().enumerate() {

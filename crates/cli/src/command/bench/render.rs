@@ -3,7 +3,7 @@
 use super::clock::{self, Clock, median, time_pieces};
 use super::{kinds, scenes, variants};
 use crate::failure::Failure;
-use crate::standard_output;
+use crate::{standard_output, threads};
 use serde_json::{Value, json};
 use snell_formats::ReadOptions;
 use snell_intersect::{BuildOptions, Grouping, Hit};
@@ -20,7 +20,7 @@ pub struct Options {
     #[arg(value_name = "SCENE", required = true)]
     scenes: Vec<String>,
     /// Numbers of threads. Default: 1 and one per core
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = threads::number())]
     threads: Vec<u32>,
     #[command(flatten)]
     variants: variants::Options,
@@ -62,7 +62,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
                 ..Settings::default()
             };
             let job = Job::new(&compiled, &camera, &settings);
-            let rays = RecordedRays::new(job.record(clock::cores()));
+            let rays = RecordedRays::new(job.record(threads::cores()));
             for threads in clock::thread_counts(&options.threads) {
                 let value = measure(name, &compiled, &job, &rays, threads, variant, options)?;
                 let text = if options.json { format!("{value}\n") } else { table_row(&value) };

@@ -2,8 +2,8 @@
 
 use crate::failure::{Failure, choice};
 use snell_formats::image::cryptomatte;
-use snell_render::layers::{Coverage, add_light_group};
-use snell_render::{Aov, CompiledScene, Film, LightGroup};
+use snell_render::layers::Coverage;
+use snell_render::{Aov, CompiledScene, Film};
 use snell_scene::{LayeredImage, Scene};
 
 /// The AOVs of `--aov`.
@@ -22,19 +22,18 @@ pub fn aovs(names: &[String]) -> Result<Vec<Aov>, Failure> {
     Ok(asked)
 }
 
-/// The groups of `--light-group NAME=LIST`.
-pub fn light_groups(definitions: &[String], scene: &Scene) -> Result<Vec<LightGroup>, Failure> {
-    let mut groups: Vec<LightGroup> = Vec::new();
-    for definition in definitions {
-        let usage = |problem: String| Failure::Usage(format!("--light-group {definition}: {problem}"));
-        let Some((name, list)) = definition.split_once('=').filter(|(name, list)| !name.is_empty() && !list.is_empty())
-        else {
-            return Err(usage("write NAME=LIST, such as key=0,lamp".into()));
-        };
-        let lights: Vec<String> = list.split(',').map(|item| item.trim().to_string()).collect();
-        add_light_group(&mut groups, name, &lights, scene).map_err(usage)?;
-    }
-    Ok(groups)
+/// The groups of `--light-group NAME=LIST`: their names, and what each lists.
+pub fn light_groups(definitions: &[String]) -> Result<Vec<(String, Vec<String>)>, Failure> {
+    let group = |definition: &String| {
+        let parts = definition.split_once('=');
+        let parts = parts.filter(|(name, list)| !name.is_empty() && !list.is_empty());
+        let (name, list) = parts.ok_or_else(|| {
+            let problem = "write NAME=LIST, such as key=0,lamp";
+            Failure::Usage(format!("--light-group {definition}: {problem}"))
+        })?;
+        Ok((name.to_string(), list.split(',').map(|item| item.trim().to_string()).collect()))
+    };
+    definitions.iter().map(group).collect()
 }
 
 /// Adds the layers and the metadata of Cryptomatte.

@@ -7,13 +7,13 @@ use crate::progress::ProgressStyleOption;
 use crate::threads;
 use snell_formats::image::Tonemap;
 use snell_formats::{Limits, ReadOptions, Sources};
+use snell_intersect::Quality;
 use snell_intersect::accel::AcceleratorKind;
-use snell_intersect::{BuildOptions, Quality};
 use snell_math::simd::Level;
 use snell_math::{ColorModel, Rgb};
-use snell_render::layers::needed_aovs;
 use snell_render::{
-    Crop, Filter, Guiding, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows, Terminator,
+    Crop, Filter, Guiding, GuidingPasses, IntegratorKind, LightSamplerKind, LightStrategy, Request, RequestError,
+    SamplerKind, Settings, Shadows, Terminator,
 };
 use snell_scene::light::sky::Sky;
 use snell_scene::{Background, Camera, Environment, Scene};
@@ -21,12 +21,6 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
-
-/// Size of a picture for which nobody asks for one.
-pub const DEFAULT_SIZE: [u32; 2] = [960, 720];
-
-/// Most samples per pixel that a limit of time or noise alone allows.
-const SPP_OF_LIMITS: u32 = 1 << 16;
 
 /// What `--display` says.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -55,12 +49,6 @@ pub enum DisplayEncoding {
     Linear,
 }
 
-/// Most samples per pixel.
-const MAX_SPP: u32 = 1 << 24;
-
-/// Most pixels of a picture: as many as Snell would read back.
-const MAX_PIXELS: u64 = 1 << 28;
-
 /// What to try, under the help.
 const EXAMPLES: &str = "Examples:
   snell render                                    the Cornell box, as cornell-box.png
@@ -86,7 +74,7 @@ pub struct Options {
     #[arg(short, long, value_name = "NAME", help_heading = "How light is computed")]
     pub integrator: Option<String>,
     /// How light is computed with colours: rgb, or spectral (four wavelengths for each sample)
-    #[arg(long, value_name = "NAME", default_value = "rgb", help_heading = "How light is computed")]
+    #[arg(long, value_name = "NAME", default_value = ColorModel::default().name(), help_heading = "How light is computed")]
     pub color: String,
     /// Samples per pixel
     #[arg(long, visible_alias = "samples", value_name = "N", value_parser = parse_spp, help_heading = "How light is computed")]
@@ -139,7 +127,7 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_seed, help_heading = "How light is computed")]
     pub seed: u32,
     /// Threads. Default: one per core
-    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), help_heading = "How light is computed")]
+    #[arg(short, long, value_name = "N", value_parser = threads::number(), help_heading = "How light is computed")]
     pub threads: Option<u32>,
     /// independent, stratified, sobol or zsobol
     #[arg(long, value_name = "NAME", help_heading = "How light is computed")]
@@ -148,16 +136,16 @@ pub struct Options {
     #[arg(long, value_name = "NAME", help_heading = "How light is computed")]
     pub filter: Option<String>,
     /// Shadows of raycast and whitted: none, hard or soft
-    #[arg(long, value_name = "NAME", default_value = "hard", help_heading = "How light is computed")]
+    #[arg(long, value_name = "NAME", default_value = Shadows::default().name(), help_heading = "How light is computed")]
     pub shadows: String,
     /// Where light and shadow meet on coarse meshes with smooth normals: smooth or faceted
-    #[arg(long, value_name = "NAME", default_value = "smooth", help_heading = "How light is computed")]
+    #[arg(long, value_name = "NAME", default_value = Terminator::default().name(), help_heading = "How light is computed")]
     pub terminator: String,
     /// Acceleration structure: bvh, none, graph, spheres, grid, octree, octree-hierarchical, bsp or kdtree. Never changes the picture
-    #[arg(long, value_name = "NAME", default_value = "bvh", help_heading = "How light is computed")]
+    #[arg(long, value_name = "NAME", default_value = AcceleratorKind::default().name(), help_heading = "How light is computed")]
     pub accelerator: String,
     /// How the bvh is built: fast, medium or high. Never changes the picture
-    #[arg(long, value_name = "NAME", default_value = "medium", help_heading = "How light is computed")]
+    #[arg(long, value_name = "NAME", default_value = Quality::default().name(), help_heading = "How light is computed")]
     pub quality: String,
     /// Keep acceleration structures of large meshes in this folder, for the next render
     #[arg(long, value_name = "FOLDER", help_heading = "How light is computed")]
@@ -166,15 +154,15 @@ pub struct Options {
     #[arg(long, help_heading = "How light is computed")]
     pub bvh_compact: bool,
     /// Which samples find lights in path and direct: mis, light or bsdf
-    #[arg(long, value_name = "NAME", default_value = "mis", help_heading = "How light is computed")]
+    #[arg(long, value_name = "NAME", default_value = LightStrategy::default().name(), help_heading = "How light is computed")]
     pub light_samples: String,
     /// How a light is chosen among many: bvh, power or uniform
-    #[arg(long, value_name = "NAME", default_value = "bvh", help_heading = "How light is computed")]
+    #[arg(long, value_name = "NAME", default_value = LightSamplerKind::default().name(), help_heading = "How light is computed")]
     pub light_sampler: String,
     /// Learn where light comes from before rendering, for caustics and hidden lights (path). PASSES is how often; default: auto,
     /// as long as that takes a quarter of the samples, or of the time
     #[arg(long, value_name = "PASSES", num_args = 0..=1, require_equals = true, default_missing_value = "auto", value_parser = parse_guiding, help_heading = "How light is computed")]
-    pub guiding: Option<GuidingOption>,
+    pub guiding: Option<GuidingPasses>,
     /// Dim light of two or more bounces to this radiance: no fireflies, but the picture becomes too dark. Default: off
     #[arg(long, value_name = "RADIANCE", value_parser = parse_radiance, help_heading = "How light is computed")]
     pub clamp: Option<f32>,
@@ -245,30 +233,21 @@ pub struct Options {
 }
 
 fn parse_spp(text: &str) -> Result<u32, String> {
-    let spp = text.parse().ok().filter(|n| (1..=MAX_SPP).contains(n));
-    spp.ok_or_else(|| format!("expected a whole number from 1 to {MAX_SPP}"))
+    let spp = text.parse().ok().filter(|n| Request::SPP.contains(n));
+    spp.ok_or_else(|| format!("expected a whole number from 1 to {}", Request::SPP.end()))
 }
 
 fn parse_seed(text: &str) -> Result<u32, String> {
     text.parse().map_err(|_| format!("expected a whole number from 0 to {}", u32::MAX))
 }
 
-/// What `--guiding` says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum GuidingOption {
-    /// As many passes as fit into a share of the work.
-    Auto,
-    /// This many passes.
-    Passes(u32),
-}
-
-fn parse_guiding(text: &str) -> Result<GuidingOption, String> {
+fn parse_guiding(text: &str) -> Result<GuidingPasses, String> {
     if text == "auto" {
-        return Ok(GuidingOption::Auto);
+        return Ok(GuidingPasses::Auto);
     }
     let most = Guiding::MAX_PASSES;
     let passes = text.parse().ok().filter(|n| (1..=most).contains(n));
-    passes.map(GuidingOption::Passes).ok_or_else(|| format!("expected a number of passes from 1 to {most}, or auto"))
+    passes.map(GuidingPasses::Count).ok_or_else(|| format!("expected a number of passes from 1 to {most}, or auto"))
 }
 
 impl Options {
@@ -333,97 +312,77 @@ impl Options {
 
     /// The settings of the render.
     pub fn settings(&self, scene: &Scene, camera: &Camera, simd: Level) -> Result<Settings, Failure> {
-        let hints = &scene.settings;
-        let named = |option: &Option<String>, hint: &Option<String>, default: &str| {
-            option.clone().or_else(|| hint.clone()).unwrap_or_else(|| default.to_string())
+        self.request(simd)?.resolve(scene, camera).map_err(|error| self.usage(&error))
+    }
+
+    /// What the options ask of the renderer.
+    fn request(&self, simd: Level) -> Result<Request, Failure> {
+        let integrator = |name: &String| {
+            let all = &IntegratorKind::ALL;
+            choice("integrator", name, all, IntegratorKind::name)
         };
-        let integrator = named(&self.integrator, &hints.integrator, "path");
-        let integrator = choice("integrator", &integrator, &IntegratorKind::ALL, IntegratorKind::name)?;
-        let sampler = named(&self.sampler, &hints.sampler, SamplerKind::default().name());
-        let filter = named(&self.filter, &hints.filter, Filter::default().name());
-        let accelerator = choice("accelerator", &self.accelerator, &AcceleratorKind::ALL, AcceleratorKind::name)?;
+        let sampler = |name: &String| choice("sampler", name, &SamplerKind::ALL, SamplerKind::name);
+        let filter = |name: &String| choice("filter", name, &Filter::ALL, Filter::name);
+        let color = choice("colour model", &self.color, &ColorModel::ALL, ColorModel::name)?;
+        let shadows = choice("kind of shadows", &self.shadows, &Shadows::ALL, Shadows::name)?;
+        let all = &Terminator::ALL;
+        let terminator = choice("shadow terminator", &self.terminator, all, Terminator::name)?;
+        let (what, all) = ("choice of light samples", &LightStrategy::ALL);
+        let light_samples = choice(what, &self.light_samples, all, LightStrategy::name)?;
+        let (what, all) = ("light sampler", &LightSamplerKind::ALL);
+        let light_sampler = choice(what, &self.light_sampler, all, LightSamplerKind::name)?;
+        let (what, all) = ("accelerator", &AcceleratorKind::ALL);
+        let accelerator = choice(what, &self.accelerator, all, AcceleratorKind::name)?;
         let quality = choice("quality", &self.quality, &Quality::ALL, Quality::name)?;
-        let size = self.size.or(hints.size).or(camera.resolution).unwrap_or(DEFAULT_SIZE);
-        let crop = self.checked_crop(size)?;
-        let light_groups = layers::light_groups(&self.light_group, scene)?;
-        let aovs = needed_aovs(&layers::aovs(&self.aov)?, integrator, &light_groups, self.denoise.is_some());
-        check_pixels(crop.unwrap_or(Crop::full(size)))?;
-        if self.guiding.is_some() && integrator != IntegratorKind::Path {
-            let name = integrator.name();
-            return Err(Failure::Usage(format!("--guiding is for the integrator path, not for {name}")));
-        }
-        let pixel_position = match (&self.filter, self.spp) {
-            (None, None | Some(1)) => hints.pixel_position,
-            _ => None,
-        };
-        let spp = match (self.spp, self.time.is_some() || self.noise.is_some()) {
-            (Some(spp), _) => spp,
-            (None, true) => SPP_OF_LIMITS,
-            (None, false) => hints.spp.unwrap_or(default_spp(integrator)).clamp(1, MAX_SPP),
-        };
-        Ok(Settings {
-            size,
-            crop,
-            spp,
+        Ok(Request {
+            size: self.size,
+            crop: self.crop,
+            integrator: self.integrator.as_ref().map(integrator).transpose()?,
+            color: Some(color),
+            spp: self.spp,
             noise: self.noise,
-            noise_floor: Settings::NOISE_FLOOR / self.exposure(scene).exp2(),
-            progressive: self.time.is_some() || spp > 16,
-            seed: self.seed,
-            sampler: choice("sampler", &sampler, &SamplerKind::ALL, SamplerKind::name)?,
-            filter: choice("filter", &filter, &Filter::ALL, Filter::name)?,
-            pixel_position,
-            integrator,
-            color: choice("colour model", &self.color, &ColorModel::ALL, ColorModel::name)?,
-            max_depth: self
-                .max_depth
-                .or(hints.max_depth)
-                .unwrap_or(integrator.default_max_depth())
-                .min(Settings::MAX_DEPTH),
-            shadows: choice("kind of shadows", &self.shadows, &Shadows::ALL, Shadows::name)?,
-            terminator: choice("shadow terminator", &self.terminator, &Terminator::ALL, Terminator::name)?,
-            light_strategy: choice(
-                "choice of light samples",
-                &self.light_samples,
-                &LightStrategy::ALL,
-                LightStrategy::name,
-            )?,
-            light_sampler: choice(
-                "light sampler",
-                &self.light_sampler,
-                &LightSamplerKind::ALL,
-                LightSamplerKind::name,
-            )?,
-            guiding: self.guiding.map(|guiding| match guiding {
-                GuidingOption::Auto if self.spp.is_none() && self.time.is_some() => {
-                    Guiding::with_passes(Guiding::MAX_PASSES)
-                }
-                GuidingOption::Auto => Guiding::for_picture(size, spp),
-                GuidingOption::Passes(passes) => Guiding::with_passes(passes),
-            }),
+            time: self.time,
+            max_depth: self.max_depth,
+            seed: Some(self.seed),
+            sampler: self.sampler.as_ref().map(sampler).transpose()?,
+            filter: self.filter.as_ref().map(filter).transpose()?,
+            shadows: Some(shadows),
+            terminator: Some(terminator),
+            light_samples: Some(light_samples),
+            light_sampler: Some(light_sampler),
+            guiding: self.guiding,
             ao_distance: self.ao_distance,
             clamp: self.clamp,
-            light_groups,
-            aovs,
-            build: BuildOptions {
-                accelerator,
-                quality,
-                compact: self.bvh_compact,
-                cache: self.bvh_cache.clone(),
-                simd,
-                ..BuildOptions::default()
-            },
-            ..Settings::default()
+            light_groups: Some(layers::light_groups(&self.light_group)?),
+            aovs: Some(layers::aovs(&self.aov)?),
+            denoise: Some(self.denoise.is_some()),
+            exposure: self.exposure,
+            accelerator: Some(accelerator),
+            quality: Some(quality),
+            bvh_compact: Some(self.bvh_compact),
+            bvh_cache: self.bvh_cache.clone(),
+            simd: Some(simd),
         })
     }
 
-    fn checked_crop(&self, size: [u32; 2]) -> Result<Option<Crop>, Failure> {
-        match self.crop {
-            Some(c) if c.max[0] > size[0] || c.max[1] > size[1] => Err(Failure::Usage(format!(
-                "--crop {},{},{},{} reaches beyond the picture of {}x{} pixels",
-                c.min[0], c.min[1], c.max[0], c.max[1], size[0], size[1]
-            ))),
-            crop => Ok(crop),
-        }
+    /// What is wrong with the options, as they are written on the command line.
+    fn usage(&self, error: &RequestError) -> Failure {
+        Failure::Usage(match error {
+            RequestError::Parameter { parameter, problem } => {
+                format!("--{} {problem}", parameter.replace('_', "-"))
+            }
+            RequestError::LightGroup { group, problem } => {
+                let is_meant = |definition: &&String| definition.split('=').next() == Some(group);
+                let definition = self.light_group.iter().rev().find(is_meant);
+                format!("--light-group {}: {problem}", definition.unwrap_or(group))
+            }
+            RequestError::TooManyPixels { .. } => {
+                format!("{error}; make it smaller with --size, or render parts of it with --crop")
+            }
+            RequestError::SceneName { parameter, .. } => {
+                format!("{error}; choose another with --{parameter}")
+            }
+        })
     }
 
     /// Applies `--environment`.
@@ -476,27 +435,6 @@ impl Options {
     }
 }
 
-/// Refuses pictures of more pixels than Snell would read back. (Memory is another matter, see `memory.rs`.)
-fn check_pixels(crop: Crop) -> Result<(), Failure> {
-    let [w, h] = crop.size();
-    if u64::from(w) * u64::from(h) <= MAX_PIXELS {
-        return Ok(());
-    }
-    Err(Failure::Usage(format!(
-        "a picture of {w}x{h} pixels is larger than the limit of {MAX_PIXELS} pixels; make it smaller with --size, or render \
-         parts of it with --crop"
-    )))
-}
-
-/// Samples per pixel if nobody asks for a number.
-fn default_spp(integrator: IntegratorKind) -> u32 {
-    match integrator {
-        IntegratorKind::Path | IntegratorKind::Direct => 64,
-        IntegratorKind::Ao => 32,
-        _ => 16,
-    }
-}
-
 /// A clear day from `parameter=value,…`.
 fn parse_sky(text: &str) -> Result<Environment, Failure> {
     let usage = |problem: String| {
@@ -535,12 +473,12 @@ fn is_meant_as_color(text: &str) -> bool {
 }
 
 fn parse_exposure(text: &str) -> Result<f64, String> {
-    let stops = text.parse().ok().filter(|x: &f64| x.abs() <= 100.0);
+    let stops = text.parse().ok().filter(|x| Request::EXPOSURE.contains(x));
     stops.ok_or_else(|| format!("\"{text}\" is not an exposure; write stops from -100 to 100, such as 1.5"))
 }
 
 fn parse_noise(text: &str) -> Result<f64, String> {
-    let error = text.parse().ok().filter(|x: &f64| (1e-5..=10.0).contains(x));
+    let error = text.parse().ok().filter(|x| Request::NOISE.contains(x));
     error.ok_or_else(|| format!("\"{text}\" is not an error; write a number from 0.00001 to 10, such as 0.02 for 2 %"))
 }
 
@@ -569,7 +507,10 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let error = || format!("\"{text}\" is not a size; write width and height as 1280x720, each from 1 to 65536");
     let (w, h) = text.split_once(['x', 'X']).ok_or_else(error)?;
-    let side = |s: &str| s.trim().parse::<u32>().ok().filter(|n| (1..=65536).contains(n)).ok_or_else(error);
+    let side = |s: &str| {
+        let side = s.trim().parse().ok().filter(|n| Request::SIDE.contains(n));
+        side.ok_or_else(error)
+    };
     Ok([side(w)?, side(h)?])
 }
 
@@ -606,7 +547,11 @@ fn parse_duration(text: &str) -> Result<Duration, String> {
         seconds = number.parse().map_err(|_| error())?;
         any = true;
     }
-    if any && seconds > 0.0 && seconds < 1e9 { Ok(Duration::from_secs_f64(seconds)) } else { Err(error()) }
+    if any && seconds > 0.0 && seconds <= Request::MAX_SECONDS {
+        Ok(Duration::from_secs_f64(seconds))
+    } else {
+        Err(error())
+    }
 }
 
 #[cfg(test)]
