@@ -90,6 +90,7 @@ impl File<'_, '_> {
                 );
                 self.panel(i, &place, radiance, &shape);
             }
+            // A format knows its own lights, so a new kind of light is left out until this says how.
             _ => self.output.lose(format!("light {i}: a {} light is left out", light.name())),
         }
     }
