@@ -4,9 +4,9 @@ use snell_intersect::TriangleMesh;
 use snell_intersect::shape::{BoxShape, Disk, Polygon, Sphere};
 use snell_math::{DAffine3, DVec2, DVec3, Rgb, Vec3};
 use snell_render::{IntegratorKind, LightStrategy, Settings};
-use snell_scene::light::{Attenuation, SpotFalloff};
+use snell_scene::light::{self, Attenuation, Directional, Point, Rectangle, Spot, SpotFalloff};
 use snell_scene::material::{AlphaMode, Black};
-use snell_scene::{Camera, CameraSample, Environment, Light, Material, Scene};
+use snell_scene::{Camera, CameraSample, Environment, Material, Scene};
 use snell_tests::scenes::{at, facing, ground, image, lamp, over_ground, put, put_mesh, rectangle, sky};
 use snell_tests::statistics::{compare_exact, image_mean};
 use snell_tests::{render, settings};
@@ -82,7 +82,7 @@ fn point_light_over_a_plane() {
     let mut scene = scene();
     let position = DVec3::new(0.3, 1.5, -0.2);
     let (intensity, attenuation) = (Rgb::splat(7.0), Attenuation::INVERSE_SQUARE);
-    scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 });
+    scene.add_light(Point { position, intensity, attenuation, body_radius: 0.0 });
     check("point light", &scene, &over_ground(0.4, 0.1), 4, |p| 7.0 * 1.5 / (position - p).length().powi(3));
 }
 
@@ -90,7 +90,7 @@ fn point_light_over_a_plane() {
 fn directional_light_on_a_plane() {
     let mut scene = scene();
     let direction = DVec3::new(-0.6, -0.8, 0.0);
-    scene.lights.push(Light::Directional { direction, irradiance: Rgb::splat(3.0) });
+    scene.add_light(Directional { direction, irradiance: Rgb::splat(3.0) });
     check("directional light", &scene, &over_ground(0.0, 0.0), 4, |_| 3.0 * 0.8);
 }
 
@@ -107,7 +107,7 @@ fn spot_light_on_a_plane() {
     for falloff in falloffs {
         let mut scene = scene();
         let (intensity, attenuation) = (Rgb::splat(5.0), Attenuation::INVERSE_SQUARE);
-        scene.lights.push(Light::Spot { position, direction, intensity, attenuation, falloff });
+        scene.add_light(Spot { position, direction, intensity, attenuation, falloff });
         let ramp = |cos: f64| ((cos - outer.cos()) / (inner.cos() - outer.cos())).clamp(0.0, 1.0);
         let factor = |cos: f64| match falloff {
             SpotFalloff::Power { .. } => {
@@ -144,7 +144,7 @@ fn panels_on_a_plane() {
     let (emission, attenuation) = (Rgb::splat(4.0), Attenuation::INVERSE_SQUARE);
 
     let mut with_disk = scene();
-    with_disk.lights.push(Light::Disk { position: center, direction: normal, radius: 0.5, emission, attenuation });
+    with_disk.add_light(light::Disk { position: center, direction: normal, radius: 0.5, emission, attenuation });
     check("disk panel", &with_disk, &over_ground(0.0, 0.0), 64, |p| {
         let point = |(u, v): (f64, f64)| {
             let (sin, cos) = (v * 2.0 * PI).sin_cos();
@@ -155,7 +155,7 @@ fn panels_on_a_plane() {
 
     let mut with_rectangle = scene();
     let lengths = [0.8, 0.4];
-    with_rectangle.lights.push(Light::Rectangle { center, axes: [x, y], lengths, emission, attenuation });
+    with_rectangle.add_light(Rectangle { center, axes: [x, y], lengths, emission, attenuation });
     assert!(x.cross(y).dot(normal) > 0.999);
     check("rectangle panel", &with_rectangle, &over_ground(0.0, 0.0), 64, |p| {
         let point = |(u, v): (f64, f64)| center + x * ((u - 0.5) * 0.8) + y * ((v - 0.5) * 0.4);
@@ -279,8 +279,8 @@ fn many_lights_add_up() {
     put(&mut scene, rectangle(0.8, 0.5), placed, rectangle_lamp);
     put(&mut scene, Sphere { radius }, DAffine3::from_translation(center), sphere_lamp);
     let (position, attenuation) = (DVec3::new(0.3, 1.2, -0.5), Attenuation::INVERSE_SQUARE);
-    scene.lights.push(Light::Point { position, intensity: Rgb::splat(0.8), attenuation, body_radius: 0.0 });
-    scene.lights.push(Light::Directional { direction: DVec3::new(0.0, -0.8, 0.6), irradiance: Rgb::splat(0.5) });
+    scene.add_light(Point { position, intensity: Rgb::splat(0.8), attenuation, body_radius: 0.0 });
+    scene.add_light(Directional { direction: DVec3::new(0.0, -0.8, 0.6), irradiance: Rgb::splat(0.5) });
     // Directional light passes the lamps, so look where they cast no shadow of it.
     check("many lights", &scene, &over_ground(0.0, -1.5), 256, |p| {
         let d = (center - p).length();
@@ -378,7 +378,7 @@ fn blended_surfaces_let_their_share_of_light_through() {
             [(AlphaMode::Blend, blended(alpha)), (AlphaMode::Mask(0.5), masked(alpha)), (AlphaMode::Opaque, 0.0)]
         {
             let mut under_sun = veiled(alpha, mode);
-            under_sun.lights.push(Light::Directional { direction, irradiance: Rgb::splat(2.0) });
+            under_sun.add_light(Directional { direction, irradiance: Rgb::splat(2.0) });
             let mut under_sky = veiled(alpha, mode);
             under_sky.environment = Some(Environment::Constant(Rgb::splat(1.0)));
             for (scene, irradiance) in [(under_sun, 2.0 * 0.8 * share), (under_sky, PI * share)] {

@@ -6,9 +6,9 @@ use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3};
 use snell_render::{Aov, CompiledScene, IntegratorKind, Job, LightStrategy, Settings};
 use snell_scene::builtin::BUILTINS;
 use snell_scene::camera::Projection;
-use snell_scene::light::Attenuation;
+use snell_scene::light::{self, Attenuation, Directional, Point};
 use snell_scene::material::{Conductor, Dielectric, Diffuse, MaterialKind};
-use snell_scene::{Background, Camera, Environment, Light, Material, Node, Scene};
+use snell_scene::{Background, Camera, Environment, Material, Node, Scene};
 use snell_tests::scenes::{at, everything, facing, ground, image, lamp, matte, put, put_mesh, quad, rectangle, sky};
 use snell_tests::{colors, render, settings};
 use std::sync::Arc;
@@ -156,11 +156,11 @@ fn broken_lights_materials_and_environments_do_no_harm() {
         let wide = f64::from(value);
         let (intensity, attenuation) = (Rgb::new(value, 1.0, 0.0), Attenuation::INVERSE_SQUARE);
         let (position, body_radius) = (DVec3::new(0.0, 1.0, 0.0), wide);
-        scene.lights.push(Light::Point { position, intensity, attenuation, body_radius });
+        scene.add_light(Point { position, intensity, attenuation, body_radius });
         let position = DVec3::new(0.0, wide, 0.0);
-        scene.lights.push(Light::Point { position, intensity: Rgb::WHITE, attenuation, body_radius: 0.0 });
-        scene.lights.push(Light::Directional { direction: DVec3::new(wide, -1.0, 0.0), irradiance: intensity });
-        scene.lights.push(Light::Disk {
+        scene.add_light(Point { position, intensity: Rgb::WHITE, attenuation, body_radius: 0.0 });
+        scene.add_light(Directional { direction: DVec3::new(wide, -1.0, 0.0), irradiance: intensity });
+        scene.add_light(light::Disk {
             position,
             direction: DVec3::ZERO,
             radius: wide,

@@ -9,6 +9,7 @@ use snell_render::{
     Aov, CompiledScene, Crop, Film, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings,
     Shadows, TileOrder,
 };
+use snell_scene::light::Directional;
 use snell_scene::material::Phong;
 use snell_scene::{Camera, LayeredImage, Material, Scene};
 use snell_tests::scenes::{at, everything, put};
@@ -122,7 +123,7 @@ fn onion() -> (Scene, Camera) {
         put(&mut scene, Sphere { radius: 1.0 - 0.2 * i as f64 }, at(0.01, 0.02, 0.0), material);
     }
     let direction = DVec3::new(-0.6, -0.8, 0.0);
-    scene.lights.push(snell_scene::Light::Directional { direction, irradiance: Rgb::new(1.0, 0.77, 0.3) });
+    scene.add_light(Directional { direction, irradiance: Rgb::new(1.0, 0.77, 0.3) });
     scene.ambient = Rgb::splat(0.1);
     (scene, Camera::look_at(Vec3::new(0.0, 0.1, 0.05), Vec3::NEG_Z, Vec3::Y, 0.5))
 }

@@ -4,8 +4,9 @@ use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Sphere};
 use snell_math::{DAffine3, DVec3, Rgb, Vec3};
 use snell_render::{CompiledScene, Crop, Guiding, Job, Settings, TileOrder};
+use snell_scene::light::Directional;
 use snell_scene::material::{Dielectric, Diffuse, Mirror};
-use snell_scene::{Camera, Environment, Light, Material, Scene};
+use snell_scene::{Camera, Environment, Material, Scene};
 use snell_tests::scenes::{at, everything, facing, lamp, matte, put, rectangle};
 use snell_tests::statistics::{compare, image_mean};
 use snell_tests::{bits, render, render_compiled, settings};
@@ -129,7 +130,7 @@ fn scenes_that_make_no_sense_are_survived() {
     }
     for direction in [DVec3::NEG_Y, DVec3::splat(f64::NAN)] {
         let mut scene = ball(0.0);
-        scene.lights.push(Light::Directional { direction, irradiance: Rgb::splat(3.0) });
+        scene.add_light(Directional { direction, irradiance: Rgb::splat(3.0) });
         all.push(("directional", scene));
     }
     let camera = Camera::look_at(Vec3::new(0.3, 0.4, 6.0), Vec3::ZERO, Vec3::Y, 0.5);

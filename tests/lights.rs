@@ -5,10 +5,10 @@ use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Disk, Sphere, Triangle};
 use snell_math::{DAffine3, DVec3, Rgb, Vec3};
 use snell_render::{CompiledScene, Film, IntegratorKind, LightSamplerKind, LightStrategy, Moving, Settings};
-use snell_scene::light::{Attenuation, SpotFalloff};
+use snell_scene::light::{self, Attenuation, Directional, Point, Spot, SpotFalloff};
 use snell_scene::material::{Black, ColorParam, Conductor};
 use snell_scene::medium::{Grid, ScalarGrid};
-use snell_scene::{Camera, Encoding, Environment, Geometry, ImageTexture, Light, Material, Node, Pose, Scene, Surface};
+use snell_scene::{Camera, Encoding, Environment, Geometry, ImageTexture, Material, Node, Pose, Scene, Surface};
 use snell_tests::scenes::{at, facing, ground, image, lamp, matte, put, put_mesh, quad, rectangle, sky};
 use snell_tests::statistics::compare;
 use snell_tests::{bits, colors, render, render_compiled, settings};
@@ -50,15 +50,11 @@ fn every_light(with_points: bool) -> (Scene, Camera) {
         let falloff = SpotFalloff::Smooth { inner: 0.3, outer: 0.6 };
         let position = DVec3::new(0.5, 1.7, 0.7);
         scene.lights = vec![
-            Light::Point {
-                position: DVec3::new(-0.2, 0.3, -0.6),
-                intensity: Rgb::splat(0.1),
-                attenuation,
-                body_radius: 0.0,
-            },
-            Light::Spot { position, direction: DVec3::NEG_Y, intensity: Rgb::splat(1.0), attenuation, falloff },
-            Light::Directional { direction: DVec3::new(0.3, -0.9, -0.2).normalize(), irradiance: Rgb::splat(0.2) },
-            Light::Point { position, intensity: Rgb::splat(0.1), attenuation: Attenuation::NONE, body_radius: 0.0 },
+            Point { position: DVec3::new(-0.2, 0.3, -0.6), intensity: Rgb::splat(0.1), attenuation, body_radius: 0.0 }
+                .into(),
+            Spot { position, direction: DVec3::NEG_Y, intensity: Rgb::splat(1.0), attenuation, falloff }.into(),
+            Directional { direction: DVec3::new(0.3, -0.9, -0.2).normalize(), irradiance: Rgb::splat(0.2) }.into(),
+            Point { position, intensity: Rgb::splat(0.1), attenuation: Attenuation::NONE, body_radius: 0.0 }.into(),
         ];
     }
     let image = sky(32, |d| [0.1, 0.2, if d.y > 0.7 && d.x > 0.0 { 4.0 } else { 0.3 }]);
@@ -107,11 +103,11 @@ fn lights_that_make_no_sense_do_no_harm() {
         let position = DVec3::new(x, 1.0, 0.5);
         for strength in [0.0, f32::INFINITY, f32::NAN, -1.0, f32::MAX] {
             let intensity = Rgb::splat(strength);
-            scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: x });
+            scene.add_light(Point { position, intensity, attenuation, body_radius: x });
             let direction = DVec3::new(x, 0.0, 0.0);
-            scene.lights.push(Light::Disk { position, direction, radius: x, emission: intensity, attenuation });
+            scene.add_light(light::Disk { position, direction, radius: x, emission: intensity, attenuation });
             let falloff = SpotFalloff::Smooth { inner: x, outer: x };
-            scene.lights.push(Light::Spot { position, direction, intensity, attenuation, falloff });
+            scene.add_light(Spot { position, direction, intensity, attenuation, falloff });
         }
         let broken = lamp(&mut scene, x as f32);
         put(&mut scene, Sphere { radius: 1e-30 }, at(0.1, 0.5, 0.1), broken);

@@ -4,13 +4,13 @@ use snell_intersect::shape::{BoxShape, Plane, Rectangle, Sphere};
 use snell_intersect::{AnyShape, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Vec2, Vec3};
 use snell_scene::camera::Projection;
-use snell_scene::light::Attenuation;
+use snell_scene::light::{Attenuation, Directional, Point};
 use snell_scene::material::{
     AlphaMode, Black, ColorParam, Conductor, Dielectric, Diffuse, MetallicRoughness, Mirror, NormalMap, Phong, Plastic,
     ScalarParam,
 };
 use snell_scene::{
-    Camera, Encoding, Environment, Geometry, Image, ImageTexture, Light, Material, MaterialId, Node, Scene, Surface,
+    Camera, Encoding, Environment, Geometry, Image, ImageTexture, Material, MaterialId, Node, Scene, Surface,
 };
 use std::sync::Arc;
 
@@ -154,8 +154,8 @@ pub fn everything() -> (Scene, Camera) {
     placed(&mut scene, at(1.6, 0.0, -1.5), inner);
 
     let (intensity, attenuation) = (Rgb::new(2.0, 2.0, 3.0), Attenuation::INVERSE_SQUARE);
-    scene.lights.push(Light::Point { position: DVec3::new(2.0, 3.0, 2.0), intensity, attenuation, body_radius: 0.0 });
-    scene.lights.push(Light::Directional { direction: DVec3::new(-0.6, -0.8, 0.0), irradiance: Rgb::splat(0.4) });
+    scene.add_light(Point { position: DVec3::new(2.0, 3.0, 2.0), intensity, attenuation, body_radius: 0.0 });
+    scene.add_light(Directional { direction: DVec3::new(-0.6, -0.8, 0.0), irradiance: Rgb::splat(0.4) });
     let image = sky(32, |d| [0.3 + 0.2 * d.y as f32, 0.4, 0.5 + if d.x > 0.9 { 3.0 } else { 0.0 }]);
     let world_from_environment = DAffine3::from_rotation_y(0.3);
     scene.environment = Some(Environment::Image { image, scale: Rgb::splat(0.7), world_from_environment });

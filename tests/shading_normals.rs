@@ -4,11 +4,11 @@ use snell_intersect::TriangleMesh;
 use snell_intersect::shape::Sphere;
 use snell_math::{DAffine3, DVec3, Rgb, Vec3};
 use snell_render::{IntegratorKind, Settings};
-use snell_scene::light::Attenuation;
+use snell_scene::light::{Attenuation, Point};
 use snell_scene::material::{
     BumpMap, Conductor, Dielectric, Diffuse, HeightUnit, MaterialKind, Mirror, NormalMap, OpenPbr, Plastic,
 };
-use snell_scene::{Camera, Encoding, Environment, ImageTexture, Light, Material, Scene};
+use snell_scene::{Camera, Encoding, Environment, ImageTexture, Material, Scene};
 use snell_tests::scenes::{image, put, put_mesh, quad};
 use snell_tests::{colors, render, settings};
 
@@ -95,7 +95,7 @@ fn light_from_behind_a_face_does_not_reach_it_whatever_its_normals() {
         let material = scene.add_material(Material::new(name, kind));
         put_mesh(&mut scene, tilted.clone(), DAffine3::IDENTITY, material);
         // Under the face, but above the plane of its normals.
-        scene.lights.push(Light::Point {
+        scene.add_light(Point {
             position: DVec3::new(3.0, 0.0, -0.2),
             intensity: Rgb::splat(100.0),
             attenuation: Attenuation::INVERSE_SQUARE,

@@ -6,12 +6,14 @@ use snell_intersect::shape::{BoxShape, Disk, Sphere};
 use snell_math::statistics::sidak_deviation;
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Vec3};
 use snell_render::{CompiledScene, Film, Guiding, IntegratorKind, LightSamplerKind, LightStrategy, Settings};
-use snell_scene::light::{Attenuation, IntensityTable, Slide, SpotFalloff};
+use snell_scene::light::{
+    Attenuation, Directional, IntensityTable, Point, Profile, Projector, Slide, Spot, SpotFalloff,
+};
 use snell_scene::material::{
     Conductor, Dielectric, Diffuse, Interior, MaterialKind, MetallicRoughness, OpenPbr, Phong, Plastic,
 };
 use snell_scene::medium::{Grid, HeightFog, Homogeneous, Medium, ScalarGrid};
-use snell_scene::{Camera, Environment, Light, Material, Scene};
+use snell_scene::{Camera, Environment, Material, Scene};
 use snell_tests::render_compiled;
 use snell_tests::scenes::{at, facing, ground, image, lamp, matte, put, put_mesh, quad, rectangle, sky};
 use snell_tests::statistics::{image_mean, pixel_z};
@@ -99,11 +101,11 @@ fn point_lights(scene: &mut Scene) {
     let slide = Slide::new(&image(4, 4, 3, |x, y| vec![((x + y) % 2) as f32, 0.3, 0.6]), DVec2::splat(0.5));
     let scale = Rgb::splat(1.5);
     scene.lights.extend([
-        Light::Spot { position, direction, intensity: Rgb::splat(5.0), attenuation, falloff },
-        Light::Point { position: DVec3::new(-1.5, 1.5, 1.0), intensity: scale, attenuation, body_radius: 0.0 },
-        Light::Directional { direction, irradiance: Rgb::new(0.3, 0.2, 0.1) },
-        Light::Profile { position, world_from_light, scale, table: table.expect("a picture") },
-        Light::Projector { position, world_from_light, scale, slide: slide.expect("a picture") },
+        Spot { position, direction, intensity: Rgb::splat(5.0), attenuation, falloff }.into(),
+        Point { position: DVec3::new(-1.5, 1.5, 1.0), intensity: scale, attenuation, body_radius: 0.0 }.into(),
+        Directional { direction, irradiance: Rgb::new(0.3, 0.2, 0.1) }.into(),
+        Profile { position, world_from_light, scale, table: table.expect("a picture") }.into(),
+        Projector { position, world_from_light, scale, slide: slide.expect("a picture") }.into(),
     ]);
 }
 

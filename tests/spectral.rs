@@ -6,8 +6,9 @@ use snell_math::spectrum::{Metal, RefractiveIndex};
 use snell_math::{ColorModel, DAffine3, DVec3, Rgb, Vec3};
 use snell_render::{CompiledScene, Crop, IntegratorKind, Settings, TileOrder};
 use snell_scene::builtin::builtin;
+use snell_scene::light::Directional;
 use snell_scene::material::{Conductor, Dielectric, MaterialKind, MetallicRoughness, Mirror, Phong, Plastic};
-use snell_scene::{Background, Camera, Environment, Light, Material, Scene};
+use snell_scene::{Background, Camera, Environment, Material, Scene};
 use snell_tests::scenes::{all_around, at, everything, facing, ground, lamp, matte, put, rectangle, sky};
 use snell_tests::statistics::{compare, image_mean};
 use snell_tests::{bits, colors, render, render_compiled, settings};
@@ -56,7 +57,7 @@ fn classic() -> (Scene, Camera) {
     let (mut scene, camera) = display(vec![phong.into(), glass.into(), Mirror::new(GREY).into()]);
     scene.ambient = Rgb::splat(0.2);
     scene.background = Background::Color(Rgb::splat(0.4));
-    scene.lights.push(Light::Directional { direction: DVec3::new(-0.6, -0.8, 0.0), irradiance: Rgb::splat(2.0) });
+    scene.add_light(Directional { direction: DVec3::new(-0.6, -0.8, 0.0), irradiance: Rgb::splat(2.0) });
     (scene, camera)
 }
 
@@ -135,7 +136,7 @@ fn colours_that_are_seen_once_are_those_of_rgb() {
     // Every surface is under an irradiance of pi, in one colour and another.
     for light in [Rgb::WHITE, Rgb::new(2.0, 1.0, 0.3)] {
         let irradiance = light * std::f32::consts::PI;
-        scene.lights = vec![Light::Directional { direction: DVec3::NEG_Z, irradiance }];
+        scene.lights = vec![Directional { direction: DVec3::NEG_Z, irradiance }.into()];
         let camera = Camera::look_at(Vec3::new(0.0, 0.0, 100.0), Vec3::ZERO, Vec3::Y, 0.01);
         let settings =
             Settings { integrator: IntegratorKind::Direct, color: ColorModel::Spectral, ..settings(60, 1024) };

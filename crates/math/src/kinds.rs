@@ -1,6 +1,7 @@
 //! Enums over all kinds of something, made from one list of the kinds.
 
-/// Makes an enum from the list of its kinds, each a type of its own with a name, and a macro that asks whichever kind a value is.
+/// Makes an enum from the list of its kinds, each a type of its own with a name, and a macro that asks whichever kind a
+/// value is, or each of the kinds.
 ///
 /// The enum is [`Clone`], [`Debug`] and [`PartialEq`], is made [`From`] each kind, and has `NAMES`, `name()` and `examples()`, for which each
 /// kind has an `examples()` too. It is read and written by serde (the crate that calls this needs it) with the names as variants; attributes of
@@ -13,6 +14,8 @@
 /// }
 ///
 /// impl Square {
+///     const CORNERS: u32 = 4;
+///
 ///     fn examples() -> Vec<Self> {
 ///         vec![Self { side: 2.0 }]
 ///     }
@@ -34,11 +37,16 @@
 ///     fn area(&self) -> f32 {
 ///         match_figure!(self, figure => figure.area())
 ///     }
+///
+///     fn corners() -> [u32; Self::NAMES.len()] {
+///         match_figure!(each Kind => Kind::CORNERS)
+///     }
 /// }
 ///
 /// assert_eq!(Figure::NAMES, ["square"]);
 /// assert_eq!(Figure::examples()[0].name(), "square");
 /// assert_eq!(Figure::from(Square { side: 3.0 }).area(), 9.0);
+/// assert_eq!(Figure::corners(), [4]);
 /// ```
 #[macro_export]
 macro_rules! kinds {
@@ -75,6 +83,9 @@ macro_rules! kinds {
     // A dollar that comes as a token stays one in the macro that is made.
     (@matching ($dollar:tt) $any:ident by $matching:ident! { $($kind:ident,)* }) => {
         macro_rules! $matching {
+            (each $dollar kind:ident => $dollar answer:expr) => {
+                [$({ type $dollar kind = $kind; $dollar answer }),*]
+            };
             ($dollar value:expr, $dollar kind:ident => $dollar answer:expr) => {
                 match $dollar value { $($any::$kind($dollar kind) => $dollar answer,)* }
             };

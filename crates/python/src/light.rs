@@ -39,9 +39,6 @@ declared_class! {
     replace
 }
 
-/// Parameters that are directions, or lists of them.
-const DIRECTIONS: [&str; 2] = ["direction", "axes"];
-
 impl Declared for Value {
     fn family() -> Family {
         Family::of("light", &Self::examples())
@@ -49,8 +46,10 @@ impl Declared for Value {
 
     fn settle(self) -> PyResult<Self> {
         let Tree::Fields(mut fields) = Tree::of(&self).map_err(PyTypeError::new_err)? else { return Ok(self) };
-        for (key, value) in fields.iter_mut().filter(|(key, _)| DIRECTIONS.contains(&key.as_str())) {
-            *value = unit(value, key)?;
+        for name in self.directions() {
+            for (key, value) in fields.iter_mut().filter(|(key, _)| key == name) {
+                *value = unit(value, key)?;
+            }
         }
         serde_json::from_value(Tree::Fields(fields).json(&mut |_, id| id))
             .map_err(|e| PyValueError::new_err(e.to_string()))

@@ -117,7 +117,7 @@ mod tests {
     use super::*;
     use crate::camera::Projection;
     use crate::graph::{Environment, Geometry, Node, Surface};
-    use crate::light::Light;
+    use crate::light::Directional;
     use snell_intersect::TriangleMesh;
     use snell_intersect::shape::Sphere;
     use snell_math::{DAffine3, Vec3};
@@ -148,7 +148,7 @@ mod tests {
     #[test]
     fn a_scene_with_light_keeps_it() {
         let mut lit = ball();
-        lit.lights.push(Light::Directional { direction: DVec3::NEG_Y, irradiance: Rgb::WHITE });
+        lit.add_light(Directional { direction: DVec3::NEG_Y, irradiance: Rgb::WHITE });
         let mut surrounded = ball();
         surrounded.environment = Some(Environment::Constant(Rgb::WHITE));
         let mut glowing = ball();

@@ -381,6 +381,11 @@ impl Scene {
         TextureId(self.textures.len() as u32 - 1)
     }
 
+    /// Adds a light that is not a surface.
+    pub fn add_light(&mut self, light: impl Into<Light>) {
+        self.lights.push(light.into());
+    }
+
     /// Stores a medium.
     pub fn add_medium(&mut self, medium: impl Into<Medium>) -> MediumId {
         self.media.push(medium.into());

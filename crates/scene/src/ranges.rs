@@ -18,7 +18,7 @@ const FARTHEST: f64 = 1e18;
 
 /// What values a number may have.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Range {
+pub enum Range {
     /// Any.
     Any,
     /// From one to another, both included.
@@ -27,7 +27,7 @@ enum Range {
     Between(f64, f64),
     /// More than 0.
     Positive,
-    /// Coordinates of a direction: not all 0.
+    /// Coordinates of a direction, or of several: not all 0.
     Direction,
 }
 
@@ -36,12 +36,12 @@ use Range::{Any, Between, Direction, Positive, Within};
 /// From nothing to all.
 const SHARE: Range = Within(0.0, 1.0);
 /// Of any amount.
-const AMOUNT: Range = Within(0.0, f64::INFINITY);
+pub const AMOUNT: Range = Within(0.0, f64::INFINITY);
 /// Radiance, irradiance, intensity, emission.
-const LIGHT: Range = Within(0.0, BRIGHTEST as f64);
+pub const LIGHT: Range = Within(0.0, BRIGHTEST as f64);
 
 /// The range of each parameter, by its name, after the name of its kind where others have the same name for something else. What
-/// stands inside of a parameter (`factor`, places of lists) has its range.
+/// stands inside of a parameter (`factor`, places of lists) has its range. Those of lights stand with each light.
 const RANGES: &[(&str, Range)] = &[
     // Surfaces.
     ("emission", LIGHT),
@@ -128,24 +128,6 @@ const RANGES: &[(&str, Range)] = &[
     ("resolution", Positive),
     ("world_from_grid", Any),
     ("world_from_cloud", Any),
-    // Lights.
-    ("position", Any),
-    ("center", Any),
-    ("world_from_light", Any),
-    ("direction", Direction),
-    ("irradiance", LIGHT),
-    ("intensity", LIGHT),
-    ("profile.scale", LIGHT),
-    ("projector.scale", LIGHT),
-    ("attenuation", AMOUNT),
-    ("body_radius", AMOUNT),
-    ("radius", AMOUNT),
-    ("lengths", AMOUNT),
-    ("axes", Any),
-    ("cutoff", Within(0.0, std::f64::consts::PI)),
-    ("exponent", AMOUNT),
-    ("inner", Within(0.0, std::f64::consts::PI)),
-    ("outer", Within(0.0, std::f64::consts::PI)),
     // Cameras.
     ("eye", Within(-FARTHEST, FARTHEST)),
     ("towards", Direction),
@@ -165,9 +147,12 @@ const RANGES: &[(&str, Range)] = &[
 const TABLES: &[&str] = &["measured", "table", "slide"];
 
 impl Range {
-    /// That of a parameter of a kind; `None` for names that are not in the table.
-    fn of(kind: &str, name: &str) -> Option<Self> {
-        let mine = |row: &&(&str, Self)| row.0.split_once('.') == Some((kind, name));
+    /// That of a parameter of a kind; `None` for names that are in no table.
+    fn of(kind: Kind, name: &str) -> Option<Self> {
+        if kind.family == "light" {
+            return Light::ranges_of(kind.name).iter().find(|row| row.0 == name).map(|row| row.1);
+        }
+        let mine = |row: &&(&str, Self)| row.0.split_once('.') == Some((kind.name, name));
         RANGES.iter().find(mine).or_else(|| RANGES.iter().find(|row| row.0 == name)).map(|row| row.1)
     }
 
@@ -214,8 +199,23 @@ fn shown(x: f64) -> String {
 /// The first number at or below `path` in a declaration, as `serde` writes it, that means nothing: what is wrong, in words.
 pub fn problem_at(declaration: &Value, path: &[&str]) -> Option<String> {
     let mut search = Search { wanted: path, problem: None, unknown: Vec::new() };
-    search.walk(declaration, "", Any, &mut Vec::new());
+    search.walk(declaration, Kind::default(), Any, &mut Vec::new());
     search.problem
+}
+
+/// A kind of thing, and what it is one of.
+#[derive(Clone, Copy, Default)]
+struct Kind<'a> {
+    family: &'a str,
+    name: &'a str,
+}
+
+impl<'a> Kind<'a> {
+    /// The kind that a declaration says it is.
+    fn of(fields: &'a serde_json::Map<String, Value>) -> Option<Self> {
+        let families = ["material", "medium", "light", "projection"];
+        families.into_iter().find_map(|family| Some(Self { family, name: fields.get(family)?.as_str()? }))
+    }
 }
 
 struct Search<'a> {
@@ -227,7 +227,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn walk(&mut self, value: &Value, kind: &str, range: Range, place: &mut Vec<String>) {
+    fn walk(&mut self, value: &Value, kind: Kind, range: Range, place: &mut Vec<String>) {
         match value {
             Value::Number(number) => {
                 let x = number.as_f64().unwrap_or(f64::NAN);
@@ -251,8 +251,7 @@ impl Search<'_> {
             }
             Value::Object(fields) => {
                 // The name of the kind stands beside its parameters.
-                let tags = ["material", "medium", "light", "projection"];
-                let kind = tags.iter().find_map(|tag| fields.get(*tag)?.as_str()).unwrap_or(kind);
+                let kind = Kind::of(fields).unwrap_or(kind);
                 let textured = fields.get("texture").is_some_and(|t| !t.is_null());
                 for (name, item) in fields.iter().filter(|(name, _)| !TABLES.contains(&name.as_str())) {
                     let inner = match name.as_str() {
@@ -261,7 +260,7 @@ impl Search<'_> {
                         "factor" | "kind" | "spectrum" | "interior" | "medium" => range,
                         _ => Range::of(kind, name).unwrap_or_else(|| {
                             if item.is_number() || item.is_array() {
-                                self.unknown.push(format!("{kind}.{name}"));
+                                self.unknown.push(format!("{}.{name}", kind.name));
                             }
                             range
                         }),
@@ -333,13 +332,7 @@ impl Scene {
             limit(&|| format!("the emission of material {i} (\"{name}\")"), &mut emission.factor);
         }
         for (i, light) in self.lights.iter_mut().enumerate() {
-            let power = match light {
-                Light::Directional { irradiance, .. } => irradiance,
-                Light::Point { intensity, .. } | Light::Spot { intensity, .. } => intensity,
-                Light::Profile { scale, .. } | Light::Projector { scale, .. } => scale,
-                Light::Disk { emission, .. } | Light::Rectangle { emission, .. } => emission,
-            };
-            limit(&|| format!("the brightness of light {i}"), power);
+            limit(&|| format!("the brightness of light {i}"), light.color_mut());
         }
         match &mut self.environment {
             Some(Environment::Constant(radiance)) => limit(&|| "the environment's radiance".into(), radiance),
@@ -363,7 +356,7 @@ mod tests {
     fn unknown<T: Serialize>(item: &T) -> Vec<String> {
         let mut search = Search { wanted: &[], problem: None, unknown: Vec::new() };
         let tree = serde_json::to_value(item).expect("declarations are JSON");
-        search.walk(&tree, "", Any, &mut Vec::new());
+        search.walk(&tree, Kind::default(), Any, &mut Vec::new());
         assert_eq!(search.problem, None, "an example is out of range: {tree}");
         search.unknown
     }
@@ -386,15 +379,22 @@ mod tests {
         let mut text = String::new();
         let mut add = |item: serde_json::Result<String>| text += &item.expect("declarations are JSON");
         MaterialKind::examples().iter().for_each(|kind| add(serde_json::to_string(&Material::new("", kind.clone()))));
-        Light::examples().iter().for_each(|light| add(serde_json::to_string(light)));
         Medium::examples().iter().for_each(|medium| add(serde_json::to_string(medium)));
         Projection::examples().into_iter().for_each(|projection| {
             add(serde_json::to_string(&Camera::from_direction(DVec3::ZERO, DVec3::X, DVec3::Y, projection)));
         });
         for (row, _) in RANGES {
             let name = row.split_once('.').map_or(*row, |(_, name)| name);
-            let inside = ["height", "channel", "mask", "rotation", "priority", "emission_luminance", "emission_color"];
+            let inside =
+                ["scale", "height", "channel", "mask", "rotation", "priority", "emission_luminance", "emission_color"];
             assert!(text.contains(&format!("\"{name}\"")) || inside.contains(&name), "nothing is called {name}");
+        }
+        for kind in Light::NAMES {
+            let of_kind: Vec<_> = Light::examples().into_iter().filter(|light| light.name() == *kind).collect();
+            let text = serde_json::to_string(&of_kind).expect("declarations are JSON");
+            for (name, _) in Light::ranges_of(kind) {
+                assert!(text.contains(&format!("\"{name}\"")), "no {kind} light has a {name}");
+            }
         }
     }
 

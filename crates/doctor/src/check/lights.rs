@@ -29,11 +29,11 @@ pub fn lights(subject: &Subject, report: &mut Report) {
         if is_bounded && !scene_bounds.is_empty() && misses(light, &scene_bounds) {
             let message = "it shines past everything in the scene";
             report.add(Severity::Warning, name, message, "turn it, widen its cone, or take it out").position =
-                position(light).map(|p| p.to_array());
-        } else if let Some(place) = position(light).and_then(|p| enclosed(subject, light, p)) {
+                light.position().map(|p| p.to_array());
+        } else if let Some(place) = light.position().and_then(|p| enclosed(subject, light, p)) {
             let message = format!("it is inside of {}, which is opaque", subject.name(place));
             report.add(Severity::Warning, name, message, "move it out, or make the body around it clear").position =
-                position(light).map(|p| p.to_array());
+                light.position().map(|p| p.to_array());
         }
     }
     emitters(subject, report);
@@ -47,12 +47,7 @@ fn is_lit_otherwise(subject: &Subject) -> bool {
 
 /// A light that has no light.
 fn dark(light: &Light) -> Option<(&'static str, &'static str)> {
-    let color = match light {
-        Light::Directional { irradiance, .. } => irradiance,
-        Light::Point { intensity, .. } | Light::Spot { intensity, .. } => intensity,
-        Light::Profile { scale, .. } | Light::Projector { scale, .. } => scale,
-        Light::Disk { emission, .. } | Light::Rectangle { emission, .. } => emission,
-    };
+    let color = light.color();
     if color.r.min(color.g).min(color.b) < 0.0 {
         return Some(("its colour is negative", "make it positive"));
     }
@@ -62,27 +57,9 @@ fn dark(light: &Light) -> Option<(&'static str, &'static str)> {
     None
 }
 
-fn position(light: &Light) -> Option<DVec3> {
-    match light {
-        Light::Directional { .. } => None,
-        Light::Point { position, .. }
-        | Light::Spot { position, .. }
-        | Light::Profile { position, .. }
-        | Light::Projector { position, .. }
-        | Light::Disk { position, .. } => Some(*position),
-        Light::Rectangle { center, .. } => Some(*center),
-    }
-}
-
 /// True if all of the box lies outside of what the light shines at.
 fn misses(light: &Light, bounds: &Bounds3d) -> bool {
-    let cone = match light {
-        Light::Spot { position, direction, falloff, .. } => (*position, *direction, falloff.widest()),
-        Light::Disk { position, direction, .. } => (*position, *direction, std::f64::consts::FRAC_PI_2),
-        Light::Rectangle { center, axes, .. } => (*center, axes[0].cross(axes[1]), std::f64::consts::FRAC_PI_2),
-        _ => return false,
-    };
-    let (apex, axis, angle) = cone;
+    let Some((apex, (axis, angle))) = light.position().zip(light.cone()) else { return false };
     let to_center = bounds.center() - apex;
     let (distance, radius) = (to_center.length(), bounds.radius());
     if distance <= radius {
@@ -94,9 +71,7 @@ fn misses(light: &Light, bounds: &Bounds3d) -> bool {
 
 /// The opaque closed thing around a light that holds nothing else.
 fn enclosed(subject: &Subject, light: &Light, at: DVec3) -> Option<usize> {
-    if let Light::Point { body_radius, .. } = light
-        && *body_radius > 0.0
-    {
+    if light.has_body() {
         return None;
     }
     let around = subject.around(at);

@@ -3,7 +3,7 @@
 use super::{counted, material_name};
 use crate::{Report, Severity, Subject};
 use snell_math::Transform;
-use snell_scene::{Light, Material};
+use snell_scene::Material;
 
 const REMEDY: &str = "correct the number in the file";
 
@@ -27,15 +27,7 @@ pub fn numbers(subject: &Subject, report: &mut Report) {
         tell(report, material_name(i, material), &format!("{nameless:?}"));
     }
     for (i, light) in scene.lights.iter().enumerate() {
-        // Tables and slides are made of sound numbers only, and long.
-        let text = match light {
-            Light::Profile { position, world_from_light, scale, .. }
-            | Light::Projector { position, world_from_light, scale, .. } => {
-                format!("position: {position:?}, rotation: {world_from_light:?}, scale: {scale:?}")
-            }
-            _ => format!("{light:?}"),
-        };
-        tell(report, format!("light {i} ({})", light.name()), &text);
+        tell(report, format!("light {i} ({})", light.name()), &format!("{light:?}"));
     }
     for (i, camera) in scene.cameras.iter().enumerate() {
         let nameless = snell_scene::Camera { name: String::new(), ..camera.clone() };

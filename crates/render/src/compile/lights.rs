@@ -50,7 +50,7 @@ pub struct BareLight {
 
 impl BareLight {
     fn new(light: Light) -> Self {
-        let punctual = PunctualLight::of(&light);
+        let punctual = light.punctual();
         Self { light, punctual, spectrum: OnceLock::new() }
     }
 

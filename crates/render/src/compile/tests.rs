@@ -6,6 +6,7 @@ use super::*;
 use snell_intersect::shape::{AnyShape, Sphere};
 use snell_intersect::{AcceptAll, Curves, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DVec3, Rgb, Vec2};
+use snell_scene::light::Directional;
 use snell_scene::material::Diffuse;
 use snell_scene::{Geometry, Node, Surface};
 
@@ -170,7 +171,7 @@ fn it_is_known_whether_light_comes_from_all_around() {
     assert!(!is_even(&scene), "the lamp is most of the light");
     scene.environment = Some(snell_scene::Environment::Constant(Rgb::splat(1e4)));
     assert!(is_even(&scene), "the sky is most of the light");
-    scene.lights.push(snell_scene::Light::Directional { direction: -DVec3::Y, irradiance: Rgb::splat(1e6) });
+    scene.add_light(Directional { direction: -DVec3::Y, irradiance: Rgb::splat(1e6) });
     assert!(!is_even(&scene), "the sun is most of the light");
 }
 

@@ -200,18 +200,16 @@ mod tests {
     use snell_math::{ColorModel, Rgb};
     use snell_scene::Light;
     use snell_scene::builtin::builtin;
-    use snell_scene::light::SpotFalloff;
+    use snell_scene::light::{Spot, SpotFalloff};
     use snell_scene::material::{Diffuse, MaterialKind};
     use snell_scene::medium::Homogeneous;
 
     /// Every light that there is, and a spot with a cubic step.
     fn lights() -> Vec<Light> {
         let mut lights = Light::examples();
-        let mut spot = lights.iter().find(|light| light.name() == "spot").expect("there is one").clone();
-        if let Light::Spot { falloff, .. } = &mut spot {
-            *falloff = SpotFalloff::Step { inner: 0.2, outer: 0.6 };
-        }
-        lights.push(spot);
+        let falloff = SpotFalloff::Step { inner: 0.2, outer: 0.6 };
+        let of_cosines = |spot| Light::from(Spot { falloff, ..spot });
+        lights.extend(Spot::examples().into_iter().take(1).map(of_cosines));
         lights
     }
 

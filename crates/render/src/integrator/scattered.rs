@@ -193,9 +193,8 @@ mod tests {
     use crate::sampler::SamplerKind;
     use crate::{IntegratorKind, LightStrategy, Settings};
     use snell_math::{ColorModel, DVec3, Rgb};
-    use snell_scene::Light;
     use snell_scene::builtin::builtin;
-    use snell_scene::light::Attenuation;
+    use snell_scene::light::{Attenuation, Point};
     use snell_scene::medium::Homogeneous;
 
     #[test]
@@ -210,7 +209,7 @@ mod tests {
             for i in 0..lamps {
                 let position = DVec3::new(100.0 * f64::from(i), 200.0, 100.0);
                 let (intensity, attenuation) = (Rgb::splat(1e4), Attenuation::NONE);
-                scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 });
+                scene.add_light(Point { position, intensity, attenuation, body_radius: 0.0 });
             }
             let ways = [
                 (IntegratorKind::Path, SamplerKind::ZSobol, LightStrategy::Mis, ColorModel::Rgb),

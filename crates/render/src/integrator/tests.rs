@@ -4,7 +4,7 @@ use crate::{CompiledScene, Filter, IntegratorKind, Job, Settings, Terminator};
 use snell_intersect::{BuildOptions, Sphere, TriangleMesh};
 use snell_math::{DVec3, Rgb, Vec3};
 use snell_scene::builtin::builtin;
-use snell_scene::light::Attenuation;
+use snell_scene::light::{Attenuation, Directional, Point};
 use snell_scene::material::{Diffuse, Plastic};
 use snell_scene::{Camera, Environment, Geometry, Light, Material, Node, Scene, Surface};
 use std::f32::consts::PI;
@@ -43,11 +43,11 @@ fn matte() -> Material {
 }
 
 fn sun(direction: DVec3) -> Light {
-    Light::Directional { direction: direction.normalize(), irradiance: Rgb::splat(PI) }
+    Light::Directional(Directional { direction: direction.normalize(), irradiance: Rgb::splat(PI) })
 }
 
 fn lamp(position: DVec3) -> Light {
-    Light::Point { position, intensity: Rgb::splat(30.0), attenuation: Attenuation::default(), body_radius: 0.0 }
+    Light::Point(Point { position, intensity: Rgb::splat(30.0), attenuation: Attenuation::default(), body_radius: 0.0 })
 }
 
 fn pixels(scene: &Scene, eye: Vec3, settings: &Settings) -> Vec<f32> {

@@ -4,10 +4,10 @@ use crate::reference::ray_cast;
 use crate::{CompiledScene, Filter, IntegratorKind, Job, LightStrategy, Settings};
 use snell_intersect::shape::{BoxShape, Sphere};
 use snell_math::{DAffine3, DVec3, Rgb, Vec3};
-use snell_scene::light::Attenuation;
+use snell_scene::light::{Attenuation, Directional, Point};
 use snell_scene::material::{Dielectric, Diffuse, Interior};
 use snell_scene::medium::{Grid, HeightFog, Homogeneous, ScalarGrid};
-use snell_scene::{Camera, Environment, Light, Material, MaterialId, Medium, Node, Scene, Surface};
+use snell_scene::{Camera, Environment, Material, MaterialId, Medium, Node, Scene, Surface};
 use std::f64::consts::PI;
 
 fn add_ball(scene: &mut Scene, center: DVec3, radius: f64, material: MaterialId) {
@@ -116,7 +116,7 @@ fn a_slab_scatters_once_what_the_integral_says() {
         let mut scene = Scene::new("slab");
         let material = around(&mut scene, medium);
         add_box(&mut scene, DVec3::new(-50.0, -50.0, -1.5), DVec3::new(50.0, 50.0, 0.0), material);
-        scene.lights.push(Light::Directional { direction: travelling, irradiance: Rgb::splat(PI as f32) });
+        scene.add_light(Directional { direction: travelling, irradiance: Rgb::splat(PI as f32) });
         let settings = Settings { max_depth: 1, ..settings(64) };
         // Deflected so that it goes towards the camera, +z.
         let cos = travelling.z;
@@ -272,7 +272,7 @@ fn a_point_light_in_fog_has_the_closed_form_of_its_halo_in_the_limit_of_thin_fog
     scene.medium = Some(scene.add_medium(fog));
     let position = DVec3::new(0.5, 0.0, 0.0);
     let attenuation = Attenuation::INVERSE_SQUARE;
-    scene.lights.push(Light::Point { position, intensity: Rgb::splat(4e4 * PI as f32), attenuation, body_radius: 0.0 });
+    scene.add_light(Point { position, intensity: Rgb::splat(4e4 * PI as f32), attenuation, body_radius: 0.0 });
     // A wall ends the rays at z = -2.
     let wall = scene.add_material(Material::new("wall", snell_scene::material::Black {}));
     add_box(&mut scene, DVec3::new(-9.0, -9.0, -3.0), DVec3::new(9.0, 9.0, -2.0), wall);
@@ -300,7 +300,7 @@ fn a_lamp_in_fog_looks_the_same_with_less_noise_where_distances_are_drawn_near_i
             add_ball(scene, position, 0.04, glowing);
         } else {
             let (intensity, attenuation) = (Rgb::splat(4.0), Attenuation::INVERSE_SQUARE);
-            scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 });
+            scene.add_light(Point { position, intensity, attenuation, body_radius: 0.0 });
         }
     };
     for (is_ball, max_depth) in [(false, 1), (true, 1), (false, 4), (true, 4)] {
@@ -399,7 +399,7 @@ fn wild_media_end_soon_in_finite_pixels() {
             }
             let position = DVec3::new(0.0, 3.0, 0.0);
             let attenuation = Attenuation::INVERSE_SQUARE;
-            scene.lights.push(Light::Point { position, intensity: Rgb::WHITE, attenuation, body_radius: 0.0 });
+            scene.add_light(Point { position, intensity: Rgb::WHITE, attenuation, body_radius: 0.0 });
             let settings = Settings { size: [3, 3], max_depth: 20, ..settings(2) };
             for pixel in render(&scene, &camera(4.0), &settings) {
                 assert!(pixel.iter().all(|x| x.is_finite() && *x >= 0.0), "{medium:?}: {pixel:?}");

@@ -3,7 +3,7 @@
 use super::palette::matte;
 use crate::camera::{Camera, Projection};
 use crate::graph::{Environment, Geometry, MaterialId, Node, Scene, Surface};
-use crate::light::Light;
+use crate::light::Directional;
 use crate::material::Material;
 use crate::medium::Homogeneous;
 use snell_intersect::shape::{BoxShape, Sphere};
@@ -52,7 +52,7 @@ pub fn scene() -> Scene {
     let place = DAffine3::from_translation(DVec3::new(1.25, 0.45, 1.9));
     let surfaces = vec![Surface::shape(Sphere { radius: 0.45 }, ball)];
     scene.add_child(scene.root, Node { transform: place, surfaces, ..Node::named("ball") });
-    scene.lights.push(Light::Directional {
+    scene.add_light(Directional {
         direction: DVec3::new(-0.78, -0.55, 0.12).normalize(),
         irradiance: Rgb::new(30.0, 26.0, 20.0),
     });

@@ -5,7 +5,7 @@ use super::quads::ground;
 use crate::camera::{Camera, Projection};
 use crate::framing::sky_seen_by;
 use crate::graph::{Geometry, Node, Scene, Surface};
-use crate::light::Light;
+use crate::light::Directional;
 use crate::material::{Hair, Material};
 use snell_intersect::shape::Sphere;
 use snell_intersect::{Curves, StrandBasis};
@@ -74,9 +74,7 @@ pub fn scene() -> Scene {
     );
     scene.environment = Some(sky_seen_by(&camera, DVec3::Y));
     // The sun is behind, where it shines through what is thin.
-    scene
-        .lights
-        .push(Light::Directional { direction: DVec3::new(0.5, -0.7, 0.65).normalize(), irradiance: Rgb::splat(2.5) });
+    scene.add_light(Directional { direction: DVec3::new(0.5, -0.7, 0.65).normalize(), irradiance: Rgb::splat(2.5) });
     scene.cameras.push(Camera { name: "main".into(), ..camera });
     scene.settings.size = Some([800, 400]);
     scene

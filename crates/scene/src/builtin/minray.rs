@@ -4,7 +4,7 @@
 use super::palette::minimal;
 use crate::camera::{Camera, Projection};
 use crate::graph::{Background, Node, Scene, Surface};
-use crate::light::{Attenuation, Light};
+use crate::light::{Attenuation, Light, Point};
 use serde::{Deserialize, Serialize};
 use snell_intersect::shape::Sphere;
 use snell_math::{DAffine3, DVec3, Rgb};
@@ -135,12 +135,12 @@ impl MinraySphere {
     /// The light that a luminous sphere is: a point at its centre that does not fade with distance. The original adds
     /// `kl colour cos` to what `kd` multiplies; a Lambertian surface of reflectance `kd` makes `1 / pi` of its irradiance.
     fn light(&self) -> Light {
-        Light::Point {
+        Light::Point(Point {
             position: self.center(),
             intensity: self.color() * (self.kl * PI),
             attenuation: Attenuation::NONE,
             body_radius: self.rad,
-        }
+        })
     }
 }
 
@@ -245,7 +245,7 @@ mod tests {
     #[test]
     fn luminous_spheres_are_lights_with_a_body() {
         let scene = minray_scene(&description(32)).expect("in range");
-        let Light::Point { position, intensity, attenuation, body_radius } = &scene.lights[0] else {
+        let Light::Point(Point { position, intensity, attenuation, body_radius }) = &scene.lights[0] else {
             panic!("a point")
         };
         assert_eq!((*position, *body_radius), (DVec3::new(0.0, 5.0, 0.0), 1.0));

@@ -4,7 +4,7 @@ use super::palette::matte;
 use super::quads::ground;
 use crate::camera::{Camera, Projection};
 use crate::graph::{Environment, Node, Scene, Surface};
-use crate::light::Light;
+use crate::light::Directional;
 use crate::material::Material;
 use crate::medium::{Grid, ScalarGrid};
 use crate::noise::fractal_noise;
@@ -47,7 +47,7 @@ pub fn scene() -> Scene {
     let boundary = scene.add_material(Material::interface("fire and smoke", medium));
     let surfaces = vec![Surface::shape(BoxShape { min, max }, boundary)];
     scene.add_child(scene.root, Node { surfaces, ..Node::named("fire and smoke") });
-    scene.lights.push(Light::Directional {
+    scene.add_light(Directional {
         direction: DVec3::new(0.75, -0.35, -0.45).normalize(),
         irradiance: Rgb::new(2.4, 1.7, 1.1),
     });

@@ -1,24 +1,39 @@
-//! Lights: sources that are not part of a surface ([`Light`]), emissive surfaces ([`area::AreaLight`]) and light from all
-//! directions ([`environment::EnvironmentLight`]).
+//! Lights: sources that are not part of a surface ([`Light`]), emissive surfaces
+//! ([`area::AreaLight`]) and light from all directions ([`environment::EnvironmentLight`]).
+//!
+//! A [`Light`] is one file: its parameters, their ranges, `examples()`, and an [`Emitter`], which
+//! says what it does. To add one: a new file here, and its three lines below. Everything else asks
+//! the list.
 
 pub mod area;
 mod bounds;
+mod directional;
+mod disk;
 pub mod environment;
 mod panel;
+mod point;
 mod profile;
+mod projector;
 pub mod punctual;
+mod rectangle;
 pub mod sky;
 mod spot;
 #[cfg(test)]
 mod tests;
 
 pub use bounds::LightBounds;
-pub use profile::{IntensityTable, Slide};
-pub use spot::SpotFalloff;
+pub use directional::Directional;
+pub use disk::Disk;
+pub use point::Point;
+pub use profile::{IntensityTable, Profile};
+pub use projector::{Projector, Slide};
+pub use rectangle::Rectangle;
+pub use spot::{Spot, SpotFalloff};
 
+use crate::ranges::Range;
 use punctual::{PunctualLight, PunctualSample};
 use serde::{Deserialize, Serialize};
-use snell_math::{ColorMode, DMat3, DVec3, Rgb, SampledSpectrum, Vec2, Vec3};
+use snell_math::{ColorMode, DAffine3, DMat3, DVec3, Rgb, SampledSpectrum, Vec2, Vec3};
 
 /// Light arriving at a point from one direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,11 +46,13 @@ pub struct LightSample {
     pub radiance: SampledSpectrum,
     /// Density per steradian with which the direction was chosen; 1 for delta lights.
     pub pdf: f32,
-    /// True if no other technique can find this direction (point and directional lights, and lights without a visible body).
+    /// True if no other technique can find this direction (point and directional lights, and lights
+    /// without a visible body).
     pub is_delta: bool,
 }
 
-/// Factor on a light's intensity by distance `d`: `1 / (c0 + c1 d + c2 d^2)`. Physical light has `[0, 0, 1]`.
+/// Factor on a light's intensity by distance `d`: `1 / (c0 + c1 d + c2 d^2)`. Physical light has
+/// `[0, 0, 1]`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Attenuation(pub [f32; 3]);
 
@@ -60,98 +77,11 @@ impl Attenuation {
         // Single precision would overflow at a distance of 1e-20 already.
         if denominator > 0.0 { (1.0 / denominator).min(f64::from(f32::MAX)) as f32 } else { 1.0 }
     }
-}
 
-/// A light that is not a surface, in world coordinates.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "light", rename_all = "kebab-case")]
-pub enum Light {
-    /// Parallel light from infinitely far.
-    Directional {
-        /// Unit direction in which the light travels.
-        direction: DVec3,
-        /// Irradiance on a surface that faces the light, W / m^2.
-        irradiance: Rgb,
-    },
-    /// Light from a point, equal in all directions.
-    Point {
-        /// Where.
-        position: DVec3,
-        /// Radiant intensity, W / sr (with the inverse square law).
-        intensity: Rgb,
-        /// By distance.
-        #[serde(default)]
-        attenuation: Attenuation,
-        /// Radius of a surrounding sphere in the scene that is the lamp's body: shadow rays end where they first meet it. 0 for
-        /// none.
-        #[serde(default)]
-        body_radius: f64,
-    },
-    /// Light from a point into a cone.
-    Spot {
-        /// Where.
-        position: DVec3,
-        /// Unit direction of the axis, in which the light travels.
-        direction: DVec3,
-        /// Radiant intensity on the axis, W / sr (with the inverse square law).
-        intensity: Rgb,
-        /// By distance.
-        #[serde(default)]
-        attenuation: Attenuation,
-        /// By angle.
-        falloff: SpotFalloff,
-    },
-    /// Light from a point with a measured intensity by direction (IES files, goniometric pictures); with the inverse square law.
-    Profile {
-        /// Where.
-        position: DVec3,
-        /// Rotation of the table's coordinates into the world.
-        world_from_light: DMat3,
-        /// Factor on the table.
-        scale: Rgb,
-        /// Radiant intensity by direction, W / sr.
-        table: IntensityTable,
-    },
-    /// Light from a point that throws a picture; with the inverse square law.
-    Projector {
-        /// Where.
-        position: DVec3,
-        /// Rotation of the slide's coordinates into the world: it shines along their `+z`.
-        world_from_light: DMat3,
-        /// Factor on the slide.
-        scale: Rgb,
-        /// Radiant intensity by direction, W / sr.
-        slide: Slide,
-    },
-    /// An invisible disk that emits to one side. A facing surface receives the average over the disk of
-    /// `emission * attenuation(d) * 2 cos(angle at the light)`.
-    Disk {
-        /// Centre.
-        position: DVec3,
-        /// Unit normal of the side that emits.
-        direction: DVec3,
-        /// Radius, at least 0.
-        radius: f64,
-        /// Half of the radiant intensity of the whole disk along its normal, W / sr (with the inverse square law).
-        emission: Rgb,
-        /// By distance.
-        #[serde(default)]
-        attenuation: Attenuation,
-    },
-    /// An invisible rectangle that emits to one side, in the same way as the disk.
-    Rectangle {
-        /// Centre.
-        center: DVec3,
-        /// Unit vectors along the sides; the side that emits is that of `axes[0] x axes[1]`.
-        axes: [DVec3; 2],
-        /// Full lengths of the sides, at least 0.
-        lengths: [f64; 2],
-        /// Half of the radiant intensity of the whole rectangle along its normal, W / sr (with the inverse square law).
-        emission: Rgb,
-        /// By distance.
-        #[serde(default)]
-        attenuation: Attenuation,
-    },
+    /// The factor on the power that crosses a sphere of this radius: 1 for the inverse square law.
+    fn over_sphere(&self, radius: f64) -> f64 {
+        radius * radius * f64::from(self.at(radius as f32))
+    }
 }
 
 impl LightSample {
@@ -162,83 +92,133 @@ impl LightSample {
     }
 }
 
+/// What arrives at a point from a chosen point of a light, as long as it is a colour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Incident {
+    /// Unit direction to the light.
+    direction: DVec3,
+    /// How far a shadow ray has to see.
+    distance: f64,
+    /// Irradiance on a surface that faces the light.
+    irradiance: Rgb,
+}
+
+/// What a kind of light says of itself, in world coordinates.
+///
+/// Rays never meet such a light: its samples are the only way to it, and no density is asked of it.
+/// It says what arrives in one of two ways, [`Self::punctual`] or [`Self::sample_li`].
+trait Emitter {
+    /// The ranges of its parameters, by name, and of those inside of them.
+    const RANGES: &'static [(&'static str, Range)];
+
+    /// The factor on all of its light.
+    fn color(&self) -> Rgb;
+
+    /// The same, to be changed.
+    fn color_mut(&mut self) -> &mut Rgb;
+
+    /// Its middle; `None` if it is infinitely far away.
+    fn position(&self) -> Option<DVec3>;
+
+    /// True if something in the scene around it is its own body, whose inner side is not in its
+    /// way.
+    fn has_body(&self) -> bool {
+        false
+    }
+
+    /// Unit axis and half-angle, in radians, of a cone from its [position](Self::position) that
+    /// holds all of its light, if it is known.
+    fn cone(&self) -> Option<(DVec3, f64)> {
+        None
+    }
+
+    /// Moves it. It keeps its size and its power.
+    fn transform(&mut self, by: &DAffine3);
+
+    /// Its numbers, if these say all: many places are worked out together then.
+    fn punctual(&self) -> Option<PunctualLight> {
+        None
+    }
+
+    /// What arrives at `p`, if it is not punctual. `u` in `[0, 1)^2` chooses a point of an extended
+    /// light. `None` if nothing arrives.
+    fn sample_li(&self, _p: DVec3, _u: Vec2) -> Option<Incident> {
+        None
+    }
+
+    /// Approximate power in W. Light that does not follow the inverse square law counts with what
+    /// crosses a sphere of the scene's radius, which is positive and finite.
+    fn power(&self, scene_radius: f64) -> f64;
+
+    /// Bounds, if it has a place and obeys the inverse square law. `None` is always possible: then
+    /// it is chosen by its power alone.
+    fn bounds(&self) -> Option<LightBounds> {
+        None
+    }
+}
+
+snell_math::kinds! {
+    /// A light that is not a surface, in world coordinates.
+    #[serde(tag = "light")]
+    pub enum Light by match_light! {
+        "directional" => Directional,
+        "point" => Point,
+        "spot" => Spot,
+        "profile" => Profile,
+        "projector" => Projector,
+        "disk" => Disk,
+        "rectangle" => Rectangle,
+    }
+}
+
 impl Light {
-    /// The names of all lights.
-    pub const NAMES: &[&str] = &["directional", "point", "spot", "profile", "projector", "disk", "rectangle"];
-
-    /// The name of this kind, one of [`Self::NAMES`].
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Directional { .. } => "directional",
-            Self::Point { .. } => "point",
-            Self::Spot { .. } => "spot",
-            Self::Profile { .. } => "profile",
-            Self::Projector { .. } => "projector",
-            Self::Disk { .. } => "disk",
-            Self::Rectangle { .. } => "rectangle",
-        }
+    /// The factor on all of its light: irradiance, intensity, emission, or a scale.
+    pub fn color(&self) -> Rgb {
+        match_light!(self, light => light.color())
     }
 
-    /// A few of each kind, extremes included: what tests and galleries run over.
-    pub fn examples() -> Vec<Self> {
-        let (position, attenuation) = (DVec3::new(0.5, 3.0, 1.0), Attenuation::INVERSE_SQUARE);
-        let (intensity, emission) = (Rgb::splat(10.0), Rgb::new(8.0, 7.0, 6.0));
-        let spot = |falloff| Self::Spot { position, direction: DVec3::NEG_Y, intensity, attenuation, falloff };
-        let axes = [DVec3::Z, DVec3::X];
-        // Both shine downwards.
-        let world_from_light = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::NEG_Y);
-        let values = [3.0, 5.0, 1.0, 0.0].map(Rgb::splat).to_vec();
-        let table = IntensityTable::new(vec![0.0, 0.4, 0.9, 1.2], vec![0.0], values);
-        let picture = crate::Image::from_f32(2, 2, 3, (0..12).map(|i| (i % 5) as f32).collect());
-        let slide = Slide::new(&picture, snell_math::DVec2::new(0.8, 0.5));
-        let scale = Rgb::new(2.0, 1.5, 1.0);
-        let measured = table.map(|table| Self::Profile { position, world_from_light, scale, table });
-        let projected = slide.map(|slide| Self::Projector { position, world_from_light, scale, slide });
-        let plain = vec![
-            Self::Directional { direction: DVec3::new(-0.6, -0.8, 0.0), irradiance: Rgb::splat(3.0) },
-            Self::Point { position, intensity, attenuation, body_radius: 0.0 },
-            Self::Point { position, intensity: Rgb::WHITE, attenuation: Attenuation::NONE, body_radius: 0.25 },
-            spot(SpotFalloff::Power { cutoff: 0.6, exponent: 4.0 }),
-            spot(SpotFalloff::Smooth { inner: 0.3, outer: 0.5 }),
-            Self::Disk { position, direction: DVec3::NEG_Y, radius: 0.7, emission, attenuation },
-            Self::Disk { position, direction: DVec3::NEG_Y, radius: 0.0, emission, attenuation },
-            Self::Rectangle { center: position, axes, lengths: [2.0, 0.5], emission, attenuation },
-        ];
-        plain.into_iter().chain(measured).chain(projected).collect()
+    /// The same, to be changed.
+    pub fn color_mut(&mut self) -> &mut Rgb {
+        match_light!(self, light => light.color_mut())
     }
 
-    /// Light arriving at `p`. `u` in `[0, 1)^2` chooses a point of an extended light. `None` if nothing arrives.
+    /// Its middle; `None` if it is infinitely far away.
+    pub fn position(&self) -> Option<DVec3> {
+        match_light!(self, light => light.position())
+    }
+
+    /// True if something in the scene around it is its own body, whose inner side is not in its
+    /// way.
+    pub fn has_body(&self) -> bool {
+        match_light!(self, light => light.has_body())
+    }
+
+    /// Unit axis and half-angle, in radians, of a cone from its [position](Self::position) that
+    /// holds all of its light, if it is known.
+    pub fn cone(&self) -> Option<(DVec3, f64)> {
+        match_light!(self, light => light.cone())
+    }
+
+    /// The light, moved in the world. It keeps its size and its power.
+    pub fn moved(&self, by: &DAffine3) -> Self {
+        let mut light = self.clone();
+        match_light!(&mut light, light => light.transform(by));
+        light
+    }
+
+    /// The same as numbers, if its intensity follows from distance and cosines alone.
+    pub fn punctual(&self) -> Option<PunctualLight> {
+        match_light!(self, light => light.punctual())
+    }
+
+    /// Light arriving at `p`. `u` in `[0, 1)^2` chooses a point of an extended light. `None` if
+    /// nothing arrives.
     pub fn sample(&self, p: Vec3, u: Vec2, mode: ColorMode) -> Option<LightSample> {
-        if let Some(light) = PunctualLight::of(self) {
+        if let Some(light) = self.punctual() {
             return LightSample::of_punctual(light.sample(p), mode.illuminant(light.color));
         }
-        let p = p.as_dvec3();
-        let (direction, distance, irradiance) = match self {
-            Self::Directional { .. } | Self::Point { .. } => return None,
-            Self::Spot { position, direction: axis, intensity, attenuation, falloff } => {
-                let (direction, distance) = towards(p, *position)?;
-                let factor = falloff.at(-direction.dot(*axis)) as f32;
-                (direction, distance, *intensity * (attenuation.at(distance as f32) * factor))
-            }
-            Self::Profile { position, world_from_light, scale, table } => {
-                let (direction, distance) = towards(p, *position)?;
-                let intensity = table.at(world_from_light.transpose() * -direction);
-                (direction, distance, *scale * intensity * Attenuation::INVERSE_SQUARE.at(distance as f32))
-            }
-            Self::Projector { position, world_from_light, scale, slide } => {
-                let (direction, distance) = towards(p, *position)?;
-                let intensity = slide.at(world_from_light.transpose() * -direction);
-                (direction, distance, *scale * intensity * Attenuation::INVERSE_SQUARE.at(distance as f32))
-            }
-            Self::Disk { position, direction, radius, emission, attenuation } => {
-                let point = panel::disk_point(*position, *direction, *radius, u);
-                panel::arriving(p, point, *direction, *emission, attenuation)?
-            }
-            Self::Rectangle { center, axes, lengths, emission, attenuation } => {
-                let point = panel::rectangle_point(*center, *axes, *lengths, u);
-                panel::arriving(p, point, axes[0].cross(axes[1]), *emission, attenuation)?
-            }
-        };
+        let Incident { direction, distance, irradiance } =
+            match_light!(self, light => light.sample_li(p.as_dvec3(), u))?;
         let arrives = !irradiance.is_black() && irradiance.is_finite() && direction.is_finite() && !distance.is_nan();
         arrives.then(|| LightSample {
             direction: direction.as_vec3(),
@@ -249,27 +229,32 @@ impl Light {
         })
     }
 
-    /// Approximate emitted power in W over a scene of this radius: what the choice among lights goes by. Finite and not negative.
-    /// Lights that do not follow the inverse square law count with what crosses a sphere of the scene's radius.
+    /// Approximate emitted power in W over a scene of this radius: what the choice among lights
+    /// goes by. Finite and not negative. Lights that do not follow the inverse square law count
+    /// with what crosses a sphere of the scene's radius.
     pub fn power(&self, scene_radius: f64) -> f64 {
-        use std::f64::consts::{PI, TAU};
-        let radius = if scene_radius > 0.0 && scene_radius.is_finite() { scene_radius.min(1e9) } else { 1.0 };
-        let luminance = |color: &Rgb| f64::from(color.map(f32::abs).luminance());
-        let by_distance = |attenuation: &Attenuation| radius * radius * f64::from(attenuation.at(radius as f32));
-        let power = match self {
-            Self::Directional { irradiance, .. } => luminance(irradiance) * PI * radius * radius,
-            Self::Point { intensity, attenuation, .. } => 2.0 * TAU * luminance(intensity) * by_distance(attenuation),
-            Self::Spot { intensity, attenuation, falloff, .. } => {
-                falloff.solid_angle() * luminance(intensity) * by_distance(attenuation)
-            }
-            Self::Profile { scale, table, .. } => luminance(scale) * table.power(),
-            Self::Projector { scale, slide, .. } => luminance(scale) * slide.power(),
-            // The integral of 2 cos over the hemisphere.
-            Self::Disk { emission, attenuation, .. } | Self::Rectangle { emission, attenuation, .. } => {
-                TAU * luminance(emission) * by_distance(attenuation)
-            }
-        };
+        let is_usable = scene_radius > 0.0 && scene_radius.is_finite();
+        let radius = if is_usable { scene_radius.min(1e9) } else { 1.0 };
+        let power = match_light!(self, light => light.power(radius));
         if power.is_nan() { 0.0 } else { power.clamp(0.0, f64::MAX) }
+    }
+
+    /// Bounds of a light with a place that obeys the inverse square law. `None` for all others:
+    /// their light does not fade as the choice by distance expects.
+    pub fn bounds(&self) -> Option<LightBounds> {
+        match_light!(self, light => light.bounds())
+    }
+
+    /// The names of the parameters that are directions, of unit length.
+    pub fn directions(&self) -> impl Iterator<Item = &'static str> {
+        let rows = Self::ranges_of(self.name());
+        rows.iter().filter(|row| row.1 == Range::Direction).map(|row| row.0)
+    }
+
+    /// The ranges of the parameters of a kind, by their names; none for a name that is no kind's.
+    pub(crate) fn ranges_of(kind: &str) -> &'static [(&'static str, Range)] {
+        let mut all = Self::NAMES.iter().zip(match_light!(each Kind => Kind::RANGES));
+        all.find(|(name, _)| **name == kind).map_or(&[], |(_, ranges)| ranges)
     }
 }
 
@@ -278,4 +263,19 @@ fn towards(p: DVec3, position: DVec3) -> Option<(DVec3, f64)> {
     let to_light = position - p;
     let distance = to_light.length();
     (distance > 0.0).then(|| (to_light / distance, distance))
+}
+
+/// A unit direction, turned; as it was if it would vanish.
+fn turned(by: &DAffine3, direction: DVec3) -> DVec3 {
+    by.transform_vector3(direction).try_normalize().unwrap_or(direction)
+}
+
+/// A rotation, turned.
+fn turned_frame(by: &DAffine3, frame: DMat3) -> DMat3 {
+    DMat3::from_cols(turned(by, frame.x_axis), turned(by, frame.y_axis), turned(by, frame.z_axis))
+}
+
+/// Luminance of a colour whose parts may be negative.
+fn luminance(color: Rgb) -> f64 {
+    f64::from(color.map(f32::abs).luminance())
 }

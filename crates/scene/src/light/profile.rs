@@ -1,14 +1,83 @@
-//! Radiant intensity by direction: measured tables (IES files, goniometric pictures) and projected pictures.
+//! Light with a measured intensity by direction: IES files and goniometric pictures.
 
+use super::bounds::mean_intensity;
+use super::{Attenuation, Emitter, Incident, LightBounds, luminance, towards, turned_frame};
 use crate::image::Image;
+use crate::ranges::{LIGHT, Range};
 use serde::{Deserialize, Serialize};
-use snell_math::{DVec2, DVec3, Rgb};
+use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2};
 use std::f64::consts::{PI, TAU};
+use std::fmt;
+
+/// Light from a point with an intensity from a table, and with the inverse square law.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Profile {
+    /// Where.
+    pub position: DVec3,
+    /// Rotation of the table's coordinates into the world.
+    pub world_from_light: DMat3,
+    /// Factor on the table.
+    pub scale: Rgb,
+    /// Radiant intensity by direction, W / sr.
+    pub table: IntensityTable,
+}
+
+impl Profile {
+    /// Measured lights for tests and galleries.
+    pub fn examples() -> Vec<Self> {
+        let values = [3.0, 5.0, 1.0, 0.0].map(Rgb::splat).to_vec();
+        let table = IntensityTable::new(vec![0.0, 0.4, 0.9, 1.2], vec![0.0], values);
+        let position = DVec3::new(0.5, 3.0, 1.0);
+        // It shines downwards.
+        let world_from_light = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::NEG_Y);
+        let scale = Rgb::new(2.0, 1.5, 1.0);
+        table.map(|table| Self { position, world_from_light, scale, table }).into_iter().collect()
+    }
+}
+
+impl Emitter for Profile {
+    const RANGES: &'static [(&'static str, Range)] =
+        &[("position", Range::Any), ("world_from_light", Range::Any), ("scale", LIGHT)];
+
+    fn color(&self) -> Rgb {
+        self.scale
+    }
+
+    fn color_mut(&mut self) -> &mut Rgb {
+        &mut self.scale
+    }
+
+    fn position(&self) -> Option<DVec3> {
+        Some(self.position)
+    }
+
+    fn transform(&mut self, by: &DAffine3) {
+        self.position = by.transform_point3(self.position);
+        self.world_from_light = turned_frame(by, self.world_from_light);
+    }
+
+    fn sample_li(&self, p: DVec3, _u: Vec2) -> Option<Incident> {
+        let (direction, distance) = towards(p, self.position)?;
+        let intensity = self.table.at(self.world_from_light.transpose() * -direction);
+        let irradiance = self.scale * intensity * Attenuation::INVERSE_SQUARE.at(distance as f32);
+        Some(Incident { direction, distance, irradiance })
+    }
+
+    fn power(&self, _scene_radius: f64) -> f64 {
+        luminance(self.scale) * self.table.power()
+    }
+
+    fn bounds(&self) -> Option<LightBounds> {
+        let (axis, widest) = (self.world_from_light.z_axis, self.table.widest());
+        LightBounds::of_cone(self.position, axis, widest, mean_intensity(self.power(1.0), widest))
+    }
+}
 
 /// Radiant intensity on a grid of directions, interpolated between them in both angles.
 ///
-/// In the light's own coordinates the polar angle is measured from `+z`, the azimuth from `+x` towards `+y`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// In the light's own coordinates the polar angle is measured from `+z`, the azimuth from `+x`
+/// towards `+y`.
+#[derive(Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "WrittenTable")]
 pub struct IntensityTable {
     polar: Vec<f64>,
@@ -35,10 +104,19 @@ impl TryFrom<WrittenTable> for IntensityTable {
     }
 }
 
+/// By its size alone: its values are many, and all are finite.
+impl fmt::Debug for IntensityTable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "IntensityTable({} x {})", self.polar.len(), self.azimuth.len())
+    }
+}
+
 impl IntensityTable {
-    /// A table over ascending polar angles in `[0, pi]` and azimuths, in radians: either one (the same all around), or ascending from
-    /// 0 to a full turn. `values` holds the intensities of all polar angles for the first azimuth, then for the next; outside of the
-    /// polar angles there is no light. Negative or undefined values count as 0. `None` if the angles or the counts are not so.
+    /// A table over ascending polar angles in `[0, pi]` and azimuths, in radians: either one (the
+    /// same all around), or ascending from 0 to a full turn. `values` holds the intensities of all
+    /// polar angles for the first azimuth, then for the next; outside of the polar angles there is
+    /// no light. Negative or undefined values count as 0. `None` if the angles or the counts are
+    /// not so.
     pub fn new(polar: Vec<f64>, azimuth: Vec<f64>, values: Vec<Rgb>) -> Option<Self> {
         let ascending = |angles: &[f64]| angles.windows(2).all(|w| w[0] < w[1]) && angles.iter().all(|a| a.is_finite());
         let closed = |a: &[f64]| a.len() == 1 || (a[0].abs() < 1e-6 && (a[a.len() - 1] - TAU).abs() < 1e-4);
@@ -54,7 +132,8 @@ impl IntensityTable {
         usable.then(|| Self { polar, azimuth, values: values.into_iter().map(|v| v.map(sane)).collect() })
     }
 
-    /// A latitude-longitude picture: row 0 is around `+z`, columns go around from `+x` towards `+y`.
+    /// A latitude-longitude picture: row 0 is around `+z`, columns go around from `+x` towards
+    /// `+y`.
     pub fn from_picture(image: &Image) -> Option<Self> {
         let (w, h) = (image.width, image.height);
         let polar = (0..h).map(|y| (f64::from(y) + 0.5) / f64::from(h) * PI);
@@ -125,91 +204,6 @@ fn interval(angles: &[f64], angle: f64) -> Option<(usize, f32)> {
     Some((i, ((angle - angles[i]) / (angles[i + 1] - angles[i])).clamp(0.0, 1.0) as f32))
 }
 
-/// A picture thrown by a lamp: radiant intensity by the direction's place in the picture, linear between texels, 0 outside.
-///
-/// In the light's own coordinates the picture is seen along `+z` from the lamp, `+x` to its right and `+y` up.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "WrittenSlide")]
-pub struct Slide {
-    width: u32,
-    height: u32,
-    values: Vec<Rgb>,
-    /// Half of the picture's width and height at distance 1.
-    half_size: DVec2,
-}
-
-#[derive(Deserialize)]
-struct WrittenSlide {
-    width: u32,
-    height: u32,
-    values: Vec<Rgb>,
-    half_size: DVec2,
-}
-
-impl TryFrom<WrittenSlide> for Slide {
-    type Error = &'static str;
-
-    fn try_from(WrittenSlide { width, height, values, half_size }: WrittenSlide) -> Result<Self, Self::Error> {
-        Self::of_values(width, height, values, half_size)
-            .ok_or("a slide has width times height values, at least one, and a positive half_size")
-    }
-}
-
-impl Slide {
-    /// A picture of this half width and height at distance 1. `None` if the picture is empty or a size not positive.
-    pub fn new(image: &Image, half_size: DVec2) -> Option<Self> {
-        let texel = |x, y| {
-            let [r, g, b, _] = image.rgba(x, y);
-            Rgb::new(r, g, b)
-        };
-        let (width, height) = (image.width, image.height);
-        let values = (0..height).flat_map(|y| (0..width).map(move |x| texel(x, y))).collect();
-        Self::of_values(width, height, values, half_size)
-    }
-
-    fn of_values(width: u32, height: u32, values: Vec<Rgb>, half_size: DVec2) -> Option<Self> {
-        let sane = |x: f32| if x > 0.0 && x.is_finite() { x } else { 0.0 };
-        let counted = width as usize * height as usize == values.len() && !values.is_empty();
-        let usable = counted && half_size.is_finite() && half_size.min_element() > 0.0;
-        usable.then(|| Self { width, height, values: values.into_iter().map(|v| v.map(sane)).collect(), half_size })
-    }
-
-    /// The intensity in a unit direction of the light's coordinates.
-    pub fn at(&self, direction: DVec3) -> Rgb {
-        let place = direction.truncate() / direction.z / self.half_size;
-        if !(direction.z > 0.0 && place.abs().max_element() < 1.0) {
-            return Rgb::BLACK;
-        }
-        let x = (place.x * 0.5 + 0.5) * f64::from(self.width) - 0.5;
-        let y = (0.5 - place.y * 0.5) * f64::from(self.height) - 0.5;
-        let texel = |x: f64, y: f64| {
-            let clamp = |v: f64, n: u32| (v.max(0.0) as usize).min(n as usize - 1);
-            self.values[clamp(y, self.height) * self.width as usize + clamp(x, self.width)]
-        };
-        let (s, t) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
-        let row = |y: f64| texel(x.floor(), y) * (1.0 - s) + texel(x.floor() + 1.0, y) * s;
-        row(y.floor()) * (1.0 - t) + row(y.floor() + 1.0) * t
-    }
-
-    /// Half-angle of the cone around the picture.
-    pub fn widest(&self) -> f64 {
-        self.half_size.length().atan()
-    }
-
-    /// Integral of the luminance of the intensity over all directions.
-    pub fn power(&self) -> f64 {
-        let n = 128;
-        let mut sum = 0.0;
-        for i in 0..n * n {
-            let u = (DVec2::new(f64::from(i % n), f64::from(i / n)) + 0.5) / f64::from(n) * 2.0 - 1.0;
-            let p = (u * self.half_size).extend(1.0);
-            // The solid angle of a patch of the plane at distance 1.
-            sum += f64::from(self.at(p.normalize()).luminance()) / p.length().powi(3);
-        }
-        sum * 4.0 * self.half_size.x * self.half_size.y / f64::from(n * n)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -256,20 +250,5 @@ mod tests {
         assert!(IntensityTable::new(vec![0.0, 1.0], vec![0.0, 1.0], vec![grey(1.0); 4]).is_none());
         assert!(IntensityTable::new(vec![0.0, 1.0], vec![0.0], vec![grey(1.0); 3]).is_none());
         assert!(IntensityTable::new(vec![], vec![0.0], vec![]).is_none());
-    }
-
-    #[test]
-    fn a_slide_is_upright_and_ends_at_its_border() {
-        let values = vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0];
-        let slide = Slide::new(&Image::from_f32(2, 2, 3, values), DVec2::new(1.0, 0.5)).expect("a slide");
-        let at = |x: f64, y: f64| slide.at(DVec3::new(x, y, 1.0).normalize()).to_array();
-        assert_eq!(at(-0.9, 0.45), [1.0, 0.0, 0.0]);
-        assert_eq!(at(0.9, 0.45), [0.0, 1.0, 0.0]);
-        assert_eq!(at(-0.9, -0.45), [0.0, 0.0, 1.0]);
-        assert_eq!(at(1.01, 0.0), [0.0; 3]);
-        assert_eq!(slide.at(DVec3::NEG_Z), Rgb::BLACK);
-        let white = Slide::new(&Image::from_f32(1, 1, 3, vec![1.0; 3]), DVec2::ONE).expect("a slide");
-        // One side of a cube.
-        assert!((white.power() / (2.0 * TAU / 6.0) - 1.0).abs() < 1e-3, "{}", white.power());
     }
 }

@@ -1,21 +1,22 @@
 //! Lights from single points and parallel light, ready to be asked for many places at once.
 
-use super::{Attenuation, Light, SpotFalloff};
+use super::Attenuation;
 use snell_math::{DVec3, Rgb, Vec3};
 
-/// A directional, point or spot light whose intensity follows from its distance and, with cosines alone, from its angle: the lights of the glTF extension
-/// `KHR_lights_punctual` and their like.
+/// A light whose intensity follows from its distance and, with cosines alone, from its angle: the
+/// lights of the glTF extension `KHR_lights_punctual` and their like.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PunctualLight {
     /// Where it is, unless it is parallel light.
     pub position: DVec3,
     /// Unit direction in which parallel light travels, or of the axis of a spot.
     pub direction: DVec3,
-    /// Irradiance on a surface that faces parallel light, W / m^2; of others radiant intensity at full, W / sr.
+    /// Irradiance on a surface that faces parallel light, W / m^2; of others radiant intensity at
+    /// full, W / sr.
     pub color: Rgb,
     /// By distance, unless it is parallel light.
     pub attenuation: Attenuation,
-    /// As in [`Light::Point`].
+    /// As in [`Point`](super::Point).
     pub body_radius: f64,
     /// By angle.
     pub cone: Cone,
@@ -64,9 +65,9 @@ impl Cone {
 }
 
 impl PunctualLight {
-    /// `None` if the light is no such light.
-    pub fn of(light: &Light) -> Option<Self> {
-        let everywhere = |position: DVec3, color: Rgb, attenuation: Attenuation| Self {
+    /// A point that shines in all directions.
+    pub(super) fn at(position: DVec3, color: Rgb, attenuation: Attenuation) -> Self {
+        Self {
             position,
             direction: DVec3::Z,
             color,
@@ -74,20 +75,12 @@ impl PunctualLight {
             body_radius: 0.0,
             cone: Cone::ALL,
             is_parallel: false,
-        };
-        match *light {
-            Light::Directional { direction, irradiance } => {
-                Some(Self { direction, is_parallel: true, ..everywhere(DVec3::ZERO, irradiance, Attenuation::NONE) })
-            }
-            Light::Point { position, intensity, attenuation, body_radius } => {
-                Some(Self { body_radius, ..everywhere(position, intensity, attenuation) })
-            }
-            Light::Spot { position, direction, intensity, attenuation, ref falloff } => {
-                let cone = falloff.cone()?;
-                Some(Self { direction, cone, ..everywhere(position, intensity, attenuation) })
-            }
-            _ => None,
         }
+    }
+
+    /// Parallel light that travels in this direction.
+    pub(super) fn parallel(direction: DVec3, color: Rgb) -> Self {
+        Self { direction, is_parallel: true, ..Self::at(DVec3::ZERO, color, Attenuation::NONE) }
     }
 
     /// What arrives at `p`.
@@ -116,27 +109,16 @@ impl PunctualLight {
     }
 }
 
-impl SpotFalloff {
-    /// The same by cosines, if it is known by these.
-    pub(super) fn cone(&self) -> Option<Cone> {
-        let (inner, outer, is_step) = match *self {
-            Self::Power { .. } => return None,
-            Self::Smooth { inner, outer } => (inner, outer, false),
-            Self::Step { inner, outer } => (inner, outer, true),
-        };
-        Some(Cone { outer: outer.cos(), inner: inner.cos(), is_step })
-    }
-}
-
 #[inline(always)]
 fn pick(first: bool, a: DVec3, b: DVec3) -> DVec3 {
     let pick = |a: f64, b: f64| if first { a } else { b };
     DVec3::new(pick(a.x, b.x), pick(a.y, b.y), pick(a.z, b.z))
 }
 
-/// Where a ray from `p` towards the centre of a lamp first meets its body: the near side from outside, and from inside (and on the
-/// surface, to rounding) the far side, through the centre. No allowance for rounding is taken off: whoever traces the shadow ray
-/// has to end it a little before.
+/// Where a ray from `p` towards the centre of a lamp first meets its body: the near side from
+/// outside, and from inside (and on the surface, to rounding) the far side, through the centre. No
+/// allowance for rounding is taken off: whoever traces the shadow ray has to end it a little
+/// before.
 #[inline(always)]
 pub(super) fn distance_to_body(p: DVec3, center: DVec3, distance: f64, radius: f64) -> f64 {
     // Points come in single precision; one on the body must not stop its shadow ray at once.

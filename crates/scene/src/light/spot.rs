@@ -1,6 +1,100 @@
-//! How a spot light fades away from its axis.
+//! Light from a point into a cone, and how it fades away from its axis.
 
+use super::punctual::Cone;
+use super::{Attenuation, Emitter, Incident, LightBounds, PunctualLight, luminance, towards, turned};
+use crate::ranges::{AMOUNT, LIGHT, Range};
 use serde::{Deserialize, Serialize};
+use snell_math::{DAffine3, DVec3, Rgb, Vec2};
+use std::f64::consts::PI;
+
+/// Light from a point into a cone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Spot {
+    /// Where.
+    pub position: DVec3,
+    /// Unit direction of the axis, in which the light travels.
+    pub direction: DVec3,
+    /// Radiant intensity on the axis, W / sr (with the inverse square law).
+    pub intensity: Rgb,
+    /// By distance.
+    #[serde(default)]
+    pub attenuation: Attenuation,
+    /// By angle.
+    pub falloff: SpotFalloff,
+}
+
+impl Spot {
+    /// Spots for tests and galleries.
+    pub fn examples() -> Vec<Self> {
+        let spot = |falloff| Self {
+            position: DVec3::new(0.5, 3.0, 1.0),
+            direction: DVec3::NEG_Y,
+            intensity: Rgb::splat(10.0),
+            attenuation: Attenuation::default(),
+            falloff,
+        };
+        vec![
+            spot(SpotFalloff::Power { cutoff: 0.6, exponent: 4.0 }),
+            spot(SpotFalloff::Smooth { inner: 0.3, outer: 0.5 }),
+        ]
+    }
+}
+
+impl Emitter for Spot {
+    const RANGES: &'static [(&'static str, Range)] = &[
+        ("position", Range::Any),
+        ("direction", Range::Direction),
+        ("intensity", LIGHT),
+        ("attenuation", AMOUNT),
+        ("cutoff", Range::Within(0.0, PI)),
+        ("exponent", AMOUNT),
+        ("inner", Range::Within(0.0, PI)),
+        ("outer", Range::Within(0.0, PI)),
+    ];
+
+    fn color(&self) -> Rgb {
+        self.intensity
+    }
+
+    fn color_mut(&mut self) -> &mut Rgb {
+        &mut self.intensity
+    }
+
+    fn position(&self) -> Option<DVec3> {
+        Some(self.position)
+    }
+
+    fn cone(&self) -> Option<(DVec3, f64)> {
+        Some((self.direction, self.falloff.widest()))
+    }
+
+    fn transform(&mut self, by: &DAffine3) {
+        self.position = by.transform_point3(self.position);
+        self.direction = turned(by, self.direction);
+    }
+
+    fn punctual(&self) -> Option<PunctualLight> {
+        let cone = self.falloff.cone()?;
+        let light = PunctualLight::at(self.position, self.intensity, self.attenuation);
+        Some(PunctualLight { direction: self.direction, cone, ..light })
+    }
+
+    fn sample_li(&self, p: DVec3, _u: Vec2) -> Option<Incident> {
+        let (direction, distance) = towards(p, self.position)?;
+        let factor = self.falloff.at(-direction.dot(self.direction)) as f32;
+        let irradiance = self.intensity * (self.attenuation.at(distance as f32) * factor);
+        Some(Incident { direction, distance, irradiance })
+    }
+
+    fn power(&self, scene_radius: f64) -> f64 {
+        self.falloff.solid_angle() * luminance(self.intensity) * self.attenuation.over_sphere(scene_radius)
+    }
+
+    fn bounds(&self) -> Option<LightBounds> {
+        let intensity = self.attenuation.strength(self.intensity)?;
+        LightBounds::of_cone(self.position, self.direction, self.falloff.widest(), intensity)
+    }
+}
 
 /// Factor on a spot light's intensity by the angle from its axis. Angles in radians.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -8,20 +102,22 @@ use serde::{Deserialize, Serialize};
 pub enum SpotFalloff {
     /// `cos(angle)^exponent` up to the cut-off angle, inclusive, and 0 beyond (old OpenGL, `.scn`).
     Power {
-        /// Half-angle of the cone, `[0, pi]`. Nothing is emitted backwards unless the exponent is 0.
+        /// Half-angle of the cone, `[0, pi]`. Nothing is emitted backwards unless the exponent is
+        /// 0.
         cutoff: f64,
         /// At least 0.
         exponent: f64,
     },
-    /// 1 inside the inner cone, 0 outside the outer one, and the square of a ramp in the cosine between them: the angular
-    /// attenuation of the glTF extension `KHR_lights_punctual`.
+    /// 1 inside the inner cone, 0 outside the outer one, and the square of a ramp in the cosine
+    /// between them: the angular attenuation of the glTF extension `KHR_lights_punctual`.
     Smooth {
         /// Half-angle up to which the intensity is full.
         inner: f64,
         /// Half-angle from which it is 0; at least `inner` (equal ones make a hard edge).
         outer: f64,
     },
-    /// 1 inside the inner cone, 0 outside the outer one, and a cubic step in the cosine between them: the spot light of pbrt-v4.
+    /// 1 inside the inner cone, 0 outside the outer one, and a cubic step in the cosine between
+    /// them: the spot light of pbrt-v4.
     Step {
         /// Half-angle up to which the intensity is full.
         inner: f64,
@@ -48,13 +144,23 @@ impl SpotFalloff {
         if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 0.0 }
     }
 
+    /// The same by cosines, if it is known by these.
+    fn cone(&self) -> Option<Cone> {
+        let (inner, outer, is_step) = match *self {
+            Self::Power { .. } => return None,
+            Self::Smooth { inner, outer } => (inner, outer, false),
+            Self::Step { inner, outer } => (inner, outer, true),
+        };
+        Some(Cone { outer: outer.cos(), inner: inner.cos(), is_step })
+    }
+
     /// Half-angle of the cone outside of which the factor is 0, in `[0, pi]`.
     pub fn widest(&self) -> f64 {
         let widest = match *self {
             Self::Power { cutoff, .. } => cutoff,
             Self::Smooth { outer, .. } | Self::Step { outer, .. } => outer,
         };
-        if widest.is_nan() { 0.0 } else { widest.clamp(0.0, std::f64::consts::PI) }
+        if widest.is_nan() { 0.0 } else { widest.clamp(0.0, PI) }
     }
 
     /// Integral of the factor over all directions, in steradians: `[0, 4 pi]`.

@@ -59,6 +59,47 @@ fn examples_give_sane_samples_power_and_names_and_survive_json() {
 }
 
 #[test]
+fn every_light_shines_somewhere_and_only_inside_of_its_cone() {
+    for light in Light::examples() {
+        let mut is_lit = false;
+        for i in 0..2000 {
+            let u = uniform2([i, 1, 1, 2]);
+            let p = (Vec3::new(u.x, u.y, uniform2([i, 1, 1, 3]).x) - 0.5) * 12.0;
+            let arrives = sample(&light, p, u).is_some();
+            is_lit |= arrives;
+            if let Some((position, (axis, angle))) = light.position().zip(light.cone()) {
+                let off_axis = (p.as_dvec3() - position).angle_between(axis);
+                assert!(!arrives || off_axis <= angle + 1e-6, "{light:?} {p}");
+            }
+        }
+        assert!(is_lit, "{light:?}");
+    }
+}
+
+#[test]
+fn a_light_that_is_moved_and_dimmed_lights_a_moved_point_alike() {
+    let turn = DAffine3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 0.7);
+    let by = DAffine3::from_translation(DVec3::new(1.0, -2.0, 0.5)) * turn;
+    for light in Light::examples() {
+        let mut moved = light.moved(&by);
+        *moved.color_mut() = light.color() * 0.5;
+        assert_eq!(moved.position(), light.position().map(|p| by.transform_point3(p)), "{light:?}");
+        for i in 0..500 {
+            let u = uniform2([i, 1, 1, 4]);
+            let p = (Vec3::new(u.x, 0.5, u.y) - 0.5) * 4.0;
+            // Axes that are made up turn in another way than the disk that they span: only its middle can be compared.
+            let Some(there) = sample(&light, p, Vec2::splat(0.5)) else { continue };
+            let to = by.transform_point3(p.as_dvec3()).as_vec3();
+            let here = sample(&moved, to, Vec2::splat(0.5)).expect("the moved point is lit");
+            let (found, expected) = (here.radiance.max_element(), 0.5 * there.radiance.max_element());
+            assert!((found - expected).abs() < 2e-3 * expected, "{light:?} {p}: {found} {expected}");
+            let turned = by.transform_vector3(there.direction.as_dvec3()).as_vec3();
+            assert!((here.direction - turned).length() < 1e-4, "{light:?} {p}");
+        }
+    }
+}
+
+#[test]
 fn a_point_light_follows_the_inverse_square() {
     let light = &Light::examples()[1];
     let s = sample(light, Vec3::new(0.5, 1.0, 1.0), Vec2::ZERO).expect("the light shines everywhere");
@@ -69,7 +110,7 @@ fn a_point_light_follows_the_inverse_square() {
 #[test]
 fn a_shadow_ray_to_a_lamp_with_a_body_ends_where_it_first_meets_the_body() {
     let intensity = Rgb::WHITE;
-    let light = Light::Point { position: DVec3::ZERO, intensity, attenuation: Attenuation::NONE, body_radius: 2.0 };
+    let light = Point { position: DVec3::ZERO, intensity, attenuation: Attenuation::NONE, body_radius: 2.0 }.into();
     let distance = |x: f32| sample(&light, Vec3::new(x, 0.0, 0.0), Vec2::ZERO).map(|s| s.distance);
     assert_eq!(distance(5.0), Some(3.0));
     assert_eq!(distance(-1.5), Some(3.5));
@@ -93,7 +134,7 @@ fn a_spot_light_is_full_on_its_axis_and_dark_outside() {
 fn the_irradiance_under_a_disk_matches_quadrature() {
     let (position, direction, radius) = (DVec3::new(0.0, 2.0, 0.0), DVec3::new(0.6, -0.8, 0.0), 1.0);
     let attenuation = Attenuation::INVERSE_SQUARE;
-    let light = Light::Disk { position, direction, radius, emission: Rgb::WHITE, attenuation };
+    let light = Disk { position, direction, radius, emission: Rgb::WHITE, attenuation }.into();
     let (a, b) = direction.any_orthonormal_pair();
     let point = |u: f64, v: f64| {
         let (s, c) = (TAU * v).sin_cos();
@@ -111,7 +152,7 @@ fn the_irradiance_under_a_rectangle_matches_quadrature() {
     let center = DVec3::new(0.0, 1.0, 0.0);
     let (axes, lengths) = ([DVec3::Z, DVec3::X], [3.0, 1.0]);
     let attenuation = Attenuation::INVERSE_SQUARE;
-    let light = Light::Rectangle { center, axes, lengths, emission: Rgb::WHITE, attenuation };
+    let light = Rectangle { center, axes, lengths, emission: Rgb::WHITE, attenuation }.into();
     let point = |u: f64, v: f64| center + axes[0] * ((u - 0.5) * lengths[0]) + axes[1] * ((v - 0.5) * lengths[1]);
     // z cross x is +y: this panel shines upwards, so only points above see it.
     assert_eq!(sample(&light, Vec3::ZERO, Vec2::splat(0.3)), None);
@@ -126,7 +167,7 @@ fn the_irradiance_under_a_rectangle_matches_quadrature() {
 fn a_far_disk_is_twice_a_point_light_along_its_normal() {
     let attenuation = Attenuation::INVERSE_SQUARE;
     let disk =
-        Light::Disk { position: DVec3::ZERO, direction: DVec3::NEG_Y, radius: 1e-3, emission: Rgb::WHITE, attenuation };
+        Disk { position: DVec3::ZERO, direction: DVec3::NEG_Y, radius: 1e-3, emission: Rgb::WHITE, attenuation }.into();
     let s = sample(&disk, Vec3::new(0.0, -10.0, 0.0), Vec2::splat(0.25)).expect("below the disk");
     assert!((s.radiance[0] - 0.02).abs() < 1e-6);
     assert!((disk.power(3.0) - TAU).abs() < 1e-5);
@@ -137,10 +178,10 @@ fn broken_lights_give_nothing_instead_of_nan() {
     let nan = DVec3::splat(f64::NAN);
     let (intensity, attenuation) = (Rgb::splat(f32::NAN), Attenuation([f32::NAN; 3]));
     let lights = [
-        Light::Directional { direction: nan, irradiance: Rgb::WHITE },
-        Light::Point { position: nan, intensity: Rgb::WHITE, attenuation, body_radius: f64::NAN },
-        Light::Point { position: DVec3::Y, intensity, attenuation, body_radius: 0.0 },
-        Light::Disk { position: DVec3::Y, direction: nan, radius: f64::NAN, emission: Rgb::WHITE, attenuation },
+        Directional { direction: nan, irradiance: Rgb::WHITE }.into(),
+        Point { position: nan, intensity: Rgb::WHITE, attenuation, body_radius: f64::NAN }.into(),
+        Point { position: DVec3::Y, intensity, attenuation, body_radius: 0.0 }.into(),
+        Disk { position: DVec3::Y, direction: nan, radius: f64::NAN, emission: Rgb::WHITE, attenuation }.into(),
     ];
     for light in lights {
         assert_eq!(sample(&light, Vec3::ZERO, Vec2::splat(0.5)), None, "{light:?}");

@@ -3,9 +3,9 @@
 use super::{Motion, ParameterTrack, Placement, Switched, Track, together};
 use crate::camera::Camera;
 use crate::graph::{Geometry, NodeId, Scene};
-use crate::light::Light;
+use crate::light::{Directional, Light};
 use snell_intersect::TriangleMesh;
-use snell_math::{DAffine3, DMat3, DVec3, Rgb};
+use snell_math::{DAffine3, DVec3, Rgb};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -273,7 +273,7 @@ impl Scene {
 
     /// A light that is off.
     fn dark() -> Light {
-        Light::Directional { direction: DVec3::NEG_Y, irradiance: Rgb::BLACK }
+        Light::Directional(Directional { direction: DVec3::NEG_Y, irradiance: Rgb::BLACK })
     }
 }
 
@@ -284,39 +284,6 @@ impl Camera {
         let (towards, up) = (by.transform_vector3(self.towards), by.transform_vector3(self.up));
         let placed = Self::from_direction(eye, towards, up, self.projection);
         Self { eye: placed.eye, towards: placed.towards, up: placed.up, ..self.clone() }
-    }
-}
-
-impl Light {
-    /// The light, moved in the world. It keeps its size and its power.
-    pub fn moved(&self, by: &DAffine3) -> Self {
-        let mut light = self.clone();
-        let turn = |d: snell_math::DVec3| by.transform_vector3(d).try_normalize().unwrap_or(d);
-        match &mut light {
-            Self::Directional { direction, .. } => *direction = turn(*direction),
-            Self::Point { position, .. } => *position = by.transform_point3(*position),
-            Self::Spot { position, direction, .. } | Self::Disk { position, direction, .. } => {
-                *position = by.transform_point3(*position);
-                *direction = turn(*direction);
-            }
-            Self::Rectangle { center, axes, .. } => {
-                *center = by.transform_point3(*center);
-                // A shear would make a parallelogram of it: the second axis gives way.
-                let [x, y] = axes.map(turn);
-                let across = (y - x * x.dot(y)).try_normalize();
-                *axes = across.map_or(*axes, |y| [x, y]);
-            }
-            Self::Profile { position, world_from_light, .. } | Self::Projector { position, world_from_light, .. } => {
-                *position = by.transform_point3(*position);
-                let turned = DMat3::from_cols(
-                    turn(world_from_light.x_axis),
-                    turn(world_from_light.y_axis),
-                    turn(world_from_light.z_axis),
-                );
-                *world_from_light = turned;
-            }
-        }
-        light
     }
 }
 
@@ -360,7 +327,7 @@ mod tests {
         };
         let up = MorphTarget { positions: vec![Vec3::Z; 3], ..MorphTarget::default() };
         scene.cameras.push(Camera::look_at(Vec3::X, Vec3::new(2.0, 0.0, 0.0), Vec3::Z, 0.5));
-        scene.lights.push(Light::Directional { direction: DVec3::X, irradiance: Rgb::WHITE });
+        scene.add_light(Directional { direction: DVec3::X, irradiance: Rgb::WHITE });
         scene.motion = Some(Arc::new(Motion {
             joints: vec![joint(0.0, None, None), joint(1.0, Some(0), Some(node))],
             clips: vec![Clip {
@@ -406,7 +373,7 @@ mod tests {
             (posed.cameras[0].towards - DVec3::Y).length() < 1e-6 && (posed.cameras[0].eye - DVec3::X).length() < 1e-6
         );
         assert!(
-            matches!(posed.lights[0], Light::Directional { direction, .. } if (direction - DVec3::Y).length() < 1e-6)
+            matches!(posed.lights[0], Light::Directional(Directional { direction, .. }) if (direction - DVec3::Y).length() < 1e-6)
         );
     }
 

@@ -7,7 +7,7 @@ use crate::ReadError;
 use crate::ies::read_ies as read_ies_file;
 use snell_math::{DAffine3, DMat3, DVec3, Rgb};
 use snell_scene::framing::{DEFAULT_BACKGROUND, default_sky, sky_seen_by};
-use snell_scene::light::{Attenuation, SpotFalloff};
+use snell_scene::light::{Attenuation, Directional, Point, Profile, Spot, SpotFalloff};
 use snell_scene::{Background, Light, Material, Scene, WarningKind};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
@@ -71,9 +71,9 @@ pub(super) fn light(
     let attenuation = Attenuation::INVERSE_SQUARE;
     let intensity = intensity(light, scale)?;
     Ok(Some(match kind.string()? {
-        "directional" => Light::Directional { direction, irradiance: intensity },
-        "point" => Light::Point { position, intensity, attenuation, body_radius: 0.0 },
-        "spot" => Light::Spot { position, direction, intensity, attenuation, falloff: falloff(light)? },
+        "directional" => Directional { direction, irradiance: intensity }.into(),
+        "point" => Point { position, intensity, attenuation, body_radius: 0.0 }.into(),
+        "spot" => Spot { position, direction, intensity, attenuation, falloff: falloff(light)? }.into(),
         other => {
             reader.scene.warn(format!("\"{other}\" is not a type of light; it is left out"));
             return Ok(None);
@@ -111,7 +111,7 @@ pub(super) fn read_ies(
     let x = axis(m.x_axis - z * z.dot(m.x_axis), z.any_orthonormal_vector());
     let y = axis(m.y_axis - z * z.dot(m.y_axis) - x * x.dot(m.y_axis), z.cross(x));
     match read_ies_file(&input) {
-        Ok(table) => reader.scene.lights.push(Light::Profile {
+        Ok(table) => reader.scene.add_light(Profile {
             position: world_from_node.translation,
             world_from_light: DMat3::from_cols(x, y, z),
             scale: Rgb::new(r, g, b),

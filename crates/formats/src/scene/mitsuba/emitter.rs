@@ -7,11 +7,11 @@ use super::texture::Pattern;
 use super::value::Value;
 use crate::scene::fault::Fault;
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb};
+use snell_scene::MediumId;
 use snell_scene::graph::Environment;
 use snell_scene::light::sky::Sky;
-use snell_scene::light::{Attenuation, IntensityTable, Slide};
+use snell_scene::light::{Attenuation, Directional, IntensityTable, Point, Profile, Projector, Slide};
 use snell_scene::material::ColorParam;
-use snell_scene::{Light, MediumId};
 
 impl Builder<'_> {
     /// Light in linear Rec. 709 that must be the same everywhere.
@@ -87,7 +87,7 @@ impl Builder<'_> {
             None => place.translation,
         };
         let attenuation = Attenuation::INVERSE_SQUARE;
-        self.scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 });
+        self.scene.add_light(Point { position, intensity, attenuation, body_radius: 0.0 });
         Ok(())
     }
 
@@ -110,8 +110,7 @@ impl Builder<'_> {
         }
         let Some(axes) = unit_axes(place) else { return Ok(()) };
         if let Some(table) = IntensityTable::new(polar, vec![0.0], values) {
-            let light = Light::Profile { position: place.translation, world_from_light: axes, scale, table };
-            self.scene.lights.push(light);
+            self.scene.add_light(Profile { position: place.translation, world_from_light: axes, scale, table });
         }
         Ok(())
     }
@@ -125,7 +124,7 @@ impl Builder<'_> {
         let Some(direction) = direction.try_normalize() else {
             return Err(object.fault("its direction is the zero vector", "give one"));
         };
-        self.scene.lights.push(Light::Directional { direction, irradiance });
+        self.scene.add_light(Directional { direction, irradiance });
         Ok(())
     }
 
@@ -149,9 +148,8 @@ impl Builder<'_> {
             // Mitsuba's x is to the left of what is thrown, as in its cameras.
             let world_from_light = axes * DMat3::from_cols(DVec3::NEG_X, DVec3::Y, DVec3::Z);
             // Irradiance at distance 1 of the whole of a picture's plane, head-on.
-            let light =
-                Light::Projector { position: place.translation, world_from_light, scale: factor * scale, slide };
-            self.scene.lights.push(light);
+            let (position, scale) = (place.translation, factor * scale);
+            self.scene.add_light(Projector { position, world_from_light, scale, slide });
         }
         Ok(())
     }

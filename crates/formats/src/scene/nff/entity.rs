@@ -4,9 +4,9 @@ use super::Builder;
 use crate::ReadError;
 use crate::scene::tokens::{Token, Tokens};
 use snell_math::{DVec3, Rgb};
-use snell_scene::light::Attenuation;
+use snell_scene::light::{Attenuation, Point};
 use snell_scene::material::Phong;
-use snell_scene::{Background, Camera, Light, Material, MaterialId, Projection};
+use snell_scene::{Background, Camera, Material, MaterialId, Projection};
 use std::f32::consts::PI;
 
 /// Pictures with a longer side are refused: nobody could render them.
@@ -102,7 +102,7 @@ impl Builder {
         for &(position, color) in &self.lights {
             let intensity = color.unwrap_or(default) * PI;
             let attenuation = Attenuation::NONE;
-            self.scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 });
+            self.scene.add_light(Point { position, intensity, attenuation, body_radius: 0.0 });
         }
     }
 

@@ -2,6 +2,7 @@ use super::*;
 use crate::scene::testing::{self, data, error_of, files, geometries, meshes, read_text, summary};
 use snell_intersect::Shape;
 use snell_math::{DRay, Transform};
+use snell_scene::light::Point;
 use snell_scene::material::{MaterialKind, Phong};
 use snell_scene::{Background, Geometry, Light, Projection};
 use std::path::Path;
@@ -61,7 +62,7 @@ fn lights_without_a_color_share_by_the_square_root_and_do_not_fade() {
         .lights
         .iter()
         .map(|l| match l {
-            Light::Point { position, intensity, attenuation, .. } => {
+            Light::Point(Point { position, intensity, attenuation, .. }) => {
                 assert_eq!(attenuation.at(100.0), 1.0);
                 (position.x, *intensity)
             }

@@ -11,9 +11,11 @@ use super::params::{Params, Type};
 use super::spectrum::Role;
 use crate::scene::fault::Fault;
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Transform};
-use snell_scene::light::{Attenuation, IntensityTable, Slide, SpotFalloff};
+use snell_scene::light::{
+    Attenuation, Directional, IntensityTable, Point, Profile, Projector, Slide, Spot, SpotFalloff,
+};
 use snell_scene::material::ColorParam;
-use snell_scene::{Encoding, Image, ImageTexture, Light};
+use snell_scene::{Encoding, Image, ImageTexture};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -112,7 +114,7 @@ impl Builder<'_> {
         }
         let position = map.transform_point3(params.point("from")?.unwrap_or(DVec3::ZERO));
         let attenuation = Attenuation::INVERSE_SQUARE;
-        self.scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 });
+        self.scene.add_light(Point { position, intensity, attenuation, body_radius: 0.0 });
         Ok(())
     }
 
@@ -128,7 +130,7 @@ impl Builder<'_> {
         let Some((position, direction)) = self.axis(params, map)? else { return Ok(()) };
         let falloff = SpotFalloff::Step { inner, outer };
         let attenuation = Attenuation::INVERSE_SQUARE;
-        self.scene.lights.push(Light::Spot { position, direction, intensity, attenuation, falloff });
+        self.scene.add_light(Spot { position, direction, intensity, attenuation, falloff });
         Ok(())
     }
 
@@ -163,7 +165,7 @@ impl Builder<'_> {
         };
         let (Some(table), Some(axes)) = (table, unit_axes(map)) else { return Ok(()) };
         let world_from_light = axes * DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y);
-        self.scene.lights.push(Light::Profile { position: map.translation, world_from_light, scale, table });
+        self.scene.add_light(Profile { position: map.translation, world_from_light, scale, table });
         Ok(())
     }
 
@@ -185,7 +187,7 @@ impl Builder<'_> {
             let own = slide.power();
             scale = scale * if own > 0.0 { (power / own) as f32 } else { 0.0 };
         }
-        self.scene.lights.push(Light::Projector { position: map.translation, world_from_light, scale, slide });
+        self.scene.add_light(Projector { position: map.translation, world_from_light, scale, slide });
         Ok(())
     }
 
@@ -195,7 +197,7 @@ impl Builder<'_> {
             irradiance = irradiance * illuminance as f32;
         }
         let Some((_, direction)) = self.axis(params, map)? else { return Ok(()) };
-        self.scene.lights.push(Light::Directional { direction, irradiance });
+        self.scene.add_light(Directional { direction, irradiance });
         Ok(())
     }
 

@@ -5,7 +5,7 @@ use super::file::File;
 use crate::ReadError;
 use snell_math::{DVec3, Rgb};
 use snell_scene::Light;
-use snell_scene::light::{Attenuation, SpotFalloff};
+use snell_scene::light::{Attenuation, Directional, Disk, Point, Rectangle, Spot, SpotFalloff};
 use std::f32::consts::PI;
 
 /// The diffuse term of the assignments is `c kd cos`; with `kd / pi` for a BRDF the light must be pi times brighter.
@@ -19,9 +19,9 @@ fn attenuation(file: &mut File) -> Result<Attenuation, ReadError> {
 
 /// The two lights of a scene that has none: from the upper right front, and weaker from below.
 pub fn default_lights() -> [Light; 2] {
-    let light = |color, x, y, z| Light::Directional {
-        direction: DVec3::new(x, y, z).normalize(),
-        irradiance: irradiance(Rgb::splat(color)),
+    let light = |color, x, y, z| {
+        let direction = DVec3::new(x, y, z).normalize();
+        Directional { direction, irradiance: irradiance(Rgb::splat(color)) }.into()
     };
     [light(1.0, -3.0, -4.0, -5.0), light(0.5, 3.0, 2.0, 3.0)]
 }
@@ -34,7 +34,7 @@ impl Builder {
     pub fn read_directional_light(&mut self, file: &mut File) -> Result<(), ReadError> {
         let irradiance = self.light_color(file)?;
         let direction = file.tokens.direction("the direction of the light")?;
-        self.scene.lights.push(Light::Directional { direction, irradiance });
+        self.scene.add_light(Directional { direction, irradiance });
         Ok(())
     }
 
@@ -42,7 +42,7 @@ impl Builder {
         let intensity = self.light_color(file)?;
         let position = file.tokens.vector("the position of the light")?;
         let attenuation = attenuation(file)?;
-        self.scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 });
+        self.scene.add_light(Point { position, intensity, attenuation, body_radius: 0.0 });
         Ok(())
     }
 
@@ -54,7 +54,7 @@ impl Builder {
         let cutoff = file.tokens.number("the cut-off angle")?.clamp(0.0, std::f64::consts::PI);
         let exponent = file.tokens.number("the drop-off exponent")?.max(0.0);
         let falloff = SpotFalloff::Power { cutoff, exponent };
-        self.scene.lights.push(Light::Spot { position, direction, intensity, attenuation, falloff });
+        self.scene.add_light(Spot { position, direction, intensity, attenuation, falloff });
         Ok(())
     }
 
@@ -64,7 +64,7 @@ impl Builder {
         let direction = file.tokens.direction("the direction of the light")?;
         let radius = file.tokens.number("the radius of the light")?.abs();
         let attenuation = attenuation(file)?;
-        self.scene.lights.push(Light::Disk { position, direction, radius, emission, attenuation });
+        self.scene.add_light(Disk { position, direction, radius, emission, attenuation });
         Ok(())
     }
 
@@ -79,7 +79,7 @@ impl Builder {
         }
         let lengths = file.tokens.numbers::<2>("the length of a side")?.map(f64::abs);
         let attenuation = attenuation(file)?;
-        self.scene.lights.push(Light::Rectangle { center, axes, lengths, emission, attenuation });
+        self.scene.add_light(Rectangle { center, axes, lengths, emission, attenuation });
         Ok(())
     }
 }

@@ -2,6 +2,7 @@ use super::*;
 use crate::scene::testing::{self, data, error_of, files, geometries, meshes, read_in, read_text, summary};
 use snell_intersect::{AnyShape, Shape};
 use snell_math::{DVec3, Rgb};
+use snell_scene::light::{Directional, Disk, Point, Rectangle, Spot};
 use snell_scene::material::{MaterialKind, Phong};
 use snell_scene::{Background, Geometry, Light, NodeId, Projection};
 
@@ -199,7 +200,7 @@ fn lights_and_camera_stand_in_the_world_whatever_group_is_open() {
                 point_light 1 1 1  1 2 3  0 0 1
                 camera 4 5 6  0 0 -2  0 3 1  .3  .1 9 end";
     let scene = scene(text);
-    assert!(matches!(scene.lights[0], Light::Point { position, .. } if position == DVec3::new(1.0, 2.0, 3.0)));
+    assert!(matches!(scene.lights[0], Light::Point(Point { position, .. }) if position == DVec3::new(1.0, 2.0, 3.0)));
     let camera = &scene.cameras[0];
     assert_eq!((camera.eye, camera.towards), (DVec3::new(4.0, 5.0, 6.0), DVec3::NEG_Z));
     assert_eq!(camera.up, DVec3::Y);
@@ -236,7 +237,7 @@ fn without_lights_there_are_two_and_with_one_there_is_one() {
     let two = scene("sphere -1 0 0 0 1").lights;
     let pi = std::f32::consts::PI;
     let expected = [(-DVec3::new(3.0, 4.0, 5.0), 1.0), (DVec3::new(3.0, 2.0, 3.0), 0.5)]
-        .map(|(d, c)| Light::Directional { direction: d.normalize(), irradiance: Rgb::splat(c * pi) });
+        .map(|(d, c)| Directional { direction: d.normalize(), irradiance: Rgb::splat(c * pi) }.into());
     assert_eq!(two, expected);
     assert_eq!(scene("point_light 0 0 0  0 0 0  0 0 1").lights.len(), 1, "a black light counts");
 }
@@ -255,16 +256,11 @@ fn colors_of_lights_are_radiometric() {
     let falloff = snell_scene::light::SpotFalloff::Power { cutoff: 0.5, exponent: 7.0 };
     let (origin, z) = (DVec3::ZERO, DVec3::Z);
     let expected = [
-        Light::Directional { direction: DVec3::NEG_Y, irradiance: color },
-        Light::Spot { position: origin, direction: z, intensity: color, attenuation, falloff },
-        Light::Disk { position: origin, direction: z, radius: 0.5, emission: color, attenuation },
-        Light::Rectangle {
-            center: origin,
-            axes: [DVec3::X, DVec3::Y],
-            lengths: [4.0, 5.0],
-            emission: color,
-            attenuation,
-        },
+        Directional { direction: DVec3::NEG_Y, irradiance: color }.into(),
+        Spot { position: origin, direction: z, intensity: color, attenuation, falloff }.into(),
+        Disk { position: origin, direction: z, radius: 0.5, emission: color, attenuation }.into(),
+        Rectangle { center: origin, axes: [DVec3::X, DVec3::Y], lengths: [4.0, 5.0], emission: color, attenuation }
+            .into(),
     ];
     assert_eq!(scene.lights, expected);
 }

@@ -3,7 +3,7 @@
 use super::{File, point, rgb, transform};
 use snell_math::{DAffine3, DMat3, DVec3};
 use snell_scene::Light;
-use snell_scene::light::{Attenuation, SpotFalloff};
+use snell_scene::light::{Attenuation, Directional, Disk, Point, Rectangle, Spot, SpotFalloff};
 use std::f64::consts::PI;
 
 impl File<'_, '_> {
@@ -22,12 +22,12 @@ impl File<'_, '_> {
 
     fn light(&mut self, i: usize, light: &Light) {
         match light {
-            Light::Directional { direction, irradiance } => self.line(format!(
+            Light::Directional(Directional { direction, irradiance }) => self.line(format!(
                 "LightSource \"distant\" \"rgb L\" {} \"point3 from\" [ 0 0 0 ] \"point3 to\" {}",
                 rgb(*irradiance),
                 point(*direction)
             )),
-            Light::Point { position, intensity, attenuation, body_radius } => {
+            Light::Point(Point { position, intensity, attenuation, body_radius }) => {
                 self.check_attenuation(i, attenuation);
                 if *body_radius > 0.0 {
                     self.output.lose(format!("light {i}: the surface around it casts shadows now"));
@@ -38,7 +38,7 @@ impl File<'_, '_> {
                     point(*position)
                 ));
             }
-            Light::Spot { position, direction, intensity, attenuation, falloff } => {
+            Light::Spot(Spot { position, direction, intensity, attenuation, falloff }) => {
                 self.check_attenuation(i, attenuation);
                 let (inner, outer) = match *falloff {
                     SpotFalloff::Step { inner, outer } => (inner, outer),
@@ -61,7 +61,7 @@ impl File<'_, '_> {
                     (outer - inner).to_degrees()
                 ));
             }
-            Light::Disk { position, direction, radius, emission, attenuation } if *radius > 0.0 => {
+            Light::Disk(Disk { position, direction, radius, emission, attenuation }) if *radius > 0.0 => {
                 self.check_attenuation(i, attenuation);
                 let x = direction.any_orthonormal_vector();
                 let place =
@@ -69,7 +69,9 @@ impl File<'_, '_> {
                 let radiance = *emission * (2.0 / (PI * radius * radius)) as f32;
                 self.panel(i, &place, radiance, &format!("Shape \"disk\" \"float radius\" [ {radius} ]"));
             }
-            Light::Rectangle { center, axes, lengths, emission, attenuation } if lengths[0] * lengths[1] > 0.0 => {
+            Light::Rectangle(Rectangle { center, axes, lengths, emission, attenuation })
+                if lengths[0] * lengths[1] > 0.0 =>
+            {
                 self.check_attenuation(i, attenuation);
                 let place = DAffine3 {
                     matrix3: DMat3::from_cols(axes[0], axes[1], axes[0].cross(axes[1])),
@@ -88,6 +90,7 @@ impl File<'_, '_> {
                 );
                 self.panel(i, &place, radiance, &shape);
             }
+            // A format knows its own lights, so a new kind of light is left out until this says how.
             _ => self.output.lose(format!("light {i}: a {} light is left out", light.name())),
         }
     }

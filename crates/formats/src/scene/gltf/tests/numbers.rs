@@ -3,7 +3,7 @@
 use super::{data, meshes, open, read_text};
 use snell_intersect::TriangleMesh;
 use snell_math::{Bounds3, ColorMode, DVec3, Rgb, Vec2, Vec3};
-use snell_scene::light::SpotFalloff;
+use snell_scene::light::{Directional, Point, Spot, SpotFalloff};
 use snell_scene::material::{AlphaMode, MaterialKind};
 use snell_scene::texture::{Filtering, Wrap};
 use snell_scene::{Background, Encoding, Light, Projection, Scene};
@@ -129,8 +129,8 @@ fn light(generator: &str, light: &str) -> Light {
 #[test]
 fn lights_keep_their_numbers_and_shine_along_minus_z() {
     let sun = light("x", r#"{"type": "directional", "intensity": 2, "color": [1, 0.5, 0]}"#);
-    assert_eq!(sun, Light::Directional { direction: DVec3::NEG_Z, irradiance: Rgb::new(2.0, 1.0, 0.0) });
-    let Light::Spot { position, intensity, falloff, .. } =
+    assert_eq!(sun, Light::Directional(Directional { direction: DVec3::NEG_Z, irradiance: Rgb::new(2.0, 1.0, 0.0) }));
+    let Light::Spot(Spot { position, intensity, falloff, .. }) =
         light("x", r#"{"type": "spot", "intensity": 5, "spot": {"innerConeAngle": 0.2, "outerConeAngle": 0.4}}"#)
     else {
         panic!("a spot light")
@@ -161,7 +161,7 @@ fn light_profiles_shine_along_minus_z_of_their_nodes() {
 #[test]
 fn photometric_lights_of_blender_become_watts_again() {
     let intensity = |generator, cd: f64| match light(generator, &format!(r#"{{"type": "point", "intensity": {cd}}}"#)) {
-        Light::Point { intensity, .. } => f64::from(intensity.r),
+        Light::Point(Point { intensity, .. }) => f64::from(intensity.r),
         other => panic!("{other:?}"),
     };
     // A lamp of 1000 W: 1000 W * 683 lm/W / 4 pi sr.

@@ -4,6 +4,7 @@ use super::read_text;
 use base64::Engine;
 use serde_json::{Value, json};
 use snell_math::Rgb;
+use snell_scene::light::Point;
 use snell_scene::material::MaterialKind;
 use snell_scene::{Geometry, Light, NodeId, Player, Projection, Scene};
 
@@ -117,7 +118,7 @@ fn whatever_a_pointer_names_follows_its_keys() {
         };
         assert!((tangent - ((0.5 + time / 2.0) / 2.0).tan()).abs() < 1e-3, "{time}");
         assert_eq!(posed.cameras[0].eye.y, 2.0 * time);
-        if let Light::Point { position, intensity, .. } = &posed.lights[0] {
+        if let Light::Point(Point { position, intensity, .. }) = &posed.lights[0] {
             assert!(is_there && (intensity.r - (1.0 + 2.0 * share)).abs() < 1e-6);
             assert_eq!(position.y, 2.0 * time);
         } else {

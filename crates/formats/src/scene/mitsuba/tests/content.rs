@@ -4,6 +4,7 @@ use super::*;
 use crate::{ReadOptions, read_scene};
 use snell_math::{DVec3, Rgb};
 use snell_scene::bsdf::MicrofacetShape;
+use snell_scene::light::{Directional, Point, Profile};
 use snell_scene::material::{ConductorSpectrum, Diffuse, HeightUnit, MaterialKind, ScalarParam};
 use snell_scene::{Environment, Light, Medium, Projection};
 use std::io::Write;
@@ -201,9 +202,9 @@ fn emitters_have_their_radiometry() {
         <shape type=\"rectangle\"><emitter type=\"area\"><rgb name=\"radiance\" value=\"17 12 4\"/></emitter></shape>",
     );
     let [
-        Light::Point { position, intensity, .. },
-        Light::Profile { table, .. },
-        Light::Directional { direction, irradiance },
+        Light::Point(Point { position, intensity, .. }),
+        Light::Profile(Profile { table, .. }),
+        Light::Directional(Directional { direction, irradiance }),
     ] = &scene.lights[..]
     else {
         panic!("{:?}", scene.lights)

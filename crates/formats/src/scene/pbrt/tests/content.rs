@@ -4,7 +4,7 @@ use super::*;
 use crate::scene::testing::geometries;
 use snell_intersect::{Curves, Shape};
 use snell_math::{DVec2, DVec3, Rgb, Vec2, Vec3};
-use snell_scene::light::SpotFalloff;
+use snell_scene::light::{Directional, Point, Spot, SpotFalloff};
 use snell_scene::material::{ConductorSpectrum, HeightUnit, MaterialKind};
 use snell_scene::{Environment, Geometry, Light, Material, Projection};
 
@@ -276,20 +276,20 @@ fn objects_are_stored_once() {
 #[test]
 fn brightness_means_what_it_means_in_pbrt() {
     let light = |text: &str| world(&format!("LightSource {text}")).lights[0].clone();
-    let Light::Point { intensity, .. } = light("\"point\" \"rgb I\" [1 2 3] \"float scale\" 2") else {
+    let Light::Point(Point { intensity, .. }) = light("\"point\" \"rgb I\" [1 2 3] \"float scale\" 2") else {
         panic!("no point")
     };
     colors_are(intensity, [2.0, 4.0, 6.0]);
-    let Light::Point { intensity, .. } = light("\"point\" \"float power\" 100") else { panic!("no point") };
+    let Light::Point(Point { intensity, .. }) = light("\"point\" \"float power\" 100") else { panic!("no point") };
     colors_are(intensity, [100.0 / (4.0 * std::f32::consts::PI); 3]);
-    let Light::Directional { irradiance, direction } =
+    let Light::Directional(Directional { irradiance, direction }) =
         light("\"distant\" \"float illuminance\" 50 \"point3 from\" [0 0 0] \"point3 to\" [0 0 -2]")
     else {
         panic!("no distant light")
     };
     colors_are(irradiance, [50.0; 3]);
     assert_eq!(direction, DVec3::NEG_Z);
-    let Light::Spot { falloff, position, direction, .. } =
+    let Light::Spot(Spot { falloff, position, direction, .. }) =
         light("\"spot\" \"float coneangle\" 40 \"point3 from\" [1 0 0] \"point3 to\" [1 0 5]")
     else {
         panic!("no spot")
@@ -299,7 +299,7 @@ fn brightness_means_what_it_means_in_pbrt() {
     assert!((falloff.at(34f64.to_radians().cos()), falloff.at(41f64.to_radians().cos())) == (1.0, 0.0), "{falloff:?}");
     assert!(matches!(falloff, SpotFalloff::Step { .. }));
     // A black body has luminance 1 whatever its temperature.
-    let Light::Point { intensity, .. } = light("\"point\" \"blackbody I\" 3000") else { panic!("no point") };
+    let Light::Point(Point { intensity, .. }) = light("\"point\" \"blackbody I\" 3000") else { panic!("no point") };
     assert!((intensity.luminance() - 1.0).abs() < 0.02 && intensity.r > 2.0 * intensity.b, "{intensity:?}");
 }
 
