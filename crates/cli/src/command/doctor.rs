@@ -64,7 +64,7 @@ fn check_memory(scene: &Scene) -> Result<(), String> {
     // Of a triangle: how it hangs together with others, and a structure for rays. Measured.
     const BYTES: u64 = 260;
     let triangles = distinct_triangles(scene);
-    admit(&format!("to examine {triangles} triangles"), triangles * BYTES + of_scene(scene))
+    admit(&format!("to examine the scene ({triangles} triangles)"), triangles * BYTES + of_scene(scene))
 }
 
 fn as_json(scene: &str, findings: &[Finding], [errors, warnings, notes]: [usize; 3]) -> Value {
