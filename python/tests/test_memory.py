@@ -109,3 +109,26 @@ def test_the_estimate_is_beside_the_picture_and_not_in_its_file(tmp_path):
     image.save(tmp_path / "a.exr")
     assert "estimated_memory_bytes" not in snell.Image.open(tmp_path / "a.exr").metadata
     assert np.asarray(image).shape == (48, 64, 3)
+
+
+@linux
+def test_a_file_of_more_objects_than_fit_is_a_memory_error_and_python_goes_on(tmp_path):
+    path = tmp_path / "wide.snell"
+    ball = '{"surfaces": [{"shape": {"shape": "sphere", "radius": 1}}]}'
+    children = ",".join(["1"] * 2_000_000)
+    head = '"format": "snell scene", "version": 1, "root": 0'
+    path.write_text(f'{{{head}, "nodes": [{{"children": [{children}]}}, {ball}]}}')
+    out = run_within(
+        1.0,
+        f"""
+        for use in [snell.load, lambda path: snell.render(path, size=(8, 6), spp=1)]:
+            try:
+                use({str(path)!r})
+            except MemoryError as error:
+                print(error)
+        print(snell.render("cornell-box", size=(8, 6), spp=1).pixels.shape)
+        """,
+    )
+    *errors, last = out.splitlines()
+    assert len(errors) == 2 and all("scene's objects needs" in error for error in errors), out
+    assert last.startswith("(6, 8")

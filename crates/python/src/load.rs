@@ -3,7 +3,8 @@
 //! A node with one parent is folded into the scene, its surfaces with the map from their node; a node or mesh that is used several times
 //! is a scene of its own, instanced.
 
-use crate::contents::{Contents, Kind, Nodes, Object};
+use crate::contents::{Contents, Kind, Nodes, Object, Slot};
+use crate::memory::admit_all;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 use crate::work::{Threads, run_to_end_on};
@@ -48,11 +49,12 @@ pub fn load(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<S
     let scene = run_to_end_on(py, Threads::new(threads)?, move || {
         let scene = match built_in {
             Some(scene) => scene,
-            None => read_scene(&path, &ReadOptions::default()).map_err(|e| e.to_string())?,
+            None => read_scene(&path, &ReadOptions::default()).map_err(|e| PyValueError::new_err(e.to_string()))?,
         };
-        fold(scene)
+        check_memory(&scene)?;
+        fold(scene).map_err(PyValueError::new_err)
     })?;
-    scene.map(Scene::of).map_err(PyValueError::new_err)
+    scene.map(Scene::of)
 }
 
 /// The same error as of `open` if a file cannot be read.
@@ -63,6 +65,13 @@ pub fn check_there(path: &Path) -> PyResult<()> {
         return Err(PyFileNotFoundError::new_err((number, "No such file or directory", shown)));
     }
     Err(PyOSError::new_err((number, error.to_string(), shown)))
+}
+
+/// An error if there is no memory for the objects of a scene graph: one for each surface, and at most one for each place of
+/// a node. Their list doubles when it grows.
+fn check_memory(scene: &Graph) -> PyResult<()> {
+    let objects: usize = scene.nodes.iter().map(|node| node.surfaces.len() + node.children.len()).sum();
+    admit_all("the list of the scene's objects", objects, 3 * size_of::<Slot>() + size_of::<Option<MaterialId>>())
 }
 
 /// What a scene graph holds.
