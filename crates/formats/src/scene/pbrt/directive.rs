@@ -138,6 +138,18 @@ impl Builder<'_> {
                 let params = self.params(name, lexer, at)?;
                 self.render_option(name, params)
             }
+            // These four are of pbrt 1 and 2.
+            "SurfaceIntegrator" => {
+                self.is_v3 = true;
+                let params = self.params(name, lexer, at)?;
+                self.render_option("Integrator", params)
+            }
+            "Renderer" | "Volume" | "VolumeIntegrator" => {
+                let params = self.params(name, lexer, at)?;
+                let owner = params.owner.clone();
+                self.note(owner.clone(), at, || format!("{owner} of pbrt 2 is left out"));
+                Ok(())
+            }
             "Shape" => {
                 let params = self.params_for(name, lexer, at, Target::Shape)?;
                 self.shape(params)

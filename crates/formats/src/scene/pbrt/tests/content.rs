@@ -679,3 +679,15 @@ fn textures_doubled_again_and_again_are_an_error() {
     }
     assert!(fault(&text).contains("made of more than 256 textures"));
 }
+
+#[test]
+fn integrators_of_pbrt_2_are_read_and_what_else_it_had_is_named() {
+    let text =
+        "Renderer \"sampler\" SurfaceIntegrator \"directlighting\" VolumeIntegrator \"emission\"\nWorldBegin Shape \"sphere\"
+        Volume \"homogeneous\" \"point p0\" [0 0 0]";
+    assert_eq!(scene(text).settings.integrator.as_deref(), Some("direct"));
+    let said = warnings(text);
+    for what in ["Renderer \"sampler\"", "VolumeIntegrator \"emission\"", "Volume \"homogeneous\""] {
+        assert!(said.contains(&format!("{what} of pbrt 2 is left out")), "{what}: {said}");
+    }
+}
