@@ -16,7 +16,8 @@ pub enum Places {
 
 /// Small limits: what is slow because it is large is no finding.
 fn options() -> ReadOptions {
-    let limits = Limits { file_bytes: 1 << 20, elements: 20_000, image_pixels: 1 << 16, depth: 32, files: 4 };
+    let (file_bytes, elements, image_pixels) = (1 << 20, 20_000, 1 << 16);
+    let limits = Limits { file_bytes, elements, image_pixels, depth: 32, files: 4, ..Limits::default() };
     ReadOptions { limits, ..ReadOptions::default() }
 }
 

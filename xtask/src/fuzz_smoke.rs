@@ -35,6 +35,12 @@ pub fn fuzz_smoke(mut options: impl Iterator<Item = String>) -> bool {
     if is_release && !run("the build", cargo(&["build", "--release", "--quiet", "--package", "snell"])) {
         return false;
     }
+    // The targets of libFuzzer are a workspace of their own, which nothing else compiles.
+    let targets = ["check", "--quiet", "--locked", "--manifest-path", "fuzz/Cargo.toml", "--bins"];
+    let rest = ["--features", "render", "--target-dir", "target/fuzz"];
+    if !run("the check of the fuzz targets", cargo(&[&targets[..], &rest].concat())) {
+        return false;
+    }
     // As `test` builds it, so that nothing is built twice.
     let test = "smoke::whatever_the_files_are_the_program_keeps_its_promises";
     let mut command =
