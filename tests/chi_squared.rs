@@ -1,6 +1,7 @@
-//! What is sampled has the density that is claimed, and the density adds up to the share that is sampled: every lobe over sweeps of its
-//! parameters, phase functions, lamps, environments, glowing media and the choice among many lights. Each family is judged together
-//! at a significance of 0.01 (Sidak).
+//! What is sampled has the density that is claimed, and the density adds up to the share that is
+//! sampled: every lobe over sweeps of its parameters, phase functions, lamps, environments, glowing
+//! media and the choice among many lights. Each family is judged together at a significance of 0.01
+//! (Sidak).
 
 use snell_intersect::SurfaceInteraction;
 use snell_math::rng::uniform2;
@@ -8,7 +9,9 @@ use snell_math::statistics::{HemisphereCells, chi_squared_deviation, sidak_devia
 use snell_math::{ColorMode, Rgb, Vec2, Vec3};
 use snell_scene::TextureSet;
 use snell_scene::bsdf::{Bsdf, Lobes, fresnel};
-use snell_scene::material::{Conductor, Dielectric, MaterialKind, OpenPbr, ScalarParam, ShadingPoint};
+use snell_scene::material::{
+    Conductor, Dielectric, MaterialKind, OpenPbr, ScalarParam, ShadingPoint,
+};
 use snell_scene::texture::surface_at;
 
 const SIGNIFICANCE: f64 = 0.01;
@@ -27,7 +30,12 @@ struct Family {
 
 impl Family {
     fn new(name: &'static str) -> Self {
-        Self { name, worst: (f64::NEG_INFINITY, String::new()), tests: 0, start: std::time::Instant::now() }
+        Self {
+            name,
+            worst: (f64::NEG_INFINITY, String::new()),
+            tests: 0,
+            start: std::time::Instant::now(),
+        }
     }
 
     fn add(&mut self, what: impl FnOnce() -> String, found: &[u32], expected: &[f64]) {
@@ -43,7 +51,8 @@ impl Family {
         let (deviation, what) = &self.worst;
         let seconds = self.start.elapsed().as_secs_f64();
         eprintln!(
-            "{}: {} tests in {seconds:.1} s, the worst {deviation:.2} of at most {limit:.2} standard deviations ({what})",
+            "{}: {} tests in {seconds:.1} s, the worst {deviation:.2} of at most {limit:.2} \
+                standard deviations ({what})",
             self.name, self.tests
         );
         assert!(*deviation < limit, "{}: {what}: {deviation} exceeds {limit}", self.name);
@@ -70,25 +79,37 @@ fn views(count: usize) -> impl Iterator<Item = Vec3> {
     [(0.05f32, 0.3f32), (0.8, 0.0), (1.35, 2.0), (2.4, 1.0), (1.75, 5.0), (3.05, 0.5)]
         .into_iter()
         .take(count)
-        .map(|(theta, phi)| Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()))
+        .map(|(theta, phi)| {
+            Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+        })
 }
 
 /// Draws directions from a BSDF and compares them with its density, cell by cell.
-fn check_bsdf(family: &mut Family, name: &str, kind: &MaterialKind, views_from: usize, eta: f32, key: u32) {
+fn check_bsdf(
+    family: &mut Family,
+    name: &str,
+    kind: &MaterialKind,
+    views_from: usize,
+    eta: f32,
+    key: u32,
+) {
     const N: u32 = 12_000;
     let bsdf = bsdf(kind);
     for (number, wo) in views(views_from).enumerate() {
         let side = Vec3::new(0.0, 0.0, wo.z.signum());
         let relative = if wo.z > 0.0 { eta } else { 1.0 / eta };
-        let halves = [fresnel::reflect(wo, side), fresnel::refract(wo, side, relative).unwrap_or(-wo)]
-            .map(|axis| HemisphereCells::new(axis, RINGS, SECTORS));
-        let mut expected: Vec<f64> = halves.iter().flat_map(|c| c.integrate(|w| bsdf.pdf(wo, w))).collect();
+        let halves =
+            [fresnel::reflect(wo, side), fresnel::refract(wo, side, relative).unwrap_or(-wo)]
+                .map(|axis| HemisphereCells::new(axis, RINGS, SECTORS));
+        let mut expected: Vec<f64> =
+            halves.iter().flat_map(|c| c.integrate(|w| bsdf.pdf(wo, w))).collect();
         let total: f64 = expected.iter().sum();
         assert!(total < 1.0 + 5e-4, "{name} from {wo}: the density adds up to {total}");
         let mut found = vec![0u32; expected.len()];
         let mut elsewhere = 0;
         for i in 0..N {
-            let (u, lobe) = (uniform2([i, 61, key, number as u32]), uniform2([i, 62, key, number as u32]).x);
+            let (u, lobe) =
+                (uniform2([i, 61, key, number as u32]), uniform2([i, 62, key, number as u32]).x);
             match bsdf.sample(wo, lobe, u) {
                 Some(s) if !s.is_delta => {
                     let half = usize::from(s.wi.z * wo.z < 0.0);
@@ -110,7 +131,14 @@ fn sweep_glass(iors: &[f32], roughnesses: &[f32]) {
     for (i, &ior) in (0..).zip(iors) {
         for (k, &roughness) in (0..).zip(roughnesses) {
             let kind = Dielectric::rough(ior, roughness).into();
-            check_bsdf(&mut family, &format!("ior {ior}, roughness {roughness}"), &kind, 4, ior, 10 * i + k);
+            check_bsdf(
+                &mut family,
+                &format!("ior {ior}, roughness {roughness}"),
+                &kind,
+                4,
+                ior,
+                10 * i + k,
+            );
         }
     }
     family.judge();
@@ -165,7 +193,11 @@ const SWEEPS: [Sweep; 17] = [
         },
     ),
     ("specular_ior", |p, x| p.specular_ior = scalar(1.1 + 1.4 * x), |_| {}),
-    ("transmission_weight", |p, x| p.transmission_weight = scalar(x), |p| p.specular_roughness = scalar(0.5)),
+    (
+        "transmission_weight",
+        |p, x| p.transmission_weight = scalar(x),
+        |p| p.specular_roughness = scalar(0.5),
+    ),
     (
         "transmission of a thin wall",
         |p, x| p.transmission_weight = scalar(x),
@@ -184,7 +216,11 @@ const SWEEPS: [Sweep; 17] = [
     ),
     ("subsurface_weight", |p, x| p.subsurface_weight = scalar(x), |_| {}),
     ("coat_weight", |p, x| p.coat_weight = scalar(x), |p| p.coat_roughness = scalar(0.3)),
-    ("coat_roughness", |p, x| p.coat_roughness = scalar(0.2 + 0.8 * x), |p| p.coat_weight = scalar(1.0)),
+    (
+        "coat_roughness",
+        |p, x| p.coat_roughness = scalar(0.2 + 0.8 * x),
+        |p| p.coat_weight = scalar(1.0),
+    ),
     (
         "coat_roughness_anisotropy",
         |p, x| p.coat_roughness_anisotropy = scalar(0.8 * x),
@@ -195,7 +231,11 @@ const SWEEPS: [Sweep; 17] = [
     ),
     ("fuzz_weight", |p, x| p.fuzz_weight = scalar(x), |_| {}),
     ("fuzz_roughness", |p, x| p.fuzz_roughness = scalar(x), |p| p.fuzz_weight = scalar(1.0)),
-    ("thin_film_thickness", |p, x| p.thin_film_thickness = scalar(x), |p| p.thin_film_weight = scalar(1.0)),
+    (
+        "thin_film_thickness",
+        |p, x| p.thin_film_thickness = scalar(x),
+        |p| p.thin_film_weight = scalar(1.0),
+    ),
 ];
 
 /// All sweeps with this many steps each, from this many sides.
@@ -204,13 +244,21 @@ fn sweep_open_pbr(steps: u32, views_from: usize) {
     for (number, (name, set, prepare)) in (0..).zip(SWEEPS) {
         for step in 0..steps {
             let x = step as f32 / (steps - 1) as f32;
-            let mut surface = OpenPbr { base_color: Rgb::new(0.8, 0.5, 0.2).into(), ..OpenPbr::default() };
+            let mut surface =
+                OpenPbr { base_color: Rgb::new(0.8, 0.5, 0.2).into(), ..OpenPbr::default() };
             prepare(&mut surface);
             set(&mut surface, x);
             let passes = surface.transmission_weight.factor > 0.0 && !surface.geometry_thin_walled;
             let eta = if passes { surface.specular_ior.factor } else { 1.0 };
             let kind = MaterialKind::from(surface);
-            check_bsdf(&mut family, &format!("{name} at {x}"), &kind, views_from, eta, 1000 + 64 * number + step);
+            check_bsdf(
+                &mut family,
+                &format!("{name} at {x}"),
+                &kind,
+                views_from,
+                eta,
+                1000 + 64 * number + step,
+            );
         }
     }
     family.judge();

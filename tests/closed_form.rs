@@ -1,4 +1,5 @@
-//! Scenes whose light can be written down: every picture is compared with the formula, pixel by pixel, in standard errors.
+//! Scenes whose light can be written down: every picture is compared with the formula, pixel by
+//! pixel, in standard errors.
 
 use snell_intersect::TriangleMesh;
 use snell_intersect::shape::{BoxShape, Disk, Polygon, Sphere};
@@ -7,7 +8,9 @@ use snell_render::{IntegratorKind, LightStrategy, Settings};
 use snell_scene::light::{self, Attenuation, Directional, Point, Rectangle, Spot, SpotFalloff};
 use snell_scene::material::{AlphaMode, Black};
 use snell_scene::{Camera, CameraSample, Environment, Material, Scene};
-use snell_tests::scenes::{at, facing, ground, image, lamp, over_ground, put, put_mesh, rectangle, sky};
+use snell_tests::scenes::{
+    at, facing, ground, image, lamp, over_ground, put, put_mesh, rectangle, sky,
+};
 use snell_tests::statistics::{compare_exact, image_mean};
 use snell_tests::{render, settings};
 use std::f64::consts::PI;
@@ -29,7 +32,8 @@ fn ground_points(camera: &Camera, settings: &Settings) -> Vec<DVec3> {
     (0..height).flat_map(|y| (0..width).map(move |x| point(x, y))).collect()
 }
 
-/// Renders the ground and compares with its reflectance / pi times `irradiance`: `direct` and `path` with every strategy.
+/// Renders the ground and compares with its reflectance / pi times `irradiance`: `direct` and
+/// `path` with every strategy.
 fn check(what: &str, scene: &Scene, camera: &Camera, spp: u32, irradiance: impl Fn(DVec3) -> f64) {
     for (seed, strategy) in (1..).zip(LightStrategy::ALL) {
         check_strategy(what, scene, camera, spp, strategy, seed, &irradiance);
@@ -46,10 +50,13 @@ fn check_strategy(
     irradiance: impl Fn(DVec3) -> f64,
 ) {
     // Half of the checks by each integrator: they are one vertex function.
-    let integrator = if seed.is_multiple_of(2) { IntegratorKind::Direct } else { IntegratorKind::Path };
-    let settings = Settings { integrator, max_depth: 1, light_strategy, seed, ..settings(SIZE, spp) };
+    let integrator =
+        if seed.is_multiple_of(2) { IntegratorKind::Direct } else { IntegratorKind::Path };
+    let settings =
+        Settings { integrator, max_depth: 1, light_strategy, seed, ..settings(SIZE, spp) };
     let radiance = |p: DVec3| f64::from(REFLECTANCE) / PI * irradiance(p);
-    let expected: Vec<_> = ground_points(camera, &settings).into_iter().map(|p| [radiance(p); 3]).collect();
+    let expected: Vec<_> =
+        ground_points(camera, &settings).into_iter().map(|p| [radiance(p); 3]).collect();
     let agreement = compare_exact(&render(scene, camera, &settings), &expected);
     agreement.check(&format!("{what}, {}", light_strategy.name()));
 }
@@ -60,8 +67,8 @@ fn scene() -> Scene {
     scene
 }
 
-/// Irradiance on the ground at `p` from a polygon of radiance 1, all of it above the horizon (Lambert, 1760). The corners turn
-/// counterclockwise seen from its bright side.
+/// Irradiance on the ground at `p` from a polygon of radiance 1, all of it above the horizon
+/// (Lambert, 1760). The corners turn counterclockwise seen from its bright side.
 fn polygon_irradiance(p: DVec3, corners: &[DVec3]) -> f64 {
     let towards: Vec<DVec3> = corners.iter().map(|c| (*c - p).normalize()).collect();
     let edge = |i: usize| {
@@ -71,7 +78,8 @@ fn polygon_irradiance(p: DVec3, corners: &[DVec3]) -> f64 {
     (0.5 * (0..corners.len()).map(edge).sum::<f64>()).max(0.0)
 }
 
-/// Irradiance on the ground at a distance `r` from the axis of a disk of radius `a` and radiance 1 that faces it from height `h`.
+/// Irradiance on the ground at a distance `r` from the axis of a disk of radius `a` and radiance 1
+/// that faces it from height `h`.
 fn disk_irradiance(r: f64, a: f64, h: f64) -> f64 {
     let (s, d) = (h * h + r * r + a * a, h * h + r * r - a * a);
     PI * 0.5 * (1.0 - d / (s * s - 4.0 * a * a * r * r).sqrt())
@@ -83,7 +91,9 @@ fn point_light_over_a_plane() {
     let position = DVec3::new(0.3, 1.5, -0.2);
     let (intensity, attenuation) = (Rgb::splat(7.0), Attenuation::INVERSE_SQUARE);
     scene.add_light(Point { position, intensity, attenuation, body_radius: 0.0 });
-    check("point light", &scene, &over_ground(0.4, 0.1), 4, |p| 7.0 * 1.5 / (position - p).length().powi(3));
+    check("point light", &scene, &over_ground(0.4, 0.1), 4, |p| {
+        7.0 * 1.5 / (position - p).length().powi(3)
+    });
 }
 
 #[test]
@@ -130,7 +140,8 @@ fn spot_light_on_a_plane() {
 
 #[test]
 fn panels_on_a_plane() {
-    // The definition, by the midpoint rule: the mean over the panel of 2 emission cos cos / distance^2.
+    // The definition, by the midpoint rule: the mean over the panel of 2 emission cos cos /
+    // distance^2.
     let (center, normal) = (DVec3::new(0.2, 1.2, -0.1), DVec3::new(0.3, -1.0, 0.1).normalize());
     let (x, y) = normal.any_orthonormal_pair();
     let arriving = |p: DVec3, q: DVec3| {
@@ -144,7 +155,13 @@ fn panels_on_a_plane() {
     let (emission, attenuation) = (Rgb::splat(4.0), Attenuation::INVERSE_SQUARE);
 
     let mut with_disk = scene();
-    with_disk.add_light(light::Disk { position: center, direction: normal, radius: 0.5, emission, attenuation });
+    with_disk.add_light(light::Disk {
+        position: center,
+        direction: normal,
+        radius: 0.5,
+        emission,
+        attenuation,
+    });
     check("disk panel", &with_disk, &over_ground(0.0, 0.0), 64, |p| {
         let point = |(u, v): (f64, f64)| {
             let (sin, cos) = (v * 2.0 * PI).sin_cos();
@@ -165,7 +182,8 @@ fn panels_on_a_plane() {
 
 #[test]
 fn sphere_light_over_a_plane() {
-    // Seen under the same solid angle at the same angle, a sphere lights like the disk it looks like: pi L sin^2 cos.
+    // Seen under the same solid angle at the same angle, a sphere lights like the disk it looks
+    // like: pi L sin^2 cos.
     let (center, radius) = (DVec3::new(0.5, 2.0, 0.0), 0.7);
     let mut scene = scene();
     let material = lamp(&mut scene, 3.0);
@@ -213,7 +231,9 @@ fn rectangle_light_over_a_plane() {
     let mut scene = scene();
     let material = lamp(&mut scene, 4.0);
     put(&mut scene, rectangle(0.8, 0.5), placed, material);
-    check("rectangle light", &scene, &over_ground(0.0, 0.0), 128, |p| 4.0 * polygon_irradiance(p, &corners));
+    check("rectangle light", &scene, &over_ground(0.0, 0.0), 128, |p| {
+        4.0 * polygon_irradiance(p, &corners)
+    });
 }
 
 #[test]
@@ -225,25 +245,35 @@ fn mesh_light_over_a_plane() {
     // Seen from below (the bright side, as the mirrored mesh is turned back) counterclockwise.
     let indices = vec![[0, 4, 1], [4, 2, 1], [4, 3, 2]];
     let mut scene = scene();
-    let lamp = Material { emits_on_both_sides: false, ..Material::new("lamp", Black {}).emitting(Rgb::splat(2.0)) };
+    let lamp = Material {
+        emits_on_both_sides: false,
+        ..Material::new("lamp", Black {}).emitting(Rgb::splat(2.0))
+    };
     let material = scene.add_material(lamp);
     let mesh = TriangleMesh { positions: positions.clone(), indices, ..TriangleMesh::default() };
     put_mesh(&mut scene, mesh, placed, material);
-    let outline: Vec<DVec3> =
-        [0, 1, 2, 3].map(|i: usize| placed.transform_point3(positions[i].as_dvec3())).into_iter().collect();
-    check("mesh light", &scene, &over_ground(0.0, 0.0), 128, |p| 2.0 * polygon_irradiance(p, &outline));
+    let outline: Vec<DVec3> = [0, 1, 2, 3]
+        .map(|i: usize| placed.transform_point3(positions[i].as_dvec3()))
+        .into_iter()
+        .collect();
+    check("mesh light", &scene, &over_ground(0.0, 0.0), 128, |p| {
+        2.0 * polygon_irradiance(p, &outline)
+    });
 }
 
 #[test]
 fn polygon_light_over_a_plane() {
-    let corners = [(-0.5, -0.4), (0.6, -0.3), (0.3, 0.5), (-0.3, 0.4)].map(|(x, y)| DVec3::new(x, y, 0.0));
+    let corners =
+        [(-0.5, -0.4), (0.6, -0.3), (0.3, 0.5), (-0.3, 0.4)].map(|(x, y)| DVec3::new(x, y, 0.0));
     let placed = facing(DVec3::new(0.1, 0.9, 0.0), DVec3::new(-0.2, -1.0, 0.1));
     let mut scene = scene();
     let material = lamp(&mut scene, 2.5);
     let polygon = Polygon::new(corners.to_vec()).expect("the corners lie in a plane");
     put(&mut scene, polygon, placed, material);
     let outline = corners.map(|c| placed.transform_point3(c));
-    check("polygon light", &scene, &over_ground(0.0, 0.0), 128, |p| 2.5 * polygon_irradiance(p, &outline));
+    check("polygon light", &scene, &over_ground(0.0, 0.0), 128, |p| {
+        2.5 * polygon_irradiance(p, &outline)
+    });
 }
 
 #[test]
@@ -252,7 +282,9 @@ fn box_light_over_a_plane() {
     let mut scene = scene();
     let material = lamp(&mut scene, 2.0);
     put(&mut scene, BoxShape { min, max }, DAffine3::IDENTITY, material);
-    let corner = |x: usize, y: usize, z: usize| DVec3::new([min, max][x].x, [min, max][y].y, [min, max][z].z);
+    let corner = |x: usize, y: usize, z: usize| {
+        DVec3::new([min, max][x].x, [min, max][y].y, [min, max][z].z)
+    };
     let faces: [[[usize; 3]; 4]; 5] = [
         [[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]],
         [[0, 0, 0], [0, 0, 1], [0, 1, 1], [0, 1, 0]],
@@ -280,7 +312,10 @@ fn many_lights_add_up() {
     put(&mut scene, Sphere { radius }, DAffine3::from_translation(center), sphere_lamp);
     let (position, attenuation) = (DVec3::new(0.3, 1.2, -0.5), Attenuation::INVERSE_SQUARE);
     scene.add_light(Point { position, intensity: Rgb::splat(0.8), attenuation, body_radius: 0.0 });
-    scene.add_light(Directional { direction: DVec3::new(0.0, -0.8, 0.6), irradiance: Rgb::splat(0.5) });
+    scene.add_light(Directional {
+        direction: DVec3::new(0.0, -0.8, 0.6),
+        irradiance: Rgb::splat(0.5),
+    });
     // Directional light passes the lamps, so look where they cast no shadow of it.
     check("many lights", &scene, &over_ground(0.0, -1.5), 256, |p| {
         let d = (center - p).length();
@@ -297,15 +332,24 @@ fn a_sphere_hides_its_share_of_the_sky() {
     let black = scene.add_material(Material::new("black", Black {}));
     put(&mut scene, Sphere { radius }, DAffine3::from_translation(center), black);
     scene.environment = Some(Environment::Constant(Rgb::splat(2.0)));
-    let hidden = |p: DVec3| (radius / (center - p).length()).powi(2) * center.y / (center - p).length();
-    check("sphere before the sky", &scene, &over_ground(0.0, 0.0), 128, |p| 2.0 * PI * (1.0 - hidden(p)));
+    let hidden =
+        |p: DVec3| (radius / (center - p).length()).powi(2) * center.y / (center - p).length();
+    check("sphere before the sky", &scene, &over_ground(0.0, 0.0), 128, |p| {
+        2.0 * PI * (1.0 - hidden(p))
+    });
 
     // Ambient occlusion is the same without the reflectance.
     let camera = over_ground(0.0, 0.0);
-    let settings =
-        Settings { integrator: IntegratorKind::Ao, ao_distance: Some(100.0), seed: 5, ..settings(SIZE, 256) };
-    let expected: Vec<_> = ground_points(&camera, &settings).into_iter().map(|p| [1.0 - hidden(p); 3]).collect();
-    compare_exact(&render(&scene, &camera, &settings), &expected).check("ambient occlusion by a sphere");
+    let settings = Settings {
+        integrator: IntegratorKind::Ao,
+        ao_distance: Some(100.0),
+        seed: 5,
+        ..settings(SIZE, 256)
+    };
+    let expected: Vec<_> =
+        ground_points(&camera, &settings).into_iter().map(|p| [1.0 - hidden(p); 3]).collect();
+    compare_exact(&render(&scene, &camera, &settings), &expected)
+        .check("ambient occlusion by a sphere");
 }
 
 /// A turn that moves every axis.
@@ -323,23 +367,35 @@ fn a_smooth_environment_image_lights_by_its_harmonics() {
     let scale = Rgb::new(1.0, 2.0, 0.5);
     scene.environment = Some(Environment::Image { image, scale, world_from_environment });
     let up = world_from_environment.inverse().transform_vector3(DVec3::Y);
-    let irradiance = [0, 1, 2].map(|c| f64::from(scale.to_array()[c]) * (PI + 2.0 * PI / 3.0 * a[c].dot(up)));
+    let irradiance =
+        [0, 1, 2].map(|c| f64::from(scale.to_array()[c]) * (PI + 2.0 * PI / 3.0 * a[c].dot(up)));
     for (seed, light_strategy) in (1..).zip(LightStrategy::ALL) {
-        let settings = Settings { integrator: IntegratorKind::Direct, light_strategy, seed, ..settings(SIZE, 256) };
-        let expected = vec![irradiance.map(|e| e * f64::from(REFLECTANCE) / PI); (SIZE * SIZE) as usize];
-        let agreement = compare_exact(&render(&scene, &over_ground(0.0, 0.0), &settings), &expected);
+        let settings = Settings {
+            integrator: IntegratorKind::Direct,
+            light_strategy,
+            seed,
+            ..settings(SIZE, 256)
+        };
+        let expected =
+            vec![irradiance.map(|e| e * f64::from(REFLECTANCE) / PI); (SIZE * SIZE) as usize];
+        let agreement =
+            compare_exact(&render(&scene, &over_ground(0.0, 0.0), &settings), &expected);
         agreement.check(&format!("smooth environment, {}", light_strategy.name()));
     }
 }
 
 #[test]
 fn a_sun_in_an_environment_image_lights_by_quadrature() {
-    // One bright texel on dark ones: by the definition of bilinear interpolation, with no use of the renderer's lookups.
+    // One bright texel on dark ones: by the definition of bilinear interpolation, with no use of
+    // the renderer's lookups.
     let (width, height, sun) = (32, 16, (20, 5));
     let image = image(width, height, 3, |x, y| vec![if (x, y) == sun { 300.0 } else { 0.1 }; 3]);
     let mut scene = scene();
-    scene.environment =
-        Some(Environment::Image { image, scale: Rgb::WHITE, world_from_environment: DAffine3::IDENTITY });
+    scene.environment = Some(Environment::Image {
+        image,
+        scale: Rgb::WHITE,
+        world_from_environment: DAffine3::IDENTITY,
+    });
     let radiance = |u: f64, v: f64| {
         let tent = |x: f64, center: u32| (1.0 - (x - f64::from(center) - 0.5).abs()).max(0.0);
         0.1 + 299.9 * tent(u * f64::from(width), sun.0) * tent(v * f64::from(height), sun.1)
@@ -350,13 +406,25 @@ fn a_sun_in_an_environment_image_lights_by_quadrature() {
         let (sin, cos) = (v * PI).sin_cos();
         radiance(u, v) * cos.max(0.0) * sin * 2.0 * PI * PI / f64::from(n * n)
     };
-    let irradiance: f64 =
-        (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).map(|(i, j)| cell((middle(i), middle(j)))).sum();
+    let irradiance: f64 = (0..n)
+        .flat_map(|i| (0..n).map(move |j| (i, j)))
+        .map(|(i, j)| cell((middle(i), middle(j))))
+        .sum();
     for strategy in [LightStrategy::Mis, LightStrategy::Light] {
-        check_strategy("sun in an image", &scene, &over_ground(0.0, 0.0), 256, strategy, 3, |_| irradiance);
+        check_strategy("sun in an image", &scene, &over_ground(0.0, 0.0), 256, strategy, 3, |_| {
+            irradiance
+        });
     }
     // Samples of the BSDF seldom find the sun: many are needed for a fair test.
-    check_strategy("sun in an image", &scene, &over_ground(0.0, 0.0), 2000, LightStrategy::Bsdf, 4, |_| irradiance);
+    check_strategy(
+        "sun in an image",
+        &scene,
+        &over_ground(0.0, 0.0),
+        2000,
+        LightStrategy::Bsdf,
+        4,
+        |_| irradiance,
+    );
 }
 
 /// A black sheet between the light and the ground that is there with this probability.
@@ -374,24 +442,36 @@ fn blended_surfaces_let_their_share_of_light_through() {
     let blended = |alpha: f32| 1.0 - f64::from(alpha);
     let masked = |alpha: f32| if alpha >= 0.5 { 0.0 } else { 1.0 };
     for alpha in [0.0, 0.3, 0.5, 0.8, 1.0] {
-        for (mode, share) in
-            [(AlphaMode::Blend, blended(alpha)), (AlphaMode::Mask(0.5), masked(alpha)), (AlphaMode::Opaque, 0.0)]
-        {
+        for (mode, share) in [
+            (AlphaMode::Blend, blended(alpha)),
+            (AlphaMode::Mask(0.5), masked(alpha)),
+            (AlphaMode::Opaque, 0.0),
+        ] {
             let mut under_sun = veiled(alpha, mode);
             under_sun.add_light(Directional { direction, irradiance: Rgb::splat(2.0) });
             let mut under_sky = veiled(alpha, mode);
             under_sky.environment = Some(Environment::Constant(Rgb::splat(1.0)));
             for (scene, irradiance) in [(under_sun, 2.0 * 0.8 * share), (under_sky, PI * share)] {
-                let settings =
-                    Settings { pixel_position: None, integrator: IntegratorKind::Direct, ..settings(SIZE, 32) };
+                let settings = Settings {
+                    pixel_position: None,
+                    integrator: IntegratorKind::Direct,
+                    ..settings(SIZE, 32)
+                };
                 let film = render(&scene, &over_ground(0.0, 0.0), &settings);
-                let expected = vec![[f64::from(REFLECTANCE) / PI * irradiance; 3]; (SIZE * SIZE) as usize];
-                // The sheet ends, and 20 units are not quite all of the sky: less than half a percent of it passes below.
-                let missing = if scene.environment.is_some() { 0.01 * f64::from(REFLECTANCE) } else { 0.0 };
+                let expected =
+                    vec![[f64::from(REFLECTANCE) / PI * irradiance; 3]; (SIZE * SIZE) as usize];
+                // The sheet ends, and 20 units are not quite all of the sky: less than half a
+                // percent of it passes below.
+                let missing =
+                    if scene.environment.is_some() { 0.01 * f64::from(REFLECTANCE) } else { 0.0 };
                 let found = image_mean(&film)[0];
                 let high = expected[0][0] + missing + 3.0 * found.error + 1e-5;
                 let low = expected[0][0] - 3.0 * found.error - 1e-5;
-                assert!(low <= found.mean && found.mean <= high, "{mode:?} {alpha}: {found:?}, not {}", expected[0][0]);
+                assert!(
+                    low <= found.mean && found.mean <= high,
+                    "{mode:?} {alpha}: {found:?}, not {}",
+                    expected[0][0]
+                );
             }
         }
     }
@@ -400,7 +480,11 @@ fn blended_surfaces_let_their_share_of_light_through() {
 #[test]
 fn the_camera_sees_through_a_blended_surface() {
     let mut scene = Scene::new("veil");
-    let veil = Material { alpha_mode: AlphaMode::Blend, alpha: 0.3.into(), ..Material::new("veil", Black {}) };
+    let veil = Material {
+        alpha_mode: AlphaMode::Blend,
+        alpha: 0.3.into(),
+        ..Material::new("veil", Black {})
+    };
     let veil = scene.add_material(veil.emitting(Rgb::splat(2.0)));
     put(&mut scene, rectangle(20.0, 20.0), DAffine3::IDENTITY, veil);
     scene.environment = Some(Environment::Constant(Rgb::splat(0.5)));
@@ -408,6 +492,7 @@ fn the_camera_sees_through_a_blended_surface() {
     let expected = vec![[0.3 * 2.0 + 0.7 * 0.5; 3]; (SIZE * SIZE) as usize];
     for integrator in [IntegratorKind::Path, IntegratorKind::Whitted, IntegratorKind::Raycast] {
         let settings = Settings { integrator, pixel_position: None, ..settings(SIZE, 64) };
-        compare_exact(&render(&scene, &camera, &settings), &expected).check(&format!("veil, {}", integrator.name()));
+        compare_exact(&render(&scene, &camera, &settings), &expected)
+            .check(&format!("veil, {}", integrator.name()));
     }
 }

@@ -1,4 +1,5 @@
-//! Scenes written and read again give the same picture: to the bit as `.snell`, and to the noise as pbrt.
+//! Scenes written and read again give the same picture: to the bit as `.snell`, and to the noise as
+//! pbrt.
 
 use snell_formats::{ReadOptions, read_scene, write_scene_as};
 use snell_render::Settings;
@@ -12,12 +13,16 @@ fn round_trip(scene: &Scene, extension: &str) -> (Scene, usize) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join(format!("scene.{extension}"));
     let written = write_scene_as(&path, scene, false).unwrap_or_else(|e| panic!("{e}"));
-    (read_scene(&path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}")), written.losses.len())
+    (
+        read_scene(&path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}")),
+        written.losses.len(),
+    )
 }
 
 fn picture(scene: &Scene) -> Vec<u32> {
     let mut scene = scene.clone();
-    prepare(&mut scene, &FramingOptions { size: [24, 24], ..FramingOptions::default() }).expect("no cycle");
+    prepare(&mut scene, &FramingOptions { size: [24, 24], ..FramingOptions::default() })
+        .expect("no cycle");
     let settings: Settings = settings(24, 2);
     bits(&render(&scene, &scene.cameras[0], &settings).image())
 }
@@ -35,15 +40,25 @@ fn every_built_in_scene_has_the_same_picture_after_a_round_trip() {
 #[test]
 fn scenes_of_pbrt_have_the_same_picture_as_pbrt_again() {
     for name in ["cornell-box", "veach-mis"] {
-        let Some(path) = shared_data(&format!("bitterli/{name}/pbrt/scene-v4.pbrt")) else { return };
+        let Some(path) = shared_data(&format!("bitterli/{name}/pbrt/scene-v4.pbrt")) else {
+            return;
+        };
         let scene = read_scene(&path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
         let (again, losses) = round_trip(&scene, "pbrt");
         assert_eq!(losses, 0, "{name}");
-        let values = |scene| picture(scene).into_iter().map(|b| f64::from(f32::from_bits(b))).collect::<Vec<_>>();
+        let values = |scene| {
+            picture(scene).into_iter().map(|b| f64::from(f32::from_bits(b))).collect::<Vec<_>>()
+        };
         let (a, b) = (values(&scene), values(&again));
         let sum = |v: &[f64]| v.iter().sum::<f64>();
-        // The same samples: only numbers that were written as decimals may differ in their last bits.
-        let far = a.iter().zip(&b).filter(|(x, y)| (*x - *y).abs() > 1e-2 * (1.0 + x.abs())).count();
-        assert!(far * 20 < a.len() && (sum(&a) / sum(&b) - 1.0).abs() < 0.02, "{name}: {far} of {} values", a.len());
+        // The same samples: only numbers that were written as decimals may differ in their last
+        // bits.
+        let far =
+            a.iter().zip(&b).filter(|(x, y)| (*x - *y).abs() > 1e-2 * (1.0 + x.abs())).count();
+        assert!(
+            far * 20 < a.len() && (sum(&a) / sum(&b) - 1.0).abs() < 0.02,
+            "{name}: {far} of {} values",
+            a.len()
+        );
     }
 }

@@ -9,7 +9,9 @@ use snell_scene::camera::Projection;
 use snell_scene::light::{self, Attenuation, Directional, Point};
 use snell_scene::material::{Conductor, Dielectric, Diffuse, MaterialKind};
 use snell_scene::{Background, Camera, Environment, Material, Node, Scene};
-use snell_tests::scenes::{at, everything, facing, ground, image, lamp, matte, put, put_mesh, quad, rectangle, sky};
+use snell_tests::scenes::{
+    at, everything, facing, ground, image, lamp, matte, put, put_mesh, quad, rectangle, sky,
+};
 use snell_tests::{colors, render, settings};
 use std::sync::Arc;
 
@@ -25,7 +27,14 @@ fn survives(what: &str, scene: &Scene, camera: &Camera) {
     for integrator in IntegratorKind::ALL {
         for light_strategy in LightStrategy::ALL {
             let aovs = Aov::ALL.to_vec();
-            let settings = Settings { size: [13, 9], spp: 3, integrator, light_strategy, aovs, ..Settings::default() };
+            let settings = Settings {
+                size: [13, 9],
+                spp: 3,
+                integrator,
+                light_strategy,
+                aovs,
+                ..Settings::default()
+            };
             let (film, statistics) = Job::new(&compiled, camera, &settings).run(1, &|_| true);
             assert_eq!(statistics.invalid_samples, 0, "{what}, {}", integrator.name());
             for layer in film.image().layers.iter().chain(&film.variance().layers) {
@@ -61,9 +70,14 @@ fn built_in_scenes_give_finite_pictures_with_every_integrator() {
 #[test]
 fn empty_scenes_are_pictures_of_the_background() {
     survives("empty", &Scene::new("empty"), &front());
-    let sky = Scene { environment: Some(Environment::Constant(Rgb::splat(0.5))), ..Scene::new("sky") };
+    let sky =
+        Scene { environment: Some(Environment::Constant(Rgb::splat(0.5))), ..Scene::new("sky") };
     survives("sky only", &sky, &front());
-    survives("transparent", &Scene { background: Background::Transparent, ..Scene::new("transparent") }, &front());
+    survives(
+        "transparent",
+        &Scene { background: Background::Transparent, ..Scene::new("transparent") },
+        &front(),
+    );
     let mut mesh = Scene::new("empty mesh");
     let material = lamp(&mut mesh, 1.0);
     put_mesh(&mut mesh, TriangleMesh::default(), DAffine3::IDENTITY, material);
@@ -83,7 +97,8 @@ fn broken_meshes_leave_the_rest_of_the_scene_alone() {
             // All triangles have a corner that is not a number or all corners in one place.
             let mut mesh = quad();
             for p in &mut mesh.positions {
-                *p = if value.abs() < 1.0 { Vec3::splat(value) } else { Vec3::new(p.x, value, p.z) };
+                *p =
+                    if value.abs() < 1.0 { Vec3::splat(value) } else { Vec3::new(p.x, value, p.z) };
             }
             put_mesh(&mut scene, mesh.clone(), at(0.0, 0.5, 0.0), material);
             survives(&format!("positions {value}"), &scene, &front());
@@ -159,7 +174,10 @@ fn broken_lights_materials_and_environments_do_no_harm() {
         scene.add_light(Point { position, intensity, attenuation, body_radius });
         let position = DVec3::new(0.0, wide, 0.0);
         scene.add_light(Point { position, intensity: Rgb::WHITE, attenuation, body_radius: 0.0 });
-        scene.add_light(Directional { direction: DVec3::new(wide, -1.0, 0.0), irradiance: intensity });
+        scene.add_light(Directional {
+            direction: DVec3::new(wide, -1.0, 0.0),
+            irradiance: intensity,
+        });
         scene.add_light(light::Disk {
             position,
             direction: DVec3::ZERO,
@@ -175,7 +193,8 @@ fn broken_lights_materials_and_environments_do_no_harm() {
             Conductor::measured(Rgb::splat(value), Rgb::splat(value), 0.3).into(),
         ];
         for (x, kind) in [-1.0, -0.3, 0.4, 1.1].into_iter().zip(kinds) {
-            let material = Material::new("broken", kind).emitting(Rgb::new(value.min(1e6), 0.1, 0.0));
+            let material =
+                Material::new("broken", kind).emitting(Rgb::new(value.min(1e6), 0.1, 0.0));
             let material = scene.add_material(Material { alpha: value.into(), ..material });
             put(&mut scene, Sphere { radius: 0.3 }, at(x, 0.3, 0.5), material);
         }
@@ -186,7 +205,8 @@ fn broken_lights_materials_and_environments_do_no_harm() {
         if value != f32::MAX {
             survives(&format!("numbers {value}"), &scene, &front());
         } else {
-            // Sums of such numbers overflow, and the samples then count as black: what counts is that pixels are finite.
+            // Sums of such numbers overflow, and the samples then count as black: what counts is
+            // that pixels are finite.
             let settings = Settings { spp: 3, ..settings(9, 3) };
             let compiled = CompiledScene::new(&scene, &settings.build).expect("the scene compiles");
             let (film, _) = Job::new(&compiled, &front(), &settings).run(1, &|_| true);
@@ -208,7 +228,12 @@ fn broken_cameras_give_finite_pictures() {
         Camera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 1e300),
         front().with_lens(1e30, 1e-30),
         front().with_lens(f64::NAN, f64::NAN),
-        Camera::from_direction(DVec3::Z, DVec3::NEG_Z, DVec3::Y, Projection::Fisheye { max_angle: 0.0 }),
+        Camera::from_direction(
+            DVec3::Z,
+            DVec3::NEG_Z,
+            DVec3::Y,
+            Projection::Fisheye { max_angle: 0.0 },
+        ),
         Camera::from_direction(
             DVec3::Z,
             DVec3::NEG_Z,
@@ -233,11 +258,20 @@ fn things_that_touch_and_coincide_give_finite_pictures() {
     }
     // A camera on a surface, and one in a corner.
     survives("touching", &scene, &front());
-    survives("on the ground", &scene, &Camera::look_at(Vec3::new(1.0, 0.0, 2.0), Vec3::ZERO, Vec3::Y, 0.5));
-    survives("on the ball", &scene, &Camera::look_at(Vec3::new(0.0, 0.5, 0.5), Vec3::ZERO, Vec3::Y, 0.5));
+    survives(
+        "on the ground",
+        &scene,
+        &Camera::look_at(Vec3::new(1.0, 0.0, 2.0), Vec3::ZERO, Vec3::Y, 0.5),
+    );
+    survives(
+        "on the ball",
+        &scene,
+        &Camera::look_at(Vec3::new(0.0, 0.5, 0.5), Vec3::ZERO, Vec3::Y, 0.5),
+    );
 }
 
-/// Rough and clear things under area lights and a sky, all lengths multiplied by `scale`: what is seen does not depend on it.
+/// Rough and clear things under area lights and a sky, all lengths multiplied by `scale`: what is
+/// seen does not depend on it.
 fn scaled(scale: f64) -> (Scene, Camera) {
     let mut scene = Scene::new("scaled");
     let grow = DAffine3::from_scale(DVec3::splat(scale));
@@ -258,11 +292,18 @@ fn scaled(scale: f64) -> (Scene, Camera) {
     let surfaces = vec![snell_scene::Surface::with_material(mesh, glow)];
     scene.add_child(
         world,
-        Node { transform: facing(DVec3::new(-2.0, 1.0, 0.5), DVec3::X), surfaces, ..Node::default() },
+        Node {
+            transform: facing(DVec3::new(-2.0, 1.0, 0.5), DVec3::X),
+            surfaces,
+            ..Node::default()
+        },
     );
     let image = sky(16, |d| [0.3, 0.4, 0.5 + 0.3 * d.y as f32]);
-    scene.environment =
-        Some(Environment::Image { image, scale: Rgb::WHITE, world_from_environment: DAffine3::IDENTITY });
+    scene.environment = Some(Environment::Image {
+        image,
+        scale: Rgb::WHITE,
+        world_from_environment: DAffine3::IDENTITY,
+    });
     let projection = Projection::Perspective { tan_half_fov: [None, Some(0.4)] };
     let eye = DVec3::new(0.5, 1.5, 4.0) * scale;
     (scene, Camera::from_target(eye, DVec3::new(0.0, 0.5, 0.0) * scale, DVec3::Y, projection))
@@ -272,7 +313,8 @@ fn scaled(scale: f64) -> (Scene, Camera) {
 fn the_picture_does_not_depend_on_the_unit_of_length() {
     let picture = |scale: f64, integrator| {
         let (scene, camera) = scaled(scale);
-        let settings = Settings { integrator, max_depth: 6, spp: 16, size: [32, 24], ..Settings::default() };
+        let settings =
+            Settings { integrator, max_depth: 6, spp: 16, size: [32, 24], ..Settings::default() };
         colors(&render(&scene, &camera, &settings).image())
     };
     for integrator in [IntegratorKind::Path, IntegratorKind::Whitted, IntegratorKind::Ao] {
@@ -280,16 +322,24 @@ fn the_picture_does_not_depend_on_the_unit_of_length() {
         let brightness = expected.iter().flatten().sum::<f64>() / (3 * expected.len()) as f64;
         for exponent in [-60, -40, -20, 20, 40, 60] {
             let found = picture(2f64.powi(exponent), integrator);
-            // Powers of two change no digit; rounding may still differ where a number is added to lengths.
-            let difference = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f64::max);
-            let different = found.iter().zip(&expected).filter(|p| difference(*p) > 1e-3 * brightness).count();
+            // Powers of two change no digit; rounding may still differ where a number is added to
+            // lengths.
+            let difference = |(a, b): (&[f64; 3], &[f64; 3])| {
+                (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f64::max)
+            };
+            let different =
+                found.iter().zip(&expected).filter(|p| difference(*p) > 1e-3 * brightness).count();
             let mean = found.iter().flatten().sum::<f64>() / (3 * found.len()) as f64;
             eprintln!(
                 "{} 2^{exponent}: mean {mean:.5} of {brightness:.5}, {different} pixels differ",
                 integrator.name()
             );
             assert!((mean / brightness - 1.0).abs() < 1e-3, "{} 2^{exponent}", integrator.name());
-            assert!(different * 50 < expected.len(), "{} 2^{exponent}: {different}", integrator.name());
+            assert!(
+                different * 50 < expected.len(),
+                "{} 2^{exponent}: {different}",
+                integrator.name()
+            );
         }
     }
 }

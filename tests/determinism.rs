@@ -1,4 +1,5 @@
-//! The same bits, whatever the threads, the order of tiles, the passes, the crops, the instruction set and the accelerator.
+//! The same bits, whatever the threads, the order of tiles, the passes, the crops, the instruction
+//! set and the accelerator.
 
 use snell_intersect::BuildOptions;
 use snell_intersect::accel::AcceleratorKind;
@@ -6,8 +7,8 @@ use snell_intersect::shape::Sphere;
 use snell_math::simd::Level;
 use snell_math::{DVec3, Rgb, Vec3};
 use snell_render::{
-    Aov, CompiledScene, Crop, Film, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings,
-    Shadows, TileOrder,
+    Aov, CompiledScene, Crop, Film, Filter, IntegratorKind, LightSamplerKind, LightStrategy,
+    SamplerKind, Settings, Shadows, TileOrder,
 };
 use snell_scene::light::Directional;
 use snell_scene::material::Phong;
@@ -18,7 +19,14 @@ use snell_tests::{bits, render_compiled};
 
 /// Settings with odd sizes, a sample count that is no multiple of a block, and all extra layers.
 fn settings() -> Settings {
-    Settings { size: [37, 29], spp: 18, seed: 7, max_depth: 6, aovs: Aov::ALL.to_vec(), ..Settings::default() }
+    Settings {
+        size: [37, 29],
+        spp: 18,
+        seed: 7,
+        max_depth: 6,
+        aovs: Aov::ALL.to_vec(),
+        ..Settings::default()
+    }
 }
 
 /// Settings that differ from [`settings`] in one of everything that changes the picture.
@@ -38,7 +46,10 @@ fn variants() -> Vec<(String, Settings)> {
         add(light_strategy.name(), Settings { light_strategy, ..settings() });
     }
     for shadows in Shadows::ALL {
-        add(shadows.name(), Settings { shadows, integrator: IntegratorKind::Whitted, ..settings() });
+        add(
+            shadows.name(),
+            Settings { shadows, integrator: IntegratorKind::Whitted, ..settings() },
+        );
     }
     add("uniform lights", Settings { light_sampler: LightSamplerKind::Uniform, ..settings() });
     all
@@ -97,7 +108,8 @@ fn paste(whole: &mut LayeredImage, part: &LayeredImage, [x0, y0]: [u32; 2]) {
     for (to, from) in whole.layers.iter_mut().zip(&part.layers) {
         let row = part.width as usize * to.channels.len();
         for y in 0..part.height as usize {
-            let start = ((y + y0 as usize) * whole.width as usize + x0 as usize) * to.channels.len();
+            let start =
+                ((y + y0 as usize) * whole.width as usize + x0 as usize) * to.channels.len();
             to.values[start..start + row].copy_from_slice(&from.values[y * row..(y + 1) * row]);
         }
     }
@@ -112,14 +124,21 @@ fn crops_add_up_to_the_whole_picture() {
     }
 }
 
-/// Balls in balls of which every surface reflects and refracts: ray trees with far more rays than pixels have samples.
+/// Balls in balls of which every surface reflects and refracts: ray trees with far more rays than
+/// pixels have samples.
 fn onion() -> (Scene, Camera) {
     let mut scene = Scene::new("onion");
     let grey = |x| Rgb::splat(x).into();
     for (i, ior) in [1.1, 0.9, 1.2, 1.05].into_iter().enumerate() {
-        let kind =
-            Phong { ambient: grey(0.3), reflection: grey(0.6), transmission: grey(0.4), ior, ..Phong::default() };
-        let material = scene.add_material(Material::new("layer", kind).emitting(Rgb::new(0.1, 0.23, 0.37)));
+        let kind = Phong {
+            ambient: grey(0.3),
+            reflection: grey(0.6),
+            transmission: grey(0.4),
+            ior,
+            ..Phong::default()
+        };
+        let material =
+            scene.add_material(Material::new("layer", kind).emitting(Rgb::new(0.1, 0.23, 0.37)));
         put(&mut scene, Sphere { radius: 1.0 - 0.2 * i as f64 }, at(0.01, 0.02, 0.0), material);
     }
     let direction = DVec3::new(-0.6, -0.8, 0.0);
@@ -133,10 +152,14 @@ fn ray_trees_with_more_rays_than_a_batch_holds_do_not_change_a_bit() {
     let (scene, camera) = onion();
     let scene = CompiledScene::new(&scene, &BuildOptions::default()).expect("the scene compiles");
     let integrator = IntegratorKind::Whitted;
-    let settings = Settings { size: [16, 16], spp: 16, integrator, max_depth: 6, ..Settings::default() };
+    let settings =
+        Settings { size: [16, 16], spp: 16, integrator, max_depth: 6, ..Settings::default() };
     let whole = render_compiled(&scene, &camera, &settings, 1);
     let progressive = Settings { progressive: true, ..settings.clone() };
-    assert!(all_bits(&render_compiled(&scene, &camera, &progressive, 2)) == all_bits(&whole), "passes");
+    assert!(
+        all_bits(&render_compiled(&scene, &camera, &progressive, 2)) == all_bits(&whole),
+        "passes"
+    );
     let crops = [[[0, 0], [5, 16]], [[5, 0], [16, 16]]];
     let mut pasted = Film::new(Crop::full(settings.size), &[]).image();
     for [min, max] in crops {
@@ -162,7 +185,11 @@ fn instructions_and_accelerators_do_not_change_a_bit() {
                 let compiled = CompiledScene::new(&scene, &build).expect("the scene compiles");
                 let found = all_bits(&render_compiled(&compiled, &camera, &settings, 2));
                 let expected = expected.get_or_insert_with(|| found.clone());
-                assert!(*expected == found, "{} {accelerator:?} (compact: {compact}) {simd}", integrator.name());
+                assert!(
+                    *expected == found,
+                    "{} {accelerator:?} (compact: {compact}) {simd}",
+                    integrator.name()
+                );
             }
         }
     }
@@ -171,7 +198,8 @@ fn instructions_and_accelerators_do_not_change_a_bit() {
 #[test]
 fn seeds_change_the_noise_and_nothing_else() {
     let (scene, camera) = compiled();
-    let [a, b] = [1, 2].map(|seed| render_compiled(&scene, &camera, &Settings { seed, ..settings() }, 2));
+    let [a, b] =
+        [1, 2].map(|seed| render_compiled(&scene, &camera, &Settings { seed, ..settings() }, 2));
     assert!(bits(&a.image()) != bits(&b.image()));
     compare(&a, &b).check("two seeds");
 }

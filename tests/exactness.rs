@@ -1,7 +1,9 @@
-//! The probe of exactness: rays from inside closed meshes, aimed at every vertex and at the middle of every edge, and random ones.
-//! Not one may escape, and every crossing counts exactly once: their number is odd, and leaving minus entering is one.
+//! The probe of exactness: rays from inside closed meshes, aimed at every vertex and at the middle
+//! of every edge, and random ones. Not one may escape, and every crossing counts exactly once:
+//! their number is odd, and leaving minus entering is one.
 //!
-//! `SNELL_EXACT_RAYS` sets how many rays of either kind each mesh gets at each place (20,000 by default); a table is printed.
+//! `SNELL_EXACT_RAYS` sets how many rays of either kind each mesh gets at each place (20,000 by
+//! default); a table is printed.
 
 use rayon::prelude::*;
 use snell_formats::ReadOptions;
@@ -29,8 +31,11 @@ fn direction(index: usize, stream: u32) -> Vec3 {
 
 /// The meshes; those from files only where the files are.
 fn meshes() -> Vec<(String, TriangleMesh)> {
-    let mut meshes = vec![("lat-long sphere 100x200".to_string(), latitude_longitude_sphere(2.0, 100, 200))];
-    meshes.extend((0..6).map(|levels| (format!("icosphere {}", 20 << (2 * levels)), icosphere(2.0, levels))));
+    let mut meshes =
+        vec![("lat-long sphere 100x200".to_string(), latitude_longitude_sphere(2.0, 100, 200))];
+    meshes.extend(
+        (0..6).map(|levels| (format!("icosphere {}", 20 << (2 * levels)), icosphere(2.0, levels))),
+    );
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/meshes");
     for file in ["common/stanford-bunny.obj", "common/spot.obj", "trimesh/ballA.off"] {
         let Ok(scene) = snell_formats::read_scene(&data.join(file), &ReadOptions::default()) else {
@@ -38,7 +43,9 @@ fn meshes() -> Vec<(String, TriangleMesh)> {
             continue;
         };
         let surfaces = scene.nodes.iter().flat_map(|n| &n.surfaces).map(|s| &s.geometry);
-        let mesh = surfaces.filter_map(|g| if let Geometry::Mesh(mesh) = g { Some(mesh) } else { None }).next();
+        let mesh = surfaces
+            .filter_map(|g| if let Geometry::Mesh(mesh) = g { Some(mesh) } else { None })
+            .next();
         let mesh = mesh.and_then(|m| closed(m)).unwrap_or_else(|| panic!("{file} can be closed"));
         meshes.push((file.to_string(), mesh));
     }
@@ -88,8 +95,9 @@ struct Counts {
     misses: usize,
     /// An even number of crossings: one of them was lost or counted twice.
     wrong: usize,
-    /// Leaving minus entering is not one, or it is more than one crossing of a convex shape: on the plane across the ray the mesh
-    /// is folded over, so that some triangles are seen from the wrong side.
+    /// Leaving minus entering is not one, or it is more than one crossing of a convex shape: on the
+    /// plane across the ray the mesh is folded over, so that some triangles are seen from the wrong
+    /// side.
     folded: usize,
 }
 
@@ -104,7 +112,13 @@ impl Counts {
     }
 }
 
-fn probe(world: &World, mesh: &TriangleMesh, convex: bool, rays: usize, ray: impl Fn(usize) -> Ray + Sync) -> Counts {
+fn probe(
+    world: &World,
+    mesh: &TriangleMesh,
+    convex: bool,
+    rays: usize,
+    ray: impl Fn(usize) -> Ray + Sync,
+) -> Counts {
     let one = |i: usize| {
         let ray = ray(i);
         let hits = world.all_one(&ray, &AcceptAll);
@@ -122,9 +136,12 @@ fn no_ray_escapes_a_closed_mesh_and_every_crossing_counts_once() {
     let mut total = Counts::default();
     for (name, mesh) in meshes() {
         let convex = name.contains("sphere");
-        for (place, scale, center) in
-            [("origin", 1.0, Vec3::ZERO), ("far", 1.0, far), ("1e-6", 1e-6, Vec3::ZERO), ("1e9", 1e9, Vec3::ZERO)]
-        {
+        for (place, scale, center) in [
+            ("origin", 1.0, Vec3::ZERO),
+            ("far", 1.0, far),
+            ("1e-6", 1e-6, Vec3::ZERO),
+            ("1e9", 1e9, Vec3::ZERO),
+        ] {
             let mesh = placed(&mesh, scale, center);
             let mut builder = WorldBuilder::default();
             builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh.clone()));
@@ -132,7 +149,8 @@ fn no_ray_escapes_a_closed_mesh_and_every_crossing_counts_once() {
             let origins = origins(&world, &mesh, 2.0 * scale as f32, center);
             assert!(!origins.is_empty(), "{name}, {place}: there are points inside");
             let targets = mesh.positions.len() + mesh.indices.len() * 3;
-            // A stride without common factors reaches everything in few rays, and all of it in many.
+            // A stride without common factors reaches everything in few rays, and all of it in
+            // many.
             let aimed = |i: usize| {
                 let target = (i * 7919) % targets;
                 let target = match target.checked_sub(mesh.positions.len()) {
@@ -151,12 +169,17 @@ fn no_ray_escapes_a_closed_mesh_and_every_crossing_counts_once() {
                 ("random", probe(&world, &mesh, convex, count, loose)),
             ] {
                 println!(
-                    "{name:28} {place:7} {kind:7} {:9} rays {:4} misses {:4} wrong counts {:6} folded",
+                    "{name:28} {place:7} {kind:7} {:9} rays {:4} misses {:4} wrong counts {:6} \
+                        folded",
                     counts.rays, counts.misses, counts.wrong, counts.folded
                 );
                 assert_eq!(counts.misses, 0, "{name}, {place}, {kind}");
                 // Rounding the coordinates has turned some triangles over there.
-                assert!(place == "far" || counts.folded == 0, "{name}, {place}, {kind}: {}", counts.folded);
+                assert!(
+                    place == "far" || counts.folded == 0,
+                    "{name}, {place}, {kind}: {}",
+                    counts.folded
+                );
                 assert_eq!(counts.wrong, 0, "{name}, {place}, {kind}");
                 total = total.plus(counts);
             }

@@ -1,12 +1,17 @@
-//! Golden pictures: each scene in `tests/golden/INTEGRATOR/` looks like the OpenEXR file beside it that has its name.
+//! Golden pictures: each scene in `tests/golden/INTEGRATOR/` looks like the OpenEXR file beside it
+//! that has its name.
 //!
-//! Nobody lists them: to add one, put a scene there, run `cargo xtask golden`, look at the new picture, and commit both. What a
-//! scene names (materials excepted, which have an extension of their own) goes into the file itself or into a folder below.
+//! Nobody lists them: to add one, put a scene there, run `cargo xtask golden`, look at the new
+//! picture, and commit both. What a scene names (materials excepted, which have an extension of
+//! their own) goes into the file itself or into a folder below.
 //!
-//! Noise does not count, so another seed passes; other light, geometry or textures do. After a failure
-//! `target/golden/INTEGRATOR/` has the new picture and the differences; `cargo xtask golden` makes the new pictures the references.
+//! Noise does not count, so another seed passes; other light, geometry or textures do. After a
+//! failure `target/golden/INTEGRATOR/` has the new picture and the differences;
+//! `cargo xtask golden` makes the new pictures the references.
 
-use snell_formats::image::compare::{CompareError, CompareOptions, Compared, LinearImage, compare, difference_picture};
+use snell_formats::image::compare::{
+    CompareError, CompareOptions, Compared, LinearImage, compare, difference_picture,
+};
 use snell_formats::image::{WriteOptions, read_layers, write_image};
 use snell_formats::{Input, ReadOptions, SCENE_READERS, read_scene};
 use snell_render::{Aov, IntegratorKind, Settings};
@@ -75,12 +80,21 @@ impl Picture {
     /// The picture of a scene as `snell render` makes it with this integrator.
     fn render(path: &Path, integrator: IntegratorKind, seed: u32) -> Self {
         let mut scene = read_scene(path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
-        prepare(&mut scene, &FramingOptions { size: SIZE, ..FramingOptions::default() }).expect("no cycles");
+        prepare(&mut scene, &FramingOptions { size: SIZE, ..FramingOptions::default() })
+            .expect("no cycles");
         assert!(scene.warnings.is_empty(), "{}: {:?}", path.display(), scene.warnings);
         let is_aov = integrator == IntegratorKind::Aov;
         let aovs = if is_aov { vec![Aov::Normal] } else { Vec::new() };
         let max_depth = integrator.default_max_depth();
-        let settings = Settings { size: SIZE, spp: SPP, seed, integrator, max_depth, aovs, ..Settings::default() };
+        let settings = Settings {
+            size: SIZE,
+            spp: SPP,
+            seed,
+            integrator,
+            max_depth,
+            aovs,
+            ..Settings::default()
+        };
         let film = render(&scene, &scene.cameras[0], &settings);
         // Normals, from -1 to 1, are shown as colours from 0 to 1.
         let (offset, scale) = if is_aov { (0.5, 0.5) } else { (0.0, 1.0) };
@@ -88,7 +102,8 @@ impl Picture {
             let layer = &layers.layers[usize::from(is_aov)];
             layer.values.chunks_exact(layer.channels.len()).map(|v| [v[0], v[1], v[2]]).collect()
         };
-        let image = picture(SIZE, rgb(film.image()).iter().flatten().map(|v| offset + scale * v).collect());
+        let image =
+            picture(SIZE, rgb(film.image()).iter().flatten().map(|v| offset + scale * v).collect());
         let errors = rgb(film.variance()).iter().map(|v| v.map(|v| scale * v.sqrt())).collect();
         Self { image, errors }
     }
@@ -97,19 +112,26 @@ impl Picture {
 /// A picture of one layer.
 fn picture([width, height]: [u32; 2], values: Vec<f32>) -> LayeredImage {
     let channels = ["R", "G", "B"].map(String::from).to_vec();
-    LayeredImage { width, height, layers: vec![Layer { name: String::new(), channels, values }], metadata: Vec::new() }
+    LayeredImage {
+        width,
+        height,
+        layers: vec![Layer { name: String::new(), channels, values }],
+        metadata: Vec::new(),
+    }
 }
 
 fn linear(image: &LayeredImage) -> LinearImage {
     LinearImage::from_layer(image, &image.layers[0])
 }
 
-/// A picture of the means of squares of pixels. What is left over at the right and below does not count.
+/// A picture of the means of squares of pixels. What is left over at the right and below does not
+/// count.
 fn squares(image: &LinearImage, side: u32, mean: impl Fn(&[[f32; 3]]) -> [f32; 3]) -> LinearImage {
     let (width, height) = (image.width / side, image.height / side);
     let square = |i: u32| {
         let corner = i / width * side * image.width + i % width * side;
-        let pixels = (0..side * side).map(|k| image.pixels[(corner + k / side * image.width + k % side) as usize]);
+        let pixels = (0..side * side)
+            .map(|k| image.pixels[(corner + k / side * image.width + k % side) as usize]);
         mean(&pixels.collect::<Vec<_>>())
     };
     LinearImage { width, height, pixels: (0..width * height).map(square).collect() }
@@ -124,7 +146,8 @@ fn error_of_mean(errors: &[[f32; 3]]) -> [f32; 3] {
     [0, 1, 2].map(|c| errors.iter().map(|e| e[c] * e[c]).sum::<f32>().sqrt() / errors.len() as f32)
 }
 
-/// Compares `test` with the reference, with each value moved towards the reference by the noise of both.
+/// Compares `test` with the reference, with each value moved towards the reference by the noise of
+/// both.
 fn compare_but_for_noise(
     reference: &LinearImage,
     test: &LinearImage,
@@ -155,11 +178,15 @@ impl Judgement {
             .map_err(|e| format!("{e}; {remedy}"))?;
         let (reference, test) = (linear(&reference), linear(&picture.image));
         let errors = LinearImage { pixels: picture.errors.clone(), ..test };
-        let pixels = compare_but_for_noise(&reference, &test, &errors).map_err(|e| format!("{e}; {remedy}"))?;
+        let pixels = compare_but_for_noise(&reference, &test, &errors)
+            .map_err(|e| format!("{e}; {remedy}"))?;
         let squares = SQUARES.map(|side| {
             let means = [&reference, &test].map(|image| squares(image, side, mean));
             let errors = squares(&errors, side, error_of_mean);
-            compare_but_for_noise(&means[0], &means[1], &errors).expect("equal sizes").comparison.rel_mse
+            compare_but_for_noise(&means[0], &means[1], &errors)
+                .expect("equal sizes")
+                .comparison
+                .rel_mse
         });
         Ok(Self { pixels, squares })
     }
@@ -180,14 +207,17 @@ impl std::fmt::Display for Judgement {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         write!(f, "mean FLIP error {:.4} (under {MAX_FLIP} passes)", self.pixels.comparison.flip)?;
         for (side, error) in SQUARES.iter().zip(&self.squares) {
-            write!(f, ", relative MSE of {side} x {side} pixels {error:.7} (under {MAX_REL_MSE} passes)")?;
+            write!(
+                f,
+                ", relative MSE of {side} x {side} pixels {error:.7} (under {MAX_REL_MSE} passes)"
+            )?;
         }
         Ok(())
     }
 }
 
-/// Checks a picture against `reference`. If they differ, writes the new picture and the difference into `results`, or makes the
-/// picture the reference if `accept` is set.
+/// Checks a picture against `reference`. If they differ, writes the new picture and the difference
+/// into `results`, or makes the picture the reference if `accept` is set.
 fn check(picture: &Picture, reference: &Path, results: &Path, accept: bool) -> Result<(), String> {
     let judgement = Judgement::new(picture, reference);
     let problem = match judgement.as_ref().map_err(Clone::clone).and_then(Judgement::verdict) {
@@ -208,7 +238,10 @@ fn check(picture: &Picture, reference: &Path, results: &Path, accept: bool) -> R
     write(&results.join(format!("{name}.exr")), &picture.image);
     write(&results.join(format!("{name}.png")), &picture.image);
     if let Ok(judgement) = &judgement {
-        write(&results.join(format!("{name}.difference.png")), &difference_picture(&judgement.pixels));
+        write(
+            &results.join(format!("{name}.difference.png")),
+            &difference_picture(&judgement.pixels),
+        );
     }
     Err(format!("{}: {problem}", reference.display()))
 }
@@ -246,7 +279,8 @@ fn every_golden_reference_has_a_scene_and_is_small() {
     for family in files(&folder()) {
         let name = family.file_name().expect("a name").to_string_lossy().into_owned();
         let integrator = IntegratorKind::ALL.into_iter().find(|i| i.name() == name);
-        let integrator = integrator.unwrap_or_else(|| panic!("{name} is not an integrator; known are {known:?}"));
+        let integrator = integrator
+            .unwrap_or_else(|| panic!("{name} is not an integrator; known are {known:?}"));
         let scenes = scenes(integrator);
         let stems: BTreeSet<_> = scenes.iter().map(|s| s.with_extension("")).collect();
         assert_eq!(stems.len(), scenes.len(), "two scenes of {name} have the same name");
@@ -263,7 +297,8 @@ fn another_seed_passes() {
     for integrator in IntegratorKind::ALL {
         for scene in scenes(integrator) {
             let picture = Picture::render(&scene, integrator, 1);
-            let judgement = Judgement::new(&picture, &scene.with_extension("exr")).expect("the reference is fine");
+            let judgement = Judgement::new(&picture, &scene.with_extension("exr"))
+                .expect("the reference is fine");
             eprintln!("{}: {judgement}", scene.display());
             judgement.verdict().unwrap_or_else(|e| panic!("{}: {e}", scene.display()));
         }

@@ -1,4 +1,5 @@
-//! Path guiding changes the noise and nothing else, is the same bits for any threads, order and crop, and survives any scene.
+//! Path guiding changes the noise and nothing else, is the same bits for any threads, order and
+//! crop, and survives any scene.
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Sphere};
@@ -27,7 +28,12 @@ fn room_with_glass() -> (Scene, Camera) {
     let glow = lamp(&mut scene, 1.0);
     put(&mut scene, Sphere { radius: 0.6 }, at(-0.9, 0.7, 0.0), glass);
     put(&mut scene, Sphere { radius: 0.6 }, at(0.9, 0.7, 0.0), frosted);
-    put(&mut scene, rectangle(3.0, 2.0), facing(DVec3::new(0.0, 1.0, -1.5), DVec3::new(0.0, 0.2, 1.0)), mirror);
+    put(
+        &mut scene,
+        rectangle(3.0, 2.0),
+        facing(DVec3::new(0.0, 1.0, -1.5), DVec3::new(0.0, 0.2, 1.0)),
+        mirror,
+    );
     put(&mut scene, rectangle(3.0, 3.0), facing(DVec3::new(0.0, 3.0, 0.0), DVec3::NEG_Y), glow);
     (scene, Camera::look_at(Vec3::new(0.0, 1.6, 4.0), Vec3::new(0.0, 0.5, 0.0), Vec3::Y, 0.4))
 }
@@ -49,7 +55,8 @@ fn two_rooms() -> (Scene, Camera) {
 
 #[test]
 fn guided_and_unguided_pictures_agree() {
-    let all = [("everything", everything()), ("glass", room_with_glass()), ("two rooms", two_rooms())];
+    let all =
+        [("everything", everything()), ("glass", room_with_glass()), ("two rooms", two_rooms())];
     for (name, (scene, camera)) in all {
         let plain = Settings { seed: 1, max_depth: 12, ..settings(24, 64) };
         let other = guided(Settings { seed: 2, ..plain.clone() }, 3);
@@ -74,15 +81,21 @@ fn threads_order_passes_and_crops_do_not_change_a_bit_of_guided_pictures() {
     let base = Settings { size: [37, 29], spp: 6, seed: 7, max_depth: 6, ..Settings::default() };
     let base = guided(base, 3);
     let whole = render_compiled(&scene, &camera, &base, 1).image();
-    for (threads, tile_order, progressive) in
-        [(2, TileOrder::Rows, false), (3, TileOrder::Reversed, true), (4, TileOrder::Shuffled(3), false)]
-    {
+    for (threads, tile_order, progressive) in [
+        (2, TileOrder::Rows, false),
+        (3, TileOrder::Reversed, true),
+        (4, TileOrder::Shuffled(3), false),
+    ] {
         let other = Settings { tile_order, progressive, ..base.clone() };
         let film = render_compiled(&scene, &camera, &other, threads);
-        assert!(bits(&film.image()) == bits(&whole), "{threads} threads, {tile_order:?}, progressive {progressive}");
+        assert!(
+            bits(&film.image()) == bits(&whole),
+            "{threads} threads, {tile_order:?}, progressive {progressive}"
+        );
     }
     let crop = Crop { min: [5, 3], max: [21, 19] };
-    let part = render_compiled(&scene, &camera, &Settings { crop: Some(crop), ..base.clone() }, 2).image();
+    let part =
+        render_compiled(&scene, &camera, &Settings { crop: Some(crop), ..base.clone() }, 2).image();
     for y in 0..16 {
         for x in 0..16 {
             let pixel = |image: &snell_scene::LayeredImage, x: u32, y: u32| {
@@ -104,7 +117,8 @@ fn training_that_is_interrupted_leaves_whole_passes() {
         let (film, statistics) = Job::new(&scene, &camera, &settings).run(2, keep_going);
         (bits(&film.image()), statistics.training_passes)
     };
-    let interrupted = picture(9, &|progress| progress.training.is_none_or(|t| t.pass < 2 || t.begun < 5));
+    let interrupted =
+        picture(9, &|progress| progress.training.is_none_or(|t| t.pass < 2 || t.begun < 5));
     assert_eq!(interrupted.1, 2);
     assert!(interrupted == picture(2, &|_| true), "the same bits");
 }
@@ -114,7 +128,9 @@ fn scenes_that_make_no_sense_are_survived() {
     let ball = |radiance: f32| {
         let mut scene = Scene::new("ball");
         let floor = matte(&mut scene, 0.9);
-        let glow = scene.add_material(Material::new("glow", Diffuse::new(Rgb::WHITE)).emitting(Rgb::splat(radiance)));
+        let glow = scene.add_material(
+            Material::new("glow", Diffuse::new(Rgb::WHITE)).emitting(Rgb::splat(radiance)),
+        );
         put(&mut scene, Sphere { radius: 1.0 }, DAffine3::IDENTITY, glow);
         put(&mut scene, rectangle(8.0, 8.0), facing(DVec3::new(0.0, -1.5, 0.0), DVec3::Y), floor);
         scene
@@ -135,7 +151,8 @@ fn scenes_that_make_no_sense_are_survived() {
     }
     let camera = Camera::look_at(Vec3::new(0.3, 0.4, 6.0), Vec3::ZERO, Vec3::Y, 0.5);
     for (name, scene) in all {
-        let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("the scene compiles");
+        let compiled =
+            CompiledScene::new(&scene, &BuildOptions::default()).expect("the scene compiles");
         let settings = guided(Settings { size: [13, 9], spp: 3, ..Settings::default() }, 1);
         let (film, _) = Job::new(&compiled, &camera, &settings).run(2, &|_| true);
         assert!(film.image().layers[0].values.iter().all(|v| v.is_finite()), "{name}");

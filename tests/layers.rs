@@ -36,7 +36,8 @@ fn lobes_and_bounces_add_up_to_the_picture() {
     let split = aovs.len();
     aovs.extend([Scatterings::None, Scatterings::One, Scatterings::Many].map(|s| part(None, s)));
     for integrator in [IntegratorKind::Path, IntegratorKind::Direct] {
-        let settings = Settings { integrator, max_depth: 5, aovs: aovs.clone(), ..settings(24, 16) };
+        let settings =
+            Settings { integrator, max_depth: 5, aovs: aovs.clone(), ..settings(24, 16) };
         let image = render(&scene, &camera, &settings).image();
         let means = check_sum(&image, 1..split + 1, integrator.name());
         check_sum(&image, split + 1..split + 4, integrator.name());
@@ -52,18 +53,26 @@ fn lobes_and_bounces_add_up_to_the_picture() {
 fn light_groups_add_up_to_the_picture_and_hold_their_lights_alone() {
     let (mut scene, camera) = everything();
     let emissive = (0..scene.materials.len()).filter(|&m| scene.materials[m].is_emissive());
-    let materials = emissive.map(|m| LightSource::Material(snell_scene::MaterialId(m as u32))).collect();
+    let materials =
+        emissive.map(|m| LightSource::Material(snell_scene::MaterialId(m as u32))).collect();
     let group = |name: &str, sources| LightGroup { name: name.into(), sources };
-    let light_groups = vec![group("lamps", materials), group("sky", vec![LightSource::Environment])];
+    let light_groups =
+        vec![group("lamps", materials), group("sky", vec![LightSource::Environment])];
     let of = |group| Aov::Light(LightPart { group: Some(group), ..LightPart::default() });
-    let settings = Settings { light_groups, aovs: vec![of(0), of(1), of(2)], max_depth: 3, ..settings(24, 64) };
+    let settings = Settings {
+        light_groups,
+        aovs: vec![of(0), of(1), of(2)],
+        max_depth: 3,
+        ..settings(24, 64)
+    };
     let image = render(&scene, &camera, &settings).image();
     check_sum(&image, 1..4, "groups");
     // Lamps alone: the same light without all others.
     scene.environment = None;
     scene.lights.clear();
     scene.background = snell_scene::Background::Environment;
-    let alone = render(&scene, &camera, &Settings { aovs: Vec::new(), seed: 1, ..settings }).image();
+    let alone =
+        render(&scene, &camera, &Settings { aovs: Vec::new(), seed: 1, ..settings }).image();
     let mean = |values: &[f32], stride: usize| {
         values.chunks(stride).map(|p| f64::from(p[0] + p[1] + p[2]).min(30.0)).sum::<f64>()
     };
@@ -74,7 +83,8 @@ fn light_groups_add_up_to_the_picture_and_hold_their_lights_alone() {
 #[test]
 fn the_clamp_dims_indirect_light_alone() {
     let (scene, camera) = everything();
-    let aovs: Vec<Aov> = [Scatterings::None, Scatterings::One, Scatterings::Many].map(|s| part(None, s)).to_vec();
+    let aovs: Vec<Aov> =
+        [Scatterings::None, Scatterings::One, Scatterings::Many].map(|s| part(None, s)).to_vec();
     let free = Settings { max_depth: 5, aovs, ..settings(24, 16) };
     let clamped = Settings { clamp: Some(0.2), ..free.clone() };
     let [free, clamped] = [free, clamped].map(|s| render(&scene, &camera, &s).image());
@@ -90,7 +100,8 @@ fn what_covers_a_pixel_adds_up_to_its_alpha() {
     let (mut scene, camera) = everything();
     scene.background = snell_scene::Background::Transparent;
     let aovs = vec![Aov::CryptoObject, Aov::Depth, Aov::CryptoMaterial];
-    let film = render(&scene, &camera, &Settings { aovs, pixel_position: None, ..settings(24, 10) });
+    let film =
+        render(&scene, &camera, &Settings { aovs, pixel_position: None, ..settings(24, 10) });
     let image = film.image();
     assert_eq!(image.layers.len(), 2, "coverage is no layer");
     for aov in [Aov::CryptoObject, Aov::CryptoMaterial] {
@@ -99,7 +110,10 @@ fn what_covers_a_pixel_adds_up_to_its_alpha() {
         assert!(most > Some(1), "some pixels have an edge");
         for ((things, samples), color) in coverage.iter().zip(image.layers[0].values.chunks(4)) {
             let covered: u32 = things.iter().map(|t| t.1).sum();
-            assert!(*samples == 10 && (covered as f32 / 10.0 - color[3]).abs() < 1e-6, "{things:?} {color:?}");
+            assert!(
+                *samples == 10 && (covered as f32 / 10.0 - color[3]).abs() < 1e-6,
+                "{things:?} {color:?}"
+            );
         }
     }
     assert!(film.coverage(Aov::Albedo).is_empty());

@@ -1,4 +1,5 @@
-//! Shared pieces of the cross-crate tests: how to build scenes in few words, how to render them, and how to judge noisy pictures.
+//! Shared pieces of the cross-crate tests: how to build scenes in few words, how to render them,
+//! and how to judge noisy pictures.
 
 pub mod meshes;
 pub mod random_worlds;
@@ -9,7 +10,8 @@ use snell_render::{CompiledScene, Film, Filter, Job, SamplerKind, Settings};
 use snell_scene::{Camera, LayeredImage, Scene};
 use std::path::PathBuf;
 
-/// Settings of a small square picture with independent samples through the pixels' centres: what statistics are simplest for.
+/// Settings of a small square picture with independent samples through the pixels' centres: what
+/// statistics are simplest for.
 pub fn settings(size: u32, spp: u32) -> Settings {
     Settings {
         size: [size, size],
@@ -26,14 +28,24 @@ pub fn settings(size: u32, spp: u32) -> Settings {
 /// # Panics
 /// If the scene does not compile, or a sample is not finite.
 pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Film {
-    render_compiled(&CompiledScene::new(scene, &settings.build).expect("the scene compiles"), camera, settings, 2)
+    render_compiled(
+        &CompiledScene::new(scene, &settings.build).expect("the scene compiles"),
+        camera,
+        settings,
+        2,
+    )
 }
 
 /// Renders a compiled scene.
 ///
 /// # Panics
 /// If a sample is not finite.
-pub fn render_compiled(scene: &CompiledScene, camera: &Camera, settings: &Settings, threads: usize) -> Film {
+pub fn render_compiled(
+    scene: &CompiledScene,
+    camera: &Camera,
+    settings: &Settings,
+    threads: usize,
+) -> Film {
     let (film, statistics) = Job::new(scene, camera, settings).run(threads, &|_| true);
     assert!(statistics.is_complete, "nothing stopped the render");
     assert_eq!(statistics.invalid_samples, 0, "every sample is finite");
@@ -51,7 +63,8 @@ pub fn bits(image: &LayeredImage) -> Vec<u32> {
     image.layers.iter().flat_map(|l| &l.values).map(|v| v.to_bits()).collect()
 }
 
-/// A file of the shared test data, which lie beside the repository; `None` (with a note) where they are absent.
+/// A file of the shared test data, which lie beside the repository; `None` (with a note) where they
+/// are absent.
 pub fn shared_data(name: &str) -> Option<PathBuf> {
     let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data")).join(name);
     if path.exists() {

@@ -13,7 +13,8 @@ pub fn latitude_longitude_sphere(radius: f64, rings: u32, segments: u32) -> Tria
         let theta = std::f64::consts::PI * f64::from(ring) / f64::from(rings);
         for s in 0..segments {
             let phi = std::f64::consts::TAU * f64::from(s) / f64::from(segments);
-            let p = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()) * radius;
+            let p =
+                DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()) * radius;
             mesh.positions.push(p.as_vec3());
         }
     }
@@ -50,7 +51,8 @@ pub fn icosphere(radius: f64, levels: u32) -> TriangleMesh {
     for a in 0..12 {
         for b in a + 1..12 {
             for c in (b + 1..12).filter(|&c| near(a, b) && near(b, c) && near(c, a)) {
-                let outward = (points[b] - points[a]).cross(points[c] - points[a]).dot(points[a]) > 0.0;
+                let outward =
+                    (points[b] - points[a]).cross(points[c] - points[a]).dot(points[a]) > 0.0;
                 triangles.push(if outward { [a, b, c] } else { [a, c, b] });
             }
         }
@@ -77,17 +79,18 @@ pub fn icosphere(radius: f64, levels: u32) -> TriangleMesh {
     }
 }
 
-/// The mesh with equal vertices merged and every hole closed by a fan around the middle of its border; `None` if it is not a closed,
-/// consistently turned surface even then.
+/// The mesh with equal vertices merged and every hole closed by a fan around the middle of its
+/// border; `None` if it is not a closed, consistently turned surface even then.
 pub fn closed(mesh: &TriangleMesh) -> Option<TriangleMesh> {
     let mut numbers = BTreeMap::new();
     let mut result = TriangleMesh::default();
     let mut merged = Vec::with_capacity(mesh.positions.len());
     for p in &mesh.positions {
-        let number = *numbers.entry((*p + Vec3::ZERO).to_array().map(f32::to_bits)).or_insert_with(|| {
-            result.positions.push(*p);
-            result.positions.len() as u32 - 1
-        });
+        let number =
+            *numbers.entry((*p + Vec3::ZERO).to_array().map(f32::to_bits)).or_insert_with(|| {
+                result.positions.push(*p);
+                result.positions.len() as u32 - 1
+            });
         merged.push(number);
     }
     let triangles = mesh.indices.iter().map(|t| t.map(|i| merged[i as usize]));
@@ -108,7 +111,9 @@ pub fn closed(mesh: &TriangleMesh) -> Option<TriangleMesh> {
         let sum: DVec3 = ring.iter().map(|&i| result.positions[i as usize].as_dvec3()).sum();
         let middle = result.positions.len() as u32;
         result.positions.push((sum / ring.len() as f64).as_vec3());
-        result.indices.extend((0..ring.len()).map(|i| [ring[i], ring[(i + 1) % ring.len()], middle]));
+        result
+            .indices
+            .extend((0..ring.len()).map(|i| [ring[i], ring[(i + 1) % ring.len()], middle]));
     }
     open_edges(&result.indices)?.is_empty().then_some(result)
 }

@@ -1,4 +1,5 @@
-//! Heckbert's business card ray tracer: `whitted` gives the picture that the original program prints.
+//! Heckbert's business card ray tracer: `whitted` gives the picture that the original program
+//! prints.
 
 use snell_formats::{ReadOptions, read_scene};
 use snell_render::{CompiledScene, IntegratorKind, Job, Settings, reference};
@@ -27,10 +28,16 @@ fn read_ap(text: &str) -> Vec<[f64; 3]> {
 }
 
 /// Share of pixels within `tolerance` levels, and the largest difference.
-fn agreement(rendered: &[[f64; 3]], reference: &[[f64; 3]], levels: impl Fn(f64) -> f64, tolerance: f64) -> (f64, f64) {
+fn agreement(
+    rendered: &[[f64; 3]],
+    reference: &[[f64; 3]],
+    levels: impl Fn(f64) -> f64,
+    tolerance: f64,
+) -> (f64, f64) {
     assert_eq!(rendered.len(), reference.len());
-    let difference =
-        |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|c| (levels(a[c] * 255.0) - b[c]).abs()).fold(0.0, f64::max);
+    let difference = |(a, b): (&[f64; 3], &[f64; 3])| {
+        (0..3).map(|c| (levels(a[c] * 255.0) - b[c]).abs()).fold(0.0, f64::max)
+    };
     let differences: Vec<f64> = rendered.iter().zip(reference).map(difference).collect();
     let equal = differences.iter().filter(|&&d| d <= tolerance).count() as f64;
     (equal / differences.len() as f64, differences.iter().fold(0.0, |a, &d| a.max(d)))
@@ -69,7 +76,8 @@ fn the_scene_file_gives_the_same_picture_as_the_built_in_scene() {
     let Some(path) = shared_data("minray/test1.json") else { return };
     let read = read_scene(&path, &ReadOptions::default()).expect("the file is fine");
     let built_in = builtin("minray").expect("the scene is built in");
-    let [a, b] = [read, built_in].map(|scene| render(&scene, &scene.cameras[0], &settings(&scene)).image());
+    let [a, b] =
+        [read, built_in].map(|scene| render(&scene, &scene.cameras[0], &settings(&scene)).image());
     assert_eq!(a, b);
 }
 

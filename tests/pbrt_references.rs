@@ -1,7 +1,9 @@
-//! pbrt and Mitsuba scenes beside pictures of them that other renderers made: `cargo test --release -p snell-tests pbrt_references -- --ignored
-//! --nocapture` prints the table and leaves the pictures in `target/references`.
+//! pbrt and Mitsuba scenes beside pictures of them that other renderers made: `cargo test --release
+//! -p snell-tests pbrt_references -- --ignored --nocapture` prints the table and leaves the
+//! pictures in `target/references`.
 //!
-//! Both pictures are compared at a quarter of the reference's size: its own noise and ours are averaged away, differences of light stay.
+//! Both pictures are compared at a quarter of the reference's size: its own noise and ours are
+//! averaged away, differences of light stay.
 
 use snell_formats::image::compare::{CompareOptions, LinearImage, compare, difference_picture};
 use snell_formats::image::{WriteOptions, read_image, write_image};
@@ -52,7 +54,8 @@ const CASES: [Case; 6] = [
         spp: 64,
         max_depth: Some(1),
         limits: [4.0, 0.18],
-        why: "the pbrt file lacks the factor of 0.3 on its metals that the reference and Mitsuba's file have; and GGX",
+        why: "the pbrt file lacks the factor of 0.3 on its metals that the reference and Mitsuba's \
+            file have; and GGX",
     },
     Case {
         name: "veach-mis",
@@ -110,12 +113,16 @@ fn picture(image: &LinearImage) -> LayeredImage {
     LayeredImage { width: image.width, height: image.height, layers, metadata: Vec::new() }
 }
 
-/// Renders the scene, writes the pictures, and gives the line of the table and whether it is within the limits.
+/// Renders the scene, writes the pictures, and gives the line of the table and whether it is within
+/// the limits.
 fn check(case: &Case) -> Option<(String, bool)> {
     let folder = shared_data(&format!("bitterli/{}", case.name))?;
-    let reference = Input::open(&folder.join("pbrt/TungstenRender.exr"), &ReadOptions::default()).expect("it is there");
-    let reference = reduced(&LinearImage::from_image(&read_image(&reference).expect("the image is fine")));
-    let mut scene = read_scene(&folder.join(case.file), &ReadOptions::default()).expect("the scene is fine");
+    let reference = Input::open(&folder.join("pbrt/TungstenRender.exr"), &ReadOptions::default())
+        .expect("it is there");
+    let reference =
+        reduced(&LinearImage::from_image(&read_image(&reference).expect("the image is fine")));
+    let mut scene =
+        read_scene(&folder.join(case.file), &ReadOptions::default()).expect("the scene is fine");
     prepare(&mut scene, &FramingOptions::default()).expect("no cycles");
     let settings = Settings {
         size: [reference.width, reference.height],
@@ -128,16 +135,20 @@ fn check(case: &Case) -> Option<(String, bool)> {
     let threads = std::thread::available_parallelism().map_or(2, |n| n.get());
     let ours = render_compiled(&compiled, &scene.cameras[0], &settings, threads).image();
     let ours = LinearImage::from_layer(&ours, &ours.layers[0]);
-    let compared = compare(&reference, &ours, &CompareOptions::default()).expect("the sizes are equal");
+    let compared =
+        compare(&reference, &ours, &CompareOptions::default()).expect("the sizes are equal");
     let target = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/references");
     std::fs::create_dir_all(&target).expect("the folder can be made");
-    for (kind, picture) in
-        [("ours", picture(&ours)), ("reference", picture(&reference)), ("difference", difference_picture(&compared))]
-    {
+    for (kind, picture) in [
+        ("ours", picture(&ours)),
+        ("reference", picture(&reference)),
+        ("difference", difference_picture(&compared)),
+    ] {
         let path = target.join(format!("{}-{kind}.png", case.label().replace(' ', "-")));
         write_image(&path, &picture, &WriteOptions::default()).expect("the picture can be written");
     }
-    let mean = |image: &LinearImage| image.pixels.iter().flatten().map(|v| f64::from(*v)).sum::<f64>();
+    let mean =
+        |image: &LinearImage| image.pixels.iter().flatten().map(|v| f64::from(*v)).sum::<f64>();
     let numbers = &compared.comparison;
     let line = format!(
         "{:20} {:10.5} {:8.4} {:10.4}   {}",

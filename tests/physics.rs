@@ -46,8 +46,10 @@ fn heap(scene: &mut Scene, material: MaterialId) {
         }
         let scale = 1.0 / (bounds.max - bounds.min).max_element();
         let (x, z) = (f64::from(place % 6) * 0.8 - 2.0, f64::from(place / 6) * 0.8 - 2.0);
-        let turned = DAffine3::from_axis_angle(DVec3::new(1.0, 0.3, 0.2).normalize(), f64::from(place));
-        let fitted = DAffine3::from_scale(DVec3::splat(scale)) * DAffine3::from_translation(-bounds.center());
+        let turned =
+            DAffine3::from_axis_angle(DVec3::new(1.0, 0.3, 0.2).normalize(), f64::from(place));
+        let fitted = DAffine3::from_scale(DVec3::splat(scale))
+            * DAffine3::from_translation(-bounds.center());
         put(scene, shape, at(x, 0.5, z) * turned * fitted, material);
         place += 1;
     }
@@ -66,7 +68,8 @@ fn a_white_furnace_shows_nothing() {
             let name = format!("white furnace, {what}, {}", light_strategy.name());
             let camera = Camera::look_at(Vec3::new(0.5, 3.0, 4.0), Vec3::ZERO, Vec3::Y, 0.7);
             let found = mean(&name, &scene, &camera, &settings);
-            // Samples of the whole sky are a poor way to find it: there, noise is all that may be wrong.
+            // Samples of the whole sky are a poor way to find it: there, noise is all that may be
+            // wrong.
             if what == "constant" && light_strategy != LightStrategy::Light {
                 assert!((found.mean - 1.0).abs() < 1e-3 && found.error < 1e-3, "{name}: {found:?}");
             } else {
@@ -91,7 +94,9 @@ fn every_shape_alone_vanishes_in_a_white_furnace() {
         put(
             &mut scene,
             shape.clone(),
-            turned * DAffine3::from_scale(DVec3::splat(scale)) * DAffine3::from_translation(-center),
+            turned
+                * DAffine3::from_scale(DVec3::splat(scale))
+                * DAffine3::from_translation(-center),
             white,
         );
         let settings = settings(24, 16);
@@ -102,7 +107,8 @@ fn every_shape_alone_vanishes_in_a_white_furnace() {
 
 /// A material of this reflectance that emits 1 on both sides.
 fn glowing(scene: &mut Scene, reflectance: f32) -> MaterialId {
-    let material = Material::new("glowing", Diffuse::new(Rgb::splat(reflectance))).emitting(Rgb::WHITE);
+    let material =
+        Material::new("glowing", Diffuse::new(Rgb::splat(reflectance))).emitting(Rgb::WHITE);
     scene.add_material(Material { emits_on_both_sides: true, ..material })
 }
 
@@ -154,17 +160,25 @@ fn the_depth_counts_bounces() {
     for (max_depth, expected) in [(0, 1.0), (1, 1.5), (2, 1.75), (3, 1.875), (4, 1.9375)] {
         for light_strategy in LightStrategy::ALL {
             let settings = Settings { max_depth, light_strategy, ..settings(16, 64) };
-            let found = mean(&format!("depth {max_depth}"), &scene, &all_around(DVec3::ZERO), &settings);
+            let found =
+                mean(&format!("depth {max_depth}"), &scene, &all_around(DVec3::ZERO), &settings);
             // Without weights and roulette, every sample is the series itself.
             let is_exact = light_strategy != LightStrategy::Mis && max_depth < 2;
             let tolerance = if is_exact { 1e-4 } else { 4.0 * found.error + 1e-4 };
             assert!(found.error < 0.01, "{max_depth} {light_strategy:?}: {found:?}");
-            assert!((found.mean - expected).abs() < tolerance, "{max_depth} {light_strategy:?}: {found:?}");
+            assert!(
+                (found.mean - expected).abs() < tolerance,
+                "{max_depth} {light_strategy:?}: {found:?}"
+            );
         }
     }
-    let settings = Settings { integrator: IntegratorKind::Direct, max_depth: 50, ..settings(16, 64) };
+    let settings =
+        Settings { integrator: IntegratorKind::Direct, max_depth: 50, ..settings(16, 64) };
     let found = mean("direct", &scene, &all_around(DVec3::ZERO), &settings);
-    assert!((found.mean - 1.5).abs() < 4.0 * found.error + 1e-4, "direct light is one bounce: {found:?}");
+    assert!(
+        (found.mean - 1.5).abs() < 4.0 * found.error + 1e-4,
+        "direct light is one bounce: {found:?}"
+    );
 }
 
 /// What a ball of this material shows in the furnace.
@@ -189,7 +203,10 @@ fn glass_and_mirrors_vanish_in_a_white_furnace() {
             Dielectric::smooth(1.0).into(),
         ] {
             let found = ball_in_furnace(&scene, kind.clone());
-            assert!((found.mean - 1.0).abs() < 1e-3 || found.z(1.0).abs() < 3.0, "{kind:?}: {found:?}");
+            assert!(
+                (found.mean - 1.0).abs() < 1e-3 || found.z(1.0).abs() < 3.0,
+                "{kind:?}: {found:?}"
+            );
             assert!(found.error < 2e-3, "{kind:?}: {found:?}");
         }
     }
@@ -199,11 +216,15 @@ fn glass_and_mirrors_vanish_in_a_white_furnace() {
 fn rough_white_metal_and_rough_glass_lose_nothing() {
     for scene in [furnace(), sampled_furnace()] {
         for roughness in [0.1, 0.3, 0.6, 1.0] {
-            for kind in
-                [MaterialKind::from(Conductor::color(Rgb::WHITE, roughness)), Dielectric::rough(1.5, roughness).into()]
-            {
+            for kind in [
+                MaterialKind::from(Conductor::color(Rgb::WHITE, roughness)),
+                Dielectric::rough(1.5, roughness).into(),
+            ] {
                 let found = ball_in_furnace(&scene, kind.clone());
-                assert!((found.mean - 1.0).abs() < 0.002 || found.z(1.0).abs() < 3.0, "{kind:?}: {found:?}");
+                assert!(
+                    (found.mean - 1.0).abs() < 0.002 || found.z(1.0).abs() < 3.0,
+                    "{kind:?}: {found:?}"
+                );
                 assert!(found.error < 0.005, "{kind:?}: {found:?}");
             }
         }
@@ -213,9 +234,13 @@ fn rough_white_metal_and_rough_glass_lose_nothing() {
 #[test]
 fn no_material_makes_light_out_of_nothing_whether_the_sky_is_sampled_or_not() {
     for kind in MaterialKind::examples() {
-        let [a, b] = [furnace(), sampled_furnace()].map(|scene| ball_in_furnace(&scene, kind.clone()));
+        let [a, b] =
+            [furnace(), sampled_furnace()].map(|scene| ball_in_furnace(&scene, kind.clone()));
         for found in [a, b] {
-            assert!(found.mean < 1.0 + 3.0 * found.error + 1e-4 && found.mean >= 0.0, "{kind:?}: {found:?}");
+            assert!(
+                found.mean < 1.0 + 3.0 * found.error + 1e-4 && found.mean >= 0.0,
+                "{kind:?}: {found:?}"
+            );
         }
         assert!(a.z_against(&b).abs() < 3.5, "{kind:?}: {a:?} {b:?}");
     }
@@ -225,7 +250,10 @@ fn no_material_makes_light_out_of_nothing_whether_the_sky_is_sampled_or_not() {
 fn beside_a_lamp(illuminates: bool) -> Scene {
     let mut scene = Scene::new("lamp");
     ground(&mut scene, 0.8);
-    let lamp = Material { illuminates, ..Material::new("lamp", Diffuse::new(Rgb::BLACK)).emitting(Rgb::splat(5.0)) };
+    let lamp = Material {
+        illuminates,
+        ..Material::new("lamp", Diffuse::new(Rgb::BLACK)).emitting(Rgb::splat(5.0))
+    };
     let lamp = scene.add_material(lamp);
     put(&mut scene, Sphere { radius: 0.5 }, at(0.0, 1.0, 0.0), lamp);
     let mirror = scene.add_material(Material::new("mirror", Mirror::new(Rgb::splat(0.5))));
@@ -292,8 +320,13 @@ fn a_cut_out_or_blended_lamp_gives_as_much_light_as_is_there() {
     for strategy in LightStrategy::ALL {
         let whole = look_at_floor(AlphaMode::Opaque, 0.3, true, strategy);
         assert!(whole > 0.5, "{strategy:?}: {whole}");
-        assert_eq!(look_at_floor(AlphaMode::Mask(0.5), 0.3, true, strategy), 0.0, "{strategy:?}: nothing is there");
-        // The outer surface lets half through, and what lies inside is seen through it with half of the rest.
+        assert_eq!(
+            look_at_floor(AlphaMode::Mask(0.5), 0.3, true, strategy),
+            0.0,
+            "{strategy:?}: nothing is there"
+        );
+        // The outer surface lets half through, and what lies inside is seen through it with half of
+        // the rest.
         let half = look_at_floor(AlphaMode::Blend, 0.5, true, strategy);
         assert!((half / whole - 0.75).abs() < 0.03, "{strategy:?}: {half} of {whole}");
         let outside = look_at_floor(AlphaMode::Blend, 0.5, false, strategy);

@@ -9,8 +9,8 @@ pub use snell_intersect::{Double, Single};
 
 use snell_intersect::shape::AnyShape;
 use snell_intersect::{
-    CubicCurves, CurveBasis, GeometryId, GroupId, Instance, InstanceId, LinearCurves, MeshKey, MovingMesh,
-    PrimitiveSet, QuadMesh, Spheres, TriangleMesh, WorldBuilder,
+    CubicCurves, CurveBasis, GeometryId, GroupId, Instance, InstanceId, LinearCurves, MeshKey,
+    MovingMesh, PrimitiveSet, QuadMesh, Spheres, TriangleMesh, WorldBuilder,
 };
 use snell_math::rng::{hash32, pcg4d, to_unit};
 use snell_math::{DAffine3, DMat3, DVec3, Ray, Transform, Vec3, Vec4};
@@ -48,7 +48,8 @@ impl<'a> Source<'a> {
         usize::from(self.byte()) % n
     }
 
-    /// A coordinate of the order of one: often from a coarse lattice, so that things touch and coincide.
+    /// A coordinate of the order of one: often from a coarse lattice, so that things touch and
+    /// coincide.
     fn coordinate(&mut self) -> f32 {
         match self.below(4) {
             0 => self.below(9) as f32 * 0.5 - 2.0,
@@ -63,7 +64,17 @@ impl<'a> Source<'a> {
 
     /// What no one expects: not a number, infinite, enormous, tiny, zero.
     fn strange(&mut self) -> f32 {
-        let values = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, -3e38, 1e-45, f32::MIN_POSITIVE, 0.0, -0.0];
+        let values = [
+            f32::NAN,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            f32::MAX,
+            -3e38,
+            1e-45,
+            f32::MIN_POSITIVE,
+            0.0,
+            -0.0,
+        ];
         values[self.below(values.len())]
     }
 
@@ -75,14 +86,17 @@ impl<'a> Source<'a> {
                 let axis = self.point().as_dvec3().normalize_or(DVec3::Z);
                 DMat3::from_axis_angle(axis, f64::from(self.coordinate()) * 2.0)
             }
-            2 => DMat3::from_diagonal((self.point().as_dvec3() + 0.1).map(|x| if x == 0.0 { 1.0 } else { x })),
+            2 => DMat3::from_diagonal(
+                (self.point().as_dvec3() + 0.1).map(|x| if x == 0.0 { 1.0 } else { x }),
+            ),
             _ => {
                 let axis = self.point().as_dvec3().normalize_or(DVec3::X);
                 let scale = DVec3::new(1.0, -0.5, 2.0) * 10f64.powi(self.below(7) as i32 - 3);
                 DMat3::from_axis_angle(axis, 1.0) * DMat3::from_diagonal(scale)
             }
         };
-        Transform::new(DAffine3 { matrix3: linear, translation: position }).unwrap_or(Transform::IDENTITY)
+        Transform::new(DAffine3 { matrix3: linear, translation: position })
+            .unwrap_or(Transform::IDENTITY)
     }
 
     fn mesh(&mut self) -> TriangleMesh {
@@ -103,7 +117,8 @@ impl<'a> Source<'a> {
         mesh
     }
 
-    /// A mesh of so many triangles that it is refitted when it moves: strips of three, small beside the distances between them.
+    /// A mesh of so many triangles that it is refitted when it moves: strips of three, small beside
+    /// the distances between them.
     fn crowd(&mut self) -> TriangleMesh {
         const STRIPS: u32 = 400;
         let (seed, size) = (self.word(), [0.3, 1e-2, 1e-4, 1e-6][self.below(4)]);
@@ -132,7 +147,8 @@ impl<'a> Source<'a> {
 
     /// Groups with meshes, shapes and instances of each other, with masks.
     pub fn collected<P: Tested>(&mut self) -> Collected<P> {
-        let place = if P::PLACES.len() > 1 { P::PLACES[self.below(P::PLACES.len())] } else { DVec3::ZERO };
+        let place =
+            if P::PLACES.len() > 1 { P::PLACES[self.below(P::PLACES.len())] } else { DVec3::ZERO };
         let mut all = Collected {
             builder: P::Builder::default(),
             place,
@@ -143,7 +159,8 @@ impl<'a> Source<'a> {
         let shapes = AnyShape::examples();
         let count = 1 + self.below(4);
         for index in 0..count {
-            let group = if index == 0 { WorldBuilder::ROOT } else { P::add_group(&mut all.builder) };
+            let group =
+                if index == 0 { WorldBuilder::ROOT } else { P::add_group(&mut all.builder) };
             for _ in 0..self.below(3) {
                 let mesh = self.mesh();
                 let id = all.add_mesh(group, &mesh);
@@ -166,7 +183,10 @@ impl<'a> Source<'a> {
                 let group = GroupId(self.below(child) as u32);
                 let group_from_child = self.transform();
                 let mask = if self.below(8) == 0 { 1 << self.below(3) } else { u32::MAX };
-                all.add(group, Instance { mask, ..Instance::new(GroupId(child as u32), group_from_child) });
+                all.add(
+                    group,
+                    Instance { mask, ..Instance::new(GroupId(child as u32), group_from_child) },
+                );
             }
         }
         all
@@ -186,7 +206,12 @@ impl<'a> Source<'a> {
                 all.add_set(group, Arc::new(LinearCurves::chain(points)));
             }
             if self.below(3) > 0 {
-                let bases = [CurveBasis::Bezier, CurveBasis::BSpline, CurveBasis::CatmullRom, CurveBasis::Hermite];
+                let bases = [
+                    CurveBasis::Bezier,
+                    CurveBasis::BSpline,
+                    CurveBasis::CatmullRom,
+                    CurveBasis::Hermite,
+                ];
                 let basis = bases[self.below(4)];
                 let (points, tangents) = (self.balls(12), self.balls(12));
                 let segments = (0..9).map(|_| self.below(12) as u32).collect();
@@ -194,15 +219,24 @@ impl<'a> Source<'a> {
             }
             if self.below(3) > 0 {
                 let mesh = self.mesh();
-                let quads: Vec<[u32; 4]> =
-                    mesh.indices.chunks_exact(2).map(|t| [t[0][0], t[0][1], t[1][0], t[0][2]]).collect();
-                P::add_quads(&mut all.builder, group, QuadMesh::new(mesh, &quads).expect("vertices that exist"));
+                let quads: Vec<[u32; 4]> = mesh
+                    .indices
+                    .chunks_exact(2)
+                    .map(|t| [t[0][0], t[0][1], t[1][0], t[0][2]])
+                    .collect();
+                P::add_quads(
+                    &mut all.builder,
+                    group,
+                    QuadMesh::new(mesh, &quads).expect("vertices that exist"),
+                );
             }
             if self.below(3) > 0 {
                 let mesh = self.mesh();
                 let moved = |key: f32| mesh.positions.iter().rev().map(|p| *p * key).collect();
-                let later = [0.5, -1.0].map(|key| MeshKey { positions: moved(key), normals: Vec::new() });
-                let moving = MovingMesh::new(mesh.clone(), later.to_vec()).expect("as many vertices");
+                let later =
+                    [0.5, -1.0].map(|key| MeshKey { positions: moved(key), normals: Vec::new() });
+                let moving =
+                    MovingMesh::new(mesh.clone(), later.to_vec()).expect("as many vertices");
                 P::add_moving_mesh(&mut all.builder, group, moving);
             }
         }
@@ -210,7 +244,8 @@ impl<'a> Source<'a> {
         all.add(WorldBuilder::ROOT, Instance { later, ..Instance::new(child, self.transform()) });
     }
 
-    /// Changes some of it: vertices move, instances move and go, geometries come, go and become others.
+    /// Changes some of it: vertices move, instances move and go, geometries come, go and become
+    /// others.
     pub fn edit<P: Tested>(&mut self, all: &mut Collected<P>) {
         for _ in 0..1 + self.below(4) {
             match self.below(6) {
@@ -218,10 +253,15 @@ impl<'a> Source<'a> {
                     // The last, which may be large, more often than others.
                     let at = self.below(2 * all.meshes.len()).min(all.meshes.len() - 1);
                     let (id, group, mut mesh) = all.meshes[at].clone();
-                    let (scale, offset) = ([1.0, 1.0, 1.001, -3.0][self.below(4)], self.point() * 0.1);
+                    let (scale, offset) =
+                        ([1.0, 1.0, 1.001, -3.0][self.below(4)], self.point() * 0.1);
                     for position in &mut mesh.positions {
                         // What was strange comes back.
-                        *position = if position.is_finite() { *position * scale + offset } else { self.point() };
+                        *position = if position.is_finite() {
+                            *position * scale + offset
+                        } else {
+                            self.point()
+                        };
                     }
                     if self.below(8) == 0 {
                         let vertex = self.word() as usize % mesh.positions.len();
@@ -269,7 +309,10 @@ impl<'a> Source<'a> {
         let origin = self.point() * if self.below(3) == 0 { 4.0 } else { 1.0 };
         let mut ray = Ray::new(origin, self.point() - origin);
         match self.below(8) {
-            0 => ray.direction = [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z][self.below(6)],
+            0 => {
+                ray.direction =
+                    [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z][self.below(6)]
+            }
             1 => {
                 ray.t_min = self.coordinate();
                 ray.t_max = ray.t_min + self.coordinate().abs() * 2.0;
@@ -287,16 +330,20 @@ impl<'a> Source<'a> {
         ray
     }
 
-    /// A ray at a vertex, an edge or the middle of a triangle in the root group; [`Self::ray`] if there is none.
+    /// A ray at a vertex, an edge or the middle of a triangle in the root group; [`Self::ray`] if
+    /// there is none.
     pub fn aimed_ray<P: Tested>(&mut self, all: &Collected<P>) -> P::Ray {
-        let meshes: Vec<_> = all.meshes.iter().filter(|(_, group, _)| *group == WorldBuilder::ROOT).collect();
+        let meshes: Vec<_> =
+            all.meshes.iter().filter(|(_, group, _)| *group == WorldBuilder::ROOT).collect();
         if meshes.is_empty() {
             return P::ray(&self.ray(), all.place);
         }
         let (_, _, mesh) = meshes[self.below(meshes.len())];
         let triangle = mesh.indices[self.word() as usize % mesh.indices.len()];
         let third = 1.0 / 3.0;
-        let barycentrics = [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 0.25, 0.75], [third, third, third]][self.below(4)];
+        let barycentrics =
+            [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 0.25, 0.75], [third, third, third]]
+                [self.below(4)];
         P::ray_to(mesh, triangle, barycentrics, self.point(), all.place)
     }
 

@@ -1,7 +1,9 @@
-//! Princeton `.scn` scenes as a student's program of 2012 renders them: the same geometry, cameras, Phong shading and shadows.
+//! Princeton `.scn` scenes as a student's program of 2012 renders them: the same geometry, cameras,
+//! Phong shading and shadows.
 //!
-//! The pictures hold sRGB display values of 8 bits, one sample per pixel, at its lower left corner. Left out are pictures of what
-//! that program simplifies: light straight through glass, shadows of things beyond a lamp, area lights that are points.
+//! The pictures hold sRGB display values of 8 bits, one sample per pixel, at its lower left corner.
+//! Left out are pictures of what that program simplifies: light straight through glass, shadows of
+//! things beyond a lamp, area lights that are points.
 
 use snell_formats::image::compare::LinearImage;
 use snell_formats::image::{Display, display_value, read_image};
@@ -29,13 +31,15 @@ fn shown(image: &LinearImage) -> impl Iterator<Item = [f32; 3]> {
 
 fn difference(scene: &Path, reference: &Path, settings: &Settings) -> Difference {
     let mut scene = read_scene(scene, &ReadOptions::default()).expect("the scene is fine");
-    prepare(&mut scene, &FramingOptions { size: settings.size, ..FramingOptions::default() }).expect("no cycles");
+    prepare(&mut scene, &FramingOptions { size: settings.size, ..FramingOptions::default() })
+        .expect("no cycles");
     let picture = render(&scene, &scene.cameras[0], settings).image();
     let picture = LinearImage::from_layer(&picture, &picture.layers[0]);
     let reference = Input::open(reference, &ReadOptions::default()).expect("the file can be read");
     let reference = LinearImage::from_image(&read_image(&reference).expect("the image is fine"));
     assert_eq!((reference.width, reference.height), (SIZE, SIZE));
-    let levels = shown(&picture).zip(shown(&reference)).map(|(a, b)| [0, 1, 2].map(|c| (a[c] - b[c]).abs()));
+    let levels =
+        shown(&picture).zip(shown(&reference)).map(|(a, b)| [0, 1, 2].map(|c| (a[c] - b[c]).abs()));
     let (mut sum, mut far) = (0.0, 0.0);
     for pixel in levels {
         sum += pixel.iter().map(|d| f64::from(*d)).sum::<f64>() / 3.0;
@@ -59,7 +63,9 @@ fn check(scenes: &[&str], kind: &str, shadows: Shadows, max_depth: u32) {
     let mut failed = Vec::new();
     for name in scenes {
         let Some(scene) = shared_data(&format!("scn/scenes/{name}.scn")) else { return };
-        let Some(reference) = shared_data(&format!("scn/ref/{name}.student2012-{kind}.png")) else { return };
+        let Some(reference) = shared_data(&format!("scn/ref/{name}.student2012-{kind}.png")) else {
+            return;
+        };
         let Difference { mean, far } = difference(&scene, &reference, &settings);
         eprintln!("{name} {kind}: mean {mean:.3} levels, {:.2} % over 16", far * 100.0);
         if mean >= 1.0 || far >= 0.02 {

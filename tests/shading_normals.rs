@@ -1,4 +1,5 @@
-//! Normals that are not those of the surface: they bend light, but they make none, leak none, and leave no black rims.
+//! Normals that are not those of the surface: they bend light, but they make none, leak none, and
+//! leave no black rims.
 
 use snell_intersect::TriangleMesh;
 use snell_intersect::shape::Sphere;
@@ -6,7 +7,8 @@ use snell_math::{DAffine3, DVec3, Rgb, Vec3};
 use snell_render::{IntegratorKind, Settings};
 use snell_scene::light::{Attenuation, Point};
 use snell_scene::material::{
-    BumpMap, Conductor, Dielectric, Diffuse, HeightUnit, MaterialKind, Mirror, NormalMap, OpenPbr, Plastic,
+    BumpMap, Conductor, Dielectric, Diffuse, HeightUnit, MaterialKind, Mirror, NormalMap, OpenPbr,
+    Plastic,
 };
 use snell_scene::{Camera, Encoding, Environment, ImageTexture, Material, Scene};
 use snell_tests::scenes::{image, put, put_mesh, quad};
@@ -15,7 +17,8 @@ use snell_tests::{colors, render, settings};
 /// What reflects (or lets through) all light.
 fn lossless() -> Vec<(&'static str, MaterialKind)> {
     let white = Rgb::WHITE;
-    let coated = OpenPbr { base_color: white.into(), coat_weight: 1.0.into(), ..OpenPbr::default() };
+    let coated =
+        OpenPbr { base_color: white.into(), coat_weight: 1.0.into(), ..OpenPbr::default() };
     vec![
         ("matte", Diffuse::new(white).into()),
         ("mirror", Mirror::new(white).into()),
@@ -47,7 +50,8 @@ fn bumpy_ball(kind: MaterialKind, scale: f32, as_heights: bool) -> (Scene, Camer
     // Waves of ten texels, each a fortieth of the radius wide.
     let heights = BumpMap { texture, channel: None, height: 0.12 * scale, unit: HeightUnit::Scene };
     let bump_map = as_heights.then_some(heights);
-    let material = scene.add_material(Material { normal_map, bump_map, ..Material::new("bumpy", kind) });
+    let material =
+        scene.add_material(Material { normal_map, bump_map, ..Material::new("bumpy", kind) });
     put(&mut scene, Sphere { radius: 1.0 }, DAffine3::from_rotation_x(0.5), material);
     (scene, Camera::look_at(Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, Vec3::Y, 0.27))
 }
@@ -55,15 +59,21 @@ fn bumpy_ball(kind: MaterialKind, scale: f32, as_heights: bool) -> (Scene, Camer
 /// Mean brightness of the ball, and that of its ring at the rim.
 fn brightness(scene: &Scene, camera: &Camera) -> [f64; 2] {
     const SIZE: u32 = 40;
-    let picture = colors(&render(scene, camera, &Settings { max_depth: 64, ..settings(SIZE, 32) }).image());
+    let picture =
+        colors(&render(scene, camera, &Settings { max_depth: 64, ..settings(SIZE, 32) }).image());
     let radius = |i: usize| {
         let at = |k: usize| (k as f64 + 0.5) / f64::from(SIZE) * 2.0 - 1.0;
         // The silhouette of the ball, in parts of the picture.
-        at(i % SIZE as usize).hypot(at(i / SIZE as usize)) * 0.27f64.tan() / (1.0f64 / 4.0).asin().tan()
+        at(i % SIZE as usize).hypot(at(i / SIZE as usize)) * 0.27f64.tan()
+            / (1.0f64 / 4.0).asin().tan()
     };
     let mean = |from: f64, to: f64| {
-        let inside: Vec<f64> =
-            picture.iter().enumerate().filter(|(i, _)| (from..to).contains(&radius(*i))).map(|(_, c)| c[1]).collect();
+        let inside: Vec<f64> = picture
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| (from..to).contains(&radius(*i)))
+            .map(|(_, c)| c[1])
+            .collect();
         inside.iter().sum::<f64>() / inside.len() as f64
     };
     [mean(0.0, 1.0), mean(0.93, 1.0)]
@@ -75,11 +85,20 @@ fn bumps_make_no_light_and_no_black_rims() {
         for (name, kind) in lossless() {
             let (scene, camera) = bumpy_ball(kind, scale, as_heights);
             let [all, rim] = brightness(&scene, &camera);
-            eprintln!("{name} (heights: {as_heights}) with bumps of {scale}: {all:.4}, at the rim {rim:.4}");
-            assert!(all < 1.005 && rim < 1.02, "{name} with bumps of {scale} makes light: {all} {rim}");
+            eprintln!(
+                "{name} (heights: {as_heights}) with bumps of {scale}: {all:.4}, at the rim \
+                    {rim:.4}"
+            );
+            assert!(
+                all < 1.005 && rim < 1.02,
+                "{name} with bumps of {scale} makes light: {all} {rim}"
+            );
             // What is bent below the surface is lost, and seen from the side that is much.
             let least = if scale < 0.5 { [0.9, 0.65] } else { [0.7, 0.4] };
-            assert!(all > least[0] && rim > least[1], "{name} with bumps of {scale} is too dark: {all} {rim}");
+            assert!(
+                all > least[0] && rim > least[1],
+                "{name} with bumps of {scale} is too dark: {all} {rim}"
+            );
         }
     }
 }
@@ -104,8 +123,10 @@ fn light_from_behind_a_face_does_not_reach_it_whatever_its_normals() {
         let camera = Camera::look_at(Vec3::new(0.2, 0.1, 2.0), Vec3::ZERO, Vec3::Y, 0.3);
         for integrator in [IntegratorKind::Path, IntegratorKind::Raycast] {
             let settings = Settings { integrator, ..settings(16, 16) };
-            let leaked =
-                colors(&render(&scene, &camera, &settings).image()).iter().flatten().fold(0.0, |a: f64, b| a.max(*b));
+            let leaked = colors(&render(&scene, &camera, &settings).image())
+                .iter()
+                .flatten()
+                .fold(0.0, |a: f64, b| a.max(*b));
             assert_eq!(leaked, 0.0, "{name} by {integrator:?}");
         }
     }

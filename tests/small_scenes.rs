@@ -1,21 +1,27 @@
-//! Twenty small scenes, each of one kind of material, light or medium: every way of rendering them gives the same picture, by z-tests of
-//! the means, and of every pixel where both ways are good, each together at a significance of 0.01 (Sidak).
+//! Twenty small scenes, each of one kind of material, light or medium: every way of rendering them
+//! gives the same picture, by z-tests of the means, and of every pixel where both ways are good,
+//! each together at a significance of 0.01 (Sidak).
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Disk, Sphere};
 use snell_math::statistics::sidak_deviation;
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Vec3};
-use snell_render::{CompiledScene, Film, Guiding, IntegratorKind, LightSamplerKind, LightStrategy, Settings};
+use snell_render::{
+    CompiledScene, Film, Guiding, IntegratorKind, LightSamplerKind, LightStrategy, Settings,
+};
 use snell_scene::light::{
     Attenuation, Directional, IntensityTable, Point, Profile, Projector, Slide, Spot, SpotFalloff,
 };
 use snell_scene::material::{
-    Conductor, Dielectric, Diffuse, Interior, MaterialKind, MetallicRoughness, OpenPbr, Phong, Plastic,
+    Conductor, Dielectric, Diffuse, Interior, MaterialKind, MetallicRoughness, OpenPbr, Phong,
+    Plastic,
 };
 use snell_scene::medium::{Grid, HeightFog, Homogeneous, Medium, ScalarGrid};
 use snell_scene::{Camera, Environment, Material, Scene};
 use snell_tests::render_compiled;
-use snell_tests::scenes::{at, facing, ground, image, lamp, matte, put, put_mesh, quad, rectangle, sky};
+use snell_tests::scenes::{
+    at, facing, ground, image, lamp, matte, put, put_mesh, quad, rectangle, sky,
+};
 use snell_tests::statistics::{image_mean, pixel_z};
 
 /// A ground and a box beside the place where things stand, without light.
@@ -23,21 +29,34 @@ fn stage(name: &str) -> Scene {
     let mut scene = Scene::new(name);
     ground(&mut scene, 0.6);
     let paper = matte(&mut scene, 0.7);
-    put(&mut scene, BoxShape { min: DVec3::ZERO, max: DVec3::new(0.7, 1.3, 0.6) }, at(0.8, 0.0, -0.8), paper);
+    put(
+        &mut scene,
+        BoxShape { min: DVec3::ZERO, max: DVec3::new(0.7, 1.3, 0.6) },
+        at(0.8, 0.0, -0.8),
+        paper,
+    );
     scene
 }
 
 /// A lamp above, and a sky.
 fn light_up(scene: &mut Scene) {
     let glow = lamp(scene, 5.0);
-    put(scene, rectangle(1.5, 1.0), facing(DVec3::new(-0.3, 2.4, 0.4), DVec3::new(0.1, -1.0, 0.0)), glow);
+    put(
+        scene,
+        rectangle(1.5, 1.0),
+        facing(DVec3::new(-0.3, 2.4, 0.4), DVec3::new(0.1, -1.0, 0.0)),
+        glow,
+    );
     put_sky(scene, |d| [0.2, 0.3, 0.4 + 0.3 * d.y as f32]);
 }
 
 fn put_sky(scene: &mut Scene, radiance: impl Fn(DVec3) -> [f32; 3]) {
     let world_from_environment = DAffine3::from_rotation_y(0.4);
-    scene.environment =
-        Some(Environment::Image { image: sky(32, radiance), scale: Rgb::splat(0.7), world_from_environment });
+    scene.environment = Some(Environment::Image {
+        image: sky(32, radiance),
+        scale: Rgb::splat(0.7),
+        world_from_environment,
+    });
 }
 
 fn ball(name: &str, kind: impl Into<MaterialKind>) -> Scene {
@@ -62,7 +81,12 @@ fn filled(name: &str, medium: impl Into<Medium>) -> Scene {
     let mut scene = stage(name);
     let medium = scene.add_medium(medium);
     let air = scene.add_material(Material::interface("air", medium));
-    put(&mut scene, BoxShape { min: DVec3::ZERO, max: DVec3::new(1.4, 1.2, 1.2) }, at(-1.1, 0.05, -0.4), air);
+    put(
+        &mut scene,
+        BoxShape { min: DVec3::ZERO, max: DVec3::new(1.4, 1.2, 1.2) },
+        at(-1.1, 0.05, -0.4),
+        air,
+    );
     light_up(&mut scene);
     scene
 }
@@ -74,7 +98,10 @@ fn nested() -> Scene {
     let water = scene.add_medium(water);
     let mut add = |name: &str, ior, medium, priority, radius| {
         let interior = Some(Interior { medium, priority });
-        let material = scene.add_material(Material { interior, ..Material::new(name, Dielectric::rough(ior, 0.4)) });
+        let material = scene.add_material(Material {
+            interior,
+            ..Material::new(name, Dielectric::rough(ior, 0.4))
+        });
         put(&mut scene, Sphere { radius }, at(-0.3, 0.75, 0.0), material);
     };
     add("glass", 1.5, None, 1, 0.7);
@@ -97,12 +124,21 @@ fn point_lights(scene: &mut Scene) {
     let falloff = SpotFalloff::Smooth { inner: 0.3, outer: 0.6 };
     let direction = DVec3::new(-0.3, -0.9, -0.4).normalize();
     let world_from_light = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::NEG_Y);
-    let table = IntensityTable::from_picture(&image(8, 4, 3, |x, y| vec![x as f32 * 0.2, 0.5, y as f32 * 0.2]));
-    let slide = Slide::new(&image(4, 4, 3, |x, y| vec![((x + y) % 2) as f32, 0.3, 0.6]), DVec2::splat(0.5));
+    let table = IntensityTable::from_picture(&image(8, 4, 3, |x, y| {
+        vec![x as f32 * 0.2, 0.5, y as f32 * 0.2]
+    }));
+    let slide =
+        Slide::new(&image(4, 4, 3, |x, y| vec![((x + y) % 2) as f32, 0.3, 0.6]), DVec2::splat(0.5));
     let scale = Rgb::splat(1.5);
     scene.lights.extend([
         Spot { position, direction, intensity: Rgb::splat(5.0), attenuation, falloff }.into(),
-        Point { position: DVec3::new(-1.5, 1.5, 1.0), intensity: scale, attenuation, body_radius: 0.0 }.into(),
+        Point {
+            position: DVec3::new(-1.5, 1.5, 1.0),
+            intensity: scale,
+            attenuation,
+            body_radius: 0.0,
+        }
+        .into(),
         Directional { direction, irradiance: Rgb::new(0.3, 0.2, 0.1) }.into(),
         Profile { position, world_from_light, scale, table: table.expect("a picture") }.into(),
         Projector { position, world_from_light, scale, slide: slide.expect("a picture") }.into(),
@@ -128,7 +164,10 @@ fn small_scenes() -> Vec<Scene> {
         ball("frosted glass", Dielectric::rough(1.5, 0.6)),
         ball(
             "metallic roughness",
-            MetallicRoughness { clearcoat: 0.8.into(), ..MetallicRoughness::new(Rgb::new(0.2, 0.6, 0.3), 0.5, 0.5) },
+            MetallicRoughness {
+                clearcoat: 0.8.into(),
+                ..MetallicRoughness::new(Rgb::new(0.2, 0.6, 0.3), 0.5, 0.5)
+            },
         ),
         ball(
             "coat",
@@ -152,21 +191,39 @@ fn small_scenes() -> Vec<Scene> {
                 p.subsurface_radius = 0.2.into();
             }),
         ),
-        ball("phong", Phong { specular: Rgb::splat(0.3).into(), shininess: 12.0, ..Phong::default() }),
+        ball(
+            "phong",
+            Phong { specular: Rgb::splat(0.3).into(), shininess: 12.0, ..Phong::default() },
+        ),
         lit("ball lamp", |scene| {
             let glow = lamp(scene, 15.0);
             put(scene, Sphere { radius: 0.2 }, at(-1.2, 1.5, 0.6), glow);
         }),
         lit("disk and mesh lamps", |scene| {
             let glow = lamp(scene, 8.0);
-            put(scene, Disk { radius: 0.4, inner_radius: 0.2 }, facing(DVec3::new(-1.0, 1.8, 0.3), DVec3::NEG_Y), glow);
-            put_mesh(scene, quad(), facing(DVec3::new(1.2, 1.8, 0.9), DVec3::new(-1.0, -1.0, -0.4)), glow);
+            put(
+                scene,
+                Disk { radius: 0.4, inner_radius: 0.2 },
+                facing(DVec3::new(-1.0, 1.8, 0.3), DVec3::NEG_Y),
+                glow,
+            );
+            put_mesh(
+                scene,
+                quad(),
+                facing(DVec3::new(1.2, 1.8, 0.9), DVec3::new(-1.0, -1.0, -0.4)),
+                glow,
+            );
         }),
         lit("lights without a body", point_lights),
         lit("sunny sky", |scene| {
-            put_sky(scene, |d| if d.y > 0.6 && d.x > 0.4 { [9.0, 8.0, 6.0] } else { [0.3, 0.4, 0.6] })
+            put_sky(
+                scene,
+                |d| if d.y > 0.6 && d.x > 0.4 { [9.0, 8.0, 6.0] } else { [0.3, 0.4, 0.6] },
+            )
         }),
-        lit("even sky", |scene| scene.environment = Some(Environment::Constant(Rgb::new(0.5, 0.6, 0.7)))),
+        lit("even sky", |scene| {
+            scene.environment = Some(Environment::Constant(Rgb::new(0.5, 0.6, 0.7)))
+        }),
         filled(
             "coloured fog",
             Homogeneous {
@@ -203,7 +260,10 @@ impl Deviations {
         // Both signs count.
         let limit = sidak_deviation(0.01, 2 * self.tests);
         let (worst, what) = &self.worst;
-        eprintln!("{name}: {} z-tests, the worst {worst:.2} of at most {limit:.2} ({what})", self.tests);
+        eprintln!(
+            "{name}: {} z-tests, the worst {worst:.2} of at most {limit:.2} ({what})",
+            self.tests
+        );
         assert!(*worst < limit, "{name}: {what}: {worst} exceeds {limit}");
     }
 }
@@ -214,9 +274,11 @@ fn camera() -> Camera {
 
 #[test]
 fn all_ways_to_render_twenty_small_scenes_agree() {
-    let (start, mut pixels, mut means) = (std::time::Instant::now(), Deviations::default(), Deviations::default());
+    let (start, mut pixels, mut means) =
+        (std::time::Instant::now(), Deviations::default(), Deviations::default());
     let mut check = |what: &str, a: &Film, b: &Film| {
-        // Light that so few samples of a poor way did not meet in a pixel, its spread does not know: there the means count.
+        // Light that so few samples of a poor way did not meet in a pixel, its spread does not
+        // know: there the means count.
         if what.ends_with("guided") || what.ends_with("direct") {
             pixel_z(a, b).into_iter().for_each(|z| pixels.add(z, what));
         }
@@ -226,7 +288,8 @@ fn all_ways_to_render_twenty_small_scenes_agree() {
     let scenes = small_scenes();
     assert_eq!(scenes.len(), 20);
     for (number, scene) in (0u32..).zip(&scenes) {
-        let compiled = CompiledScene::new(scene, &BuildOptions::default()).expect("the scene compiles");
+        let compiled =
+            CompiledScene::new(scene, &BuildOptions::default()).expect("the scene compiles");
         let plain = Settings { max_depth: 6, ..snell_tests::settings(SIDE, 64) };
         let mut seed = 100 * number;
         let mut film = |settings: Settings| {
@@ -236,13 +299,19 @@ fn all_ways_to_render_twenty_small_scenes_agree() {
         let path = film(plain.clone());
         let guiding = Some(Guiding { passes: 2, photons: 1 << 13 });
         let mut ways = vec![
-            ("light samples alone", Settings { light_strategy: LightStrategy::Light, ..plain.clone() }),
+            (
+                "light samples alone",
+                Settings { light_strategy: LightStrategy::Light, ..plain.clone() },
+            ),
             ("uniform", Settings { light_sampler: LightSamplerKind::Uniform, ..plain.clone() }),
             ("power", Settings { light_sampler: LightSamplerKind::Power, ..plain.clone() }),
             ("guided", Settings { guiding, ..plain.clone() }),
         ];
         if scene.lights.is_empty() {
-            ways.push(("chance alone", Settings { light_strategy: LightStrategy::Bsdf, spp: 128, ..plain.clone() }));
+            ways.push((
+                "chance alone",
+                Settings { light_strategy: LightStrategy::Bsdf, spp: 128, ..plain.clone() },
+            ));
         }
         for (way, settings) in ways {
             check(&format!("{}: path against {way}", scene.name), &path, &film(settings));

@@ -1,4 +1,5 @@
-//! Spectral pictures: grey scenes are those of RGB, white is white, colours come back, and the bits are always the same.
+//! Spectral pictures: grey scenes are those of RGB, white is white, colours come back, and the bits
+//! are always the same.
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Sphere};
@@ -7,9 +8,13 @@ use snell_math::{ColorModel, DAffine3, DVec3, Rgb, Vec3};
 use snell_render::{CompiledScene, Crop, IntegratorKind, Settings, TileOrder};
 use snell_scene::builtin::builtin;
 use snell_scene::light::Directional;
-use snell_scene::material::{Conductor, Dielectric, MaterialKind, MetallicRoughness, Mirror, Phong, Plastic};
+use snell_scene::material::{
+    Conductor, Dielectric, MaterialKind, MetallicRoughness, Mirror, Phong, Plastic,
+};
 use snell_scene::{Background, Camera, Environment, Material, Scene};
-use snell_tests::scenes::{all_around, at, everything, facing, ground, lamp, matte, put, rectangle, sky};
+use snell_tests::scenes::{
+    all_around, at, everything, facing, ground, lamp, matte, put, rectangle, sky,
+};
 use snell_tests::statistics::{compare, image_mean};
 use snell_tests::{bits, colors, render, render_compiled, settings};
 
@@ -24,10 +29,16 @@ fn display(kinds: Vec<MaterialKind>) -> (Scene, Camera) {
         put(&mut scene, Sphere { radius: 0.6 }, at(1.4 * i as f64 - 1.4, 0.6, 0.0), material);
     }
     let warm = lamp(&mut scene, 3.0);
-    put(&mut scene, rectangle(1.5, 1.0), facing(DVec3::new(0.0, 2.5, 1.0), DVec3::new(0.1, -1.0, 0.0)), warm);
+    put(
+        &mut scene,
+        rectangle(1.5, 1.0),
+        facing(DVec3::new(0.0, 2.5, 1.0), DVec3::new(0.1, -1.0, 0.0)),
+        warm,
+    );
     let image = sky(16, |d| [0.4 + 0.3 * d.y as f32; 3]);
     let world_from_environment = DAffine3::IDENTITY;
-    scene.environment = Some(Environment::Image { image, scale: Rgb::splat(0.6), world_from_environment });
+    scene.environment =
+        Some(Environment::Image { image, scale: Rgb::splat(0.6), world_from_environment });
     (scene, Camera::look_at(Vec3::new(0.5, 2.0, 4.5), Vec3::new(0.0, 0.5, 0.0), Vec3::Y, 0.35))
 }
 
@@ -46,7 +57,8 @@ fn grey_cornell_box() -> (Scene, Camera) {
 
 /// Classic materials under lights without a body.
 fn classic() -> (Scene, Camera) {
-    let phong = Phong { diffuse: GREY.into(), specular: Rgb::splat(0.3).into(), ..Phong::default() };
+    let phong =
+        Phong { diffuse: GREY.into(), specular: Rgb::splat(0.3).into(), ..Phong::default() };
     let glass = Phong {
         diffuse: Rgb::splat(0.1).into(),
         transmission: Rgb::splat(0.7).into(),
@@ -57,16 +69,27 @@ fn classic() -> (Scene, Camera) {
     let (mut scene, camera) = display(vec![phong.into(), glass.into(), Mirror::new(GREY).into()]);
     scene.ambient = Rgb::splat(0.2);
     scene.background = Background::Color(Rgb::splat(0.4));
-    scene.add_light(Directional { direction: DVec3::new(-0.6, -0.8, 0.0), irradiance: Rgb::splat(2.0) });
+    scene.add_light(Directional {
+        direction: DVec3::new(-0.6, -0.8, 0.0),
+        irradiance: Rgb::splat(2.0),
+    });
     (scene, camera)
 }
 
 #[test]
 fn grey_scenes_look_as_they_do_in_rgb() {
-    let glassy =
-        vec![Dielectric::smooth(1.5).into(), Conductor::color(GREY, 0.4).into(), Dielectric::rough(1.4, 0.5).into()];
-    let mixed = MetallicRoughness { clearcoat: 0.5.into(), ..MetallicRoughness::new(GREY, 0.5, 0.4) };
-    let glossy = vec![Plastic::new(GREY, 0.3).into(), mixed.into(), MetallicRoughness::new(GREY, 0.0, 0.6).into()];
+    let glassy = vec![
+        Dielectric::smooth(1.5).into(),
+        Conductor::color(GREY, 0.4).into(),
+        Dielectric::rough(1.4, 0.5).into(),
+    ];
+    let mixed =
+        MetallicRoughness { clearcoat: 0.5.into(), ..MetallicRoughness::new(GREY, 0.5, 0.4) };
+    let glossy = vec![
+        Plastic::new(GREY, 0.3).into(),
+        mixed.into(),
+        MetallicRoughness::new(GREY, 0.0, 0.6).into(),
+    ];
     let scenes = [
         ("cornell box", grey_cornell_box(), IntegratorKind::Path, 96),
         ("glass and metal", display(glassy), IntegratorKind::Path, 160),
@@ -88,11 +111,13 @@ fn grey_scenes_look_as_they_do_in_rgb() {
 #[test]
 fn a_path_of_one_wavelength_stands_for_four() {
     // Glass that parts wavelengths without bending them apart.
-    let scene =
-        |ior: RefractiveIndex| display(vec![Dielectric::smooth(ior).into(), Dielectric::rough(ior, 0.4).into()]);
+    let scene = |ior: RefractiveIndex| {
+        display(vec![Dielectric::smooth(ior).into(), Dielectric::rough(ior, 0.4).into()])
+    };
     let film = |ior: RefractiveIndex, seed| {
         let (scene, camera) = scene(ior);
-        let settings = Settings { color: ColorModel::Spectral, seed, max_depth: 8, ..settings(24, 160) };
+        let settings =
+            Settings { color: ColorModel::Spectral, seed, max_depth: 8, ..settings(24, 160) };
         render(&scene, &camera, &settings)
     };
     let parting = RefractiveIndex::Cauchy { a: 1.5, b: 1e-9 };
@@ -111,7 +136,9 @@ fn a_prism_shows_a_spectrum_and_in_rgb_a_white_line() {
     // The pixel in which a channel leads the others by most.
     let place = |c: usize| {
         let lead = |p: &[f64; 3]| p[c] - p[(c + 1) % 3].max(p[(c + 2) % 3]);
-        let best = (0..160).max_by(|&a, &b| lead(&spectral[a]).total_cmp(&lead(&spectral[b]))).expect("pixels");
+        let best = (0..160)
+            .max_by(|&a, &b| lead(&spectral[a]).total_cmp(&lead(&spectral[b])))
+            .expect("pixels");
         assert!(lead(&spectral[best]) > 0.1, "channel {c}: {:?}", spectral[best]);
         best as i32
     };
@@ -125,12 +152,21 @@ fn a_prism_shows_a_spectrum_and_in_rgb_a_white_line() {
 #[test]
 fn colours_that_are_seen_once_are_those_of_rgb() {
     let mut scene = Scene::new("colours");
-    let colors = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.8, 0.7, 0.1], [0.02, 0.3, 0.4], [1.0; 3]];
+    let colors = [
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0.0, 0.0, 1.0],
+        [0.8, 0.7, 0.1],
+        [0.02, 0.3, 0.4],
+        [1.0; 3],
+    ];
     for (i, color) in colors.into_iter().enumerate() {
         let material = matte(&mut scene, 0.0);
-        scene.materials[material.index()].kind = snell_scene::material::Diffuse::new(Rgb::from(color)).into();
+        scene.materials[material.index()].kind =
+            snell_scene::material::Diffuse::new(Rgb::from(color)).into();
         let x = i as f64 * 2.0 - 5.0;
-        let shape = BoxShape { min: DVec3::new(x - 0.9, -0.9, -0.1), max: DVec3::new(x + 0.9, 0.9, 0.0) };
+        let shape =
+            BoxShape { min: DVec3::new(x - 0.9, -0.9, -0.1), max: DVec3::new(x + 0.9, 0.9, 0.0) };
         put(&mut scene, shape, DAffine3::IDENTITY, material);
     }
     // Every surface is under an irradiance of pi, in one colour and another.
@@ -138,13 +174,17 @@ fn colours_that_are_seen_once_are_those_of_rgb() {
         let irradiance = light * std::f32::consts::PI;
         scene.lights = vec![Directional { direction: DVec3::NEG_Z, irradiance }.into()];
         let camera = Camera::look_at(Vec3::new(0.0, 0.0, 100.0), Vec3::ZERO, Vec3::Y, 0.01);
-        let settings =
-            Settings { integrator: IntegratorKind::Direct, color: ColorModel::Spectral, ..settings(60, 1024) };
+        let settings = Settings {
+            integrator: IntegratorKind::Direct,
+            color: ColorModel::Spectral,
+            ..settings(60, 1024)
+        };
         let settings = Settings { size: [60, 10], ..settings };
         let image = snell_tests::colors(&render(&scene, &camera, &settings).image());
         for (i, color) in colors.into_iter().enumerate() {
             let pixel = image[5 * 60 + 5 + 10 * i];
-            // Under coloured light only white must come back exactly: other colours depend on the spectra.
+            // Under coloured light only white must come back exactly: other colours depend on the
+            // spectra.
             let tolerance = if light == Rgb::WHITE || i == 5 { 0.02 } else { 0.4 };
             for c in 0..3 {
                 let expected = f64::from(color[c] * light.to_array()[c]);
@@ -156,7 +196,8 @@ fn colours_that_are_seen_once_are_those_of_rgb() {
 
 #[test]
 fn a_furnace_of_all_colours_of_light_stays_white() {
-    let mut scene = Scene { environment: Some(Environment::Constant(Rgb::WHITE)), ..Scene::new("furnace") };
+    let mut scene =
+        Scene { environment: Some(Environment::Constant(Rgb::WHITE)), ..Scene::new("furnace") };
     let white = matte(&mut scene, 1.0);
     put(&mut scene, Sphere { radius: 1.0 }, at(0.0, 0.0, 0.0), white);
     let settings = Settings { color: ColorModel::Spectral, ..settings(16, 512) };
@@ -172,11 +213,14 @@ fn spectral_pictures_do_not_depend_on_threads_order_or_the_textbook() {
     for material in &mut scene.materials {
         match &mut material.kind {
             MaterialKind::Dielectric(glass) => glass.ior = RefractiveIndex::from_abbe(1.6, 20.0),
-            MaterialKind::Conductor(metal) => *metal = Conductor::metal(Metal::named("Cu").expect("known"), 0.3),
+            MaterialKind::Conductor(metal) => {
+                *metal = Conductor::metal(Metal::named("Cu").expect("known"), 0.3)
+            }
             _ => {}
         }
     }
-    let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("the scene compiles");
+    let compiled =
+        CompiledScene::new(&scene, &BuildOptions::default()).expect("the scene compiles");
     for integrator in [IntegratorKind::Path, IntegratorKind::Whitted] {
         let plain = Settings {
             size: [25, 21],
@@ -188,9 +232,11 @@ fn spectral_pictures_do_not_depend_on_threads_order_or_the_textbook() {
             ..Settings::default()
         };
         let expected = bits(&render_compiled(&compiled, &camera, &plain, 1).image());
-        for (threads, tile_order, progressive) in
-            [(4, TileOrder::Rows, false), (3, TileOrder::Shuffled(5), true), (2, TileOrder::Reversed, true)]
-        {
+        for (threads, tile_order, progressive) in [
+            (4, TileOrder::Rows, false),
+            (3, TileOrder::Shuffled(5), true),
+            (2, TileOrder::Reversed, true),
+        ] {
             let settings = Settings { tile_order, progressive, ..plain.clone() };
             let found = bits(&render_compiled(&compiled, &camera, &settings, threads).image());
             assert!(found == expected, "{integrator:?} with {threads} threads");

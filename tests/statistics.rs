@@ -1,4 +1,5 @@
-//! How to judge noisy pictures: means with standard errors, and z-tests between two renders of what should be one picture.
+//! How to judge noisy pictures: means with standard errors, and z-tests between two renders of what
+//! should be one picture.
 
 use crate::colors;
 use snell_render::Film;
@@ -12,7 +13,8 @@ pub struct Estimate {
     pub error: f64,
 }
 
-/// Relative rounding of single precision over a whole picture: differences below it are no evidence.
+/// Relative rounding of single precision over a whole picture: differences below it are no
+/// evidence.
 const ROUNDING: f64 = 1e-5;
 
 impl Estimate {
@@ -24,7 +26,8 @@ impl Estimate {
     /// By how many standard errors two independent means differ.
     pub fn z_against(&self, other: &Self) -> f64 {
         let rounding = ROUNDING * self.mean.abs().max(other.mean.abs());
-        (self.mean - other.mean) / self.error.hypot(other.error).hypot(rounding).max(f64::MIN_POSITIVE)
+        (self.mean - other.mean)
+            / self.error.hypot(other.error).hypot(rounding).max(f64::MIN_POSITIVE)
     }
 }
 
@@ -51,7 +54,8 @@ pub struct Agreement {
 
 impl Agreement {
     /// # Panics
-    /// If the mean is off by 3 standard errors, or the blocks together by 4 (channels may be equal and do not count).
+    /// If the mean is off by 3 standard errors, or the blocks together by 4 (channels may be equal
+    /// and do not count).
     pub fn check(&self, what: &str) {
         eprintln!("{what}: z {:+.2}, chi2 {:.2} of {} blocks", self.mean_z, self.chi2, self.blocks);
         assert!(self.mean_z.abs() < 3.0, "{what}: {self:?}");
@@ -69,7 +73,10 @@ fn block_pixels([width, height]: [u32; 2]) -> Vec<Vec<usize>> {
         let rows = y0..(y0 + BLOCK).min(height);
         rows.flat_map(|y| (x0..(x0 + BLOCK).min(width)).map(move |x| y * width + x)).collect()
     };
-    (0..height).step_by(BLOCK).flat_map(|y| (0..width).step_by(BLOCK).map(move |x| block(x, y))).collect()
+    (0..height)
+        .step_by(BLOCK)
+        .flat_map(|y| (0..width).step_by(BLOCK).map(move |x| block(x, y)))
+        .collect()
 }
 
 /// Means of the blocks of a picture with their standard errors, per channel.
@@ -90,7 +97,9 @@ pub fn pixel_z(a: &Film, b: &Film) -> Vec<f64> {
     let estimates = |film: &Film| -> Vec<Estimate> {
         let pixels = colors(&film.image()).into_iter().zip(colors(&film.variance()));
         pixels
-            .flat_map(|(mean, variance)| [0, 1, 2].map(|c| Estimate { mean: mean[c], error: variance[c].sqrt() }))
+            .flat_map(|(mean, variance)| {
+                [0, 1, 2].map(|c| Estimate { mean: mean[c], error: variance[c].sqrt() })
+            })
             .collect()
     };
     estimates(a).iter().zip(estimates(b)).map(|(a, b)| a.z_against(&b)).collect()
@@ -104,7 +113,8 @@ fn agreement(mean_z: [f64; 3], block_z: &[[f64; 3]]) -> Agreement {
 
 /// Compares two independent renders of the same picture.
 pub fn compare(a: &Film, b: &Film) -> Agreement {
-    let against = |(a, b): (&[Estimate; 3], &[Estimate; 3])| [0, 1, 2].map(|c| a[c].z_against(&b[c]));
+    let against =
+        |(a, b): (&[Estimate; 3], &[Estimate; 3])| [0, 1, 2].map(|c| a[c].z_against(&b[c]));
     let block_z: Vec<_> = block_means(a).iter().zip(&block_means(b)).map(against).collect();
     agreement(against((&image_mean(a), &image_mean(b))), &block_z)
 }
@@ -116,7 +126,9 @@ pub fn compare(a: &Film, b: &Film) -> Agreement {
 pub fn compare_exact(film: &Film, expected: &[[f64; 3]]) -> Agreement {
     let pixels = block_pixels(film.crop.size());
     assert_eq!(pixels.iter().map(Vec::len).sum::<usize>(), expected.len());
-    let mean = |pixels: &[usize], c: usize| pixels.iter().map(|&p| expected[p][c]).sum::<f64>() / pixels.len() as f64;
+    let mean = |pixels: &[usize], c: usize| {
+        pixels.iter().map(|&p| expected[p][c]).sum::<f64>() / pixels.len() as f64
+    };
     let block_z: Vec<_> = (block_means(film).iter().zip(&pixels))
         .map(|(block, pixels)| [0, 1, 2].map(|c| block[c].z(mean(pixels, c))))
         .collect();

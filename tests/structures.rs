@@ -1,10 +1,14 @@
-//! Every accelerator, kernel, level, batch size and thread count finds the same hits, bit for bit, in random worlds of mixed
-//! shapes, meshes and instances, in either precision, also when these change.
+//! Every accelerator, kernel, level, batch size and thread count finds the same hits, bit for bit,
+//! in random worlds of mixed shapes, meshes and instances, in either precision, also when these
+//! change.
 //!
-//! `SNELL_RANDOM_WORLDS` sets how many worlds (250 by default; 60 in double precision, 120 that change).
+//! `SNELL_RANDOM_WORLDS` sets how many worlds (250 by default; 60 in double precision, 120 that
+//! change).
 
 use rayon::prelude::*;
-use snell_tests::random_worlds::{Double, Single, Tested, assert_agreement, assert_edits_agree, random_bytes};
+use snell_tests::random_worlds::{
+    Double, Single, Tested, assert_agreement, assert_edits_agree, random_bytes,
+};
 use std::panic::{RefUnwindSafe, catch_unwind};
 
 /// Sizes of batches.
@@ -22,23 +26,31 @@ fn worlds(otherwise: u32) -> u32 {
 ///
 /// # Panics
 /// If there is a world in which answers differ.
-fn looked_at<T: Send>(seeds: &[u32], look: impl Fn(u32, &[u8]) -> T + Sync + RefUnwindSafe) -> Vec<T> {
-    let answers: Vec<_> =
-        seeds.par_iter().map(|&seed| catch_unwind(|| look(seed, &random_bytes(seed, 12_000))).ok()).collect();
-    let differ: Vec<u32> = (0..answers.len()).filter(|&i| answers[i].is_none()).map(|i| seeds[i]).collect();
+fn looked_at<T: Send>(
+    seeds: &[u32],
+    look: impl Fn(u32, &[u8]) -> T + Sync + RefUnwindSafe,
+) -> Vec<T> {
+    let answers: Vec<_> = seeds
+        .par_iter()
+        .map(|&seed| catch_unwind(|| look(seed, &random_bytes(seed, 12_000))).ok())
+        .collect();
+    let differ: Vec<u32> =
+        (0..answers.len()).filter(|&i| answers[i].is_none()).map(|i| seeds[i]).collect();
     assert_eq!(differ, [0; 0], "seeds of worlds where answers differ");
     answers.into_iter().flatten().collect()
 }
 
 /// That enough rays hit something, of pairs of rays and hits.
 fn assert_hits(answers: impl Iterator<Item = (usize, usize)>) {
-    let (worlds, rays, hits) = answers.fold((0, 0, 0), |all, (rays, hits)| (all.0 + 1, all.1 + rays, all.2 + hits));
+    let (worlds, rays, hits) =
+        answers.fold((0, 0, 0), |all, (rays, hits)| (all.0 + 1, all.1 + rays, all.2 + hits));
     println!("{worlds} worlds, {rays} rays, {hits} hit something");
     assert!(hits > rays / 5, "{hits} of {rays}");
 }
 
 fn assert_changed_worlds<P: Tested>(seeds: &[u32]) {
-    let edits = looked_at(seeds, |seed, bytes| assert_edits_agree::<P>(bytes, seed % 2 == 1, 12, &[17]));
+    let edits =
+        looked_at(seeds, |seed, bytes| assert_edits_agree::<P>(bytes, seed % 2 == 1, 12, &[17]));
     assert_hits(edits.iter().map(|e| (e.rays, e.hits)));
     let refitted = edits.iter().map(|e| e.refitted).sum::<usize>();
     println!("{refitted} refitted");
@@ -48,7 +60,8 @@ fn assert_changed_worlds<P: Tested>(seeds: &[u32]) {
 #[test]
 fn random_worlds_give_the_same_hits_in_every_way() {
     let worlds = worlds(250);
-    let seeds: Vec<u32> = (0..worlds).chain(ONCE_WRONG.into_iter().filter(|&seed| seed >= worlds)).collect();
+    let seeds: Vec<u32> =
+        (0..worlds).chain(ONCE_WRONG.into_iter().filter(|&seed| seed >= worlds)).collect();
     let rays = |seed| if ONCE_WRONG.contains(&seed) { 40 } else { 20 };
     let look = |seed, bytes: &[u8]| assert_agreement::<Single>(bytes, false, rays(seed), &BATCHES);
     assert_hits(looked_at(&seeds, look).into_iter());
@@ -57,7 +70,8 @@ fn random_worlds_give_the_same_hits_in_every_way() {
 #[test]
 fn random_worlds_in_double_precision_give_the_same_hits_in_every_way() {
     let seeds: Vec<u32> = (0..worlds(60)).collect();
-    let look = |seed, bytes: &[u8]| assert_agreement::<Double>(bytes, seed % 2 == 1, 24, &[1, 17, 4096]);
+    let look =
+        |seed, bytes: &[u8]| assert_agreement::<Double>(bytes, seed % 2 == 1, 24, &[1, 17, 4096]);
     assert_hits(looked_at(&seeds, look).into_iter());
 }
 
@@ -68,7 +82,8 @@ fn random_worlds_that_change_are_as_if_built_from_nothing() {
     assert_changed_worlds::<Double>(&seeds);
 }
 
-/// What a fuzzer found: two crossings of one segment of a curve that are equally far once they are rounded, of which the second has the lower `uv`.
+/// What a fuzzer found: two crossings of one segment of a curve that are equally far once they are
+/// rounded, of which the second has the lower `uv`.
 #[test]
 fn the_first_of_two_crossings_that_are_equally_far_is_the_closest() {
     let bytes = b"\xb8\x9cXTX\x9c\xffXTXXXXU\x04UU\xff\xffUTU\x9cUUU\xff\xff";

@@ -1,5 +1,5 @@
-//! Whatever world and rays the bytes describe: every accelerator, level, batch size and grouping gives the same answers, in either
-//! precision, also when the world changes.
+//! Whatever world and rays the bytes describe: every accelerator, level, batch size and grouping
+//! gives the same answers, in either precision, also when the world changes.
 
 #![no_main]
 

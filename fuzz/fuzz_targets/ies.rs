@@ -1,4 +1,5 @@
-//! Whatever the bytes are, reading them as a file of luminous intensities ends in a scene without cycles or in an error.
+//! Whatever the bytes are, reading them as a file of luminous intensities ends in a scene without
+//! cycles or in an error.
 
 #![no_main]
 
@@ -6,5 +7,6 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| snell_fuzz::read_beside("fuzz.gltf", 
 
 /// The scene that names the file.
 const SCENE: &str = "{\"asset\": {\"version\": \"2.0\"}, \"extensions\":\
-    {\"EXT_lights_ies\": {\"lights\": [{\"uri\": \"fuzz.ies\"}]}}, \"scene\": 0, \"scenes\": [{\"nodes\": [0]}],\
+    {\"EXT_lights_ies\": {\"lights\": [{\"uri\": \"fuzz.ies\"}]}}, \"scene\": 0, \"scenes\": \
+    [{\"nodes\": [0]}],\
     \"nodes\": [{\"extensions\": {\"EXT_lights_ies\": {\"light\": 0}}}]}";

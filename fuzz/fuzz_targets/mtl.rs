@@ -1,4 +1,5 @@
-//! Whatever the bytes are, reading them as the material file of a mesh ends in a scene without cycles or in an error.
+//! Whatever the bytes are, reading them as the material file of a mesh ends in a scene without
+//! cycles or in an error.
 
 #![no_main]
 

@@ -1,4 +1,5 @@
-//! Whatever the bytes are, reading them as a pbrt scene ends in a scene without cycles or in an error with a place.
+//! Whatever the bytes are, reading them as a pbrt scene ends in a scene without cycles or in an
+//! error with a place.
 
 #![no_main]
 

@@ -1,4 +1,5 @@
-//! Whatever the bytes are, reading them as a portable float map ends in finite pixels or in an error.
+//! Whatever the bytes are, reading them as a portable float map ends in finite pixels or in an
+//! error.
 
 #![no_main]
 

@@ -1,4 +1,5 @@
-//! Whatever scene the bytes describe, as a scene of Snell: compiling and rendering it ends in finite pixels or in an error.
+//! Whatever scene the bytes describe, as a scene of Snell: compiling and rendering it ends in
+//! finite pixels or in an error.
 
 #![no_main]
 

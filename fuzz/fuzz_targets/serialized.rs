@@ -1,4 +1,5 @@
-//! Whatever the bytes are, reading them as a serialized mesh of Mitsuba ends in a scene without cycles or in an error.
+//! Whatever the bytes are, reading them as a serialized mesh of Mitsuba ends in a scene without
+//! cycles or in an error.
 
 #![no_main]
 
@@ -6,4 +7,5 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| snell_fuzz::read_beside("fuzz.xml", S
 
 /// The scene that names the file.
 const SCENE: &str = "<scene version=\"3.0.0\">\
-    <shape type=\"serialized\"><string name=\"filename\" value=\"fuzz.serialized\"/></shape></scene>";
+    <shape type=\"serialized\"><string name=\"filename\" \
+    value=\"fuzz.serialized\"/></shape></scene>";

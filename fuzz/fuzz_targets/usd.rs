@@ -1,5 +1,6 @@
-//! Whatever the child that reads USD prints, reading it as the scene that it hands over ends in a scene without cycles or in an error
-//! with a place. As `snell`, but the name of the file does not say the format.
+//! Whatever the child that reads USD prints, reading it as the scene that it hands over ends in a
+//! scene without cycles or in an error with a place. As `snell`, but the name of the file does not
+//! say the format.
 
 #![no_main]
 

@@ -21,8 +21,8 @@ fn options() -> ReadOptions {
     ReadOptions { limits, ..ReadOptions::default() }
 }
 
-/// Reads bytes under the name of a file and asserts that they end in a scene without cycles or in an error that says where, what and
-/// what to do. Returns the scene.
+/// Reads bytes under the name of a file and asserts that they end in a scene without cycles or in
+/// an error that says where, what and what to do. Returns the scene.
 pub fn read(name: &str, bytes: Vec<u8>, places: Places) -> Option<Scene> {
     checked(read_scene_bytes(name, bytes, Path::new("/nonexistent"), &options()), places)
 }
@@ -54,7 +54,8 @@ fn checked(read: Result<Scene, ReadError>, places: Places) -> Option<Scene> {
     }
 }
 
-/// Reads bytes under the name of an image and asserts that they end in finite pixels, as many as it says, or in an error.
+/// Reads bytes under the name of an image and asserts that they end in finite pixels, as many as it
+/// says, or in an error.
 pub fn read_image(name: &str, bytes: Vec<u8>) {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
@@ -81,8 +82,9 @@ pub fn read_image(name: &str, bytes: Vec<u8>) {
     }
 }
 
-/// The target `fuzz_target!` of a reader: the name of the file says the format, and `before` and `after` stand around the bytes, so
-/// that they are always taken for it; not around whole files, which hold what `before` says themselves.
+/// The target `fuzz_target!` of a reader: the name of the file says the format, and `before` and
+/// `after` stand around the bytes, so that they are always taken for it; not around whole files,
+/// which hold what `before` says themselves.
 #[macro_export]
 macro_rules! reader_target {
     ($name:literal, $places:ident, $before:literal, $after:literal) => {

@@ -5,14 +5,21 @@ use snell_intersect::accel::{AcceleratorKind, AcceleratorOptions};
 use snell_intersect::{BuildOptions, Grouping, Hit, Quality, Rays};
 use snell_math::simd::Level;
 
-/// Builds the world that the bytes describe with every accelerator, switched in every way, at every level, and asserts that all answers
-/// to the rays that follow (`rays` of them, and as many aimed at triangles) are those of testing everything, bit for bit: closest, any and
-/// all, one ray at a time and in batches of `batches`, on one thread and on several, and how many hits there are. A crowded world has a
-/// mesh of many triangles besides. Returns how many rays there were, and how many of them hit.
+/// Builds the world that the bytes describe with every accelerator, switched in every way, at every
+/// level, and asserts that all answers to the rays that follow (`rays` of them, and as many aimed
+/// at triangles) are those of testing everything, bit for bit: closest, any and all, one ray at a
+/// time and in batches of `batches`, on one thread and on several, and how many hits there are. A
+/// crowded world has a mesh of many triangles besides. Returns how many rays there were, and how
+/// many of them hit.
 ///
 /// # Panics
 /// If two answers differ.
-pub fn assert_agreement<P: Tested>(bytes: &[u8], is_crowded: bool, rays: usize, batches: &[usize]) -> (usize, usize) {
+pub fn assert_agreement<P: Tested>(
+    bytes: &[u8],
+    is_crowded: bool,
+    rays: usize,
+    batches: &[usize],
+) -> (usize, usize) {
     let mut source = Source::new(bytes);
     let world = described::<P>(&mut source, bytes, is_crowded);
     let Ok(oracle) = P::build(&world.builder, &oracle_options()) else { return (0, 0) };
@@ -21,24 +28,32 @@ pub fn assert_agreement<P: Tested>(bytes: &[u8], is_crowded: bool, rays: usize, 
     for simd in levels() {
         for (name, options) in ways(simd, is_crowded) {
             let name = format!("{name}, {simd}");
-            let world = P::build(&world.builder, &options).unwrap_or_else(|e| panic!("{name}: {e}"));
+            let world =
+                P::build(&world.builder, &options).unwrap_or_else(|e| panic!("{name}: {e}"));
             asked.assert_answers(&world, &name, &expected, batches);
         }
     }
     (expected.len(), expected.iter().filter(|hits| !hits.is_empty()).count())
 }
 
-/// Changes the world that the bytes describe, as they say further on, and asserts that building it from the world before gives
-/// all that building it from nothing gives: again and again, with every accelerator, switched in every way.
+/// Changes the world that the bytes describe, as they say further on, and asserts that building it
+/// from the world before gives all that building it from nothing gives: again and again, with every
+/// accelerator, switched in every way.
 ///
 /// # Panics
 /// If two answers differ.
-pub fn assert_edits_agree<P: Tested>(bytes: &[u8], is_crowded: bool, rays: usize, batches: &[usize]) -> Edits {
+pub fn assert_edits_agree<P: Tested>(
+    bytes: &[u8],
+    is_crowded: bool,
+    rays: usize,
+    batches: &[usize],
+) -> Edits {
     let mut source = Source::new(bytes);
     let mut world = described::<P>(&mut source, bytes, is_crowded);
     let asked = Asked::<P>::new(&mut source, &world, rays);
     let ways = ways(Level::best(), is_crowded);
-    let mut last: Vec<_> = ways.iter().map(|(_, options)| P::build(&world.builder, options).ok()).collect();
+    let mut last: Vec<_> =
+        ways.iter().map(|(_, options)| P::build(&world.builder, options).ok()).collect();
     let mut edits = Edits::default();
     for edit in 1..=3 {
         source.edit(&mut world);
@@ -47,7 +62,8 @@ pub fn assert_edits_agree<P: Tested>(bytes: &[u8], is_crowded: bool, rays: usize
         for ((name, options), last) in ways.iter().zip(&mut last) {
             let Some(before) = last else { continue };
             let name = format!("{name}, edit {edit}");
-            let after = P::rebuild(&world.builder, options, before).unwrap_or_else(|e| panic!("{name}: {e}"));
+            let after = P::rebuild(&world.builder, options, before)
+                .unwrap_or_else(|e| panic!("{name}: {e}"));
             edits.refitted += P::refitted(&after);
             asked.assert_answers(&after, &name, &expected, batches);
             *last = Some(after);
@@ -69,7 +85,8 @@ pub struct Edits {
     pub refitted: usize,
 }
 
-/// The world that the bytes describe. Half of them also have sets and motion, which are read from the end.
+/// The world that the bytes describe. Half of them also have sets and motion, which are read from
+/// the end.
 fn described<P: Tested>(source: &mut Source, bytes: &[u8], is_crowded: bool) -> Collected<P> {
     let mut world = source.collected();
     let reversed: Vec<u8> = bytes.iter().rev().copied().collect();
@@ -88,16 +105,22 @@ fn levels() -> impl Iterator<Item = Level> {
 }
 
 fn oracle_options() -> BuildOptions {
-    BuildOptions { accelerator: AcceleratorKind::None, simd: Level::Scalar, ..BuildOptions::default() }
+    BuildOptions {
+        accelerator: AcceleratorKind::None,
+        simd: Level::Scalar,
+        ..BuildOptions::default()
+    }
 }
 
 /// All ways to build, and what they are called; in crowded worlds without those that take long.
 fn ways(simd: Level, is_crowded: bool) -> Vec<(String, BuildOptions)> {
     let plain = |accelerator| BuildOptions { accelerator, simd, ..BuildOptions::default() };
     let mut ways = Vec::new();
-    let is_slow =
-        |kind: &AcceleratorKind| matches!(kind, AcceleratorKind::None | AcceleratorKind::Graph | AcceleratorKind::Bsp);
-    for accelerator in AcceleratorKind::ALL.into_iter().filter(|kind| !is_crowded || !is_slow(kind)) {
+    let is_slow = |kind: &AcceleratorKind| {
+        matches!(kind, AcceleratorKind::None | AcceleratorKind::Graph | AcceleratorKind::Bsp)
+    };
+    for accelerator in AcceleratorKind::ALL.into_iter().filter(|kind| !is_crowded || !is_slow(kind))
+    {
         ways.push((accelerator.name().to_owned(), plain(accelerator)));
         if !matches!(accelerator, AcceleratorKind::None | AcceleratorKind::Bvh) {
             let accelerator_options = AcceleratorOptions {
@@ -130,7 +153,11 @@ impl<P: Tested> Asked<P> {
     fn new(source: &mut Source, world: &Collected<P>, count: usize) -> Self {
         let mut asked = Self { rays: Vec::new(), masks: Vec::new(), times: Vec::new() };
         for i in 0..2 * count {
-            let ray = if i < count { P::ray(&source.ray(), world.place) } else { source.aimed_ray(world) };
+            let ray = if i < count {
+                P::ray(&source.ray(), world.place)
+            } else {
+                source.aimed_ray(world)
+            };
             asked.rays.push(ray);
             asked.masks.push(source.mask());
             asked.times.push([0.0, 1.0, 0.3, f32::NAN, 0.5, -1.0, 0.77][i % 7]);
@@ -147,13 +174,24 @@ impl<P: Tested> Asked<P> {
         let answer = |i: usize| {
             let query = self.queries().get(i);
             let (all, closest) = (P::all_one(oracle, query), P::closest_one(oracle, query));
-            assert_eq!(P::bits(&closest), P::bits(&first::<P>(&all)), "closest and all: {:?}", self.rays[i]);
+            assert_eq!(
+                P::bits(&closest),
+                P::bits(&first::<P>(&all)),
+                "closest and all: {:?}",
+                self.rays[i]
+            );
             all
         };
         (0..self.rays.len()).map(answer).collect()
     }
 
-    fn assert_answers(&self, world: &P::World, name: &str, expected: &[Vec<P::Hit>], batches: &[usize]) {
+    fn assert_answers(
+        &self,
+        world: &P::World,
+        name: &str,
+        expected: &[Vec<P::Hit>],
+        batches: &[usize],
+    ) {
         for (i, expected) in expected.iter().enumerate() {
             let (query, ray) = (self.queries().get(i), &self.rays[i]);
             let found = P::all_one(world, query);
@@ -164,7 +202,11 @@ impl<P: Tested> Asked<P> {
             let same = missed.is_empty() && wrong.is_empty() && found.len() == expected.len();
             assert!(same, "{name}, all: {ray:?} misses {missed:?} and wrongly finds {wrong:?}");
             let closest = P::closest_one(world, query);
-            assert_eq!(P::bits(&closest), P::bits(&first::<P>(expected)), "{name}, closest: {ray:?}");
+            assert_eq!(
+                P::bits(&closest),
+                P::bits(&first::<P>(expected)),
+                "{name}, closest: {ray:?}"
+            );
             assert_eq!(P::occluded_one(world, query), !expected.is_empty(), "{name}, any: {ray:?}");
         }
         for &batch in batches {
@@ -202,5 +244,12 @@ fn first<P: Tested>(all: &[P::Hit]) -> P::Hit {
 
 /// All that a hit says, for comparisons bit by bit.
 pub fn bits(hit: &Hit) -> [u32; 6] {
-    [hit.t.to_bits(), hit.uv.x.to_bits(), hit.uv.y.to_bits(), hit.instance, hit.geometry, hit.primitive]
+    [
+        hit.t.to_bits(),
+        hit.uv.x.to_bits(),
+        hit.uv.y.to_bits(),
+        hit.instance,
+        hit.geometry,
+        hit.primitive,
+    ]
 }

@@ -2,9 +2,9 @@
 
 use snell_intersect::shape::AnyShape;
 use snell_intersect::{
-    AcceptAll, BuildOptions, DHit, DTriangleMesh, DWorld, DWorldBuilder, Double, EditError, Geometry, GeometryId,
-    GroupId, Grouping, Hit, Instance, InstanceId, MovingMesh, Precision, PrimitiveSet, QuadMesh, RayQuery, Rays,
-    Single, TriangleMesh, World, WorldBuilder, WorldError,
+    AcceptAll, BuildOptions, DHit, DTriangleMesh, DWorld, DWorldBuilder, Double, EditError,
+    Geometry, GeometryId, GroupId, Grouping, Hit, Instance, InstanceId, MovingMesh, Precision,
+    PrimitiveSet, QuadMesh, RayQuery, Rays, Single, TriangleMesh, World, WorldBuilder, WorldError,
 };
 use snell_math::{DRay, DVec3, Ray, Transform, Vec3};
 use std::sync::Arc;
@@ -29,7 +29,13 @@ pub trait Tested: Precision {
     fn ray(ray: &Ray, place: DVec3) -> Self::Ray;
 
     /// A ray from a point to one of a triangle of a mesh in the root group, by its barycentrics.
-    fn ray_to(mesh: &TriangleMesh, triangle: [u32; 3], barycentrics: [f64; 3], from: Vec3, place: DVec3) -> Self::Ray;
+    fn ray_to(
+        mesh: &TriangleMesh,
+        triangle: [u32; 3],
+        barycentrics: [f64; 3],
+        from: Vec3,
+        place: DVec3,
+    ) -> Self::Ray;
 
     /// [`WorldBuilder::add_group`].
     fn add_group(builder: &mut Self::Builder) -> GroupId;
@@ -38,7 +44,11 @@ pub trait Tested: Precision {
     fn add_mesh(builder: &mut Self::Builder, group: GroupId, mesh: Arc<Self::Mesh>) -> GeometryId;
 
     /// Puts another mesh in the place of one.
-    fn set_mesh(builder: &mut Self::Builder, id: GeometryId, mesh: Arc<Self::Mesh>) -> Result<(), EditError>;
+    fn set_mesh(
+        builder: &mut Self::Builder,
+        id: GeometryId,
+        mesh: Arc<Self::Mesh>,
+    ) -> Result<(), EditError>;
 
     /// [`WorldBuilder::add_quads`], if there are any in this precision.
     fn add_quads(_builder: &mut Self::Builder, _group: GroupId, _quads: QuadMesh) {}
@@ -47,10 +57,19 @@ pub trait Tested: Precision {
     fn add_moving_mesh(_builder: &mut Self::Builder, _group: GroupId, _mesh: MovingMesh) {}
 
     /// [`WorldBuilder::add_shape`].
-    fn add_shape(builder: &mut Self::Builder, group: GroupId, shape: AnyShape, placed: Transform) -> GeometryId;
+    fn add_shape(
+        builder: &mut Self::Builder,
+        group: GroupId,
+        shape: AnyShape,
+        placed: Transform,
+    ) -> GeometryId;
 
     /// [`WorldBuilder::add_set`].
-    fn add_set(builder: &mut Self::Builder, group: GroupId, set: Arc<dyn PrimitiveSet>) -> GeometryId;
+    fn add_set(
+        builder: &mut Self::Builder,
+        group: GroupId,
+        set: Arc<dyn PrimitiveSet>,
+    ) -> GeometryId;
 
     /// [`WorldBuilder::add`].
     fn add(builder: &mut Self::Builder, group: GroupId, instance: Instance) -> InstanceId;
@@ -71,7 +90,11 @@ pub trait Tested: Precision {
     fn build(builder: &Self::Builder, options: &BuildOptions) -> Result<Self::World, WorldError>;
 
     /// [`WorldBuilder::rebuild`].
-    fn rebuild(builder: &Self::Builder, options: &BuildOptions, last: &Self::World) -> Result<Self::World, WorldError>;
+    fn rebuild(
+        builder: &Self::Builder,
+        options: &BuildOptions,
+        last: &Self::World,
+    ) -> Result<Self::World, WorldError>;
 
     /// How many trees were refitted for it.
     fn refitted(world: &Self::World) -> usize;
@@ -118,11 +141,20 @@ macro_rules! alike {
             builder.add_mesh(group, mesh)
         }
 
-        fn add_shape(builder: &mut $builder, group: GroupId, shape: AnyShape, placed: Transform) -> GeometryId {
+        fn add_shape(
+            builder: &mut $builder,
+            group: GroupId,
+            shape: AnyShape,
+            placed: Transform,
+        ) -> GeometryId {
             builder.add_shape(group, Arc::new(shape), placed)
         }
 
-        fn add_set(builder: &mut $builder, group: GroupId, set: Arc<dyn PrimitiveSet>) -> GeometryId {
+        fn add_set(
+            builder: &mut $builder,
+            group: GroupId,
+            set: Arc<dyn PrimitiveSet>,
+        ) -> GeometryId {
             builder.add_set(group, set)
         }
 
@@ -150,7 +182,11 @@ macro_rules! alike {
             builder.clone().build(options)
         }
 
-        fn rebuild(builder: &$builder, options: &BuildOptions, last: &$world) -> Result<$world, WorldError> {
+        fn rebuild(
+            builder: &$builder,
+            options: &BuildOptions,
+            last: &$world,
+        ) -> Result<$world, WorldError> {
             builder.rebuild(options, last)
         }
 
@@ -196,12 +232,22 @@ impl Tested for Single {
         *ray
     }
 
-    fn ray_to(mesh: &TriangleMesh, triangle: [u32; 3], barycentrics: [f64; 3], from: Vec3, _: DVec3) -> Ray {
+    fn ray_to(
+        mesh: &TriangleMesh,
+        triangle: [u32; 3],
+        barycentrics: [f64; 3],
+        from: Vec3,
+        _: DVec3,
+    ) -> Ray {
         let corners = triangle.map(|i| mesh.positions[i as usize].as_dvec3());
         Ray::new(from, weighted(corners, barycentrics).as_vec3() - from)
     }
 
-    fn set_mesh(builder: &mut WorldBuilder, id: GeometryId, mesh: Arc<TriangleMesh>) -> Result<(), EditError> {
+    fn set_mesh(
+        builder: &mut WorldBuilder,
+        id: GeometryId,
+        mesh: Arc<TriangleMesh>,
+    ) -> Result<(), EditError> {
         builder.replace(id, Geometry::Mesh(mesh))
     }
 
@@ -237,13 +283,23 @@ impl Tested for Double {
         DRay { origin: ray.origin * FINE + place, ..ray }
     }
 
-    fn ray_to(mesh: &TriangleMesh, triangle: [u32; 3], barycentrics: [f64; 3], from: Vec3, place: DVec3) -> DRay {
+    fn ray_to(
+        mesh: &TriangleMesh,
+        triangle: [u32; 3],
+        barycentrics: [f64; 3],
+        from: Vec3,
+        place: DVec3,
+    ) -> DRay {
         let corners = triangle.map(|i| mesh.positions[i as usize].as_dvec3() * FINE + place);
         let from = from.as_dvec3() * FINE + place;
         DRay::new(from, weighted(corners, barycentrics) - from)
     }
 
-    fn set_mesh(builder: &mut DWorldBuilder, id: GeometryId, mesh: Arc<DTriangleMesh>) -> Result<(), EditError> {
+    fn set_mesh(
+        builder: &mut DWorldBuilder,
+        id: GeometryId,
+        mesh: Arc<DTriangleMesh>,
+    ) -> Result<(), EditError> {
         builder.set_mesh(id, mesh)
     }
 

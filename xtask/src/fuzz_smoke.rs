@@ -1,9 +1,11 @@
-//! The mutation fuzzer of the command line, which is a test of `crates/cli/tests/hostile/`, run for longer.
+//! The mutation fuzzer of the command line, which is a test of `crates/cli/tests/hostile/`, run for
+//! longer.
 
 use super::{cargo, run};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-const HELP: &str = "cargo xtask fuzz-smoke [--seconds N] [--seed N] [--only render|commands] [--release]
+const HELP: &str =
+    "cargo xtask fuzz-smoke [--seconds N] [--seed N] [--only render|commands] [--release]
 
   --seconds  how long; 120 if not given
   --seed     of the random changes; if not given, every day another
@@ -32,7 +34,9 @@ pub fn fuzz_smoke(mut options: impl Iterator<Item = String>) -> bool {
         };
         *value = options.next().unwrap_or_default();
     }
-    if is_release && !run("the build", cargo(&["build", "--release", "--quiet", "--package", "snell"])) {
+    if is_release
+        && !run("the build", cargo(&["build", "--release", "--quiet", "--package", "snell"]))
+    {
         return false;
     }
     // The targets of libFuzzer are a workspace of their own, which nothing else compiles.
@@ -43,9 +47,19 @@ pub fn fuzz_smoke(mut options: impl Iterator<Item = String>) -> bool {
     }
     // As `test` builds it, so that nothing is built twice.
     let test = "smoke::whatever_the_files_are_the_program_keeps_its_promises";
-    let mut command =
-        cargo(&["test", "--quiet", "--workspace", "--test", "hostile", "--", "--exact", test, "--nocapture"]);
-    let variables = [("SNELL_FUZZ_SECONDS", &seconds), ("SNELL_FUZZ_SEED", &seed), ("SNELL_FUZZ_ONLY", &only)];
+    let mut command = cargo(&[
+        "test",
+        "--quiet",
+        "--workspace",
+        "--test",
+        "hostile",
+        "--",
+        "--exact",
+        test,
+        "--nocapture",
+    ]);
+    let variables =
+        [("SNELL_FUZZ_SECONDS", &seconds), ("SNELL_FUZZ_SEED", &seed), ("SNELL_FUZZ_ONLY", &only)];
     command.envs(variables);
     if is_release {
         let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or("target".into());

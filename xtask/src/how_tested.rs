@@ -1,4 +1,5 @@
-//! The page *How it is tested*: its words are written by hand, its figures are counted in the tree, between two marks.
+//! The page *How it is tested*: its words are written by hand, its figures are counted in the tree,
+//! between two marks.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,14 +13,16 @@ const TOLERANCE: f64 = 0.1;
 /// Writes the figures into the page.
 pub fn write() -> std::io::Result<()> {
     let page = fs::read_to_string(PAGE)?;
-    let (before, _, after) = parts(&page).ok_or_else(|| std::io::Error::other(format!("{PAGE} has lost its marks")))?;
+    let (before, _, after) =
+        parts(&page).ok_or_else(|| std::io::Error::other(format!("{PAGE} has lost its marks")))?;
     fs::write(PAGE, format!("{before}{START}{}{END}{after}", figures()?))
 }
 
 /// True if the figures of the page are those of the tree, nearly.
 pub fn check() -> std::io::Result<bool> {
     let page = fs::read_to_string(PAGE)?;
-    let is_current = parts(&page).is_some_and(|(_, written, _)| figures().is_ok_and(|now| are_near(written, &now)));
+    let is_current = parts(&page)
+        .is_some_and(|(_, written, _)| figures().is_ok_and(|now| are_near(written, &now)));
     if !is_current {
         eprintln!("xtask: the figures of {PAGE} are out of date: run cargo xtask how-tested");
     }
@@ -53,7 +56,11 @@ fn figures() -> std::io::Result<String> {
         let count = Count::of_rust(&folder)?;
         (code, tests) = (code + count.code, tests + count.lines);
         let [code, lines] = [count.code, count.lines].map(rounded);
-        rows.push(format!("| `{}` | {} | {code} | {lines} |", folder.display(), rounded(count.tests)));
+        rows.push(format!(
+            "| `{}` | {} | {code} | {lines} |",
+            folder.display(),
+            rounded(count.tests)
+        ));
     }
     let [python, web] = [("python/tests", "py", "def test_"), ("web/tests", "", "test(")];
     for (folder, extension, start) in [python, web] {
@@ -71,9 +78,12 @@ fn figures() -> std::io::Result<String> {
         "| where | tests | lines of code | lines of tests |\n|---|---|---|---|\n{}\n\n\
          * {code} lines of Rust, without tests, comments and blank lines; {tests} lines of tests.\n\
          * {golden} golden pictures in `tests/golden/`.\n\
-         * {targets} fuzz targets in `fuzz/fuzz_targets/`; {executions} million executions are on record.\n\
-         * {found} files that once broke a promise, or are of such a kind, in `crates/cli/tests/hostile/found/`.\n\
-         * {promises} promises in [the table](../ARCHITECTURE.md#6-promises), shown by {shown} tests that are named there.\n",
+         * {targets} fuzz targets in `fuzz/fuzz_targets/`; {executions} million executions are on \
+         record.\n\
+         * {found} files that once broke a promise, or are of such a kind, in \
+         `crates/cli/tests/hostile/found/`.\n\
+         * {promises} promises in [the table](../ARCHITECTURE.md#6-promises), shown by {shown} \
+         tests that are named there.\n",
         rows.join("\n")
     ))
 }
@@ -101,10 +111,15 @@ impl Count {
         let mut count = Self::default();
         for path in files(folder, "rs")? {
             let text = fs::read_to_string(&path)?;
-            let is_test = |part: &str| part == "tests" || part == "tests.rs" || part == "testing.rs";
+            let is_test =
+                |part: &str| part == "tests" || part == "tests.rs" || part == "testing.rs";
             let mut in_tests = path.iter().any(|part| is_test(&part.to_string_lossy()));
             let mut is_marked = false;
-            for line in text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with("//")) {
+            for line in text
+                .lines()
+                .map(str::trim)
+                .filter(|line| !line.is_empty() && !line.starts_with("//"))
+            {
                 // The tests of a file stand at its end, in a module.
                 in_tests |= is_marked && line.starts_with("mod ") && line.ends_with('{');
                 is_marked = line == "#[cfg(test)]";
@@ -145,7 +160,8 @@ fn files(folder: &Path, extension: &str) -> std::io::Result<Vec<PathBuf>> {
 /// The promises of the map of the code, and how many different tests it names for them.
 fn promises() -> std::io::Result<(usize, usize)> {
     let text = fs::read_to_string("ARCHITECTURE.md")?;
-    let section = text.split("\n## ").find(|section| section.starts_with("6. Promises")).unwrap_or_default();
+    let section =
+        text.split("\n## ").find(|section| section.starts_with("6. Promises")).unwrap_or_default();
     let rows: Vec<_> = section.lines().filter(|line| line.starts_with("| ")).skip(1).collect();
     let mut names: Vec<_> = rows.iter().flat_map(|row| row.split('`').skip(1).step_by(2)).collect();
     names.retain(|name| name.matches('_').count() >= 3);

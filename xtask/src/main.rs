@@ -1,4 +1,5 @@
-//! The words that developers and CI use: `cargo xtask test` and friends. No dependencies, so that it starts at once.
+//! The words that developers and CI use: `cargo xtask test` and friends. No dependencies, so that
+//! it starts at once.
 
 mod fuzz_smoke;
 mod how_tested;
@@ -19,10 +20,13 @@ const HELP: &str = "cargo xtask COMMAND
   lint   formatting, clippy and documentation, warnings as errors
   fmt    format everything
   docs   build the API documentation
-  sanitize [address|miri]  tests of the code that is not safe Rust, under AddressSanitizer and Miri; needs a nightly Rust
-  fuzz-smoke  give damaged files to the program, for two minutes or --seconds N; --seed N, --only render|commands, --release
+  sanitize [address|miri]  tests of the code that is not safe Rust, under AddressSanitizer and \
+  Miri; needs a nightly Rust
+  fuzz-smoke  give damaged files to the program, for two minutes or --seconds N; --seed N, --only \
+  render|commands, --release
   how-tested  write the figures of docs/how-it-is-tested.md; lint says when they are out of date
-  golden make the pictures of golden scenes that changed the new references; look at them before you commit
+  golden make the pictures of golden scenes that changed the new references; look at them before \
+  you commit
 ";
 
 fn main() -> ExitCode {
@@ -38,7 +42,9 @@ fn main() -> ExitCode {
         "golden" => golden(),
         "sanitize" => sanitize::run(std::env::args().nth(2).as_deref()),
         "fuzz-smoke" => fuzz_smoke::fuzz_smoke(std::env::args().skip(2)),
-        "how-tested" => how_tested::write().inspect_err(|error| eprintln!("xtask: {error}")).is_ok(),
+        "how-tested" => {
+            how_tested::write().inspect_err(|error| eprintln!("xtask: {error}")).is_ok()
+        }
         _ => {
             eprint!("{HELP}");
             return ExitCode::from(2);
@@ -47,15 +53,18 @@ fn main() -> ExitCode {
     if succeeded { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Cargo; not incremental if `CARGO_INCREMENTAL` does not say so, because then all is compiled sooner and runs faster.
+/// Cargo; not incremental if `CARGO_INCREMENTAL` does not say so, because then all is compiled
+/// sooner and runs faster.
 fn cargo(arguments: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    command.args(arguments).env("CARGO_INCREMENTAL", std::env::var_os("CARGO_INCREMENTAL").unwrap_or("0".into()));
+    command
+        .args(arguments)
+        .env("CARGO_INCREMENTAL", std::env::var_os("CARGO_INCREMENTAL").unwrap_or("0".into()));
     command
 }
 
-/// Builds targets of the workspace out of what its tests are built of. With a test, here a small one, because only then dependencies have the
-/// features that tests want.
+/// Builds targets of the workspace out of what its tests are built of. With a test, here a small
+/// one, because only then dependencies have the features that tests want.
 fn build_as_tested(targets: &[&str]) -> Command {
     let mut command = cargo(&["build", "--quiet", "--workspace", "--test", "planted"]);
     command.args(targets);
@@ -82,7 +91,11 @@ fn run_quietly(what: &str, mut command: Command) -> bool {
     match command.output() {
         Ok(output) if output.status.success() => true,
         Ok(output) => {
-            eprintln!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+            eprintln!(
+                "{}{}",
+                String::from_utf8_lossy(&output.stdout),
+                String::from_utf8_lossy(&output.stderr)
+            );
             eprintln!("xtask: {what} failed ({})", output.status);
             false
         }
@@ -98,23 +111,34 @@ fn lint() -> bool {
     documentation.env("RUSTDOCFLAGS", "-D warnings");
     let steps = [
         ("format check", cargo(&["fmt", "--all", "--check"])),
-        ("clippy", cargo(&["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"])),
+        (
+            "clippy",
+            cargo(&["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"]),
+        ),
         ("documentation", documentation),
     ];
     // Every step runs, so that one look shows all there is to mend.
-    let failed = steps.into_iter().filter_map(|(what, command)| (!run(what, command)).then_some(what)).count();
-    let is_page_current = how_tested::check().inspect_err(|error| eprintln!("xtask: {error}")).unwrap_or(false);
+    let failed = steps
+        .into_iter()
+        .filter_map(|(what, command)| (!run(what, command)).then_some(what))
+        .count();
+    let is_page_current =
+        how_tested::check().inspect_err(|error| eprintln!("xtask: {error}")).unwrap_or(false);
     failed == 0 && is_page_current
 }
 
 /// The pictures of `tests/golden/` that are not as they were become the references.
 fn golden() -> bool {
-    let arguments = ["test", "--package", "snell-tests", "golden::every_golden", "--", "--nocapture"];
+    let arguments =
+        ["test", "--package", "snell-tests", "golden::every_golden", "--", "--nocapture"];
     let mut command = cargo(&arguments);
     command.env("SNELL_GOLDEN", "accept");
     let succeeded = run("golden", command);
     if succeeded {
-        println!("Each picture written is named above, and in `git status`. None was written if all are as they were.");
+        println!(
+            "Each picture written is named above, and in `git status`. None was written if all are \
+                as they were."
+        );
     }
     succeeded
 }
@@ -173,12 +197,13 @@ fn counted(mut command: Command, counts: &mut Counts) -> bool {
     }
 }
 
-/// All tests: units, properties, documentation examples, the command line run as users run it, the Python package, and the page of
-/// the viewer in a browser.
+/// All tests: units, properties, documentation examples, the command line run as users run it, the
+/// Python package, and the page of the viewer in a browser.
 fn test() -> bool {
     let start = Instant::now();
     let mut counts = Counts::default();
-    // Without a word for the choice, the programs that measure would be built as well; `lint` compiles them.
+    // Without a word for the choice, the programs that measure would be built as well; `lint`
+    // compiles them.
     let succeeded = ["--tests", "--doc"].map(|which| cargo_test(which, &mut counts)) == [true; 2];
     let python = python::test();
     let web = web::test();
@@ -189,12 +214,16 @@ fn test() -> bool {
     match python {
         Some(true) => println!("the tests of the Python package passed"),
         Some(false) => println!("the tests of the Python package failed"),
-        None => println!("the tests of the Python package were skipped: there is no Python for them"),
+        None => {
+            println!("the tests of the Python package were skipped: there is no Python for them")
+        }
     }
     match web {
         Some(true) => println!("the tests of the viewer's page passed"),
         Some(false) => println!("the tests of the viewer's page failed"),
-        None => println!("the tests of the viewer's page were skipped: there is no Node.js for them"),
+        None => {
+            println!("the tests of the viewer's page were skipped: there is no Node.js for them")
+        }
     }
     if !succeeded {
         println!("FAILED");

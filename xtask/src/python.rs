@@ -9,17 +9,21 @@ const REQUIREMENTS: &str = "python/requirements-test.txt";
 
 /// Has the environment import the package from `python/`.
 const LINK: &str = "import pathlib, sysconfig
-pathlib.Path(sysconfig.get_path('purelib'), 'snell.pth').write_text(str(pathlib.Path('python').resolve()))";
+pathlib.Path(sysconfig.get_path('purelib'), \
+'snell.pth').write_text(str(pathlib.Path('python').resolve()))";
 
 /// The first Python that is new enough: of the variable `PYTHON`, or what the usual names give.
 fn interpreter() -> Option<String> {
     let check = "import sys, venv; sys.exit(sys.version_info < (3, 10))";
     let named = std::env::var("PYTHON").ok();
-    let is_usable = |name: &String| Command::new(name).args(["-c", check]).output().is_ok_and(|o| o.status.success());
+    let is_usable = |name: &String| {
+        Command::new(name).args(["-c", check]).output().is_ok_and(|o| o.status.success())
+    };
     named.into_iter().chain(["python3".into(), "python".into()]).find(is_usable)
 }
 
-/// The environment with all that the tests need; made if it is not there or needs something else now.
+/// The environment with all that the tests need; made if it is not there or needs something else
+/// now.
 fn environment(root: &Path) -> Option<PathBuf> {
     let folder = root.join("target/python/venv");
     let programs = folder.join(if cfg!(windows) { "Scripts" } else { "bin" });
@@ -29,14 +33,20 @@ fn environment(root: &Path) -> Option<PathBuf> {
         return Some(programs);
     }
     let Some(python) = interpreter() else {
-        println!("xtask: Python 3.10 or later with the module venv is not here (PYTHON names another program)");
+        println!(
+            "xtask: Python 3.10 or later with the module venv is not here (PYTHON names another \
+                program)"
+        );
         return None;
     };
     let mut make = Command::new(python);
     make.args(["-m", "venv"]).arg(&folder);
     let mut install = Command::new(programs.join("python"));
-    install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-r"]).arg(root.join(REQUIREMENTS));
-    let made = run("virtual environment", make) && run("installation of what the Python tests need", install);
+    install
+        .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-r"])
+        .arg(root.join(REQUIREMENTS));
+    let made = run("virtual environment", make)
+        && run("installation of what the Python tests need", install);
     made.then(|| std::fs::write(marker, wanted)).and_then(Result::ok).map(|()| programs)
 }
 
@@ -52,19 +62,26 @@ fn build(root: &Path, programs: &Path) -> bool {
         ("lib_snell.so", "_snell.abi3.so")
     };
     let placed = || {
-        let copied = std::fs::copy(root.join("target/debug").join(built), root.join("python/snell").join(module));
+        let copied = std::fs::copy(
+            root.join("target/debug").join(built),
+            root.join("python/snell").join(module),
+        );
         copied.inspect_err(|error| eprintln!("xtask: {built} could not be copied: {error}")).is_ok()
     };
     run("build of the Python package", build) && placed()
 }
 
-/// Builds the package and runs its tests; checks that the stubs say what the module has. `None` without Python.
+/// Builds the package and runs its tests; checks that the stubs say what the module has. `None`
+/// without Python.
 pub fn test() -> Option<bool> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let programs = environment(&root)?;
     let command = |arguments: &[&str]| {
         let mut command = Command::new(programs.join("python"));
-        command.args(arguments).current_dir(&root).env("VIRTUAL_ENV", root.join("target/python/venv"));
+        command
+            .args(arguments)
+            .current_dir(&root)
+            .env("VIRTUAL_ENV", root.join("target/python/venv"));
         command
     };
     let package = ["-m", "maturin", "sdist", "--out", "target/python"];
@@ -86,6 +103,7 @@ pub fn test() -> Option<bool> {
         ),
         ("Python types", &["-m", "mypy", "--strict", "python/snell"]),
     ];
-    let is_built = build(&root, &programs) && run_quietly("package of the sources", command(&package));
+    let is_built =
+        build(&root, &programs) && run_quietly("package of the sources", command(&package));
     Some(is_built && steps.into_iter().all(|(what, arguments)| run(what, command(arguments))))
 }

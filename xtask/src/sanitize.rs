@@ -1,4 +1,5 @@
-//! Errors of memory that no result shows: tests of the code that is not safe Rust, under AddressSanitizer and Miri.
+//! Errors of memory that no result shows: tests of the code that is not safe Rust, under
+//! AddressSanitizer and Miri.
 
 use crate::{Counts, counted};
 use std::process::{Command, Stdio};
@@ -6,15 +7,17 @@ use std::process::{Command, Stdio};
 /// A package, and what the names of its tests contain.
 type Tests = (&'static str, &'static [&'static str]);
 
-/// What runs under AddressSanitizer. It sees every access, also those of vector instructions and of C++.
+/// What runs under AddressSanitizer. It sees every access, also those of vector instructions and of
+/// C++.
 const ADDRESS: [Tests; 3] = [
     ("snell-math", &["simd::"]),
     ("snell-intersect", &["kernel::", "accel::bvh::"]),
     ("snell-formats", &["meshopt", "compression"]),
 ];
 
-/// What runs under Miri, which also sees what the rules of the language forbid. It is a thousand times as slow, has
-/// only the instructions that every machine has, and knows neither C++ nor large worlds.
+/// What runs under Miri, which also sees what the rules of the language forbid. It is a thousand
+/// times as slow, has only the instructions that every machine has, and knows neither C++ nor large
+/// worlds.
 const MIRI: [Tests; 2] = [
     ("snell-math", &["simd::"]),
     ("snell-intersect", &["kernel::compact", "accel::bvh::storage", "a_tree_stays_as_it_was_read"]),
@@ -43,7 +46,10 @@ pub fn run(which: Option<&str>) -> bool {
             None => "skipped",
         };
         results.push(result);
-        println!("{name}: {} passed, {} failed, {} left out: {result}", counts.passed, counts.failed, counts.ignored);
+        println!(
+            "{name}: {} passed, {} failed, {} left out: {result}",
+            counts.passed, counts.failed, counts.ignored
+        );
     }
     // What is skipped is no proof: one that was asked for by name has to run.
     let forbidden: &[&str] = if which.is_some() { &["FAILED", "skipped"] } else { &["FAILED"] };
@@ -60,7 +66,11 @@ fn nightly(arguments: &[&str], folder: &str) -> Command {
 
 fn starts(arguments: &[&str]) -> bool {
     let mut command = nightly(arguments, "sanitize");
-    command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|status| status.success())
+    command
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status()
+        .is_ok_and(|status| status.success())
 }
 
 /// `None` where there is none.
@@ -72,9 +82,13 @@ fn address(counts: &mut Counts) -> Option<bool> {
     const TARGET: &str = "x86_64-unknown-linux-gnu";
     let run = |(package, names): Tests| {
         // With a target, build scripts and macros are built without.
-        let mut command = nightly(&["test", "--target", TARGET, "--package", package, "--lib", "--"], "sanitize");
+        let mut command =
+            nightly(&["test", "--target", TARGET, "--package", package, "--lib", "--"], "sanitize");
         // Frames are larger: the stack of a test thread has to be.
-        command.args(names).env("RUSTFLAGS", "-Zsanitizer=address").env("RUST_MIN_STACK", (64 << 20).to_string());
+        command
+            .args(names)
+            .env("RUSTFLAGS", "-Zsanitizer=address")
+            .env("RUST_MIN_STACK", (64 << 20).to_string());
         // The archive of a C++ library is linked twice, for the crate and for its tests.
         command.env("ASAN_OPTIONS", "detect_odr_violation=0");
         command.env(format!("CXXFLAGS_{TARGET}"), "-fsanitize=address -fno-omit-frame-pointer");
@@ -86,13 +100,18 @@ fn address(counts: &mut Counts) -> Option<bool> {
 /// `None` where there is no Miri.
 fn miri(counts: &mut Counts) -> Option<bool> {
     if !starts(&["miri", "--version"]) {
-        println!("miri: it is not installed: `rustup component add --toolchain nightly miri rust-src`");
+        println!(
+            "miri: it is not installed: `rustup component add --toolchain nightly miri rust-src`"
+        );
         return None;
     }
     let run = |(package, names): Tests| {
         let mut command = nightly(&["miri", "test", "--package", package, "--lib", "--"], "miri");
-        // Tests write files, and threads of the pool never end; its queues do not keep the rules of stacked borrows.
-        command.args(names).env("MIRIFLAGS", "-Zmiri-disable-isolation -Zmiri-ignore-leaks -Zmiri-tree-borrows");
+        // Tests write files, and threads of the pool never end; its queues do not keep the rules of
+        // stacked borrows.
+        command
+            .args(names)
+            .env("MIRIFLAGS", "-Zmiri-disable-isolation -Zmiri-ignore-leaks -Zmiri-tree-borrows");
         counted(command, counts)
     };
     Some(all(MIRI.map(run)))

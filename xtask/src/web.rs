@@ -1,4 +1,5 @@
-//! The viewer's page: its build into `crates/viewer/page/`, its unit tests, and its tests in a real browser.
+//! The viewer's page: its build into `crates/viewer/page/`, its unit tests, and its tests in a real
+//! browser.
 
 use crate::{build_as_tested, run};
 use std::path::{Path, PathBuf};
@@ -28,7 +29,8 @@ fn packages() -> Option<bool> {
         println!("xtask: Node.js 20 or later with npm is not here");
         return None;
     }
-    let (lock, marker) = (root().join("web/package-lock.json"), root().join("web/node_modules/installed.json"));
+    let (lock, marker) =
+        (root().join("web/package-lock.json"), root().join("web/node_modules/installed.json"));
     let wanted = std::fs::read(lock).ok()?;
     if std::fs::read(&marker).is_ok_and(|installed| installed == wanted) {
         return Some(true);
@@ -45,7 +47,8 @@ pub fn build() -> bool {
     packages() == Some(true) && run("build of the page", npm(&["run", "--silent", "build"]))
 }
 
-/// Checks types, unit tests, that the built page is that of the sources, and the page in a browser. `None` without Node.js.
+/// Checks types, unit tests, that the built page is that of the sources, and the page in a browser.
+/// `None` without Node.js.
 pub fn test() -> Option<bool> {
     if !packages()? {
         return Some(false);
@@ -53,8 +56,9 @@ pub fn test() -> Option<bool> {
     let fresh = root().join("target/web");
     let out = fresh.display().to_string();
     let build = npm(&["run", "--silent", "build", "--", "--outDir", &out, "--logLevel", "warn"]);
-    let passed =
-        run("build of the page", build) && is_fresh(&fresh) && run("tests of the page", npm(&["test", "--silent"]));
+    let passed = run("build of the page", build)
+        && is_fresh(&fresh)
+        && run("tests of the page", npm(&["test", "--silent"]));
     Some(passed && in_browser())
 }
 
@@ -88,7 +92,8 @@ fn in_browser() -> bool {
     run("tests of the page in a browser", command)
 }
 
-/// A Chromium or Chrome: the one that the variable `CHROME` names, one that is here, or one that is installed now.
+/// A Chromium or Chrome: the one that the variable `CHROME` names, one that is here, or one that is
+/// installed now.
 fn browser() -> Option<String> {
     let usual = [
         "chromium",
@@ -110,13 +115,16 @@ fn full_path(name: &str) -> Option<String> {
         return Some(name.to_string());
     }
     let folders = std::env::var_os("PATH")?;
-    let found = std::env::split_paths(&folders).map(|folder| folder.join(name)).find(|path| path.exists());
+    let found =
+        std::env::split_paths(&folders).map(|folder| folder.join(name)).find(|path| path.exists());
     found.map(|path| path.display().to_string())
 }
 
 /// Debian's package, where it may be installed.
 fn install_package() -> bool {
-    if !runs("id", &["-u"]) || !Command::new("id").arg("-u").output().is_ok_and(|o| o.stdout.starts_with(b"0\n")) {
+    if !runs("id", &["-u"])
+        || !Command::new("id").arg("-u").output().is_ok_and(|o| o.stdout.starts_with(b"0\n"))
+    {
         return false;
     }
     println!("xtask: installing Debian's package chromium");
@@ -126,7 +134,10 @@ fn install_package() -> bool {
         command
     };
     run("list of packages", apt(&["update", "-qq"]))
-        && run("installation of chromium", apt(&["install", "-qq", "-y", "--no-install-recommends", "chromium"]))
+        && run(
+            "installation of chromium",
+            apt(&["install", "-qq", "-y", "--no-install-recommends", "chromium"]),
+        )
 }
 
 /// A binary inside of an npm package, which needs no rights.
@@ -139,7 +150,8 @@ fn install_from_npm() -> Option<String> {
     if !run("installation of @sparticuz/chromium", install) {
         return None;
     }
-    let unpack = "import('@sparticuz/chromium').then(async (m) => console.log(await m.default.executablePath()))";
+    let unpack = "import('@sparticuz/chromium').then(async (m) => console.log(await \
+        m.default.executablePath()))";
     let output = Command::new("node").args(["-e", unpack]).current_dir(&folder).output().ok()?;
     let path = String::from_utf8(output.stdout).ok()?.trim().to_string();
     runs(&path, &["--version"]).then_some(path)

@@ -1,7 +1,8 @@
 //! Other ray casters in Rust on the rays that `snell bench rays --dump-rays FOLDER` writes.
 //!
-//! `snell-bench-peers FOLDER... [--threads LIST] [--repeat N]`: for each folder, peer, kind of rays and number of threads one line of
-//! JSON, with the fields of `snell bench rays`. Threads take pieces of 4096 rays in turn; medians.
+//! `snell-bench-peers FOLDER... [--threads LIST] [--repeat N]`: for each folder, peer, kind of rays
+//! and number of threads one line of JSON, with the fields of `snell bench rays`. Threads take
+//! pieces of 4096 rays in turn; medians.
 
 mod npy;
 mod peers;

@@ -1,4 +1,5 @@
-//! Reading NumPy's files, as far as Snell writes them: little-endian numbers of four bytes, rows of `N`.
+//! Reading NumPy's files, as far as Snell writes them: little-endian numbers of four bytes, rows of
+//! `N`.
 
 use crate::Error;
 use std::path::Path;
@@ -19,7 +20,8 @@ fn rows<T: Copy + Default, const N: usize>(
     read: fn([u8; 4]) -> T,
 ) -> Result<Vec<[T; N]>, Error> {
     let bytes = std::fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
-    let wrong = || format!("{}: not an array as `snell bench rays --dump-rays` writes it", path.display());
+    let wrong = || format!("{}: not an array as `snell bench rays --dump-rays` writes \
+        it", path.display());
     let length = bytes.get(8..10).ok_or_else(wrong)?;
     let begin = 10 + usize::from(u16::from_le_bytes([length[0], length[1]]));
     let (header, body) = bytes.split_at_checked(begin).ok_or_else(wrong)?;

@@ -75,7 +75,8 @@ macro_rules! obvhs_peer {
 obvhs_peer!(CwBvh);
 obvhs_peer!(Bvh2);
 
-/// The tree of the crate `bvh`. It finds boxes; triangles are ours to test (Möller and Trumbore, 1997, both sides).
+/// The tree of the crate `bvh`. It finds boxes; triangles are ours to test (Möller and Trumbore,
+/// 1997, both sides).
 struct BinaryTree {
     tree: ::bvh::bvh::Bvh<f32, 3>,
     triangles: Vec<Corners>,

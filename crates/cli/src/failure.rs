@@ -51,5 +51,8 @@ pub fn choice<T: Copy>(
     }
     let names: Vec<_> = choices.iter().map(|&c| name_of(c)).collect();
     let hint = nearest(name, &names).map(|n| format!("; did you mean {n}?")).unwrap_or_default();
-    Err(Failure::Usage(format!("there is no {what} \"{name}\"{hint} (known: {})", names.join(", "))))
+    Err(Failure::Usage(format!(
+        "there is no {what} \"{name}\"{hint} (known: {})",
+        names.join(", ")
+    )))
 }

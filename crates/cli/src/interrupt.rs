@@ -77,7 +77,10 @@ fn receive(insists: bool) {
             CHANGED.notify_all();
         }
         (None, _) if repeats || !insists => {}
-        _ => end(state.farewell.as_deref().unwrap_or("interrupted again: what was not yet written is lost")),
+        _ => end(state
+            .farewell
+            .as_deref()
+            .unwrap_or("interrupted again: what was not yet written is lost")),
     }
 }
 
@@ -103,13 +106,16 @@ pub fn watch() -> Result<(), Failure> {
     // A file that grows beyond what `ulimit -f` allows is an error of the file, not the end of the
     // program.
     signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).map_err(failed)?;
-    // Where memory or stack runs out, the standard library says so and aborts. That is a failure like others.
-    signal_hook::flag::register_conditional_shutdown(SIGABRT, 1, Arc::new(AtomicBool::new(true))).map_err(failed)?;
+    // Where memory or stack runs out, the standard library says so and aborts. That is a failure
+    // like others.
+    signal_hook::flag::register_conditional_shutdown(SIGABRT, 1, Arc::new(AtomicBool::new(true)))
+        .map_err(failed)?;
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGXCPU]).map_err(failed)?;
     if !is_hangup_ignored() {
         signals.add_signal(SIGHUP).map_err(failed)?;
     }
-    let watch = move || signals.forever().for_each(|signal| receive(matches!(signal, SIGINT | SIGTERM)));
+    let watch =
+        move || signals.forever().for_each(|signal| receive(matches!(signal, SIGINT | SIGTERM)));
     std::thread::Builder::new().name("signals".into()).spawn(watch).map_err(failed)?;
     Ok(())
 }
@@ -117,7 +123,8 @@ pub fn watch() -> Result<(), Failure> {
 /// Begins to watch for Ctrl-C.
 #[cfg(not(unix))]
 pub fn watch() -> Result<(), Failure> {
-    ctrlc::set_handler(|| receive(true)).map_err(|e| Failure::Other(format!("cannot watch for Ctrl-C: {e}")))
+    ctrlc::set_handler(|| receive(true))
+        .map_err(|e| Failure::Other(format!("cannot watch for Ctrl-C: {e}")))
 }
 
 /// True if the program was started by `nohup`, so that the end of the terminal is not to end it.
@@ -126,7 +133,10 @@ fn is_hangup_ignored() -> bool {
     use std::io::IsTerminal;
     let ignored = std::fs::read_to_string("/proc/self/status").ok().and_then(|status| {
         let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"))?;
-        Some(u64::from_str_radix(mask.trim(), 16).ok()? & 1 << (signal_hook::consts::SIGHUP - 1) != 0)
+        Some(
+            u64::from_str_radix(mask.trim(), 16).ok()? & 1 << (signal_hook::consts::SIGHUP - 1)
+                != 0,
+        )
     });
     // Where the system does not say: `nohup` leaves no message on a terminal.
     ignored.unwrap_or_else(|| !std::io::stderr().is_terminal())

@@ -1,5 +1,5 @@
-//! The `snell` command: renders, inspects and compares from the shell. All the work is in the libraries; here are options,
-//! messages, files and exit codes.
+//! The `snell` command: renders, inspects and compares from the shell. All the work is in the
+//! libraries; here are options, messages, files and exit codes.
 //!
 //! Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted (with what was rendered saved).
 
@@ -34,13 +34,18 @@ struct Cli {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    // The last line of defence: a fault in the program is an error message, never a crash without one.
-    let outcome = std::panic::catch_unwind(|| interrupt::watch().and_then(|()| command::run(cli.command)));
+    // The last line of defence: a fault in the program is an error message, never a crash without
+    // one.
+    let outcome =
+        std::panic::catch_unwind(|| interrupt::watch().and_then(|()| command::run(cli.command)));
     match outcome {
         Ok(Ok(code)) => code,
         Ok(Err(failure)) => failure.report(),
         Err(_) => {
-            eprintln!("error: internal fault (see above); please report it with the scene and the command line");
+            eprintln!(
+                "error: internal fault (see above); please report it with the scene and the \
+                    command line"
+            );
             ExitCode::from(1)
         }
     }

@@ -1,5 +1,6 @@
 //! Messages that may be lost: a closed terminal, a reader that is gone or a full disk are no reason
-//! to end, as they are for the macros of the standard library that have these names. And warnings, as text and as JSON.
+//! to end, as they are for the macros of the standard library that have these names. And warnings,
+//! as text and as JSON.
 
 use serde_json::{Value, json};
 use snell_formats::error::one_line;

@@ -62,7 +62,13 @@ impl Reporter {
             _ => Duration::from_secs(5),
         };
         let start = Instant::now();
-        Self { style, start, interval, next: Mutex::new(start + interval), scene: scene.to_string() }
+        Self {
+            style,
+            start,
+            interval,
+            next: Mutex::new(start + interval),
+            scene: scene.to_string(),
+        }
     }
 
     /// The seconds so far, if the last time that something was shown is long enough ago.
@@ -73,11 +79,13 @@ impl Reporter {
         Some(now.duration_since(self.start).as_secs_f64())
     }
 
-    /// Shows progress if the last time is long enough ago. `limit` is the time allowed, if there is one.
+    /// Shows progress if the last time is long enough ago. `limit` is the time allowed, if there is
+    /// one.
     pub fn update(&self, progress: &Progress, limit: Option<Duration>) {
         let Some(seconds) = self.due() else { return };
         let by_samples = progress.done as f64 / progress.total.max(1) as f64;
-        let share = limit.map_or(by_samples, |l| (seconds / l.as_secs_f64()).max(by_samples)).min(1.0);
+        let share =
+            limit.map_or(by_samples, |l| (seconds / l.as_secs_f64()).max(by_samples)).min(1.0);
         let rate = progress.rays as f64 / seconds / 1e6;
         let left = if share > 0.0 { seconds * (1.0 - share) / share } else { 0.0 };
         match &self.style {
@@ -86,7 +94,12 @@ impl Reporter {
                 bar.set_message(format!("{rate:.1} Mrays/s  {} left", duration(left)));
             }
             Style::Plain => {
-                eprintln!("{} {:.0} %  {rate:.1} Mrays/s  {} left", self.scene, share * 100.0, duration(left))
+                eprintln!(
+                    "{} {:.0} %  {rate:.1} Mrays/s  {} left",
+                    self.scene,
+                    share * 100.0,
+                    duration(left)
+                )
             }
             Style::Json => eprintln!(
                 "{}",
@@ -102,11 +115,18 @@ impl Reporter {
     /// Shows how far the training of paths is, if the last time is long enough ago.
     pub fn update_training(&self, training: &Training) {
         let Some(seconds) = self.due() else { return };
-        let (pass, share) = (training.pass + 1, training.begun as f64 / training.parts.max(1) as f64);
+        let (pass, share) =
+            (training.pass + 1, training.begun as f64 / training.parts.max(1) as f64);
         match &self.style {
-            Style::Live(bar) => bar.set_message(format!("learning where light comes from, pass {pass}")),
+            Style::Live(bar) => {
+                bar.set_message(format!("learning where light comes from, pass {pass}"))
+            }
             Style::Plain => {
-                eprintln!("{} learning where light comes from, pass {pass}, {:.0} %", self.scene, share * 100.0)
+                eprintln!(
+                    "{} learning where light comes from, pass {pass}, {:.0} %",
+                    self.scene,
+                    share * 100.0
+                )
             }
             Style::Json => eprintln!(
                 "{}",

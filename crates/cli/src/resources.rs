@@ -32,13 +32,15 @@ fn kilobytes(name: &str) -> Option<u64> {
 
 /// Largest resident memory of this process so far, in bytes; `None` where the system does not tell.
 pub fn peak_memory_bytes() -> Option<u64> {
-    // On Linux, what `getrusage` tells counts what the parent had when it started this process, too.
+    // On Linux, what `getrusage` tells counts what the parent had when it started this process,
+    // too.
     if let Some(peak) = kilobytes("VmHWM:") {
         return Some(peak);
     }
     #[cfg(unix)]
     {
-        let usage = nix::sys::resource::getrusage(nix::sys::resource::UsageWho::RUSAGE_SELF).ok()?;
+        let usage =
+            nix::sys::resource::getrusage(nix::sys::resource::UsageWho::RUSAGE_SELF).ok()?;
         let unit = if cfg!(any(target_os = "macos", target_os = "ios")) { 1 } else { 1024 };
         Some(usage.max_rss() as u64 * unit)
     }

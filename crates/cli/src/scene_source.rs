@@ -10,7 +10,8 @@ use std::ffi::OsString;
 use std::io::Read;
 use std::path::Path;
 
-/// The scene named on the command line: a file, `-` for standard input, or a built-in scene. A file wins over a built-in name.
+/// The scene named on the command line: a file, `-` for standard input, or a built-in scene. A file
+/// wins over a built-in name.
 pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
     if path == Path::new("-") {
         let mut bytes = Vec::new();
@@ -24,7 +25,12 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
                 "standard input: more than the limit of {limit} bytes; split the scene"
             )));
         }
-        return Ok(snell_formats::read_scene_bytes("standard input", bytes, Path::new("."), options)?);
+        return Ok(snell_formats::read_scene_bytes(
+            "standard input",
+            bytes,
+            Path::new("."),
+            options,
+        )?);
     }
     if !path.exists()
         && let Some(name) = path.to_str()
@@ -34,9 +40,11 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
         }
         let names: Vec<_> = BUILTINS.iter().map(|b| b.name).collect();
         if !name.contains(['/', '\\', '.']) {
-            let hint = nearest(name, &names).map(|n| format!("did you mean {n}? ")).unwrap_or_default();
+            let hint =
+                nearest(name, &names).map(|n| format!("did you mean {n}? ")).unwrap_or_default();
             return Err(Failure::Scene(format!(
-                "{name}: neither a file nor a built-in scene; {hint}`snell scenes` lists the built-in ones"
+                "{name}: neither a file nor a built-in scene; {hint}`snell scenes` lists the \
+                    built-in ones"
             )));
         }
     }

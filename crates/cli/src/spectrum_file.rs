@@ -7,8 +7,8 @@ use std::path::Path;
 /// Most bytes of a table.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// A definition `key=value` of a spectrum whose value is the name of a file, with the table that the file holds in its place. Other
-/// definitions are left alone.
+/// A definition `key=value` of a spectrum whose value is the name of a file, with the table that
+/// the file holds in its place. Other definitions are left alone.
 pub fn resolve(definition: &str) -> Result<String, Failure> {
     match definition.split_once('=') {
         Some((key, name)) if key.ends_with(".spectrum") && Path::new(name).exists() => {
@@ -18,23 +18,29 @@ pub fn resolve(definition: &str) -> Result<String, Failure> {
     }
 }
 
-/// The pairs of a file with a wavelength in nm and a value in each line, separated by blanks or a comma, as JSON. What follows `#` is a
-/// comment.
+/// The pairs of a file with a wavelength in nm and a value in each line, separated by blanks or a
+/// comma, as JSON. What follows `#` is a comment.
 fn table(name: &str) -> Result<serde_json::Value, Failure> {
     let failed = |problem: String| Failure::Other(format!("{name}: {problem}"));
-    let bytes = open::read(Path::new(name), NamedBy::User, MOST_BYTES).map_err(|e| failed(e.to_string()))?;
-    let text = String::from_utf8(bytes).map_err(|_| failed("this is no text; expected a table of numbers".into()))?;
+    let bytes = open::read(Path::new(name), NamedBy::User, MOST_BYTES)
+        .map_err(|e| failed(e.to_string()))?;
+    let text = String::from_utf8(bytes)
+        .map_err(|_| failed("this is no text; expected a table of numbers".into()))?;
     let mut pairs = Vec::new();
     for (number, line) in (1..).zip(text.lines()) {
         let line = line.split('#').next().unwrap_or_default();
-        let words: Vec<&str> = line.split([' ', '\t', ',', '\r']).filter(|w| !w.is_empty()).collect();
+        let words: Vec<&str> =
+            line.split([' ', '\t', ',', '\r']).filter(|w| !w.is_empty()).collect();
         if words.is_empty() {
             continue;
         }
         let numbers: Vec<f32> = words.iter().map_while(|w| w.parse().ok()).collect();
         let [wavelength, value] = numbers[..] else {
             let message = "expected a wavelength in nm and a value, such as 550 0.8";
-            return Err(Failure::Usage(format!("{name}:{number}: {message}, found \"{}\"", line.trim())));
+            return Err(Failure::Usage(format!(
+                "{name}:{number}: {message}, found \"{}\"",
+                line.trim()
+            )));
         };
         pairs.push(serde_json::json!([wavelength, value]));
     }

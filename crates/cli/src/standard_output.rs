@@ -7,9 +7,9 @@ use std::io::{ErrorKind, Write};
 pub fn write(bytes: &[u8]) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {
-        Err(e) if e.kind() != ErrorKind::BrokenPipe => {
-            Err(Failure::Other(format!("standard output: cannot write: {e}; check where it is redirected to")))
-        }
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(Failure::Other(format!(
+            "standard output: cannot write: {e}; check where it is redirected to"
+        ))),
         _ => Ok(()),
     }
 }

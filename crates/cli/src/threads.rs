@@ -13,7 +13,8 @@ pub fn number() -> RangedI64ValueParser<u32> {
 /// Starts the threads on which files are read and written and structures are built: this many for
 /// the whole process, whatever the environment says.
 pub fn start(threads: usize) -> Result<(), Failure> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("snell-{i}"));
+    let pool =
+        rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("snell-{i}"));
     pool.build_global().map_err(|error| {
         let remedy = "use fewer with -t, or raise the limit of processes (ulimit -u)";
         Failure::Other(format!("cannot start {threads} threads: {error}; {remedy}"))

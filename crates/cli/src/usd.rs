@@ -1,7 +1,8 @@
-//! USD stages, which a Python with the package `usd-core` reads: the modules of `python/snell/usd` turn them into Snell's own format.
+//! USD stages, which a Python with the package `usd-core` reads: the modules of `python/snell/usd`
+//! turn them into Snell's own format.
 //!
-//! They are part of this program and are handed to Python as its input, so that `snell` works whether or not the Python package of Snell
-//! is installed.
+//! They are part of this program and are handed to Python as its input, so that `snell` works
+//! whether or not the Python package of Snell is installed.
 
 mod converter;
 mod process;
@@ -16,17 +17,20 @@ use std::path::Path;
 /// Exit code of the converter where `usd-core` or NumPy is missing.
 const NO_PACKAGE: i32 = 3;
 /// What to do about it.
-const INSTALL: &str = "install what reads it with: pip install usd-core numpy (or pip install 'snell[usd]'), in a Python \
+const INSTALL: &str = "install what reads it with: pip install usd-core numpy (or pip install \
+    'snell[usd]'), in a Python \
     that is found as python3 or python";
 /// What to do about a stage that takes too much.
-const BY_HAND: &str = "split the stage, or convert it without these limits: python3 -m snell.usd IN OUT.snell";
+const BY_HAND: &str =
+    "split the stage, or convert it without these limits: python3 -m snell.usd IN OUT.snell";
 
 /// Endings of the names of USD files.
 pub const EXTENSIONS: &[&str] = &["usd", "usda", "usdc", "usdz"];
 
 /// True for the names of USD files.
 pub fn is_usd(path: &Path) -> bool {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let extension =
+        path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     EXTENSIONS.contains(&extension.as_str())
 }
 
@@ -37,29 +41,42 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
         ReadError { file, place: Place::Whole, problem: problem.into(), remedy: remedy.into() }
     };
     open::open(path, NamedBy::User).map_err(|refused| error(&refused.problem, refused.remedy))?;
-    let unreadable = |e: std::io::Error| error(&format!("cannot be read as USD: {e}"), "check that Python works");
+    let unreadable = |e: std::io::Error| {
+        error(&format!("cannot be read as USD: {e}"), "check that Python works")
+    };
     let mut problem = "reading USD needs Python";
     for python in process::interpreters(path) {
         let answer = process::run(&python, path, options).map_err(unreadable)?;
         match answer.end {
             End::Exit(0) => return scene(path, answer, options),
-            End::Exit(NO_PACKAGE) => problem = "reading USD needs the Python packages usd-core and numpy",
+            End::Exit(NO_PACKAGE) => {
+                problem = "reading USD needs the Python packages usd-core and numpy"
+            }
             End::Exit(_) => {
                 let shown = format!("{}: ", path.display());
-                let last = answer.said.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("Python said nothing");
+                let last = answer
+                    .said
+                    .lines()
+                    .rev()
+                    .find(|l| !l.trim().is_empty())
+                    .unwrap_or("Python said nothing");
                 let last = last.strip_prefix("error: ").unwrap_or(last);
                 return Err(error(last.strip_prefix(&shown).unwrap_or(last).trim(), "").into());
             }
             End::Killed(status) => {
-                let problem = format!("its reader was ended ({status}), as it is where memory does not suffice");
+                let problem = format!(
+                    "its reader was ended ({status}), as it is where memory does not suffice"
+                );
                 return Err(error(&problem, BY_HAND).into());
             }
             End::TooLong => {
-                let problem = format!("reading it took more than {} minutes", process::TIME.as_secs() / 60);
+                let problem =
+                    format!("reading it took more than {} minutes", process::TIME.as_secs() / 60);
                 return Err(error(&problem, BY_HAND).into());
             }
             End::TooLarge => {
-                let problem = format!("becomes more than {} bytes, the limit", options.limits.file_bytes);
+                let problem =
+                    format!("becomes more than {} bytes, the limit", options.limits.file_bytes);
                 return Err(error(&problem, "split the stage").into());
             }
         }

@@ -1,22 +1,33 @@
-//! The documents are true: every command in them runs, every option and name is in them, every file they name is there.
+//! The documents are true: every command in them runs, every option and name is in them, every file
+//! they name is there.
 //!
-//! Commands are the lines of blocks marked `sh`, and the lines after `$ ` in blocks marked `console` (what follows there is the
-//! expected standard output, compared line by line). Each document gets a fresh folder with a copy of `scenes/`; its commands run
-//! there one after the other, so later ones may use what earlier ones wrote.
+//! Commands are the lines of blocks marked `sh`, and the lines after `$ ` in blocks marked
+//! `console` (what follows there is the expected standard output, compared line by line). Each
+//! document gets a fresh folder with a copy of `scenes/`; its commands run there one after the
+//! other, so later ones may use what earlier ones wrote.
 //!
-//! To be quick, `snell render` is made small: its size becomes 16x12 (unless it has `--crop`), its samples per pixel 1, its time
-//! limit 1s, its threads 1; `snell bench` measures once, with the rays of a small picture. Nothing else is changed. `cargo run --release -- ARGUMENTS` runs the same program; of `cargo xtask WORD`
-//! only the word is checked (this test is part of `cargo xtask test`); the other commands allowed are in [`NOT_RUN`].
+//! To be quick, `snell render` is made small: its size becomes 16x12 (unless it has `--crop`), its
+//! samples per pixel 1, its time limit 1s, its threads 1; `snell bench` measures once, with the
+//! rays of a small picture. Nothing else is changed. `cargo run --release -- ARGUMENTS` runs the
+//! same program; of `cargo xtask WORD` only the word is checked (this test is part of
+//! `cargo xtask test`); the other commands allowed are in [`NOT_RUN`].
 
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Beginnings of commands that a document may show but that are not run here: they would build the program in the middle of its
-/// own test, or need the network.
-const NOT_RUN: &[&str] =
-    &["cd ", "git clone ", "cargo build", "cargo test", "cargo install --path crates/cli", "cargo doc", "pip install "];
+/// Beginnings of commands that a document may show but that are not run here: they would build the
+/// program in the middle of its own test, or need the network.
+const NOT_RUN: &[&str] = &[
+    "cd ",
+    "git clone ",
+    "cargo build",
+    "cargo test",
+    "cargo install --path crates/cli",
+    "cargo doc",
+    "pip install ",
+];
 
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
@@ -27,7 +38,10 @@ fn documents() -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut folders = vec![repository().join("docs")];
     let top = std::fs::read_dir(repository()).expect("the repository is readable");
-    found.extend(top.map(|e| e.expect("an entry").path()).filter(|p| p.extension().is_some_and(|e| e == "md")));
+    found.extend(
+        top.map(|e| e.expect("an entry").path())
+            .filter(|p| p.extension().is_some_and(|e| e == "md")),
+    );
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(&folder).expect("docs is readable") {
             let path = entry.expect("an entry").path();
@@ -77,13 +91,18 @@ fn steps(text: &str) -> Vec<Step> {
         };
         if continued || is_command {
             let part = text.split(" # ").next().unwrap_or(text).trim();
-            let (part, more) = part.strip_suffix('\\').map_or((part, false), |p| (p.trim_end(), true));
+            let (part, more) =
+                part.strip_suffix('\\').map_or((part, false), |p| (p.trim_end(), true));
             if part.is_empty() || part.starts_with('#') {
                 continue;
             }
             match steps.last_mut() {
                 Some(last) if continued => last.command += &format!(" {part}"),
-                _ => steps.push(Step { line: number + 1, command: part.into(), output: String::new() }),
+                _ => steps.push(Step {
+                    line: number + 1,
+                    command: part.into(),
+                    output: String::new(),
+                }),
             }
             continued = more;
         } else if let Some(last) = steps.last_mut() {
@@ -152,13 +171,19 @@ fn make_small(arguments: &mut Vec<String>) {
     }
 }
 
-/// Starts `snell view` and ends it when it has printed its address. Its port is any that is free, as others may use the document's.
+/// Starts `snell view` and ends it when it has printed its address. Its port is any that is free,
+/// as others may use the document's.
 fn view(folder: &Path, mut arguments: Vec<String>, place: &str) -> Vec<u8> {
     if let Some(at) = arguments.iter().position(|w| w == "--port") {
         arguments[at + 1] = "0".into();
     }
     let mut command = Command::new(env!("CARGO_BIN_EXE_snell"));
-    command.arg("view").arg("--no-open").args(&arguments[1..]).current_dir(folder).stdout(Stdio::piped());
+    command
+        .arg("view")
+        .arg("--no-open")
+        .args(&arguments[1..])
+        .current_dir(folder)
+        .stdout(Stdio::piped());
     let mut child = command.spawn().unwrap_or_else(|e| panic!("{place}: {e}"));
     let mut line = String::new();
     let output = child.stdout.take().expect("standard output is piped");
@@ -202,19 +227,31 @@ fn run(folder: &Path, step: &Step, place: &str) {
     if let Some(word) = step.command.strip_prefix("cargo xtask ") {
         let source = read(&repository().join("xtask/src/main.rs"));
         let word = word.split_whitespace().next().unwrap_or_default();
-        assert!(source.contains(&format!("\"{word}\" =>")), "{place}: xtask does not know \"{word}\"");
+        assert!(
+            source.contains(&format!("\"{word}\" =>")),
+            "{place}: xtask does not know \"{word}\""
+        );
         return;
     }
-    let (command, into) = step.command.split_once(" > ").map_or((&*step.command, None), |(c, f)| (c, Some(f)));
-    let arguments = command.strip_prefix("snell ").or_else(|| command.strip_prefix("cargo run --release -- "));
-    let arguments = arguments.unwrap_or_else(|| panic!("{place}: this command is not allowed: {}", step.command));
+    let (command, into) =
+        step.command.split_once(" > ").map_or((&*step.command, None), |(c, f)| (c, Some(f)));
+    let arguments =
+        command.strip_prefix("snell ").or_else(|| command.strip_prefix("cargo run --release -- "));
+    let arguments = arguments
+        .unwrap_or_else(|| panic!("{place}: this command is not allowed: {}", step.command));
     let output = snell(folder, words(arguments), place);
     if let Some(file) = into {
         std::fs::write(folder.join(file.trim()), output).expect("the folder is writable");
     } else if !step.output.trim().is_empty() {
         let output = String::from_utf8(output).expect("text");
-        let tidy = |t: &str| t.lines().map(str::trim_end).collect::<Vec<_>>().join("\n").trim().to_string();
-        assert_eq!(tidy(&output), tidy(&step.output), "{place}: the output is not what the document shows");
+        let tidy = |t: &str| {
+            t.lines().map(str::trim_end).collect::<Vec<_>>().join("\n").trim().to_string()
+        };
+        assert_eq!(
+            tidy(&output),
+            tidy(&step.output),
+            "{place}: the output is not what the document shows"
+        );
     }
 }
 
@@ -227,7 +264,8 @@ fn fresh_folder(name: &str) -> PathBuf {
     std::fs::create_dir_all(folder.join("scenes")).expect("the folder can be made");
     for entry in std::fs::read_dir(repository().join("scenes")).expect("scenes is readable") {
         let entry = entry.expect("an entry");
-        std::fs::copy(entry.path(), folder.join("scenes").join(entry.file_name())).expect("a scene can be copied");
+        std::fs::copy(entry.path(), folder.join("scenes").join(entry.file_name()))
+            .expect("a scene can be copied");
     }
     folder
 }
@@ -248,7 +286,8 @@ fn every_command_in_the_documents_runs() {
 
 #[test]
 fn the_readme_has_the_command_to_render_and_the_command_to_test() {
-    let commands: Vec<_> = steps(&read(&repository().join("README.md"))).into_iter().map(|s| s.command).collect();
+    let commands: Vec<_> =
+        steps(&read(&repository().join("README.md"))).into_iter().map(|s| s.command).collect();
     for wanted in ["cargo run --release -- render", "cargo xtask test"] {
         assert!(commands.iter().any(|c| c == wanted), "{wanted} is not in {commands:?}");
     }
@@ -282,10 +321,15 @@ fn the_command_line_page_has_every_sub_command_and_option_and_no_other() {
     let mut known = BTreeSet::from(["--version".to_string()]);
     let listed = |arguments: &[&str]| -> Vec<String> {
         let text = help(arguments);
-        let lines = text.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
+        let lines =
+            text.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
         // Descriptions of several lines go on further to the right.
         let names = lines.filter_map(|l| l.strip_prefix("  ")).filter(|l| !l.starts_with(' '));
-        names.filter_map(|l| l.split_whitespace().next()).filter(|c| *c != "help").map(str::to_string).collect()
+        names
+            .filter_map(|l| l.split_whitespace().next())
+            .filter(|c| *c != "help")
+            .map(str::to_string)
+            .collect()
     };
     let commands = listed(&["--help"]);
     assert!(commands.len() >= 8, "{commands:?}");
@@ -293,14 +337,18 @@ fn the_command_line_page_has_every_sub_command_and_option_and_no_other() {
         assert!(page.contains(&format!("\n## `snell {name}`")), "`snell {name}` has no section");
         known.extend(long_options(&help(&[name, "--help"])));
         for sub in listed(&[name, "--help"]) {
-            assert!(page.contains(&format!("`snell {name} {sub}")), "`snell {name} {sub}` is not on the page");
+            assert!(
+                page.contains(&format!("`snell {name} {sub}")),
+                "`snell {name} {sub}` is not on the page"
+            );
             known.extend(long_options(&help(&[name, &sub, "--help"])));
         }
     }
     assert_eq!(long_options(&page), known, "options of the page (left) and of the program (right)");
 }
 
-/// Words such as `snell render NAME` in running text are not whole commands; their sub-command and options must exist.
+/// Words such as `snell render NAME` in running text are not whole commands; their sub-command and
+/// options must exist.
 #[test]
 fn commands_in_running_text_exist() {
     let folder = fresh_folder("running-text");
@@ -315,14 +363,19 @@ fn commands_in_running_text_exist() {
                 for word in word.split('|') {
                     run(
                         &folder,
-                        &Step { line: 0, command: format!("cargo xtask {word}"), output: String::new() },
+                        &Step {
+                            line: 0,
+                            command: format!("cargo xtask {word}"),
+                            output: String::new(),
+                        },
                         &place,
                     );
                 }
             }
             let Some(arguments) = span.strip_prefix("snell ") else { continue };
             let is_word = |w: &&str| w.chars().all(|c| c.is_ascii_lowercase());
-            let mut words: Vec<String> = arguments.split(' ').take(2).take_while(is_word).map(str::to_string).collect();
+            let mut words: Vec<String> =
+                arguments.split(' ').take(2).take_while(is_word).map(str::to_string).collect();
             if arguments.starts_with("COMMAND") {
                 continue;
             }
@@ -331,7 +384,8 @@ fn commands_in_running_text_exist() {
             }
             words.push("--help".into());
             let help = String::from_utf8(snell(&folder, words, &place)).expect("text");
-            let unknown: Vec<_> = long_options(arguments).difference(&long_options(&help)).cloned().collect();
+            let unknown: Vec<_> =
+                long_options(arguments).difference(&long_options(&help)).cloned().collect();
             assert!(unknown.is_empty(), "{place}: there are no {unknown:?}");
             count += 1;
         }
@@ -343,7 +397,8 @@ fn commands_in_running_text_exist() {
 fn the_command_line_page_has_every_name() {
     use snell_intersect::accel::AcceleratorKind;
     use snell_render::{
-        Aov, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Shadows, Terminator,
+        Aov, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Shadows,
+        Terminator,
     };
     let page = read(&repository().join("docs/user/command-line.md"));
     let mut names: Vec<&str> = Vec::new();
@@ -370,7 +425,8 @@ fn the_command_line_page_has_every_number_of_the_statistics() {
     let folder = fresh_folder("statistics");
     let arguments = ["render", "--stats", "s.json", "-q"].map(String::from).to_vec();
     snell(&folder, arguments, "statistics");
-    let statistics: serde_json::Value = serde_json::from_str(&read(&folder.join("s.json"))).expect("JSON");
+    let statistics: serde_json::Value =
+        serde_json::from_str(&read(&folder.join("s.json"))).expect("JSON");
     for key in statistics.as_object().expect("an object").keys() {
         assert!(page.contains(&format!("`{key}`")), "`{key}` is not on the page");
     }
@@ -395,8 +451,14 @@ fn links_and_file_names_in_the_documents_lead_somewhere() {
         let base = document.parent().expect("a folder").to_path_buf();
         let links = text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next());
         let links = links.filter(|l| !l.is_empty() && !l.contains("://")).map(|l| base.join(l));
-        let files = text.split('`').skip(1).step_by(2).filter(|word| folders.iter().any(|f| word.starts_with(f)));
-        let files = files.filter(|word| !word.contains([' ', '*', '<', '…'])).map(|word| repository().join(word));
+        let files = text
+            .split('`')
+            .skip(1)
+            .step_by(2)
+            .filter(|word| folders.iter().any(|f| word.starts_with(f)));
+        let files = files
+            .filter(|word| !word.contains([' ', '*', '<', '…']))
+            .map(|word| repository().join(word));
         for path in links.chain(files) {
             assert!(path.exists(), "{}: there is no {}", document.display(), path.display());
             count += 1;
@@ -420,11 +482,18 @@ fn the_tests_that_the_documents_name_are_there() {
         }
     }
     let mut count = 0;
-    for name in ["docs/lecture.md", "docs/how-it-is-tested.md", "SECURITY.md", "ARCHITECTURE.md", "CONTRIBUTING.md"] {
+    for name in [
+        "docs/lecture.md",
+        "docs/how-it-is-tested.md",
+        "SECURITY.md",
+        "ARCHITECTURE.md",
+        "CONTRIBUTING.md",
+    ] {
         let text = read(&repository().join(name));
         // Names of tests have four words or more.
         let is_test = |w: &&str| {
-            w.matches('_').count() >= 3 && w.chars().all(|c| c == '_' || c.is_ascii_lowercase() || c.is_ascii_digit())
+            w.matches('_').count() >= 3
+                && w.chars().all(|c| c == '_' || c.is_ascii_lowercase() || c.is_ascii_digit())
         };
         for test in text.split('`').skip(1).step_by(2).filter(is_test) {
             assert!(sources.contains(&format!("fn {test}(")), "{name}: there is no test {test}");
@@ -438,7 +507,8 @@ fn the_tests_that_the_documents_name_are_there() {
 fn the_table_of_crates_has_every_direct_dependency() {
     let page = read(&repository().join("THIRD_PARTY.md"));
     let rows: Vec<&str> = page.lines().filter(|l| l.starts_with("| ")).collect();
-    let mut manifests = vec![repository().join("xtask/Cargo.toml"), repository().join("tests/Cargo.toml")];
+    let mut manifests =
+        vec![repository().join("xtask/Cargo.toml"), repository().join("tests/Cargo.toml")];
     for entry in std::fs::read_dir(repository().join("crates")).expect("a folder") {
         manifests.push(entry.expect("an entry").path().join("Cargo.toml"));
     }
@@ -450,31 +520,54 @@ fn the_table_of_crates_has_every_direct_dependency() {
                 in_dependencies = line.trim_end_matches(']').ends_with("dependencies");
                 continue;
             }
-            let name: String = line.chars().take_while(|c| c.is_alphanumeric() || "-_".contains(*c)).collect();
+            let name: String =
+                line.chars().take_while(|c| c.is_alphanumeric() || "-_".contains(*c)).collect();
             if !in_dependencies || name.is_empty() || name.starts_with("snell-") {
                 continue;
             }
             let words = |row: &&str| row.split(['|', ' ', ',']).any(|w| w == name);
-            assert!(rows.iter().any(words), "{}: {name} has no row in THIRD_PARTY.md", manifest.display());
+            assert!(
+                rows.iter().any(words),
+                "{}: {name} has no row in THIRD_PARTY.md",
+                manifest.display()
+            );
             count += 1;
         }
     }
     assert!(count > 20, "only {count} dependencies were found");
 }
 
-/// The licences of all crates that are built here: name, then the licence with `OR` for the old `/`.
+/// The licences of all crates that are built here: name, then the licence with `OR` for the old
+/// `/`.
 fn licences() -> Vec<(String, String)> {
     let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    cargo.args(["tree", "--workspace", "--offline", "--locked", "--edges", "normal,build,dev", "--prefix", "none"]);
-    let output = cargo.args(["--format", "{p}|{l}"]).current_dir(repository()).output().expect("cargo runs");
+    cargo.args([
+        "tree",
+        "--workspace",
+        "--offline",
+        "--locked",
+        "--edges",
+        "normal,build,dev",
+        "--prefix",
+        "none",
+    ]);
+    let output =
+        cargo.args(["--format", "{p}|{l}"]).current_dir(repository()).output().expect("cargo runs");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     let lines = text.lines().filter_map(|line| line.trim_end_matches(" (*)").split_once('|'));
     let lines = lines.map(|(package, licence)| {
         let name = package.split(' ').next().unwrap_or(package);
-        (name.to_string(), licence.replace('/', " OR ").split_whitespace().collect::<Vec<_>>().join(" "))
+        (
+            name.to_string(),
+            licence.replace('/', " OR ").split_whitespace().collect::<Vec<_>>().join(" "),
+        )
     });
-    lines.collect::<BTreeSet<_>>().into_iter().filter(|(name, _)| !name.starts_with("snell")).collect()
+    lines
+        .collect::<BTreeSet<_>>()
+        .into_iter()
+        .filter(|(name, _)| !name.starts_with("snell"))
+        .collect()
 }
 
 /// Whether a licence expression is satisfied by a list: `OR` needs one side, `AND` both.
@@ -486,7 +579,8 @@ fn is_allowed(expression: &str, allowed: &dyn Fn(&str) -> bool) -> bool {
     let top: Vec<_> = depths.filter(|(_, depth)| *depth == 0).map(|(i, _)| i).collect();
     for (operator, all) in [(" OR ", false), (" AND ", true)] {
         if let Some(&at) = top.iter().find(|&&i| expression[i..].starts_with(operator)) {
-            let sides = [&expression[..at], &expression[at + operator.len()..]].map(|s| is_allowed(s, allowed));
+            let sides = [&expression[..at], &expression[at + operator.len()..]]
+                .map(|s| is_allowed(s, allowed));
             return if all { sides == [true; 2] } else { sides != [false; 2] };
         }
     }
@@ -499,7 +593,10 @@ fn is_allowed(expression: &str, allowed: &dyn Fn(&str) -> bool) -> bool {
 /// The quoted words of a list of `deny.toml`.
 fn denied_unless(list: &str) -> Vec<String> {
     let text = read(&repository().join("deny.toml"));
-    let rest = text.split_once(&format!("\n{list} = [")).unwrap_or_else(|| panic!("deny.toml has no {list}")).1;
+    let rest = text
+        .split_once(&format!("\n{list} = ["))
+        .unwrap_or_else(|| panic!("deny.toml has no {list}"))
+        .1;
     let list = rest.split_once("]\n").expect("a list ends").0;
     list.split('"').skip(1).step_by(2).map(String::from).collect()
 }
@@ -507,15 +604,24 @@ fn denied_unless(list: &str) -> Vec<String> {
 #[test]
 fn every_licence_is_within_the_policy() {
     let allow = denied_unless("allow");
-    let [exceptions, policy] = [denied_unless("exceptions").join(" "), read(&repository().join("THIRD_PARTY.md"))];
+    let [exceptions, policy] =
+        [denied_unless("exceptions").join(" "), read(&repository().join("THIRD_PARTY.md"))];
     for licence in &allow {
         let name = licence.split([' ', '-']).next().unwrap_or(licence);
-        assert!(policy.contains(name), "THIRD_PARTY.md does not name {licence}, which deny.toml allows");
+        assert!(
+            policy.contains(name),
+            "THIRD_PARTY.md does not name {licence}, which deny.toml allows"
+        );
     }
     let licences = licences();
     for (name, licence) in &licences {
-        let allowed = |one: &str| allow.iter().any(|a| a == one) || exceptions.contains(&format!("{name} {one}"));
-        assert!(is_allowed(licence, &allowed), "{name} is under {licence}: not within the policy of deny.toml");
+        let allowed = |one: &str| {
+            allow.iter().any(|a| a == one) || exceptions.contains(&format!("{name} {one}"))
+        };
+        assert!(
+            is_allowed(licence, &allowed),
+            "{name} is under {licence}: not within the policy of deny.toml"
+        );
     }
     assert!(licences.len() > 150, "only {} crates were found", licences.len());
     assert!(!is_allowed("(MIT OR Apache-2.0) AND IJG", &|one| one == "MIT"));
@@ -530,7 +636,8 @@ fn the_table_of_crates_has_the_licences() {
     for row in table.lines().filter(|l| l.starts_with("| ")).skip(1) {
         let mut cells = row.trim_start_matches("| ").split(" | ");
         let [names, stated] = [cells.next().unwrap_or_default(), cells.next().unwrap_or_default()];
-        let sorted = |text: &str| text.split_whitespace().map(String::from).collect::<BTreeSet<_>>();
+        let sorted =
+            |text: &str| text.split_whitespace().map(String::from).collect::<BTreeSet<_>>();
         for name in names.split([',', ' ']).filter(|n| !n.is_empty() && !n.contains(['(', ')'])) {
             let stated = stated.split(';').next().unwrap_or(stated);
             for (_, licence) in licences.iter().filter(|(n, _)| n == name) {

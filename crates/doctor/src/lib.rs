@@ -1,10 +1,13 @@
-//! What is wrong with a scene: flaws that spoil pictures, each with its place and what to do about it.
+//! What is wrong with a scene: flaws that spoil pictures, each with its place and what to do about
+//! it.
 //!
-//! [`examine`] runs all of [`CHECKS`] over a scene graph and changes nothing. To add a check: a new file in `check/`, and its line in the
-//! list. A check looks at a [`Subject`], where what several of them need is worked out once, and adds to a [`Report`].
+//! [`examine`] runs all of [`CHECKS`] over a scene graph and changes nothing. To add a check: a new
+//! file in `check/`, and its line in the list. A check looks at a [`Subject`], where what several
+//! of them need is worked out once, and adds to a [`Report`].
 //!
-//! The rule for severities: what makes the picture wrong is an error, what probably does is a warning, and what only may surprise is a
-//! note. A mesh with holes is none of these unless it is glass.
+//! The rule for severities: what makes the picture wrong is an error, what probably does is a
+//! warning, and what only may surprise is a note. A mesh with holes is none of these unless it is
+//! glass.
 
 #![forbid(unsafe_code)]
 
@@ -41,7 +44,11 @@ pub const CHECKS: &[Check] = &[
         description: "numbers that are not finite, in meshes, materials, lights and cameras",
         run: check::numbers,
     },
-    Check { name: "faces", description: "faces without an area, and faces that are there twice", run: check::faces },
+    Check {
+        name: "faces",
+        description: "faces without an area, and faces that are there twice",
+        run: check::faces,
+    },
     Check {
         name: "holes",
         description: "holes and loose edges in surfaces that bound glass or a medium",
@@ -52,7 +59,11 @@ pub const CHECKS: &[Check] = &[
         description: "faces that are turned over, and bodies that are inside out",
         run: check::winding,
     },
-    Check { name: "coplanar", description: "surfaces of different objects in one plane", run: check::coplanar },
+    Check {
+        name: "coplanar",
+        description: "surfaces of different objects in one plane",
+        run: check::coplanar,
+    },
     Check {
         name: "textures",
         description: "textures on meshes without coordinates, and images that are not there",
@@ -69,10 +80,15 @@ pub const CHECKS: &[Check] = &[
         description: "cameras inside of things, and cameras that see nothing",
         run: check::cameras,
     },
-    Check { name: "scale", description: "absurd sizes, distances and transforms", run: check::scale },
+    Check {
+        name: "scale",
+        description: "absurd sizes, distances and transforms",
+        run: check::scale,
+    },
 ];
 
-/// All findings, by check, the severe ones of each first. An error for scenes that are no graphs, or too large to be looked at.
+/// All findings, by check, the severe ones of each first. An error for scenes that are no graphs,
+/// or too large to be looked at.
 pub fn examine(scene: &Scene) -> Result<Vec<Finding>, String> {
     let subject = Subject::new(scene)?;
     let mut findings = Vec::new();

@@ -1,4 +1,5 @@
-//! A scene with what several checks need: where its surfaces are, what they are for, and how their triangles hang together.
+//! A scene with what several checks need: where its surfaces are, what they are for, and how their
+//! triangles hang together.
 
 use crate::topology::Topology;
 use rayon::prelude::*;
@@ -66,7 +67,12 @@ impl<'a> Subject<'a> {
                     broken.push((i, error.to_string()));
                     return None;
                 }
-                bodies.push(Body { mesh, topology: Topology::default(), places: Vec::new(), role: Role::default() });
+                bodies.push(Body {
+                    mesh,
+                    topology: Topology::default(),
+                    places: Vec::new(),
+                    role: Role::default(),
+                });
                 Some(bodies.len() - 1)
             });
             if let Some(number) = number {
@@ -75,7 +81,8 @@ impl<'a> Subject<'a> {
             body_of.push(number);
         }
         let default = snell_scene::framing::default_material();
-        let mut this = Self { scene, placed, bodies, body_of, broken, default, world: OnceLock::new() };
+        let mut this =
+            Self { scene, placed, bodies, body_of, broken, default, world: OnceLock::new() };
         for i in 0..this.bodies.len() {
             this.bodies[i].role = this.role(&this.bodies[i]);
         }
@@ -124,7 +131,8 @@ impl<'a> Subject<'a> {
             Geometry::Curves(_) => "curves",
         };
         let (id, material) = (placed.node.0, &self.material(placed.material(0)).name);
-        let is_named = !placed.name.is_empty() && placed.name != self.scene.nodes[self.scene.root.index()].name;
+        let is_named = !placed.name.is_empty()
+            && placed.name != self.scene.nodes[self.scene.root.index()].name;
         match (is_named, material.as_str()) {
             (true, _) => format!("{kind} \"{}\" (node {id})", placed.name),
             (false, "") => format!("{kind} of node {id}"),
@@ -163,7 +171,8 @@ impl<'a> Subject<'a> {
         all.filter(|b| !b.is_empty() && b.is_finite()).fold(Bounds3d::EMPTY, |a, b| a.union(&b))
     }
 
-    /// Everything that rays hit; `None` if it cannot be built. Geometries are numbered as [`Self::placed`].
+    /// Everything that rays hit; `None` if it cannot be built. Geometries are numbered as
+    /// [`Self::placed`].
     pub fn world(&self) -> Option<&World> {
         let build = || {
             let mut builder = WorldBuilder::default();
@@ -171,7 +180,8 @@ impl<'a> Subject<'a> {
             for (i, place) in self.placed.iter().enumerate() {
                 match &place.surface.geometry {
                     Geometry::Shape(shape) => {
-                        let shape: Arc<dyn Shape> = Arc::new(snell_intersect::AnyShape::clone(shape));
+                        let shape: Arc<dyn Shape> =
+                            Arc::new(snell_intersect::AnyShape::clone(shape));
                         builder.add_shape(WorldBuilder::ROOT, shape, place.world_from_surface);
                     }
                     Geometry::Mesh(mesh) if self.body_of[i].is_some() => {
@@ -218,11 +228,15 @@ impl<'a> Subject<'a> {
                     let closed: Vec<usize> = (0..body.topology.components.len())
                         .filter(|&c| {
                             let component = &body.topology.components[c];
-                            component.is_closed() && Bounds3d::from(component.bounds).contains(local)
+                            component.is_closed()
+                                && Bounds3d::from(component.bounds).contains(local)
                         })
                         .collect();
                     found.extend(
-                        closed.into_iter().filter(|&c| winding(body, c, local).abs() > 0.5).map(|c| (i, Some(c))),
+                        closed
+                            .into_iter()
+                            .filter(|&c| winding(body, c, local).abs() > 0.5)
+                            .map(|c| (i, Some(c))),
                     );
                 }
                 _ => {}
@@ -232,8 +246,8 @@ impl<'a> Subject<'a> {
     }
 }
 
-/// How often a component goes around a point: its solid angle over the full one (van Oosterom and Strackee, The Solid Angle of a Plane
-/// Triangle, 1983).
+/// How often a component goes around a point: its solid angle over the full one (van Oosterom and
+/// Strackee, The Solid Angle of a Plane Triangle, 1983).
 fn winding(body: &Body, component: usize, point: DVec3) -> f64 {
     let faces = 0..body.mesh.indices.len();
     let angle = |face: usize| {

@@ -1,7 +1,8 @@
 //! How the triangles of a mesh hang together.
 //!
-//! Vertices in one place are one vertex, whatever their numbers: readers split them where normals or texture coordinates differ. Edges
-//! are found by sorting, which takes all cores and is quick for millions of triangles.
+//! Vertices in one place are one vertex, whatever their numbers: readers split them where normals
+//! or texture coordinates differ. Edges are found by sorting, which takes all cores and is quick
+//! for millions of triangles.
 
 use rayon::prelude::*;
 use snell_intersect::TriangleMesh;
@@ -87,8 +88,8 @@ pub struct Topology {
 /// Of faces that belong to no component.
 const NONE: u32 = u32::MAX;
 
-/// True if three points lie on a line, but for rounding. (Not by a ratio of area and length: a face may be as thin as its coordinates allow,
-/// and rays still hit it.)
+/// True if three points lie on a line, but for rounding. (Not by a ratio of area and length: a face
+/// may be as thin as its coordinates allow, and rays still hit it.)
 fn is_on_a_line([a, b, c]: [DVec3; 3]) -> bool {
     const ROUNDING: f64 = 4.0 * f64::EPSILON;
     let (u, v) = (b - a, c - a);
@@ -100,7 +101,9 @@ fn is_on_a_line([a, b, c]: [DVec3; 3]) -> bool {
 fn welded(mesh: &TriangleMesh) -> Vec<u32> {
     // Zero of either sign is one place.
     let bits = |x: f32| u128::from((x + 0.0).to_bits());
-    let key = |(i, p): (usize, &Vec3)| (bits(p.x) << 96) | (bits(p.y) << 64) | (bits(p.z) << 32) | i as u128;
+    let key = |(i, p): (usize, &Vec3)| {
+        (bits(p.x) << 96) | (bits(p.y) << 64) | (bits(p.z) << 32) | i as u128
+    };
     let mut keys: Vec<u128> = mesh.positions.par_iter().enumerate().map(key).collect();
     keys.par_sort_unstable();
     let mut numbers = vec![0; keys.len()];
@@ -149,7 +152,8 @@ impl Topology {
     pub fn of(mesh: &TriangleMesh) -> Self {
         let mut this = Self::default();
         let numbers = welded(mesh);
-        let faces: Vec<[u32; 3]> = mesh.indices.par_iter().map(|t| t.map(|i| numbers[i as usize])).collect();
+        let faces: Vec<[u32; 3]> =
+            mesh.indices.par_iter().map(|t| t.map(|i| numbers[i as usize])).collect();
         let mut counts = this.sort_out(mesh, &faces);
         this.find_duplicates(&faces, &mut counts);
         let mut sets = Sets((0..faces.len() as u32).collect());
@@ -184,11 +188,14 @@ impl Topology {
             if is_on_a_line(corners) { Kind::Flat } else { Kind::Sound }
         };
         let kinds: Vec<Kind> = faces.par_iter().enumerate().map(kind).collect();
-        let all_of =
-            |kind: Kind| (0..faces.len()).filter(|&i| kinds[i] == kind).map(|i| i as u32).collect::<Vec<u32>>();
+        let all_of = |kind: Kind| {
+            (0..faces.len()).filter(|&i| kinds[i] == kind).map(|i| i as u32).collect::<Vec<u32>>()
+        };
         (self.degenerate, self.non_finite) = (all_of(Kind::Flat), all_of(Kind::NonFinite));
         // A sliver on a line still holds its neighbours together.
-        let holds = |(kind, [a, b, c]): (&Kind, &[u32; 3])| *kind != Kind::NonFinite && a != b && b != c && c != a;
+        let holds = |(kind, [a, b, c]): (&Kind, &[u32; 3])| {
+            *kind != Kind::NonFinite && a != b && b != c && c != a
+        };
         kinds.iter().zip(faces).map(holds).collect()
     }
 
@@ -214,7 +221,8 @@ impl Topology {
         self.duplicates.sort_unstable_by_key(|d| d.face);
     }
 
-    /// Joins faces over edges; gives a face for each edge of the boundary, and for each that is wound inconsistently.
+    /// Joins faces over edges; gives a face for each edge of the boundary, and for each that is
+    /// wound inconsistently.
     fn find_edges(
         &mut self,
         mesh: &TriangleMesh,
@@ -241,7 +249,8 @@ impl Topology {
             let backwards = group.iter().filter(|e| e.1 & 1 == 1).count();
             match group.len() {
                 1 => {
-                    let ends = [(group[0].0 >> 32) as u32, group[0].0 as u32].map(|i| mesh.positions[i as usize]);
+                    let ends = [(group[0].0 >> 32) as u32, group[0].0 as u32]
+                        .map(|i| mesh.positions[i as usize]);
                     let ends = if backwards == 1 { [ends[1], ends[0]] } else { ends };
                     self.boundary.push(BoundaryEdge { face, ends });
                     boundary.push(face);
@@ -280,7 +289,8 @@ impl Topology {
             }
             let number = number_of_root[root];
             self.component_of[face] = number;
-            let (component, origin) = (&mut self.components[number as usize], origins[number as usize]);
+            let (component, origin) =
+                (&mut self.components[number as usize], origins[number as usize]);
             component.bounds = component.bounds.union(&Bounds3::of([a, b, c]));
             let [a, b, c] = [a, b, c].map(|p| p.as_dvec3() - origin);
             let area = (b - a).cross(c - a) * 0.5;
@@ -290,7 +300,8 @@ impl Topology {
             component.volume += a.dot(b.cross(c)) / 6.0;
             if !mesh.normals.is_empty() {
                 let normals = mesh.indices[face].map(|i| mesh.normals[i as usize].as_dvec3());
-                let against = normals.iter().all(|n| n.dot(area) < -0.1 * n.length() * area.length());
+                let against =
+                    normals.iter().all(|n| n.dot(area) < -0.1 * n.length() * area.length());
                 component.faces_against_normals += u32::from(against);
             }
         }
@@ -305,7 +316,9 @@ mod tests {
     pub fn cube() -> TriangleMesh {
         let mut mesh = TriangleMesh::default();
         for axis in 0..3 {
-            for (side, corners) in [(0.0, [[0, 0], [0, 1], [1, 1], [1, 0]]), (1.0, [[0, 0], [1, 0], [1, 1], [0, 1]])] {
+            for (side, corners) in
+                [(0.0, [[0, 0], [0, 1], [1, 1], [1, 0]]), (1.0, [[0, 0], [1, 0], [1, 1], [0, 1]])]
+            {
                 let base = mesh.positions.len() as u32;
                 for [s, t] in corners {
                     let mut p = Vec3::ZERO;
@@ -321,9 +334,16 @@ mod tests {
     #[test]
     fn a_cube_of_separate_faces_is_one_closed_body() {
         let topology = Topology::of(&cube());
-        assert_eq!((topology.components.len(), topology.boundary.len(), topology.inconsistent.len()), (1, 0, 0));
+        assert_eq!(
+            (topology.components.len(), topology.boundary.len(), topology.inconsistent.len()),
+            (1, 0, 0)
+        );
         let body = &topology.components[0];
-        assert!((body.volume - 1.0).abs() < 1e-12 && (body.area - 6.0).abs() < 1e-12 && body.openness() < 1e-12);
+        assert!(
+            (body.volume - 1.0).abs() < 1e-12
+                && (body.area - 6.0).abs() < 1e-12
+                && body.openness() < 1e-12
+        );
     }
 
     #[test]
@@ -343,15 +363,33 @@ mod tests {
         assert_eq!((topology.degenerate, topology.boundary.len()), (vec![14], 0));
         let mut thin = cube();
         let at = |x, y, z| Vec3::new(x, y, z) + 2.0;
-        thin.positions.extend([at(0.0, 0.0, 0.0), at(0.1, 0.2, 0.3), at(0.3, 0.6, 0.9), at(0.1, 0.2 + 1e-6, 0.3)]);
-        thin.positions.extend([Vec3::ZERO, Vec3::X, Vec3::new(0.0, 0.5, 1e30), Vec3::splat(1.0), Vec3::splat(-7.0)]);
+        thin.positions.extend([
+            at(0.0, 0.0, 0.0),
+            at(0.1, 0.2, 0.3),
+            at(0.3, 0.6, 0.9),
+            at(0.1, 0.2 + 1e-6, 0.3),
+        ]);
+        thin.positions.extend([
+            Vec3::ZERO,
+            Vec3::X,
+            Vec3::new(0.0, 0.5, 1e30),
+            Vec3::splat(1.0),
+            Vec3::splat(-7.0),
+        ]);
         thin.indices.extend([[24, 25, 26], [24, 26, 27], [28, 29, 30], [28, 31, 32]]);
-        assert_eq!(Topology::of(&thin).degenerate, [15], "only points on a line: a face of 1e30 by 1 has an area");
+        assert_eq!(
+            Topology::of(&thin).degenerate,
+            [15],
+            "only points on a line: a face of 1e30 by 1 has an area"
+        );
         let mut fin = cube();
         fin.positions.push(Vec3::splat(3.0));
         let edge = fin.indices[0];
         fin.indices.push([edge[0], edge[1], 24]);
         let topology = Topology::of(&fin);
-        assert_eq!((topology.non_manifold.len(), topology.boundary.len(), topology.components.len()), (1, 2, 1));
+        assert_eq!(
+            (topology.non_manifold.len(), topology.boundary.len(), topology.components.len()),
+            (1, 2, 1)
+        );
     }
 }

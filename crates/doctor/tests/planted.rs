@@ -1,4 +1,5 @@
-//! Every flaw planted in the small files of `planted/` is found, and nothing else in them; scenes without flaws have none.
+//! Every flaw planted in the small files of `planted/` is found, and nothing else in them; scenes
+//! without flaws have none.
 
 use snell_doctor::{Severity, examine};
 use snell_formats::{ReadOptions, read_scene};
@@ -42,7 +43,8 @@ fn folder() -> &'static Path {
 fn every_planted_flaw_is_found_and_nothing_else() {
     let mut failures = Vec::new();
     for (file, check, severity) in PLANTED {
-        let scene = read_scene(&folder().join(file), &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let scene = read_scene(&folder().join(file), &ReadOptions::default())
+            .unwrap_or_else(|e| panic!("{e}"));
         let findings = examine(&scene).unwrap_or_else(|e| panic!("{file}: {e}"));
         let found = findings.iter().find(|f| f.check == *check && f.severity == *severity);
         let is_found = found.is_some_and(|f| !f.message.is_empty() && !f.remedy.is_empty());
@@ -70,16 +72,25 @@ fn every_planted_file_is_looked_at() {
 fn scenes_that_are_sound_have_no_flaws() {
     for builtin in snell_scene::builtin::BUILTINS {
         let findings = examine(&(builtin.make)()).expect("a sound scene");
-        assert!(findings.iter().all(|f| f.severity == Severity::Note), "{}: {findings:#?}", builtin.name);
+        assert!(
+            findings.iter().all(|f| f.severity == Severity::Note),
+            "{}: {findings:#?}",
+            builtin.name
+        );
     }
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes"));
     for entry in std::fs::read_dir(scenes).expect("the scenes are there") {
         let path = entry.expect("an entry").path();
         let known = ["obj", "gltf", "glb", "scn", "pbrt", "snell", "nff"];
         if path.extension().is_some_and(|e| known.contains(&e.to_string_lossy().as_ref())) {
-            let scene = read_scene(&path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+            let scene =
+                read_scene(&path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
             let findings = examine(&scene).expect("a sound scene");
-            assert!(findings.iter().all(|f| f.severity == Severity::Note), "{}: {findings:#?}", path.display());
+            assert!(
+                findings.iter().all(|f| f.severity == Severity::Note),
+                "{}: {findings:#?}",
+                path.display()
+            );
         }
     }
 }

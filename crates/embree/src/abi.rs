@@ -38,7 +38,8 @@ pub struct Rays<const N: usize> {
     pub flags: [u32; N],
 }
 
-/// `RTCRayHit`, `RTCRayHit8` and `RTCRayHit16`. The rays are spelled out, because a single ray has no padding after it.
+/// `RTCRayHit`, `RTCRayHit8` and `RTCRayHit16`. The rays are spelled out, because a single ray has
+/// no padding after it.
 #[repr(C, align(64))]
 #[derive(Clone, Copy)]
 pub struct RayHits<const N: usize> {
@@ -87,7 +88,8 @@ impl Arguments {
 /// `RTCMemoryMonitorFunction`.
 pub type MemoryMonitor = unsafe extern "C" fn(*mut c_void, isize, bool) -> bool;
 
-/// Calls that trace one ray, and those that trace a packet of which some lanes are valid (-1) and others not (0).
+/// Calls that trace one ray, and those that trace a packet of which some lanes are valid (-1) and
+/// others not (0).
 pub type TraceOne<T> = unsafe extern "C" fn(Handle, *mut T, *mut Arguments);
 pub type TracePacket<T> = unsafe extern "C" fn(*const c_int, Handle, *mut T, *mut Arguments);
 
@@ -103,11 +105,13 @@ macro_rules! functions {
             /// Looks all of them up. The error names the first that is missing.
             ///
             /// # Safety
-            /// The library must be Embree, version 4, and stay loaded as long as the functions are used.
+            /// The library must be Embree, version 4, and stay loaded as long as the functions are
+            /// used.
             pub unsafe fn find(library: &libloading::Library) -> Result<Self, &'static str> {
                 Ok(Self {
                     $(
-                        // SAFETY: the caller says that this is Embree 4, whose functions have these signatures.
+                        // SAFETY: the caller says that this is Embree 4, whose functions have these
+                        // signatures.
                         $field: *unsafe { library.get::<$signature>($symbol.as_bytes()) }.map_err(|_| $symbol)?,
                     )*
                 })
@@ -151,12 +155,22 @@ mod tests {
 
     #[test]
     fn fields_lie_where_the_c_interface_has_them() {
-        // A single ray is 48 bytes, and its hit follows; packets have one array of N numbers per field.
+        // A single ray is 48 bytes, and its hit follows; packets have one array of N numbers per
+        // field.
         assert_eq!((offset_of!(RayHits<1>, direction), offset_of!(RayHits<1>, t_far)), (16, 32));
         assert_eq!((offset_of!(RayHits<1>, normal), offset_of!(RayHits<1>, geometry)), (48, 72));
-        assert_eq!((offset_of!(RayHits<8>, t_far), offset_of!(RayHits<8>, normal)), (8 * 32, 12 * 32));
-        assert_eq!((offset_of!(RayHits<16>, geometry), offset_of!(RayHits<16>, instance)), (18 * 64, 19 * 64));
+        assert_eq!(
+            (offset_of!(RayHits<8>, t_far), offset_of!(RayHits<8>, normal)),
+            (8 * 32, 12 * 32)
+        );
+        assert_eq!(
+            (offset_of!(RayHits<16>, geometry), offset_of!(RayHits<16>, instance)),
+            (18 * 64, 19 * 64)
+        );
         assert_eq!((offset_of!(Rays<16>, t_far), offset_of!(Rays<16>, flags)), (8 * 64, 11 * 64));
-        assert_eq!((offset_of!(Arguments, context), offset_of!(Arguments, min_width_distance_factor)), (8, 32));
+        assert_eq!(
+            (offset_of!(Arguments, context), offset_of!(Arguments, min_width_distance_factor)),
+            (8, 32)
+        );
     }
 }

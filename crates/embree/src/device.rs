@@ -15,21 +15,24 @@ pub struct Device {
     memory: Box<AtomicI64>,
 }
 
-// SAFETY: Embree's API reference says that all calls on a device are thread-safe, but for those that change one geometry or scene.
+// SAFETY: Embree's API reference says that all calls on a device are thread-safe, but for those
+// that change one geometry or scene.
 unsafe impl Send for Device {}
 // SAFETY: as above.
 unsafe impl Sync for Device {}
 
 /// Told of every allocation and release.
 unsafe extern "C" fn count_memory(counter: *mut c_void, bytes: isize, _after: bool) -> bool {
-    // SAFETY: the pointer is the one given to Embree beside this function; its device keeps the counter alive.
+    // SAFETY: the pointer is the one given to Embree beside this function; its device keeps the
+    // counter alive.
     let counter = unsafe { &*counter.cast::<AtomicI64>() };
     counter.fetch_add(bytes as i64, Ordering::Relaxed);
     true
 }
 
 impl Device {
-    /// A device that builds with this many threads; of several devices at a time, all build with the most.
+    /// A device that builds with this many threads; of several devices at a time, all build with
+    /// the most.
     pub fn new(embree: &Arc<Embree>, threads: usize) -> Result<Arc<Self>, LoadError> {
         let config = CString::new(format!("threads={threads}")).expect("no zero byte in it");
         let functions = &embree.functions;
@@ -41,7 +44,8 @@ impl Device {
         }
         let memory = Box::new(AtomicI64::new(0));
         let counter = std::ptr::from_ref(&*memory).cast_mut().cast();
-        // SAFETY: the counter lives in a box of its own, which is dropped after the device is released.
+        // SAFETY: the counter lives in a box of its own, which is dropped after the device is
+        // released.
         unsafe { (functions.set_memory_monitor)(handle, count_memory, counter) };
         Ok(Arc::new(Self { embree: embree.clone(), handle, memory }))
     }
@@ -54,11 +58,14 @@ impl Device {
             abi::DEVICE_PROPERTY_VERSION_PATCH,
         ];
         // SAFETY: the device is alive and these are properties that every device has.
-        let parts = parts.map(|p| unsafe { (self.embree.functions.device_property)(self.handle, p) }.to_string());
+        let parts = parts.map(|p| {
+            unsafe { (self.embree.functions.device_property)(self.handle, p) }.to_string()
+        });
         parts.join(".")
     }
 
-    /// Bytes that Embree has allocated and not released: acceleration structures and copies of meshes.
+    /// Bytes that Embree has allocated and not released: acceleration structures and copies of
+    /// meshes.
     pub fn memory_bytes(&self) -> i64 {
         self.memory.load(Ordering::Relaxed)
     }

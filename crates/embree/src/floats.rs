@@ -4,7 +4,8 @@
 #[cfg(target_arch = "x86_64")]
 const FLUSH: u32 = 1 << 15 | 1 << 6;
 
-/// Runs `calls` with denormals counted as zero. Apart from Embree, it may move numbers, but must not compute with them.
+/// Runs `calls` with denormals counted as zero. Apart from Embree, it may move numbers, but must
+/// not compute with them.
 #[inline]
 pub fn with_flushed_denormals<T>(calls: impl FnOnce() -> T) -> T {
     #[cfg(target_arch = "x86_64")]
@@ -23,13 +24,18 @@ pub fn with_flushed_denormals<T>(calls: impl FnOnce() -> T) -> T {
 fn control() -> u32 {
     let mut value = 0u32;
     // SAFETY: writes the register to a variable of its size.
-    unsafe { std::arch::asm!("stmxcsr [{}]", in(reg) &raw mut value, options(nostack, preserves_flags)) };
+    unsafe {
+        std::arch::asm!("stmxcsr [{}]", in(reg) &raw mut value, options(nostack, preserves_flags))
+    };
     value
 }
 
 #[cfg(target_arch = "x86_64")]
 fn set_control(value: u32) {
-    // SAFETY: reads a variable of the register's size. Only the two bits about denormals change, and what runs until they change
-    // back is foreign code and moves, to which they make no difference.
-    unsafe { std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack, preserves_flags)) };
+    // SAFETY: reads a variable of the register's size. Only the two bits about denormals change,
+    // and what runs until they change back is foreign code and moves, to which they make no
+    // difference.
+    unsafe {
+        std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack, preserves_flags))
+    };
 }

@@ -13,7 +13,8 @@ use tempfile::TempDir;
 pub enum LoadError {
     /// Nothing there, or it cannot be read.
     #[error(
-        "{path}: cannot read: {source}; give the shared library of Embree 4 (libembree4.so.4), the wheel `embreex` of PyPI \
+        "{path}: cannot read: {source}; give the shared library of Embree 4 (libembree4.so.4), the \
+            wheel `embreex` of PyPI \
          (`pip download embreex`), or the folder it was unpacked to"
     )]
     Read {
@@ -23,11 +24,15 @@ pub enum LoadError {
         source: io::Error,
     },
     /// A folder or wheel without the library.
-    #[error("{0}: there is no libembree4 in it; give the shared library itself, or the wheel `embreex` of PyPI")]
+    #[error(
+        "{0}: there is no libembree4 in it; give the shared library itself, or the wheel `embreex` \
+            of PyPI"
+    )]
     NotFound(PathBuf),
     /// The system's loader refused it.
     #[error(
-        "{path}: cannot be loaded: {source}; it must be the shared library of Embree 4 for this machine, with libtbb beside it"
+        "{path}: cannot be loaded: {source}; it must be the shared library of Embree 4 for this \
+            machine, with libtbb beside it"
     )]
     Load {
         /// What was loaded.
@@ -64,13 +69,16 @@ impl std::fmt::Debug for Embree {
 }
 
 impl Embree {
-    /// Loads the shared library at `path`, which may also be the wheel `embreex` of PyPI or a folder with the library somewhere in
-    /// it.
+    /// Loads the shared library at `path`, which may also be the wheel `embreex` of PyPI or a
+    /// folder with the library somewhere in it.
     pub fn load(path: &Path) -> Result<Arc<Self>, LoadError> {
         let read = |source| LoadError::Read { path: path.into(), source };
         let kind = fs::metadata(path).map_err(read)?;
         if !kind.is_file() && !kind.is_dir() {
-            return Err(read(io::Error::new(io::ErrorKind::InvalidInput, "this is a pipe or a device, not a file")));
+            return Err(read(io::Error::new(
+                io::ErrorKind::InvalidInput,
+                "this is a pipe or a device, not a file",
+            )));
         }
         let is_wheel = path.extension().is_some_and(|e| e == "whl" || e == "zip");
         let folder = if is_wheel { Some(unpack(path).map_err(read)?) } else { None };
@@ -80,27 +88,32 @@ impl Embree {
             None => Some(path.to_path_buf()),
         };
         let file = file.ok_or_else(|| LoadError::NotFound(path.into()))?;
-        // SAFETY: the user names a library to run, as when they name a program; Embree's initialisers need nothing from us.
+        // SAFETY: the user names a library to run, as when they name a program; Embree's
+        // initialisers need nothing from us.
         let library = unsafe { libloading::Library::new(&file) };
         let library = library.map_err(|source| LoadError::Load { path: file.clone(), source })?;
-        // SAFETY: the user says that this is Embree 4; a library without all of its functions is refused. The functions are kept
-        // together with the library.
+        // SAFETY: the user says that this is Embree 4; a library without all of its functions is
+        // refused. The functions are kept together with the library.
         let functions = unsafe { Functions::find(&library) };
         let functions = functions.map_err(|symbol| LoadError::Symbol { path: file, symbol })?;
         Ok(Arc::new(Self { functions, _library: ManuallyDrop::new(library), _folder: folder }))
     }
 }
 
-/// True for the name of the library: `libembree4.so.4`, `libembree4-4aef3270.so.4`, `embree4.dll`, `libembree4.dylib`.
+/// True for the name of the library: `libembree4.so.4`, `libembree4-4aef3270.so.4`, `embree4.dll`,
+/// `libembree4.dylib`.
 fn is_library_name(name: &str) -> bool {
-    name.trim_start_matches("lib").starts_with("embree4") && [".so", ".dll", ".dylib"].iter().any(|e| name.contains(e))
+    name.trim_start_matches("lib").starts_with("embree4")
+        && [".so", ".dll", ".dylib"].iter().any(|e| name.contains(e))
 }
 
 /// The library in a folder or the folders below it.
 fn find_library(folder: &Path) -> Option<PathBuf> {
     let mut entries: Vec<_> = fs::read_dir(folder).ok()?.flatten().map(|e| e.path()).collect();
     entries.sort();
-    let is_library = |p: &&PathBuf| p.file_name().is_some_and(|n| is_library_name(&n.to_string_lossy())) && p.is_file();
+    let is_library = |p: &&PathBuf| {
+        p.file_name().is_some_and(|n| is_library_name(&n.to_string_lossy())) && p.is_file()
+    };
     let here = entries.iter().find(is_library);
     here.cloned().or_else(|| entries.iter().filter(|p| p.is_dir()).find_map(|p| find_library(p)))
 }
@@ -131,7 +144,9 @@ mod tests {
     fn what_is_not_embree_is_refused_with_a_remedy() {
         let folder = TempDir::new().expect("a temporary folder");
         let message = |path: &Path| Embree::load(path).expect_err("not Embree").to_string();
-        assert!(message(&folder.path().join("none.so")).contains("give the shared library of Embree 4"));
+        assert!(
+            message(&folder.path().join("none.so")).contains("give the shared library of Embree 4")
+        );
         assert!(message(folder.path()).contains("there is no libembree4 in it"));
         let text = folder.path().join("libembree4.so.4");
         fs::write(&text, "no library").expect("the folder is writable");
@@ -143,7 +158,9 @@ mod tests {
 
     #[test]
     fn the_library_is_known_by_its_name() {
-        for name in ["libembree4.so.4", "libembree4-4aef3270.so.4", "embree4.dll", "libembree4.4.dylib"] {
+        for name in
+            ["libembree4.so.4", "libembree4-4aef3270.so.4", "embree4.dll", "libembree4.4.dylib"]
+        {
             assert!(is_library_name(name), "{name}");
         }
         for name in ["libtbb.so.12", "libembree3.so.3", "embree4.txt"] {

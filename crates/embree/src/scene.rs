@@ -11,7 +11,10 @@ use std::time::Instant;
 #[derive(Debug, thiserror::Error)]
 pub enum PeerError {
     /// Only triangles can be compared.
-    #[error("the scene has more than triangles, which is not compared with Embree; take a scene of meshes")]
+    #[error(
+        "the scene has more than triangles, which is not compared with Embree; take a scene of \
+            meshes"
+    )]
     Shapes,
     /// Embree says so.
     #[error("Embree could not build the scene (error {0})")]
@@ -66,16 +69,24 @@ pub struct PeerScene {
     memory_bytes: i64,
 }
 
-// SAFETY: a committed scene is not changed any more, and Embree's API reference says that ray queries are thread-safe.
+// SAFETY: a committed scene is not changed any more, and Embree's API reference says that ray
+// queries are thread-safe.
 unsafe impl Send for PeerScene {}
 // SAFETY: as above.
 unsafe impl Sync for PeerScene {}
 
 impl PeerScene {
-    /// Builds a scene of the same triangles. A group that occurs below the root becomes a scene, and each of its occurrences one
-    /// instance of the top scene, because Embree comes with one level of instances.
-    pub fn build(device: &Arc<Device>, world: &World, options: SceneOptions) -> Result<Self, PeerError> {
-        if !(0..world.geometry_count() as u32).all(|i| matches!(world.geometry(GeometryId(i)), Geometry::Mesh(_))) {
+    /// Builds a scene of the same triangles. A group that occurs below the root becomes a scene,
+    /// and each of its occurrences one instance of the top scene, because Embree comes with one
+    /// level of instances.
+    pub fn build(
+        device: &Arc<Device>,
+        world: &World,
+        options: SceneOptions,
+    ) -> Result<Self, PeerError> {
+        if !(0..world.geometry_count() as u32)
+            .all(|i| matches!(world.geometry(GeometryId(i)), Geometry::Mesh(_)))
+        {
             return Err(PeerError::Shapes);
         }
         device.take_error();
@@ -86,8 +97,8 @@ impl PeerScene {
                 let handle = (functions.new_scene)(device.handle);
                 (functions.set_scene_quality)(handle, options.quality as i32);
                 let flag = |on: bool, bit: i32| if on { bit } else { 0 };
-                let flags =
-                    flag(options.robust, abi::SCENE_FLAG_ROBUST) | flag(options.compact, abi::SCENE_FLAG_COMPACT);
+                let flags = flag(options.robust, abi::SCENE_FLAG_ROBUST)
+                    | flag(options.compact, abi::SCENE_FLAG_COMPACT);
                 (functions.set_scene_flags)(handle, flags);
                 handle
             }
@@ -148,18 +159,30 @@ impl PeerScene {
 
     fn add_mesh(&self, scene: Handle, mesh: &TriangleMesh) {
         let functions = &self.device.embree.functions;
-        // SAFETY: device and scene are alive. The buffers are made by Embree for as many elements as are copied into them; both
-        // sides have three packed 32-bit numbers per element.
+        // SAFETY: device and scene are alive. The buffers are made by Embree for as many elements
+        // as are copied into them; both sides have three packed 32-bit numbers per element.
         unsafe {
-            let geometry = (functions.new_geometry)(self.device.handle, abi::GEOMETRY_TYPE_TRIANGLE);
+            let geometry =
+                (functions.new_geometry)(self.device.handle, abi::GEOMETRY_TYPE_TRIANGLE);
             // The low quality of a scene is that of its top level only.
             (functions.set_geometry_quality)(geometry, self.options.quality as i32);
-            let buffer = |kind, format, count| (functions.set_new_buffer)(geometry, kind, 0, format, 12, count);
-            let vertices = buffer(abi::BUFFER_TYPE_VERTEX, abi::FORMAT_FLOAT3, mesh.positions.len());
+            let buffer = |kind, format, count| {
+                (functions.set_new_buffer)(geometry, kind, 0, format, 12, count)
+            };
+            let vertices =
+                buffer(abi::BUFFER_TYPE_VERTEX, abi::FORMAT_FLOAT3, mesh.positions.len());
             let indices = buffer(abi::BUFFER_TYPE_INDEX, abi::FORMAT_UINT3, mesh.indices.len());
             if !vertices.is_null() && !indices.is_null() {
-                std::ptr::copy_nonoverlapping(mesh.positions.as_ptr(), vertices.cast(), mesh.positions.len());
-                std::ptr::copy_nonoverlapping(mesh.indices.as_ptr(), indices.cast(), mesh.indices.len());
+                std::ptr::copy_nonoverlapping(
+                    mesh.positions.as_ptr(),
+                    vertices.cast(),
+                    mesh.positions.len(),
+                );
+                std::ptr::copy_nonoverlapping(
+                    mesh.indices.as_ptr(),
+                    indices.cast(),
+                    mesh.indices.len(),
+                );
                 (functions.commit_geometry)(geometry);
                 (functions.attach)(scene, geometry);
             }
@@ -169,14 +192,26 @@ impl PeerScene {
 
     fn add_instance(&self, child: Handle, world_from_child: &Transform) {
         let matrix = world_from_child.matrix();
-        let columns = [matrix.matrix3.x_axis, matrix.matrix3.y_axis, matrix.matrix3.z_axis, matrix.translation];
+        let columns = [
+            matrix.matrix3.x_axis,
+            matrix.matrix3.y_axis,
+            matrix.matrix3.z_axis,
+            matrix.translation,
+        ];
         let columns = columns.map(|c| c.as_vec3().to_array());
         let functions = &self.device.embree.functions;
-        // SAFETY: device and scenes are alive; the matrix has twelve floats, column by column, and is copied.
+        // SAFETY: device and scenes are alive; the matrix has twelve floats, column by column, and
+        // is copied.
         unsafe {
-            let geometry = (functions.new_geometry)(self.device.handle, abi::GEOMETRY_TYPE_INSTANCE);
+            let geometry =
+                (functions.new_geometry)(self.device.handle, abi::GEOMETRY_TYPE_INSTANCE);
             (functions.set_instanced_scene)(geometry, child);
-            (functions.set_transform)(geometry, 0, abi::FORMAT_FLOAT3X4_COLUMN_MAJOR, columns.as_ptr().cast());
+            (functions.set_transform)(
+                geometry,
+                0,
+                abi::FORMAT_FLOAT3X4_COLUMN_MAJOR,
+                columns.as_ptr().cast(),
+            );
             (functions.commit_geometry)(geometry);
             (functions.attach)(self.handle, geometry);
             (functions.release_geometry)(geometry);
@@ -197,7 +232,8 @@ impl PeerScene {
 impl Drop for PeerScene {
     fn drop(&mut self) {
         for handle in self.children.drain(..).chain([self.handle]) {
-            // SAFETY: made by this library and released once by us; instances hold their own references.
+            // SAFETY: made by this library and released once by us; instances hold their own
+            // references.
             unsafe { (self.device.embree.functions.release_scene)(handle) };
         }
     }

@@ -1,4 +1,5 @@
-//! Tracing a batch in one of Embree's ways: one ray, 8 or 16 rays a call, announced as coherent or not.
+//! Tracing a batch in one of Embree's ways: one ray, 8 or 16 rays a call, announced as coherent or
+//! not.
 
 use crate::abi::{Arguments, INVALID_ID, RayHits, Rays};
 use crate::floats::with_flushed_denormals;
@@ -77,12 +78,16 @@ impl PeerScene {
             Width::Eight => closest::<8>(rays, hits, |count, packet| {
                 let valid = Valid::<8>::first(count);
                 // SAFETY: as above; the lanes that are valid hold rays.
-                unsafe { (functions.intersect_8)(valid.0.as_ptr(), self.handle, packet, &mut arguments) };
+                unsafe {
+                    (functions.intersect_8)(valid.0.as_ptr(), self.handle, packet, &mut arguments)
+                };
             }),
             Width::Sixteen => closest::<16>(rays, hits, |count, packet| {
                 let valid = Valid::<16>::first(count);
                 // SAFETY: as above; the lanes that are valid hold rays.
-                unsafe { (functions.intersect_16)(valid.0.as_ptr(), self.handle, packet, &mut arguments) };
+                unsafe {
+                    (functions.intersect_16)(valid.0.as_ptr(), self.handle, packet, &mut arguments)
+                };
             }),
         });
     }
@@ -102,12 +107,16 @@ impl PeerScene {
             Width::Eight => occluded::<8>(rays, blocked, |count, packet| {
                 let valid = Valid::<8>::first(count);
                 // SAFETY: as above; the lanes that are valid hold rays.
-                unsafe { (functions.occluded_8)(valid.0.as_ptr(), self.handle, packet, &mut arguments) };
+                unsafe {
+                    (functions.occluded_8)(valid.0.as_ptr(), self.handle, packet, &mut arguments)
+                };
             }),
             Width::Sixteen => occluded::<16>(rays, blocked, |count, packet| {
                 let valid = Valid::<16>::first(count);
                 // SAFETY: as above; the lanes that are valid hold rays.
-                unsafe { (functions.occluded_16)(valid.0.as_ptr(), self.handle, packet, &mut arguments) };
+                unsafe {
+                    (functions.occluded_16)(valid.0.as_ptr(), self.handle, packet, &mut arguments)
+                };
             }),
         });
     }
@@ -115,7 +124,11 @@ impl PeerScene {
 
 /// Packs rays `N` at a time, calls `trace` with how many there are, and unpacks what it found.
 #[inline(always)]
-fn closest<const N: usize>(rays: &[Ray], hits: &mut [Hit], mut trace: impl FnMut(usize, &mut RayHits<N>)) {
+fn closest<const N: usize>(
+    rays: &[Ray],
+    hits: &mut [Hit],
+    mut trace: impl FnMut(usize, &mut RayHits<N>),
+) {
     assert_eq!(rays.len(), hits.len(), "one hit per ray");
     let mut packet = RayHits::<N> {
         origin: [[0.0; N]; 3],
@@ -162,7 +175,11 @@ fn closest<const N: usize>(rays: &[Ray], hits: &mut [Hit], mut trace: impl FnMut
 
 /// As [`closest`], for any hit.
 #[inline(always)]
-fn occluded<const N: usize>(rays: &[Ray], blocked: &mut [bool], mut trace: impl FnMut(usize, &mut Rays<N>)) {
+fn occluded<const N: usize>(
+    rays: &[Ray],
+    blocked: &mut [bool],
+    mut trace: impl FnMut(usize, &mut Rays<N>),
+) {
     assert_eq!(rays.len(), blocked.len(), "one answer per ray");
     let mut packet = Rays::<N> {
         origin: [[0.0; N]; 3],

@@ -1,4 +1,5 @@
-//! How fast a scene is read: `cargo bench -p snell-formats --bench read_speed -- FILE`. Without a file, 20 MB of pbrt text are made.
+//! How fast a scene is read: `cargo bench -p snell-formats --bench read_speed -- FILE`. Without a
+//! file, 20 MB of pbrt text are made.
 //!
 //! Cargo runs it in the crate's folder: give a path that is absolute.
 
@@ -22,7 +23,8 @@ fn generated(bytes: usize) -> String {
         text += "]\n \"integer indices\" [";
         for (i, j) in (0..SIDE - 1).flat_map(|i| (0..SIDE - 1).map(move |j| (i, j))) {
             let a = i * SIDE + j;
-            writeln!(text, "{a} {} {} {a} {} {}", a + 1, a + SIDE + 1, a + SIDE + 1, a + SIDE).expect("strings grow");
+            writeln!(text, "{a} {} {} {a} {} {}", a + 1, a + SIDE + 1, a + SIDE + 1, a + SIDE)
+                .expect("strings grow");
         }
         text += "]\n";
     }
@@ -38,10 +40,12 @@ fn main() {
     for _ in 0..5 {
         let content = bytes.clone();
         let start = Instant::now();
-        let scene = read_scene_bytes(&name, content, &folder, &ReadOptions::default()).expect("the scene is fine");
+        let scene = read_scene_bytes(&name, content, &folder, &ReadOptions::default())
+            .expect("the scene is fine");
         let seconds = start.elapsed().as_secs_f64();
         let surfaces = scene.nodes.iter().flat_map(|n| &n.surfaces);
-        let count = |g: &Geometry| if let Geometry::Mesh(mesh) = g { mesh.indices.len() } else { 1 };
+        let count =
+            |g: &Geometry| if let Geometry::Mesh(mesh) = g { mesh.indices.len() } else { 1 };
         let triangles: usize = surfaces.map(|s| count(&s.geometry)).sum();
         println!(
             "{:.1} MB in {seconds:.3} s: {:.0} MB/s, {:.2} million triangles/s",

@@ -30,7 +30,10 @@ pub fn write(path: &Path, bytes: &[u8]) -> std::result::Result<(), WriteError> {
 }
 
 /// Like [`write()`], for what need not be in memory as a whole: `fill` writes it.
-pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> std::result::Result<(), WriteError> {
+pub fn write_with(
+    path: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> Result<()>,
+) -> std::result::Result<(), WriteError> {
     stage(path, fill).and_then(Staged::place).map_err(io_error(path))
 }
 
@@ -53,11 +56,14 @@ pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> std::result::Result<(), WriteE
         .map(|(path, bytes)| match destination(path).map_err(io_error(path))? {
             // It has no other name that it could wait under.
             Destination::Special => Ok(None),
-            Destination::File(_) => stage(path, |out| out.write_all(bytes)).map(Some).map_err(io_error(path)),
+            Destination::File(_) => {
+                stage(path, |out| out.write_all(bytes)).map(Some).map_err(io_error(path))
+            }
         })
         .collect::<std::result::Result<_, WriteError>>()?;
     for ((path, bytes), staged) in files.iter().zip(staged) {
-        staged.map_or_else(|| write(path, bytes), |staged| staged.place().map_err(io_error(path)))?;
+        staged
+            .map_or_else(|| write(path, bytes), |staged| staged.place().map_err(io_error(path)))?;
     }
     Ok(())
 }
@@ -95,7 +101,9 @@ fn destination(path: &Path) -> Result<Destination> {
     let mut place = path.to_path_buf();
     for _ in 0..MAX_LINKS {
         match std::fs::symlink_metadata(&place) {
-            Ok(known) if known.is_symlink() => place = folder_of(&place).join(std::fs::read_link(&place)?),
+            Ok(known) if known.is_symlink() => {
+                place = folder_of(&place).join(std::fs::read_link(&place)?)
+            }
             Ok(_) => {
                 // Renaming does not ask whether the file may be changed, but its owner said so.
                 std::fs::OpenOptions::new().write(true).open(&place)?;
@@ -116,7 +124,8 @@ fn destination(path: &Path) -> Result<Destination> {
 fn names_a_folder(path: &Path) -> bool {
     let name = path.as_os_str().as_encoded_bytes();
     let is_separator = |b: Option<&u8>| b.is_some_and(|&b| std::path::is_separator(b.into()));
-    is_separator(name.last()) || name.strip_suffix(b".").is_some_and(|rest| is_separator(rest.last()))
+    is_separator(name.last())
+        || name.strip_suffix(b".").is_some_and(|rest| is_separator(rest.last()))
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -175,9 +184,9 @@ impl Temporary {
         let folder = folder_of(path);
         // The temporary name says nothing to a user, so it does not belong into the error.
         let plain = |e: Error| {
-            std::fs::metadata(folder)
-                .err()
-                .unwrap_or_else(|| e.raw_os_error().map_or(e.kind().into(), Error::from_raw_os_error))
+            std::fs::metadata(folder).err().unwrap_or_else(|| {
+                e.raw_os_error().map_or(e.kind().into(), Error::from_raw_os_error)
+            })
         };
         let mut builder = tempfile::Builder::new();
         builder.prefix(".snell-").suffix(".tmp");
@@ -223,7 +232,11 @@ mod tests {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("a.png");
         check(&path).expect("the folder is writable");
-        assert_eq!(std::fs::read_dir(folder.path()).expect("the folder is there").count(), 0, "nothing is left behind");
+        assert_eq!(
+            std::fs::read_dir(folder.path()).expect("the folder is there").count(),
+            0,
+            "nothing is left behind"
+        );
         write(&path, b"abc").expect("the folder is writable");
         assert_eq!(std::fs::read(&path).expect("the file is there"), b"abc");
         assert!(check(&folder.path().join("missing/a.png")).is_err());
@@ -240,7 +253,11 @@ mod tests {
             assert!(check(&path).is_err(), "{name}");
             assert!(write(&path, b"abc").is_err(), "{name}");
         }
-        assert_eq!(std::fs::read_dir(folder.path()).expect("it is there").count(), 1, "nothing is left behind");
+        assert_eq!(
+            std::fs::read_dir(folder.path()).expect("it is there").count(),
+            1,
+            "nothing is left behind"
+        );
     }
 
     #[test]
@@ -248,7 +265,8 @@ mod tests {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("a.png");
         write_new(&path, |out| out.write_all(b"first")).expect("nothing is there");
-        let error = write_new(&path, |out| out.write_all(b"second")).expect_err("the first is there");
+        let error =
+            write_new(&path, |out| out.write_all(b"second")).expect_err("the first is there");
         assert_eq!(error.kind(), ErrorKind::AlreadyExists);
         assert_eq!(std::fs::read(&path).expect("it is there"), b"first");
     }
@@ -261,15 +279,23 @@ mod tests {
         let path = |name: &str| folder.path().join(name);
         std::fs::create_dir(path("store")).expect("the folder is writable");
         std::fs::write(path("store/a"), "old").expect("the folder is writable");
-        std::fs::set_permissions(path("store/a"), PermissionsExt::from_mode(0o640)).expect("it is ours");
-        for (to, link) in [("store/a", "full"), ("full", "twice"), ("store/new", "dangling"), ("/dev/null", "nowhere")]
-        {
+        std::fs::set_permissions(path("store/a"), PermissionsExt::from_mode(0o640))
+            .expect("it is ours");
+        for (to, link) in [
+            ("store/a", "full"),
+            ("full", "twice"),
+            ("store/new", "dangling"),
+            ("/dev/null", "nowhere"),
+        ] {
             symlink(to, path(link)).expect("the folder is writable");
         }
         for link in ["full", "twice", "dangling", "nowhere"] {
             check(&path(link)).unwrap_or_else(|e| panic!("{link}: {e}"));
             write(&path(link), link.as_bytes()).unwrap_or_else(|e| panic!("{link}: {e}"));
-            assert!(path(link).symlink_metadata().is_ok_and(|m| m.is_symlink()), "{link} is still a link");
+            assert!(
+                path(link).symlink_metadata().is_ok_and(|m| m.is_symlink()),
+                "{link} is still a link"
+            );
         }
         let content = |name: &str| std::fs::read_to_string(path(name)).expect("it is there");
         assert_eq!((content("store/a"), content("store/new")), ("twice".into(), "dangling".into()));
@@ -284,7 +310,8 @@ mod tests {
     fn a_socket_is_not_replaced_by_a_file() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("socket");
-        let _socket = std::os::unix::net::UnixListener::bind(&path).expect("the folder is writable");
+        let _socket =
+            std::os::unix::net::UnixListener::bind(&path).expect("the folder is writable");
         assert!(write(&path, b"abc").is_err(), "nothing can be written to a socket");
         assert!(!std::fs::metadata(&path).expect("it is still there").is_file());
     }

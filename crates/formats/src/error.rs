@@ -55,7 +55,8 @@ impl fmt::Display for ReadError {
 
 impl std::error::Error for ReadError {}
 
-/// A message as one line without control characters: words of a file must not move the cursor of a terminal.
+/// A message as one line without control characters: words of a file must not move the cursor of a
+/// terminal.
 pub fn one_line(text: &str) -> Cow<'_, str> {
     if !text.contains(char::is_control) {
         return Cow::Borrowed(text);
@@ -76,7 +77,8 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     /// The system refused.
-    #[error("{}: cannot write: {source}; check that the folder exists, is writable and has room", path.display())]
+    #[error("{}: cannot write: {source}; check that the folder exists, is writable and has \
+        room", path.display())]
     Io {
         /// The file.
         path: PathBuf,

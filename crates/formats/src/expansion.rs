@@ -1,8 +1,8 @@
 //! How much the files of one scene may become in memory, all together.
 //!
-//! A small file can stand for much: compressed data, pictures of one colour, counts without data, one file that is named a
-//! thousand times. Each is charged here *before* memory is taken, and all inputs of a scene share one account, so that many small
-//! things are refused as one large one is.
+//! A small file can stand for much: compressed data, pictures of one colour, counts without data,
+//! one file that is named a thousand times. Each is charged here *before* memory is taken, and all
+//! inputs of a scene share one account, so that many small things are refused as one large one is.
 
 use crate::error::{Place, ReadError};
 use crate::input::Input;
@@ -69,8 +69,8 @@ impl Input {
     /// Counts memory that is about to be taken for `what` this file stands for.
     ///
     /// # Errors
-    /// If the files of the scene would become more than [`Limits::memory_bytes`] and [`Limits::expansion`] allow. Then
-    /// nothing is counted.
+    /// If the files of the scene would become more than [`Limits::memory_bytes`] and
+    /// [`Limits::expansion`] allow. Then nothing is counted.
     pub(crate) fn charge(&self, bytes: u64, what: &str) -> Result<(), ReadError> {
         let mut account = self.expansion.account();
         let (allowed, given) = (account.allowed(&self.options.limits), account.given);
@@ -82,7 +82,8 @@ impl Input {
                 in_words(given),
                 in_words(allowed)
             );
-            let remedy = "the file is damaged or made to fill the memory: export it again, or split the scene";
+            let remedy = "the file is damaged or made to fill the memory: export it again, or \
+                split the scene";
             return Err(self.error(Place::Whole, problem, remedy));
         }
         account.charged = charged;
@@ -103,8 +104,14 @@ impl Input {
     /// The bytes that `packed`, at `place`, is unpacked to; they are charged.
     ///
     /// # Errors
-    /// If it is damaged, or unpacks to more than files that people have do, or than the scene may take.
-    pub(crate) fn unpack(&self, packed: &[u8], how: Compression, place: Place) -> Result<Vec<u8>, ReadError> {
+    /// If it is damaged, or unpacks to more than files that people have do, or than the scene may
+    /// take.
+    pub(crate) fn unpack(
+        &self,
+        packed: &[u8],
+        how: Compression,
+        place: Place,
+    ) -> Result<Vec<u8>, ReadError> {
         let content = unpack(packed, how, &self.options.limits)
             .map_err(|(problem, remedy)| self.error(place, problem, remedy))?;
         self.charge(content.len() as u64, "what it unpacks to")?;
@@ -116,13 +123,21 @@ impl Input {
 const ALWAYS_UNPACKED: u64 = 64 << 20;
 
 /// The content of `packed`, or what is wrong with it and what to do.
-pub(crate) fn unpack(packed: &[u8], how: Compression, limits: &Limits) -> Result<Vec<u8>, (String, &'static str)> {
+pub(crate) fn unpack(
+    packed: &[u8],
+    how: Compression,
+    limits: &Limits,
+) -> Result<Vec<u8>, (String, &'static str)> {
     let expanded = (packed.len() as u64).saturating_mul(limits.expansion);
     let limit = expanded.max(ALWAYS_UNPACKED).min(limits.file_bytes);
     let mut content = Vec::new();
     let read = match how {
-        Compression::Gzip => flate2::read::MultiGzDecoder::new(packed).take(limit + 1).read_to_end(&mut content),
-        Compression::Zlib => flate2::read::ZlibDecoder::new(packed).take(limit + 1).read_to_end(&mut content),
+        Compression::Gzip => {
+            flate2::read::MultiGzDecoder::new(packed).take(limit + 1).read_to_end(&mut content)
+        }
+        Compression::Zlib => {
+            flate2::read::ZlibDecoder::new(packed).take(limit + 1).read_to_end(&mut content)
+        }
     };
     let kind = if how == Compression::Gzip { "gzip" } else { "zlib" };
     read.map_err(|e| {
@@ -130,7 +145,10 @@ pub(crate) fn unpack(packed: &[u8], how: Compression, limits: &Limits) -> Result
         (problem, "the file seems cut off; compress or copy it again")
     })?;
     if content.len() as u64 > limit {
-        return Err((format!("unpacks to more than {limit} bytes, the limit"), "unpack it, or export it again"));
+        return Err((
+            format!("unpacks to more than {limit} bytes, the limit"),
+            "unpack it, or export it again",
+        ));
     }
     Ok(content)
 }
@@ -161,7 +179,10 @@ mod tests {
         input.charge(1500, "a picture").expect("2000 are allowed");
         let other = input.part("b.bin", vec![0; 50]);
         let error = other.charge(501, "a picture").expect_err("it is the same scene").to_string();
-        assert!(error.contains("a picture would take 501 bytes") && error.contains("2000 bytes"), "{error}");
+        assert!(
+            error.contains("a picture would take 501 bytes") && error.contains("2000 bytes"),
+            "{error}"
+        );
         other.charge(500, "a picture").expect("what was refused is not counted");
     }
 

@@ -1,4 +1,5 @@
-//! The last line of defence before code of others: a decoder that panics is an error of the file, without a word on standard error.
+//! The last line of defence before code of others: a decoder that panics is an error of the file,
+//! without a word on standard error.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
@@ -11,7 +12,8 @@ thread_local! {
 
 static QUIET: Once = Once::new();
 
-/// What `work` gives; `None` if it panics. The panic is not reported: the hook of the process is kept for all others.
+/// What `work` gives; `None` if it panics. The panic is not reported: the hook of the process is
+/// kept for all others.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> T) -> Option<T> {
     QUIET.call_once(|| {
         let usual = take_hook();

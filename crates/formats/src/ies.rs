@@ -1,7 +1,9 @@
-//! Photometric files of the Illuminating Engineering Society (IES LM-63, `.ies`): the luminous intensity of a luminaire by angle.
+//! Photometric files of the Illuminating Engineering Society (IES LM-63, `.ies`): the luminous
+//! intensity of a luminaire by angle.
 //!
-//! Read: type C photometry (what nearly all files have) with any of its symmetries, in candela as measured, times the file's factors
-//! for candela and ballast. Not read: keywords, tilt of the lamp, and the size of the luminaire, which is a point here.
+//! Read: type C photometry (what nearly all files have) with any of its symmetries, in candela as
+//! measured, times the file's factors for candela and ballast. Not read: keywords, tilt of the
+//! lamp, and the size of the luminaire, which is a point here.
 
 use crate::error::{Place, ReadError};
 use crate::input::Input;
@@ -10,8 +12,8 @@ use snell_scene::light::IntensityTable;
 
 const REMEDY: &str = "export the luminaire again as IES LM-63 with type C photometry";
 
-/// Reads a table of intensities: polar angle 0 is the axis of the luminaire (straight down where it hangs), azimuths are its
-/// horizontal angles. The values are candela.
+/// Reads a table of intensities: polar angle 0 is the axis of the luminaire (straight down where it
+/// hangs), azimuths are its horizontal angles. The values are candela.
 pub fn read_ies(input: &Input) -> Result<IntensityTable, ReadError> {
     let text = String::from_utf8_lossy(&input.bytes);
     let mut numbers = Numbers::new(input, &text)?;
@@ -21,15 +23,21 @@ pub fn read_ies(input: &Input) -> Result<IntensityTable, ReadError> {
     let candela = numbers.take(header.vertical * header.horizontal, "intensity")?;
     let columns: Vec<&[f64]> = candela.chunks(header.vertical).collect();
     let (azimuths, order) = around(&horizontal).ok_or_else(|| {
-        let problem = "the horizontal angles must ascend from 0 to 0, 90, 180 or 360 degrees, or from 90 to 270";
+        let problem = "the horizontal angles must ascend from 0 to 0, 90, 180 or 360 degrees, or \
+            from 90 to 270";
         input.error(Place::Whole, problem, REMEDY)
     })?;
     let grey = |cd: f64| Rgb::splat((cd * header.factor) as f32);
     let values = order.iter().flat_map(|&k| columns[k].iter().map(|&cd| grey(cd))).collect();
     let polar = vertical.iter().map(|a| a.to_radians()).collect();
     let azimuths = azimuths.iter().map(|a: &f64| a.to_radians()).collect();
-    IntensityTable::new(polar, azimuths, values)
-        .ok_or_else(|| input.error(Place::Whole, "the vertical angles must ascend within 0 and 180 degrees", REMEDY))
+    IntensityTable::new(polar, azimuths, values).ok_or_else(|| {
+        input.error(
+            Place::Whole,
+            "the vertical angles must ascend within 0 and 180 degrees",
+            REMEDY,
+        )
+    })
 }
 
 /// The angles all around in degrees, and which of the given ones each repeats.
@@ -48,13 +56,17 @@ fn around(horizontal: &[f64]) -> Option<(Vec<f64>, Vec<usize>)> {
         (f, l) if near(f, 0.0) && near(l, 90.0) => {
             given.flat_map(|(k, a)| [a, 180.0 - a, 180.0 + a, 360.0 - a].map(|a| (a, k))).collect()
         }
-        (f, l) if near(f, 0.0) && near(l, 180.0) => given.flat_map(|(k, a)| [a, 360.0 - a].map(|a| (a, k))).collect(),
+        (f, l) if near(f, 0.0) && near(l, 180.0) => {
+            given.flat_map(|(k, a)| [a, 360.0 - a].map(|a| (a, k))).collect()
+        }
         (f, l) if near(f, 90.0) && near(l, 270.0) => given
             .flat_map(|(k, a)| [a, (540.0 - a) % 360.0].map(|a| (a, k)))
             .chain([(360.0, opposite(horizontal))])
             .collect(),
         // The last plane may repeat the first or be left out.
-        (f, l) if near(f, 0.0) && l > 180.0 && l < 360.01 => given.map(|(k, a)| (a, k)).chain([(360.0, 0)]).collect(),
+        (f, l) if near(f, 0.0) && l > 180.0 && l < 360.01 => {
+            given.map(|(k, a)| (a, k)).chain([(360.0, 0)]).collect()
+        }
         _ => return None,
     };
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -64,7 +76,8 @@ fn around(horizontal: &[f64]) -> Option<(Vec<f64>, Vec<usize>)> {
     Some(all.into_iter().unzip())
 }
 
-/// The plane at 180 degrees, which stands for that at 0 and 360 if the halves left and right of the 90 degree plane are alike.
+/// The plane at 180 degrees, which stands for that at 0 and 360 if the halves left and right of the
+/// 90 degree plane are alike.
 fn opposite(horizontal: &[f64]) -> usize {
     (0..horizontal.len())
         .min_by(|&a, &b| (horizontal[a] - 180.0).abs().total_cmp(&(horizontal[b] - 180.0).abs()))
@@ -85,11 +98,18 @@ impl Header {
         let count = |x: f64, what: &str| {
             let is_count = (1.0..=10_000.0).contains(&x) && x.fract() == 0.0;
             let problem = || format!("the number of {what} angles is {x}, expected 1 to 10000");
-            if is_count { Ok(x as usize) } else { Err(numbers.input.error(Place::Whole, problem(), REMEDY)) }
+            if is_count {
+                Ok(x as usize)
+            } else {
+                Err(numbers.input.error(Place::Whole, problem(), REMEDY))
+            }
         };
         let (vertical, horizontal) = (count(fixed[3], "vertical")?, count(fixed[4], "horizontal")?);
         if fixed[5] != 1.0 {
-            let problem = format!("its photometry is of type {} (2 is B, 3 is A), expected 1 (type C)", fixed[5]);
+            let problem = format!(
+                "its photometry is of type {} (2 is B, 3 is A), expected 1 (type C)",
+                fixed[5]
+            );
             return Err(numbers.input.error(Place::Whole, problem, REMEDY));
         }
         Ok(Self { vertical, horizontal, factor: fixed[2] * fixed[10] })
@@ -106,14 +126,22 @@ impl<'a> Numbers<'a> {
     fn new(input: &'a Input, text: &'a str) -> Result<Self, ReadError> {
         let tilt = |line: &str| line.trim_start().to_ascii_uppercase().starts_with("TILT");
         let Some(start) = text.lines().position(tilt) else {
-            return Err(input.error(Place::Whole, "it has no line TILT=, so it is not an IES LM-63 file", REMEDY));
+            return Err(input.error(
+                Place::Whole,
+                "it has no line TILT=, so it is not an IES LM-63 file",
+                REMEDY,
+            ));
         };
         let words = text.lines().enumerate().skip(start + 1).flat_map(|(line, content)| {
-            let words = content.split(|c: char| c.is_whitespace() || c == ',').filter(|w| !w.is_empty());
+            let words =
+                content.split(|c: char| c.is_whitespace() || c == ',').filter(|w| !w.is_empty());
             words.map(move |word| (line + 1, word))
         });
         let mut numbers = Self { input, words: Box::new(words) };
-        let includes = text.lines().nth(start).is_some_and(|line| line.to_ascii_uppercase().contains("INCLUDE"));
+        let includes = text
+            .lines()
+            .nth(start)
+            .is_some_and(|line| line.to_ascii_uppercase().contains("INCLUDE"));
         if includes {
             let pairs = numbers.take(2, "tilt of the lamp")?[1].clamp(0.0, 10_000.0) as usize;
             numbers.take(2 * pairs, "tilt of the lamp")?;
@@ -125,14 +153,17 @@ impl<'a> Numbers<'a> {
         let mut values = Vec::new();
         while values.len() < count {
             let Some((line, word)) = self.words.next() else {
-                let problem = format!("it ends where {what} {} of {count} should be", values.len() + 1);
+                let problem =
+                    format!("it ends where {what} {} of {count} should be", values.len() + 1);
                 return Err(self.input.error(Place::Whole, problem, REMEDY));
             };
             match word.parse::<f64>() {
                 Ok(x) if x.is_finite() => values.push(x),
                 _ => {
-                    let problem =
-                        format!("\"{word}\" is not a number, expected {what} {} of {count}", values.len() + 1);
+                    let problem = format!(
+                        "\"{word}\" is not a number, expected {what} {} of {count}",
+                        values.len() + 1
+                    );
                     return Err(self.input.error(Place::Line(line), problem, REMEDY));
                 }
             }
@@ -149,12 +180,19 @@ mod tests {
     use std::path::Path;
 
     fn read(text: &str) -> Result<IntensityTable, ReadError> {
-        read_ies(&Input::from_bytes("lamp.ies", text.as_bytes().to_vec(), Path::new("."), &ReadOptions::default()))
+        read_ies(&Input::from_bytes(
+            "lamp.ies",
+            text.as_bytes().to_vec(),
+            Path::new("."),
+            &ReadOptions::default(),
+        ))
     }
 
     fn file(horizontal: &str, candela: &str) -> String {
         let count = horizontal.split_whitespace().count();
-        let header = format!("IESNA:LM-63-2002\n[TEST] x\nTILT=NONE\n1 1000 2.0 3 {count} 1 2 0 0 0\n0.5 1.0 60\n");
+        let header = format!(
+            "IESNA:LM-63-2002\n[TEST] x\nTILT=NONE\n1 1000 2.0 3 {count} 1 2 0 0 0\n0.5 1.0 60\n"
+        );
         format!("{header}0 45 90\n{horizontal}\n{candela}\n")
     }
 
@@ -167,7 +205,10 @@ mod tests {
     #[test]
     fn candela_are_multiplied_by_the_factors_of_the_file() {
         let table = read(&file("0", "100 50,10")).expect("a lamp");
-        assert_eq!((at(&table, 0.0, 0.0), at(&table, 45.0, 77.0), at(&table, 100.0, 0.0)), (100.0, 50.0, 0.0));
+        assert_eq!(
+            (at(&table, 0.0, 0.0), at(&table, 45.0, 77.0), at(&table, 100.0, 0.0)),
+            (100.0, 50.0, 0.0)
+        );
         assert!((at(&table, 67.5, 10.0) - 30.0).abs() < 1e-3);
     }
 
@@ -200,10 +241,19 @@ mod tests {
             ("".to_string(), "lamp.ies: it has no line TILT="),
             (file("0", "100 50"), "lamp.ies: it ends where intensity 3 of 3 should be"),
             (file("0", "100 x 5"), "lamp.ies:8: \"x\" is not a number, expected intensity 2 of 3"),
-            (file("0", "1 2 3").replace("1 1 2 0", "1 2 2 0"), "lamp.ies: its photometry is of type 2"),
-            (file("0", "1 2 3").replace("2.0 3", "2.0 1e9"), "lamp.ies: the number of vertical angles is 1000000000"),
+            (
+                file("0", "1 2 3").replace("1 1 2 0", "1 2 2 0"),
+                "lamp.ies: its photometry is of type 2",
+            ),
+            (
+                file("0", "1 2 3").replace("2.0 3", "2.0 1e9"),
+                "lamp.ies: the number of vertical angles is 1000000000",
+            ),
             (file("0 77", "1 2 3 4 5 6"), "lamp.ies: the horizontal angles must ascend"),
-            (file("0", "1 2 3").replace("0 45 90", "0 45 40"), "lamp.ies: the vertical angles must ascend"),
+            (
+                file("0", "1 2 3").replace("0 45 90", "0 45 40"),
+                "lamp.ies: the vertical angles must ascend",
+            ),
         ] {
             let error = read(&text).expect_err("a broken file").to_string();
             assert!(error.starts_with(expected) && error.contains(REMEDY), "{error}");

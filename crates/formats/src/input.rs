@@ -27,16 +27,25 @@ pub struct Input {
 }
 
 impl Input {
-    /// Opens a file named by the user. Its folder becomes the root for files that it names; that of a pipe is the current one.
+    /// Opens a file named by the user. Its folder becomes the root for files that it names; that of
+    /// a pipe is the current one.
     pub fn open(path: &Path, options: &ReadOptions) -> Result<Self, ReadError> {
         let name = path.display().to_string();
         let bytes = read_limited(path, &name, NamedBy::User, &options.limits)?;
         options.record(path, &bytes);
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty() && !open::is_own_descriptor(path));
+        let folder =
+            path.parent().filter(|p| !p.as_os_str().is_empty() && !open::is_own_descriptor(path));
         let directory = folder.unwrap_or(Path::new(".")).to_path_buf();
         let expansion = Arc::new(Expansion::default());
         expansion.open(path);
-        let input = Self { name, bytes, root: directory.clone(), directory, options: options.clone(), expansion };
+        let input = Self {
+            name,
+            bytes,
+            root: directory.clone(),
+            directory,
+            options: options.clone(),
+            expansion,
+        };
         input.charge(input.bytes.len() as u64, "its content")?;
         Ok(input)
     }
@@ -45,11 +54,23 @@ impl Input {
     pub fn from_bytes(name: &str, bytes: Vec<u8>, directory: &Path, options: &ReadOptions) -> Self {
         let directory = directory.to_path_buf();
         let expansion = Arc::new(Expansion::of_bytes(bytes.len() as u64));
-        Self { name: name.into(), bytes, root: directory.clone(), directory, options: options.clone(), expansion }
+        Self {
+            name: name.into(),
+            bytes,
+            root: directory.clone(),
+            directory,
+            options: options.clone(),
+            expansion,
+        }
     }
 
     /// The same, unpacked if they are compressed with gzip.
-    pub fn from_packed(name: &str, bytes: Vec<u8>, directory: &Path, options: &ReadOptions) -> Result<Self, ReadError> {
+    pub fn from_packed(
+        name: &str,
+        bytes: Vec<u8>,
+        directory: &Path,
+        options: &ReadOptions,
+    ) -> Result<Self, ReadError> {
         let mut input = Self::from_bytes(name, bytes, directory, options);
         if input.bytes.starts_with(&GZIP) {
             input.bytes = input.unpack(&input.bytes, Compression::Gzip, Place::Whole)?;
@@ -59,7 +80,8 @@ impl Input {
 
     /// Bytes that this file holds, as a file of their own.
     pub(crate) fn part(&self, name: &str, bytes: Vec<u8>) -> Self {
-        let (directory, root, expansion) = (self.directory.clone(), self.root.clone(), self.expansion.clone());
+        let (directory, root, expansion) =
+            (self.directory.clone(), self.root.clone(), self.expansion.clone());
         Self { name: name.into(), bytes, directory, root, options: self.options.clone(), expansion }
     }
 
@@ -76,9 +98,9 @@ impl Input {
         Ok(opened)
     }
 
-    /// The path of a file that this one names, relative to this one's folder; whether it exists is not said. Absolute names, and
-    /// names that lead out of the root folder, need `--allow-outside`. Backslashes count as slashes where no file of the literal
-    /// name exists.
+    /// The path of a file that this one names, relative to this one's folder; whether it exists is
+    /// not said. Absolute names, and names that lead out of the root folder, need
+    /// `--allow-outside`. Backslashes count as slashes where no file of the literal name exists.
     pub fn resolve(&self, name: &str) -> Result<PathBuf, ReadError> {
         let literal = Path::new(name);
         let mut path = self.directory.join(literal);
@@ -95,8 +117,9 @@ impl Input {
         Ok(path)
     }
 
-    /// The error with line and column beside a path into JSON, if it is about this file and this file is that JSON. (Searching the text
-    /// takes a while, so it is done for errors that a user sees, and not for those that become warnings.)
+    /// The error with line and column beside a path into JSON, if it is about this file and this
+    /// file is that JSON. (Searching the text takes a while, so it is done for errors that a user
+    /// sees, and not for those that become warnings.)
     pub fn located(&self, mut error: ReadError) -> ReadError {
         if let Place::Json(path) = &error.place
             && error.file == self.name
@@ -108,13 +131,21 @@ impl Input {
     }
 
     /// An error about this file.
-    pub fn error(&self, place: Place, problem: impl Into<String>, remedy: impl Into<String>) -> ReadError {
+    pub fn error(
+        &self,
+        place: Place,
+        problem: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> ReadError {
         ReadError { file: self.name.clone(), place, problem: problem.into(), remedy: remedy.into() }
     }
 
     /// Extension in lower case, without the dot: of `a.ply.gz`, `ply`.
     pub fn extension(&self) -> String {
-        self.plain_name().extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+        self.plain_name()
+            .extension()
+            .map(|e| e.to_string_lossy().to_lowercase())
+            .unwrap_or_default()
     }
 
     /// File name without folder and extension.
@@ -165,7 +196,12 @@ fn stays_inside(root: &Path, path: &Path) -> bool {
     true
 }
 
-fn read_limited(path: &Path, name: &str, named_by: NamedBy, limits: &Limits) -> Result<Vec<u8>, ReadError> {
+fn read_limited(
+    path: &Path,
+    name: &str,
+    named_by: NamedBy,
+    limits: &Limits,
+) -> Result<Vec<u8>, ReadError> {
     let bytes = open::read(path, named_by, limits.file_bytes).map_err(|refused| ReadError {
         file: name.into(),
         place: Place::Whole,

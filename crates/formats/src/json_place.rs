@@ -4,14 +4,16 @@ use serde_json::value::RawValue;
 use std::borrow::Cow;
 use std::collections::HashMap;
 
-/// Line and column, both from 1, of the value that a JSON pointer names, or of the innermost one around it that is there. `None` if the
-/// text is no JSON.
+/// Line and column, both from 1, of the value that a JSON pointer names, or of the innermost one
+/// around it that is there. `None` if the text is no JSON.
 pub fn line_and_column(text: &[u8], pointer: &str) -> Option<(usize, usize)> {
     let text = std::str::from_utf8(text).ok()?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let mut value: &str = serde_json::from_str::<&RawValue>(text).ok()?.get();
     for step in pointer.split('/').skip(1) {
-        let Some(inner) = descend(value, &step.replace("~1", "/").replace("~0", "~")) else { break };
+        let Some(inner) = descend(value, &step.replace("~1", "/").replace("~0", "~")) else {
+            break;
+        };
         value = inner;
     }
     // Values are slices of the text.

@@ -1,7 +1,8 @@
 //! Files to scene graphs, images to and from files.
 //!
-//! A *reader* turns bytes into a [`Scene`] (a mesh file is a scene with one node). Which reader: the content decides, then the
-//! extension. To add a format: one new file with a [`SceneReader`] in `mesh/` or `scene/`, and its two lines in the `mod.rs` there.
+//! A *reader* turns bytes into a [`Scene`] (a mesh file is a scene with one node). Which reader:
+//! the content decides, then the extension. To add a format: one new file with a [`SceneReader`] in
+//! `mesh/` or `scene/`, and its two lines in the `mod.rs` there.
 
 #![forbid(unsafe_code)]
 
@@ -41,7 +42,8 @@ pub struct SceneReader {
     pub description: &'static str,
     /// Extensions in lower case, without the dot.
     pub extensions: &'static [&'static str],
-    /// True if the bytes can only be this format. Called with the whole file; must be quick (look at the first few KiB).
+    /// True if the bytes can only be this format. Called with the whole file; must be quick (look
+    /// at the first few KiB).
     pub recognises: fn(&[u8]) -> bool,
     /// Reads the scene.
     pub read: fn(&Input) -> Result<Scene, ReadError>,
@@ -67,13 +69,17 @@ pub struct ReadOptions {
     pub allow_outside: bool,
     /// Caps on sizes and counts.
     pub limits: Limits,
-    /// Which set of materials is shown, by name or number (from 0), in files with several. Formats that have none do not look at it.
+    /// Which set of materials is shown, by name or number (from 0), in files with several. Formats
+    /// that have none do not look at it.
     pub variant: Option<String>,
-    /// Which scene is shown, by name or number (from 0), in files with several. Formats that have one only do not look at it.
+    /// Which scene is shown, by name or number (from 0), in files with several. Formats that have
+    /// one only do not look at it.
     pub scene: Option<String>,
-    /// Values of parameters that the file takes, by name: `$name` in Mitsuba's scenes. Other names are not looked at.
+    /// Values of parameters that the file takes, by name: `$name` in Mitsuba's scenes. Other names
+    /// are not looked at.
     pub parameters: Vec<(String, String)>,
-    /// Where the files that are read are recorded with the hashes of their contents, if that is wanted: it takes time.
+    /// Where the files that are read are recorded with the hashes of their contents, if that is
+    /// wanted: it takes time.
     pub sources: Option<Sources>,
 }
 
@@ -91,8 +97,8 @@ pub fn read_scene(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError
     read_input(&Input::open(path, options)?)
 }
 
-/// Reads a scene from bytes, such as standard input. `name` is for messages; files that the scene names are looked for in
-/// `directory`.
+/// Reads a scene from bytes, such as standard input. `name` is for messages; files that the scene
+/// names are looked for in `directory`.
 pub fn read_scene_bytes(
     name: &str,
     bytes: Vec<u8>,
@@ -114,7 +120,9 @@ fn check_memory(input: &Input) -> Result<(), ReadError> {
     let is_text = !input.bytes[..4096].contains(&0);
     let needed = input.bytes.len() as u64 * if is_text { 5 } else { 2 };
     let admitted = memory::Available::now().admit("to read this file", needed);
-    admitted.map_err(|problem| input.error(Place::Whole, problem, "give it more memory, or split the scene"))
+    admitted.map_err(|problem| {
+        input.error(Place::Whole, problem, "give it more memory, or split the scene")
+    })
 }
 
 fn read_input(input: &Input) -> Result<Scene, ReadError> {
@@ -127,7 +135,8 @@ fn read_input(input: &Input) -> Result<Scene, ReadError> {
         let known: Vec<_> = SCENE_READERS.iter().map(|r| r.name).collect();
         return Err(input.error(
             Place::Whole,
-            "this is not a scene or mesh format that Snell knows, neither by its content nor by its extension",
+            "this is not a scene or mesh format that Snell knows, neither by its content nor by \
+                its extension",
             format!("use one of: {} (`snell formats` tells more)", known.join(", ")),
         ));
     };

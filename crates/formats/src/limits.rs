@@ -15,7 +15,8 @@ pub struct Limits {
     pub files: usize,
     /// Bytes of memory that all files of a scene may stand for, whatever their size.
     pub memory_bytes: u64,
-    /// Bytes of memory that they may stand for beyond that, for each byte of theirs. A file that is named several times counts once.
+    /// Bytes of memory that they may stand for beyond that, for each byte of theirs. A file that is
+    /// named several times counts once.
     pub expansion: u64,
 }
 

@@ -55,7 +55,8 @@ impl Available {
             (left("Max address space", "VmSize:"), Limit::AddressSpace),
             (left("Max data size", "VmData:"), Limit::Data),
         ];
-        let known = found.into_iter().filter_map(|(bytes, limit)| Some(Self { bytes: bytes?, limit }));
+        let known =
+            found.into_iter().filter_map(|(bytes, limit)| Some(Self { bytes: bytes?, limit }));
         known.min_by_key(|available| available.bytes).unwrap_or(Self::UNKNOWN)
     }
 
@@ -119,7 +120,9 @@ impl fmt::Display for Bytes {
 }
 
 /// A buffer of this many zeros, or an error where there is no room for it.
-pub fn zeros<T: Clone + Default>(count: usize) -> Result<Vec<T>, std::collections::TryReserveError> {
+pub fn zeros<T: Clone + Default>(
+    count: usize,
+) -> Result<Vec<T>, std::collections::TryReserveError> {
     let mut values = Vec::new();
     values.try_reserve_exact(count)?;
     values.resize(count, T::default());
@@ -155,7 +158,9 @@ fn control_groups(root: &Path, groups: &str) -> Option<u64> {
 fn places_of_group(line: &str) -> Vec<(&'static str, &str, &'static Files)> {
     let mut parts = line.splitn(3, ':').skip(1);
     match (parts.next(), parts.next()) {
-        (Some(""), Some(path)) => ["sys/fs/cgroup", "sys/fs/cgroup/unified"].map(|top| (top, path, &SECOND)).into(),
+        (Some(""), Some(path)) => {
+            ["sys/fs/cgroup", "sys/fs/cgroup/unified"].map(|top| (top, path, &SECOND)).into()
+        }
         (Some(controllers), Some(path)) if controllers.split(',').any(|c| c == "memory") => {
             vec![("sys/fs/cgroup/memory", path, &FIRST)]
         }
@@ -176,7 +181,8 @@ static FIRST: Files = Files {
     used: "memory.usage_in_bytes",
     cached: ["total_inactive_file", "total_active_file"],
 };
-static SECOND: Files = Files { limit: "memory.max", used: "memory.current", cached: ["inactive_file", "active_file"] };
+static SECOND: Files =
+    Files { limit: "memory.max", used: "memory.current", cached: ["inactive_file", "active_file"] };
 
 impl Files {
     /// The least that a group and those around it leave.
@@ -195,7 +201,9 @@ impl Files {
 
     /// What one group leaves; `None` if it has no limit.
     fn left(&self, folder: &Path) -> Option<u64> {
-        let number = |name: &str| read_to_string::<PathBuf>(folder.join(name)).ok()?.trim().parse::<u64>().ok();
+        let number = |name: &str| {
+            read_to_string::<PathBuf>(folder.join(name)).ok()?.trim().parse::<u64>().ok()
+        };
         let limit = number(self.limit)?;
         let stat = read_to_string(folder.join("memory.stat")).unwrap_or_default();
         let cached = |name: &&str| {
@@ -227,8 +235,13 @@ mod tests {
 
     #[test]
     fn the_machine_counts_where_nothing_else_does() {
-        let limits = "Limit   Soft Limit   Hard Limit   Units\nMax address space  unlimited   unlimited   bytes\n";
-        let system = system(&[MACHINE, ("proc/self/limits", limits), ("proc/self/status", "VmSize:\t 5000 kB\n")]);
+        let limits = "Limit   Soft Limit   Hard Limit   Units\nMax address space  unlimited   \
+            unlimited   bytes\n";
+        let system = system(&[
+            MACHINE,
+            ("proc/self/limits", limits),
+            ("proc/self/status", "VmSize:\t 5000 kB\n"),
+        ]);
         let expected = Available { bytes: 8_001_000 << 10, limit: Limit::Machine };
         assert_eq!(Available::under(system.path()), expected);
         assert_eq!(Available::under(Path::new("/nonexistent")), Available::UNKNOWN);
@@ -241,7 +254,10 @@ mod tests {
         let status = "VmSize:\t  1000000 kB\nVmData:\t 500000 kB\n";
         let system = system(&[MACHINE, ("proc/self/limits", limits), ("proc/self/status", status)]);
         let available = Available::under(system.path());
-        assert_eq!(available, Available { bytes: 2_000_000_000 - 1_024_000_000, limit: Limit::AddressSpace });
+        assert_eq!(
+            available,
+            Available { bytes: 2_000_000_000 - 1_024_000_000, limit: Limit::AddressSpace }
+        );
         assert_eq!(available.for_threads(2).bytes, available.bytes - 2 * SPACE_OF_THREAD);
     }
 
@@ -258,7 +274,11 @@ mod tests {
             ("sys/fs/cgroup/a/memory.stat", stat),
         ];
         let available = Available::under(system(&second).path());
-        assert_eq!(available, Available { bytes: 700_000_000, limit: Limit::ControlGroup }, "{group}");
+        assert_eq!(
+            available,
+            Available { bytes: 700_000_000, limit: Limit::ControlGroup },
+            "{group}"
+        );
         let first = [
             MACHINE,
             ("proc/self/cgroup", "9:cpu:/x\n4:memory:/job\n0::/\n"),
@@ -266,7 +286,10 @@ mod tests {
             ("sys/fs/cgroup/memory/memory.usage_in_bytes", "5\n"),
             ("sys/fs/cgroup/memory/job/memory.limit_in_bytes", "600000000\n"),
             ("sys/fs/cgroup/memory/job/memory.usage_in_bytes", "500000000\n"),
-            ("sys/fs/cgroup/memory/job/memory.stat", "total_inactive_file 50000000\ninactive_file 7\n"),
+            (
+                "sys/fs/cgroup/memory/job/memory.stat",
+                "total_inactive_file 50000000\ninactive_file 7\n",
+            ),
         ];
         let available = Available::under(system(&first).path());
         assert_eq!(available, Available { bytes: 150_000_000, limit: Limit::ControlGroup });

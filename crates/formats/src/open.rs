@@ -1,4 +1,5 @@
-//! Opening files, and nothing but files: a pipe or a device may keep a reader waiting for ever, or give bytes without an end.
+//! Opening files, and nothing but files: a pipe or a device may keep a reader waiting for ever, or
+//! give bytes without an end.
 
 use crate::error::one_line;
 use std::fmt;
@@ -9,7 +10,8 @@ use std::path::Path;
 /// Who names a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NamedBy {
-    /// The user. What the shell hands over, `/dev/stdin` and `/dev/fd/63` of `<(command)`, may be a pipe.
+    /// The user. What the shell hands over, `/dev/stdin` and `/dev/fd/63` of `<(command)`, may be a
+    /// pipe.
     User,
     /// A file, or a folder in which files are looked for.
     File,
@@ -38,7 +40,8 @@ impl Refusal {
     }
 }
 
-/// A file may grow by this many bytes while it is read. What gives more than its size says, as some of `/proc` do, has no end.
+/// A file may grow by this many bytes while it is read. What gives more than its size says, as some
+/// of `/proc` do, has no end.
 const GROWTH_BYTES: u64 = 64 << 20;
 
 /// Opens a file without waiting for anything.
@@ -52,9 +55,13 @@ pub fn open(path: &Path, named_by: NamedBy) -> Result<File, Refusal> {
     }
     #[cfg(unix)]
     if !is_handed_over {
-        std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, libc::O_NONBLOCK | libc::O_NOCTTY);
+        std::os::unix::fs::OpenOptionsExt::custom_flags(
+            &mut options,
+            libc::O_NONBLOCK | libc::O_NOCTTY,
+        );
     }
-    let failed = |e| Refusal::new(format!("cannot open: {e}"), "check the name and that you may read it");
+    let failed =
+        |e| Refusal::new(format!("cannot open: {e}"), "check the name and that you may read it");
     let file = options.open(path).map_err(failed)?;
     // It may have changed since.
     check(&file.metadata().map_err(failed)?, is_handed_over)?;
@@ -63,17 +70,23 @@ pub fn open(path: &Path, named_by: NamedBy) -> Result<File, Refusal> {
 
 /// The content of a file of at most so many bytes.
 pub fn read(path: &Path, named_by: NamedBy, limit: u64) -> Result<Vec<u8>, Refusal> {
-    let failed = |e| Refusal::new(format!("cannot read: {e}"), "check the disk and your permissions");
-    let larger = || Refusal::new(format!("larger than the limit of {limit} bytes"), "split the scene");
+    let failed =
+        |e| Refusal::new(format!("cannot read: {e}"), "check the disk and your permissions");
+    let larger =
+        || Refusal::new(format!("larger than the limit of {limit} bytes"), "split the scene");
     let file = open(path, named_by)?;
     let known = file.metadata().map_err(failed)?;
-    let most = if known.is_file() { limit.min(known.len().saturating_add(GROWTH_BYTES)) } else { limit };
+    let most =
+        if known.is_file() { limit.min(known.len().saturating_add(GROWTH_BYTES)) } else { limit };
     if known.len() > limit {
         return Err(larger());
     }
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(known.len() as usize + 1).map_err(|_| {
-        Refusal::new(format!("no memory for its {} bytes", known.len()), "free some, or split the scene")
+        Refusal::new(
+            format!("no memory for its {} bytes", known.len()),
+            "free some, or split the scene",
+        )
     })?;
     file.take(most + 1).read_to_end(&mut bytes).map_err(failed)?;
     if bytes.len() as u64 <= most {
@@ -103,7 +116,10 @@ fn check(known: &Metadata, may_be_pipe: bool) -> Result<(), Refusal> {
     }
     match kind(known) {
         "pipe" if may_be_pipe => Ok(()),
-        "pipe" => Err(Refusal::new("this is a pipe, not a file", "write a file, or give a scene as standard input: -")),
+        "pipe" => Err(Refusal::new(
+            "this is a pipe, not a file",
+            "write a file, or give a scene as standard input: -",
+        )),
         kind => Err(Refusal::new(format!("this is a {kind}, not a file"), "name an ordinary file")),
     }
 }
@@ -136,7 +152,10 @@ mod tests {
     fn pipes_devices_and_sockets_are_refused_at_once() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = |name: &str| folder.path().join(name);
-        let made = Command::new("mkfifo").arg(path("pipe")).status().expect("mkfifo is part of every Unix");
+        let made = Command::new("mkfifo")
+            .arg(path("pipe"))
+            .status()
+            .expect("mkfifo is part of every Unix");
         assert!(made.success());
         let _socket = UnixListener::bind(path("socket")).expect("the folder is writable");
         std::os::unix::fs::symlink("/dev/zero", path("link")).expect("the folder is writable");
@@ -144,7 +163,10 @@ mod tests {
         for (name, what) in [("pipe", "pipe"), ("socket", "socket"), ("link", "device")] {
             for named_by in [NamedBy::User, NamedBy::File] {
                 let refused = read(&path(name), named_by, 1 << 30).expect_err(name).to_string();
-                assert!(refused.starts_with(&format!("this is a {what}, not a file; ")), "{refused}");
+                assert!(
+                    refused.starts_with(&format!("this is a {what}, not a file; ")),
+                    "{refused}"
+                );
             }
         }
         assert!(start.elapsed() < Duration::from_secs(5));
@@ -160,7 +182,10 @@ mod tests {
         assert_eq!(refused.problem, "this is a pipe, not a file");
         end.write_all(b"scene").expect("a pipe holds that much");
         drop(end);
-        assert_eq!(read(Path::new(&name), NamedBy::User, 100).expect("named by the user"), b"scene");
+        assert_eq!(
+            read(Path::new(&name), NamedBy::User, 100).expect("named by the user"),
+            b"scene"
+        );
     }
 
     #[test]

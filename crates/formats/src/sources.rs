@@ -31,22 +31,32 @@ mod tests {
     #[test]
     fn every_file_of_a_scene_is_on_record_whatever_names_it() {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("it is writable");
-        write("a.obj", "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n");
+        let write = |name: &str, text: &str| {
+            std::fs::write(folder.path().join(name), text).expect("it is writable")
+        };
+        write(
+            "a.obj",
+            "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n",
+        );
         write("a.mtl", "newmtl m\nmap_Kd a.ppm\n");
         write("a.ppm", "P3 1 1 255 9 9 9\n");
         let read = |name: &str| {
-            let options = ReadOptions { sources: Some(Sources::default()), ..ReadOptions::default() };
+            let options =
+                ReadOptions { sources: Some(Sources::default()), ..ReadOptions::default() };
             read_scene(&folder.path().join(name), &options).expect("a scene");
             options.sources.expect("it was asked for").list()
         };
         let before = read("a.obj");
-        let names: Vec<_> = before.keys().map(|p| p.file_name().expect("a file").to_os_string()).collect();
+        let names: Vec<_> =
+            before.keys().map(|p| p.file_name().expect("a file").to_os_string()).collect();
         assert_eq!(names, ["a.mtl", "a.obj", "a.ppm"]);
         write("a.ppm", "P3 1 1 255 9 9 8\n");
         let after = read("a.obj");
-        let changed: Vec<_> =
-            before.iter().filter(|(path, hash)| after[*path] != **hash).map(|(path, _)| path).collect();
+        let changed: Vec<_> = before
+            .iter()
+            .filter(|(path, hash)| after[*path] != **hash)
+            .map(|(path, _)| path)
+            .collect();
         assert_eq!(changed, [&folder.path().join("a.ppm")]);
     }
 

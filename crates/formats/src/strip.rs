@@ -10,8 +10,8 @@ const TURN: f32 = 0.25;
 /// Sides of a tube.
 const SIDES: usize = 5;
 
-/// Into how many pieces each segment is cut, by how much the most bent one turns. `tangent` has any length, at a segment and a parameter from
-/// 0 to 1.
+/// Into how many pieces each segment is cut, by how much the most bent one turns. `tangent` has any
+/// length, at a segment and a parameter from 0 to 1.
 pub fn pieces(segments: usize, tangent: impl Fn(usize, f32) -> Vec3) -> usize {
     let turn = |segment: usize| {
         let [a, b, c] = [1e-3, 0.5, 0.999].map(|t| tangent(segment, t).normalize_or_zero());
@@ -21,12 +21,14 @@ pub fn pieces(segments: usize, tangent: impl Fn(usize, f32) -> Vec3) -> usize {
     (most / TURN).ceil().clamp(1.0, ALONG as f32) as usize
 }
 
-/// Tubes of five sides around strands, with the normals and texture coordinates of the strands, open at their ends.
+/// Tubes of five sides around strands, with the normals and texture coordinates of the strands,
+/// open at their ends.
 pub fn tubes(curves: &Curves) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for strand in 0..curves.strands().len() {
         // What is never hit is left out, and begins a new tube.
-        let segments: Vec<Option<[DVec4; 4]>> = curves.segments_of(strand).map(|i| curves.bezier(i)).collect();
+        let segments: Vec<Option<[DVec4; 4]>> =
+            curves.segments_of(strand).map(|i| curves.bezier(i)).collect();
         let at = |segment: usize, t: f32| {
             let c = segments[segment].unwrap_or_default();
             let [ab, bc, cd] = [0, 1, 2].map(|i| c[i].lerp(c[i + 1], t.into()));
@@ -44,7 +46,13 @@ pub fn tubes(curves: &Curves) -> TriangleMesh {
             for piece in usize::from(goes_on)..=pieces {
                 let t = piece as f32 / pieces as f32;
                 let (center, tangent) = at(number, t);
-                strip.add_ring(center.truncate(), tangent, center.w, (number as f32 + t) / segments.len() as f32, None);
+                strip.add_ring(
+                    center.truncate(),
+                    tangent,
+                    center.w,
+                    (number as f32 + t) / segments.len() as f32,
+                    None,
+                );
             }
         }
     }
@@ -67,9 +75,16 @@ impl<'a> Strip<'a> {
         Self { mesh, sides, side: Vec3::ZERO, before: None }
     }
 
-    /// Adds vertices around a point of the curve, or across it at right angles to a normal, and triangles from those before. `along` is their
-    /// first texture coordinate.
-    pub fn add_ring(&mut self, center: Vec3, tangent: Vec3, radius: f32, along: f32, normal: Option<Vec3>) {
+    /// Adds vertices around a point of the curve, or across it at right angles to a normal, and
+    /// triangles from those before. `along` is their first texture coordinate.
+    pub fn add_ring(
+        &mut self,
+        center: Vec3,
+        tangent: Vec3,
+        radius: f32,
+        along: f32,
+        normal: Option<Vec3>,
+    ) {
         let axis = tangent.normalize_or(Vec3::Z);
         let carried = self.side - axis * self.side.dot(axis);
         self.side = carried.try_normalize().unwrap_or_else(|| axis.any_orthonormal_vector());
@@ -113,13 +128,17 @@ mod tests {
     #[test]
     fn tubes_have_about_the_area_of_their_strands_and_skip_what_is_never_hit() {
         let mut points: Vec<Vec4> = (0..7).map(|i| Vec4::new(i as f32, 0.0, 0.0, 0.1)).collect();
-        let straight = Curves::new(StrandBasis::Linear, points.clone(), vec![3, 4]).expect("two strands");
+        let straight =
+            Curves::new(StrandBasis::Linear, points.clone(), vec![3, 4]).expect("two strands");
         let mesh = tubes(&straight);
         mesh.validate().expect("a sound mesh");
         let area: f32 = (0..mesh.indices.len())
             .map(|t| {
                 let [a, b, c] = mesh.corners(t);
-                assert!((b - a).cross(c - a).dot(mesh.normals[mesh.indices[t][0] as usize]) > 0.0, "looks outwards");
+                assert!(
+                    (b - a).cross(c - a).dot(mesh.normals[mesh.indices[t][0] as usize]) > 0.0,
+                    "looks outwards"
+                );
                 (b - a).cross(c - a).length() * 0.5
             })
             .sum();

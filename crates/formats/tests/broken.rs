@@ -1,6 +1,6 @@
-//! Broken files: for every reader more than fifty, each a small sound file with one thing wrong. All end in an error that says in which file,
-//! where, what and what to do; the snapshots beside this file keep the words. (pbrt's and Mitsuba's have lists of their own, beside the
-//! readers.)
+//! Broken files: for every reader more than fifty, each a small sound file with one thing wrong.
+//! All end in an error that says in which file, where, what and what to do; the snapshots beside
+//! this file keep the words. (pbrt's and Mitsuba's have lists of their own, beside the readers.)
 
 use flate2::{Compression, write::GzEncoder};
 use serde_json::{Value, json};
@@ -10,16 +10,24 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
 
-const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n\
+const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float \
+    y\nproperty float z\nelement face 1\n\
     property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
-const OBJ: &str = "v 0 0 0\nv 1 0 0 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\nvn 0 1 0\nvn 1 0 0\nf 1/1/1 2/2/2 3/3/3\nf -3//-3 -2//-2 -1//-1\n";
-const STL: &str = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n\
-    facet normal 0 0 1\nouter loop\nvertex 1 0 0\nvertex 1 1 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n";
+const OBJ: &str = "v 0 0 0\nv 1 0 0 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\nvn 0 1 0\nvn \
+    1 0 0\nf 1/1/1 2/2/2 3/3/3\nf -3//-3 -2//-2 -1//-1\n";
+const STL: &str = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 \
+    0\nendloop\nendfacet\n\
+    facet normal 0 0 1\nouter loop\nvertex 1 0 0\nvertex 1 1 0\nvertex 0 1 \
+    0\nendloop\nendfacet\nendsolid a\n";
 const OFF: &str = "OFF\n5 2 0\n0 0 0\n1 0 0\n1 1 0\n0.2 0.1 0\n0 1 0\n3 0 1 2\n5 0 1 2 3 4\n";
-const NFF: &str = "b 0.1 0.2 0.3\nv\nfrom 0 0 8\nat 0 0 0\nup 0 1 0\nangle 45\nhither 1\nresolution 64 32\nl 2 3 4\nf 1 0.2 0.2 1 0 10 0 1\n\
-    s 0 0 0 1\nc\n0 0 0 1\n0 1 0 0.5\np 3\n0 0 0\n1 0 0\n0 1 0\npp 3\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n";
-const SCN: &str = "camera 0 0 5  0 0 -1  0 1 0  0.3  0.1 100\nmaterial .1 .2 .3  1 0 0  .5 .5 .5  0 0 0  0 0 0  20 1.5 0\n\
-    begin 0\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\nsphere 0  0 0 0  1\nend\nbox 0  0 0 0  1 1 1\ntri 0  0 0 0  1 0 0  0 1 0\npoint_light 1 1 1  0 3 0  0 0 1\n";
+const NFF: &str = "b 0.1 0.2 0.3\nv\nfrom 0 0 8\nat 0 0 0\nup 0 1 0\nangle 45\nhither \
+    1\nresolution 64 32\nl 2 3 4\nf 1 0.2 0.2 1 0 10 0 1\n\
+    s 0 0 0 1\nc\n0 0 0 1\n0 1 0 0.5\np 3\n0 0 0\n1 0 0\n0 1 0\npp 3\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 \
+    1 0 0 0 1\n";
+const SCN: &str = "camera 0 0 5  0 0 -1  0 1 0  0.3  0.1 100\nmaterial .1 .2 .3  1 0 0  .5 .5 .5  \
+    0 0 0  0 0 0  20 1.5 0\n\
+    begin 0\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\nsphere 0  0 0 0  1\nend\nbox 0  0 0 0  1 1 1\ntri \
+    0  0 0 0  1 0 0  0 1 0\npoint_light 1 1 1  0 3 0  0 0 1\n";
 const MINRAY: &str = r#"{"name": "a", "depth": 2, "size": 16, "aov_degrees": 30, "ambient": [0, 0.1, 0.2], "spheres": [
   {"x": 0, "y": 5, "z": 0, "r": 1, "g": 1, "b": 1, "rad": 1, "kd": 1, "ks": 0, "kt": 0, "kl": 0, "ir": 1.5},
   {"x": 0, "y": 6, "z": 1, "r": 1, "g": 0, "b": 1, "rad": 1, "kd": 1, "ks": 0, "kt": 0, "kl": 1, "ir": 1.5}]}"#;
@@ -53,7 +61,8 @@ fn message(name: &str, bytes: Vec<u8>) -> Option<String> {
     let options = ReadOptions { limits, ..ReadOptions::default() };
     let error = read_scene_bytes(name, bytes, Path::new("/nonexistent"), &options).err()?;
     assert!(!error.problem.is_empty() && !error.remedy.is_empty(), "{error}");
-    // Only of compression is it the file as a whole that is broken; else there is a line and a column, a byte or a path into JSON.
+    // Only of compression is it the file as a whole that is broken; else there is a line and a
+    // column, a byte or a path into JSON.
     let is_whole = error.problem.contains("gzip");
     assert!(is_whole || error.place != Place::Whole, "{error}");
     Some(error.to_string())
@@ -70,7 +79,10 @@ fn of_words(text: &str) -> Vec<(String, Vec<u8>)> {
         broken.push((format!("cut before {word:?} at {start}"), before.to_vec()));
         for change in [&b"?"[..], b"-7", b"1,5", b"99999999999999999999", b"\xff\xfe\xfd"] {
             let shown = String::from_utf8_lossy(change);
-            broken.push((format!("{word:?} at {start} is {shown:?}"), [before, change, after].concat()));
+            broken.push((
+                format!("{word:?} at {start} is {shown:?}"),
+                [before, change, after].concat(),
+            ));
         }
     }
     broken
@@ -82,7 +94,9 @@ fn pointers(value: &Value, at: String, all: &mut Vec<String>) {
         Value::Array(items) => {
             items.iter().enumerate().for_each(|(i, item)| pointers(item, format!("{at}/{i}"), all));
         }
-        Value::Object(items) => items.iter().for_each(|(key, item)| pointers(item, format!("{at}/{key}"), all)),
+        Value::Object(items) => {
+            items.iter().for_each(|(key, item)| pointers(item, format!("{at}/{key}"), all))
+        }
         _ => {}
     }
     all.push(at);
@@ -95,7 +109,9 @@ fn of_json(text: &str) -> Vec<(String, Vec<u8>)> {
     pointers(&sound, String::new(), &mut all);
     let mut broken = Vec::new();
     for pointer in all.iter().filter(|p| !p.is_empty()) {
-        for change in [json!(null), json!("x"), json!(-1), json!(99_999_999_999u64), json!([]), json!({})] {
+        for change in
+            [json!(null), json!("x"), json!(-1), json!(99_999_999_999u64), json!([]), json!({})]
+        {
             let mut value = sound.clone();
             if let Some(target) = value.pointer_mut(pointer) {
                 *target = change.clone();
@@ -120,7 +136,10 @@ fn check(name: &str, sound: &str, broken: Vec<(String, Vec<u8>)>) {
     let mut packed = packed.finish().expect("memory");
     packed.truncate(packed.len() / 2);
     let compressed = [("a compressed file cut off".to_string(), packed)];
-    let refused = compressed.into_iter().chain(broken).filter_map(|(what, bytes)| Some((what, message(name, bytes)?)));
+    let refused = compressed
+        .into_iter()
+        .chain(broken)
+        .filter_map(|(what, bytes)| Some((what, message(name, bytes)?)));
     // Of equal messages the first is kept.
     let mut known = BTreeSet::new();
     let refused: Vec<_> = refused.filter(|(_, message)| known.insert(message.clone())).collect();

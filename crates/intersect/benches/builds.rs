@@ -1,10 +1,12 @@
-//! Measures builds: `cargo bench -p snell-intersect --bench builds -- [SCENE...] [--quality LIST] [--rays] [--cache FOLDER]`.
+//! Measures builds: `cargo bench -p snell-intersect --bench builds -- [SCENE...] [--quality LIST]
+//! [--rays] [--cache FOLDER]`.
 //!
-//! Scenes: `bunny`, `bunnies` (100 turned copies in one mesh, 7M triangles), `terrain` (4.2M), `room` (columns and long thin beams, 1.8M),
-//! `terrain:N` with N by N squares. Prints for each quality the best time of five builds, triangles per second, the surface area
-//! heuristic's cost (nodes and blocks a random ray through the bounds would visit), bytes per triangle and, with `--rays`, rates on one thread.
-//! With `--cache` trees are kept in files there, as by `snell render --bvh-cache`: the time is that of a start from the file, once there
-//! is one.
+//! Scenes: `bunny`, `bunnies` (100 turned copies in one mesh, 7M triangles), `terrain` (4.2M),
+//! `room` (columns and long thin beams, 1.8M), `terrain:N` with N by N squares. Prints for each
+//! quality the best time of five builds, triangles per second, the surface area heuristic's cost
+//! (nodes and blocks a random ray through the bounds would visit), bytes per triangle and, with
+//! `--rays`, rates on one thread. With `--cache` trees are kept in files there, as by
+//! `snell render --bvh-cache`: the time is that of a start from the file, once there is one.
 //!
 //! Cargo runs it in the crate's folder: give paths that are absolute.
 
@@ -12,7 +14,9 @@ mod clock;
 mod scenes;
 
 use scenes::{diffuse_rays, primary_rays};
-use snell_intersect::{AcceptAll, BuildOptions, Grouping, Hit, Quality, TriangleMesh, World, WorldBuilder};
+use snell_intersect::{
+    AcceptAll, BuildOptions, Grouping, Hit, Quality, TriangleMesh, World, WorldBuilder,
+};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -34,7 +38,9 @@ fn rate(world: &World, rays: &[snell_math::Ray]) -> f64 {
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let value = |name: &str| arguments.iter().position(|a| a == name).and_then(|i| arguments.get(i + 1)).cloned();
+    let value = |name: &str| {
+        arguments.iter().position(|a| a == name).and_then(|i| arguments.get(i + 1)).cloned()
+    };
     let qualities: Vec<Quality> = match value("--quality") {
         Some(list) => list.split(',').filter_map(Quality::from_name).collect(),
         None => Quality::ALL.to_vec(),
@@ -65,7 +71,8 @@ fn main() {
             let Some(world) = last else { continue };
             let stats = world.stats();
             print!(
-                "  {:6} {best:.3} s {:6.2} Mtri/s, {processor:.2} s of processors ({:.2} Mtri/s on four)  cost {:6.1}  {:5.1} B/tri, {} nodes, {} blocks, depth {}",
+                "  {:6} {best:.3} s {:6.2} Mtri/s, {processor:.2} s of processors ({:.2} Mtri/s on \
+                    four)  cost {:6.1}  {:5.1} B/tri, {} nodes, {} blocks, depth {}",
                 quality.name(),
                 n as f64 * 1e-6 / best,
                 n as f64 * 4e-6 / processor,
@@ -78,7 +85,11 @@ fn main() {
             if with_rays {
                 let primary = primary_rays(&world);
                 let diffuse = diffuse_rays(&world, &primary);
-                print!("  Mrays/s: primary {:.2} diffuse {:.2}", rate(&world, &primary), rate(&world, &diffuse));
+                print!(
+                    "  Mrays/s: primary {:.2} diffuse {:.2}",
+                    rate(&world, &primary),
+                    rate(&world, &diffuse)
+                );
             }
             println!("{}", if stats.cached_groups > 0 { "  from a file" } else { "" });
         }

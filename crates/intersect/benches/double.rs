@@ -1,16 +1,17 @@
 //! Compares worlds in double precision with worlds in single precision on the same rays:
 //! `cargo bench -p snell-intersect --bench double -- [bunny] [bunnies:15] [terrain:724] [room]`.
 //!
-//! One thread, in processor time where Linux tells it; medians of alternating runs. Single precision traces the scene where it is,
-//! double precision does so too, and once more with everything moved to a city in UTM coordinates.
+//! One thread, in processor time where Linux tells it; medians of alternating runs. Single
+//! precision traces the scene where it is, double precision does so too, and once more with
+//! everything moved to a city in UTM coordinates.
 
 mod clock;
 mod scenes;
 
 use scenes::{diffuse_rays, primary_rays};
 use snell_intersect::{
-    AcceptAll, BuildOptions, DHit, DTriangleMesh, DWorld, DWorldBuilder, Grouping, Hit, TriangleMesh, World,
-    WorldBuilder,
+    AcceptAll, BuildOptions, DHit, DTriangleMesh, DWorld, DWorldBuilder, Grouping, Hit,
+    TriangleMesh, World, WorldBuilder,
 };
 use snell_math::{DRay, DVec3, Ray, Vec3, rng};
 use std::sync::Arc;
@@ -67,7 +68,8 @@ fn closest(kind: &str, worlds: &Worlds, rays: &[Ray], grouping: Grouping) {
         &mut || worlds.double.closest(&double, grouping, &AcceptAll, &mut double_hits),
         &mut || worlds.city.closest(&city, grouping, &AcceptAll, &mut city_hits),
     ]);
-    let same = |other: &[DHit]| hits.iter().zip(other).filter(|(a, b)| a.primitive == b.primitive).count();
+    let same =
+        |other: &[DHit]| hits.iter().zip(other).filter(|(a, b)| a.primitive == b.primitive).count();
     report(kind, rays.len(), times, [same(&double_hits), same(&city_hits)]);
 }
 
@@ -87,7 +89,8 @@ fn occluded(kind: &str, worlds: &Worlds, rays: &[Ray], grouping: Grouping) {
 fn report(kind: &str, n: usize, times: [f64; 3], same: [usize; 2]) {
     let [single, double, city] = times.map(|t| n as f64 / t * 1e-6);
     println!(
-        "  {kind:9} f32 {single:6.2} Mrays/s, f64 {double:6.2} ({:.2}), f64 in a city {city:6.2} ({:.2}); of {n} answers {} and {} differ",
+        "  {kind:9} f32 {single:6.2} Mrays/s, f64 {double:6.2} ({:.2}), f64 in a city {city:6.2} \
+            ({:.2}); of {n} answers {} and {} differ",
         double / single,
         city / single,
         n - same[0],

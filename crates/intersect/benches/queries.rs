@@ -1,8 +1,8 @@
 //! Measures the queries besides closest hits, and commits of a world that changes:
 //! `cargo bench -p snell-intersect --bench queries -- bunny`.
 //!
-//! One thread, in processor time where Linux tells it. Points in the mesh's box grown by half, points near the surface, rays
-//! through the box. Best of three.
+//! One thread, in processor time where Linux tells it. Points in the mesh's box grown by half,
+//! points near the surface, rays through the box. Best of three.
 
 mod clock;
 #[allow(dead_code, reason = "shared with other benchmarks")]
@@ -14,7 +14,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 fn main() {
-    let path = std::env::args().nth(1).filter(|name| name != "--bench").unwrap_or_else(|| "bunny".into());
+    let path =
+        std::env::args().nth(1).filter(|name| name != "--bench").unwrap_or_else(|| "bunny".into());
     let mesh = Arc::new(scenes::by_name(&path).expect("a scene"));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
     let mut builder = WorldBuilder::default();
@@ -35,7 +36,8 @@ fn main() {
             p + (random(i, 1) - bounds.center()) * 0.02
         })
         .collect();
-    let rays: Vec<Ray> = (0..n).map(|i| Ray::new(random(i, 2), random(i, 3) - random(i, 2))).collect();
+    let rays: Vec<Ray> =
+        (0..n).map(|i| Ray::new(random(i, 2), random(i, 3) - random(i, 2))).collect();
     println!("{} triangles", mesh.indices.len());
     let mut nearest = vec![NearestPoint::NONE; n];
     let (mut distances, mut numbers, mut inside) = (vec![0.0; n], vec![0.0; n], vec![false; n]);
@@ -46,7 +48,9 @@ fn main() {
         rate(&format!("nearest_point {name}"), n, || world.nearest_point(points, &mut nearest));
         rate(&format!("winding_number {name}"), n, || world.winding_number(points, &mut numbers));
         rate(&format!("occupancy {name}"), n, || world.occupancy(points, &mut inside));
-        rate(&format!("signed_distance {name}"), n, || world.signed_distance(points, &mut distances));
+        rate(&format!("signed_distance {name}"), n, || {
+            world.signed_distance(points, &mut distances)
+        });
     }
     let mut counts = vec![0; n];
     rate("count", n, || world.count(&rays, &AcceptAll, &mut counts));
@@ -77,5 +81,9 @@ fn rate(name: &str, count: usize, mut run: impl FnMut()) {
         run();
         best = best.min(clock::of_thread() - before);
     }
-    println!("{name}: {:.3} M/s ({:.2} us each)", count as f64 / best * 1e-6, best / count as f64 * 1e6);
+    println!(
+        "{name}: {:.3} M/s ({:.2} us each)",
+        count as f64 / best * 1e-6,
+        best / count as f64 * 1e6
+    );
 }

@@ -1,15 +1,18 @@
-//! Measures build time and ray rates on a mesh: `cargo bench -p snell-intersect --bench rates -- mesh.obj [copies [kinds]]`, where
-//! kinds may be `diffuse,shuffled` (then nothing else is measured). With `SNELL_SIMD` set, at that level only.
+//! Measures build time and ray rates on a mesh: `cargo bench -p snell-intersect --bench rates --
+//! mesh.obj [copies [kinds]]`, where kinds may be `diffuse,shuffled` (then nothing else is
+//! measured). With `SNELL_SIMD` set, at that level only.
 //!
-//! One thread, in processor time where the system tells it (so that other work on the machine counts less); primary rays over 1024x1024 pixels in blocks of 4x4, one cosine bounce from the hits, the bounces shuffled, and
-//! shadow rays to a point above. Best of five.
+//! One thread, in processor time where the system tells it (so that other work on the machine
+//! counts less); primary rays over 1024x1024 pixels in blocks of 4x4, one cosine bounce from the
+//! hits, the bounces shuffled, and shadow rays to a point above. Best of five.
 //!
 //! Cargo runs it in the crate's folder: give paths that are absolute.
 
 mod clock;
 
 use snell_intersect::{
-    AcceptAll, BuildOptions, Grouping, Hit, TriangleMesh, World, WorldBuilder, accel::AcceleratorKind,
+    AcceptAll, BuildOptions, Grouping, Hit, TriangleMesh, World, WorldBuilder,
+    accel::AcceleratorKind,
 };
 use snell_math::simd::Level;
 use snell_math::{DMat3, DVec3, Frame, Ray, Vec3, rng, sampling};
@@ -17,7 +20,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// What is measured if nothing else is named.
-const BUNNY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/meshes/common/stanford-bunny.obj");
+const BUNNY: &str =
+    concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/meshes/common/stanford-bunny.obj");
 
 /// The `n`-th argument; Cargo adds one of its own to the last.
 fn argument(n: usize) -> Option<String> {
@@ -34,9 +38,12 @@ fn read_obj(path: &str) -> std::io::Result<TriangleMesh> {
                 mesh.positions.push(Vec3::new(x[0], x[1], x[2]));
             }
             Some("f") => {
-                let first = |w: &str| w.split('/').next().and_then(|i| i.parse::<u32>().ok()).map(|i| i - 1);
+                let first = |w: &str| {
+                    w.split('/').next().and_then(|i| i.parse::<u32>().ok()).map(|i| i - 1)
+                };
                 let corners: Vec<u32> = words.filter_map(first).collect();
-                mesh.indices.extend((2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]]));
+                mesh.indices
+                    .extend((2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]]));
             }
             _ => {}
         }
@@ -60,11 +67,13 @@ fn copies(mesh: &TriangleMesh, n: usize) -> TriangleMesh {
     let mut all = TriangleMesh::default();
     for i in 0..n {
         let u = |k: u32| f64::from(rng::to_unit(rng::pcg4d([i as u32, k, 0, 0])[0]));
-        let turn = DMat3::from_axis_angle(DVec3::new(u(0), u(1), u(2) + 0.1).normalize(), u(3) * 6.0);
+        let turn =
+            DMat3::from_axis_angle(DVec3::new(u(0), u(1), u(2) + 0.1).normalize(), u(3) * 6.0);
         let spread = f64::from(size) * (n as f64).cbrt() * 0.7;
         let first = all.positions.len() as u32;
         let offset = DVec3::new(u(4), u(5), u(6)) * spread;
-        all.positions.extend(mesh.positions.iter().map(|p| (turn * p.as_dvec3() + offset).as_vec3()));
+        all.positions
+            .extend(mesh.positions.iter().map(|p| (turn * p.as_dvec3() + offset).as_vec3()));
         all.indices.extend(mesh.indices.iter().map(|t| t.map(|v| v + first)));
     }
     all
@@ -111,7 +120,8 @@ fn report(name: &str, world: &World, rays: &[Ray], grouping: Grouping) -> Vec<Hi
     }
     let n = rays.len().div_ceil(17) as f64;
     println!(
-        "  {name:9} {:6.2} Mrays/s, one ray a call {:6.2}  ({} rays, {found} hits, {:.1} nodes and {:.1} primitives a ray)",
+        "  {name:9} {:6.2} Mrays/s, one ray a call {:6.2}  ({} rays, {found} hits, {:.1} nodes and \
+            {:.1} primitives a ray)",
         rays.len() as f64 / seconds * 1e-6,
         rays.len() as f64 / alone * 1e-6,
         rays.len(),
@@ -129,7 +139,8 @@ fn main() -> std::io::Result<()> {
     let only = std::env::var("SNELL_SIMD").ok();
     let is_chosen = |level: &Level| only.as_ref().is_none_or(|only| *only == level.to_string());
     for simd in Level::ALL.into_iter().filter(|level| level.is_supported() && is_chosen(level)) {
-        let options = BuildOptions { accelerator: AcceleratorKind::Bvh, simd, ..BuildOptions::default() };
+        let options =
+            BuildOptions { accelerator: AcceleratorKind::Bvh, simd, ..BuildOptions::default() };
         let start = Instant::now();
         let (_, world) = best_of(0, || {
             let mut builder = WorldBuilder::default();
@@ -137,7 +148,11 @@ fn main() -> std::io::Result<()> {
             builder.build(&options).expect("a mesh builds")
         });
         let seconds = start.elapsed().as_secs_f64();
-        println!("{simd}: {} triangles built in {seconds:.3} s, {:?}", mesh.indices.len(), world.stats());
+        println!(
+            "{simd}: {} triangles built in {seconds:.3} s, {:?}",
+            mesh.indices.len(),
+            world.stats()
+        );
         let rays = primary_rays(&world);
         let hits = report("primary", &world, &rays, Grouping::Coherent);
         let light = world.bounds().max.as_vec3() + world.bounds().radius() as f32;
@@ -146,7 +161,8 @@ fn main() -> std::io::Result<()> {
             let surface = world.interaction(ray, hit);
             let up = if ray.direction.dot(surface.geometric_normal) > 0.0 { -1.0 } else { 1.0 };
             let u = rng::uniform2([i as u32, 1, 2, 3]);
-            let d = Frame::from_z(surface.geometric_normal * up).from_local(sampling::cosine_hemisphere(u));
+            let d = Frame::from_z(surface.geometric_normal * up)
+                .from_local(sampling::cosine_hemisphere(u));
             bounces.push(Ray::new(surface.ray_origin(d), d));
             let d = light - surface.position;
             shadows.push(Ray::new(surface.ray_origin(d), d).with_t_max(1.0));
@@ -160,7 +176,8 @@ fn main() -> std::io::Result<()> {
             continue;
         }
         let mut blocked = vec![false; shadows.len()];
-        let (seconds, ()) = best_of(5, || world.occluded(&shadows, Grouping::Coherent, &AcceptAll, &mut blocked));
+        let (seconds, ()) =
+            best_of(5, || world.occluded(&shadows, Grouping::Coherent, &AcceptAll, &mut blocked));
         let occluded = blocked.iter().filter(|b| **b).count();
         println!(
             "  shadow    {:6.2} Mrays/s  ({} rays, {occluded} occluded)",

@@ -1,12 +1,14 @@
-//! Measures builds, memory and ray rates of spheres, curves and moving meshes: `cargo bench -p snell-intersect --bench sets [-- NAME]`.
+//! Measures builds, memory and ray rates of spheres, curves and moving meshes:
+//! `cargo bench -p snell-intersect --bench sets [-- NAME]`.
 //!
-//! Only those whose name contains NAME, if given. One thread, in processor time where Linux tells it. Rays start around the cloud and aim into it; best of five batches.
+//! Only those whose name contains NAME, if given. One thread, in processor time where Linux tells
+//! it. Rays start around the cloud and aim into it; best of five batches.
 
 mod clock;
 
 use snell_intersect::{
-    AcceptAll, BuildOptions, CubicCurves, CurveBasis, Curves, Grouping, Hit, LinearCurves, MeshKey, MovingMesh,
-    PrimitiveSet, Rays, Spheres, StrandBasis, TriangleMesh, World, WorldBuilder,
+    AcceptAll, BuildOptions, CubicCurves, CurveBasis, Curves, Grouping, Hit, LinearCurves, MeshKey,
+    MovingMesh, PrimitiveSet, Rays, Spheres, StrandBasis, TriangleMesh, World, WorldBuilder,
 };
 use snell_math::{Ray, Vec3, Vec4, rng};
 use std::sync::Arc;
@@ -20,8 +22,14 @@ fn point(i: u32, k: u32) -> Vec3 {
     Vec3::new(random(i, k), random(i, k + 1), random(i, k + 2)) * 2.0 - 1.0
 }
 
-fn report(name: &str, primitives: usize, source_bytes: usize, fill: impl FnOnce(&mut WorldBuilder)) {
-    if std::env::args().nth(1).is_some_and(|wanted| wanted != "--bench" && !name.contains(&wanted)) {
+fn report(
+    name: &str,
+    primitives: usize,
+    source_bytes: usize,
+    fill: impl FnOnce(&mut WorldBuilder),
+) {
+    if std::env::args().nth(1).is_some_and(|wanted| wanted != "--bench" && !name.contains(&wanted))
+    {
         return;
     }
     let start = Instant::now();
@@ -47,9 +55,11 @@ fn report(name: &str, primitives: usize, source_bytes: usize, fill: impl FnOnce(
         .fold(f64::INFINITY, f64::min);
     let found = hits.iter().filter(|h| h.is_hit()).count();
     let costs = (0..2000).map(|i| world.closest_counted(queries.get(i), &AcceptAll).1);
-    let (nodes, tests) = costs.fold((0, 0), |a, c| (a.0 + c.nodes_visited, a.1 + c.primitives_tested));
+    let (nodes, tests) =
+        costs.fold((0, 0), |a, c| (a.0 + c.nodes_visited, a.1 + c.primitives_tested));
     println!(
-        "{name}: {primitives} primitives, built in {build:.2} s, {:.1} + {:.1} bytes each, {:.2} Mrays/s, {:.0} % hit, {:.1} nodes and {:.1} tests a ray",
+        "{name}: {primitives} primitives, built in {build:.2} s, {:.1} + {:.1} bytes each, {:.2} \
+            Mrays/s, {:.0} % hit, {:.1} nodes and {:.1} tests a ray",
         world.memory_bytes() as f64 / primitives as f64,
         source_bytes as f64 / primitives as f64,
         rays.len() as f64 * 1e-6 / best,
@@ -79,7 +89,8 @@ fn strand(i: u32, n: u32, step: f32, radius: f32) -> impl Iterator<Item = Vec4> 
 fn main() {
     let radius = |n: u32| 0.7 / (n as f32).cbrt();
     for n in [10_000, 1_000_000, 4_000_000] {
-        let spheres: Vec<_> = (0..n).map(|i| point(i, 0).extend(radius(n) * (0.3 + 0.4 * random(i, 3)))).collect();
+        let spheres: Vec<_> =
+            (0..n).map(|i| point(i, 0).extend(radius(n) * (0.3 + 0.4 * random(i, 3)))).collect();
         let bytes = size_of_val(spheres.as_slice());
         report_set("spheres", Spheres { spheres, colors: Vec::new() }, bytes);
     }
@@ -89,9 +100,16 @@ fn main() {
     let bytes = size_of_val(points.as_slice()) + size_of_val(segments.as_slice());
     report_set("linear curves", LinearCurves { points: points.clone(), segments }, bytes);
     let segments: Vec<u32> = (0..strands).flat_map(|i| (0..13).map(move |k| 16 * i + k)).collect();
-    let curves = CubicCurves { basis: CurveBasis::BSpline, points: points.clone(), tangents: Vec::new(), segments };
+    let curves = CubicCurves {
+        basis: CurveBasis::BSpline,
+        points: points.clone(),
+        tangents: Vec::new(),
+        segments,
+    };
     report_set("b-splines", curves, bytes);
-    for (name, basis) in [("strands, linear", StrandBasis::Linear), ("strands, b-spline", StrandBasis::BSpline)] {
+    for (name, basis) in
+        [("strands, linear", StrandBasis::Linear), ("strands, b-spline", StrandBasis::BSpline)]
+    {
         let curves = Curves::new(basis, points.clone(), vec![16; strands as usize]);
         report_set(name, curves.expect("whole segments"), bytes);
     }
@@ -108,7 +126,8 @@ fn main() {
     let triangles = mesh.indices.len();
     let bytes = size_of_val(mesh.positions.as_slice()) + size_of_val(mesh.indices.as_slice());
     let moved = mesh.positions.iter().map(|p| *p + Vec3::Z * 0.01).collect();
-    let moving = MovingMesh::new(mesh.clone(), vec![MeshKey { positions: moved, normals: Vec::new() }]);
+    let moving =
+        MovingMesh::new(mesh.clone(), vec![MeshKey { positions: moved, normals: Vec::new() }]);
     report("a mesh", triangles, bytes, |b| {
         b.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
     });

@@ -1,6 +1,8 @@
 //! The nearest hit of two rays on a triangle: `cargo run -p snell-intersect --example first_hit`.
 
-use snell_intersect::{AcceptAll, BuildOptions, Grouping, Hit, TriangleMesh, WorldBuilder, WorldError};
+use snell_intersect::{
+    AcceptAll, BuildOptions, Grouping, Hit, TriangleMesh, WorldBuilder, WorldError,
+};
 use snell_math::{Ray, Vec3};
 use std::sync::Arc;
 
@@ -11,7 +13,8 @@ fn main() -> Result<(), WorldError> {
     builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
     let world = builder.build(&BuildOptions::default())?;
 
-    let rays = [[0.25, 0.5, -2.0], [0.75, 0.5, -2.0]].map(|origin| Ray::new(Vec3::from(origin), Vec3::Z));
+    let rays =
+        [[0.25, 0.5, -2.0], [0.75, 0.5, -2.0]].map(|origin| Ray::new(Vec3::from(origin), Vec3::Z));
     let mut hits = [Hit::MISS; 2];
     world.closest(&rays, Grouping::None, &AcceptAll, &mut hits);
     for (ray, hit) in rays.iter().zip(&hits).filter(|(_, hit)| hit.is_hit()) {

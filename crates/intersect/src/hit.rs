@@ -7,10 +7,11 @@ use snell_math::{DVec2, Vec2, Vec3, robust};
 pub struct Hit {
     /// Ray parameter of the hit, in units of the ray's direction; infinite for a miss.
     pub t: f32,
-    /// Primitive parameters: barycentrics `(b1, b2)` of a triangle; what a shape chose to note otherwise.
+    /// Primitive parameters: barycentrics `(b1, b2)` of a triangle; what a shape chose to note
+    /// otherwise.
     pub uv: Vec2,
-    /// Occurrence number of the group that holds the geometry (depth first from the root, which is 0); see
-    /// [`crate::World::instance_path`].
+    /// Occurrence number of the group that holds the geometry (depth first from the root, which is
+    /// 0); see [`crate::World::instance_path`].
     pub instance: u32,
     /// The geometry, as numbered by [`crate::WorldBuilder`]; [`Hit::NONE`] for a miss.
     pub geometry: u32,
@@ -23,17 +24,23 @@ impl Hit {
     pub const NONE: u32 = u32::MAX;
 
     /// A miss.
-    pub const MISS: Self =
-        Self { t: f32::INFINITY, uv: Vec2::ZERO, instance: Self::NONE, geometry: Self::NONE, primitive: Self::NONE };
+    pub const MISS: Self = Self {
+        t: f32::INFINITY,
+        uv: Vec2::ZERO,
+        instance: Self::NONE,
+        geometry: Self::NONE,
+        primitive: Self::NONE,
+    };
 
     /// True unless this is a miss.
     pub fn is_hit(&self) -> bool {
         self.geometry != Self::NONE
     }
 
-    /// True if this hit is to be reported rather than `other`: nearer, or at equal `t` the lower (instance, geometry, primitive), and
-    /// for two hits on one primitive (a quad that is folded over) the lower `uv`. Any hit is better than a miss. (Of a primitive of a set, which a ray may
-    /// cross twice within a rounding, the first crossing counts, whatever its `uv`.)
+    /// True if this hit is to be reported rather than `other`: nearer, or at equal `t` the lower
+    /// (instance, geometry, primitive), and for two hits on one primitive (a quad that is folded
+    /// over) the lower `uv`. Any hit is better than a miss. (Of a primitive of a set, which a ray
+    /// may cross twice within a rounding, the first crossing counts, whatever its `uv`.)
     pub fn is_before(&self, other: &Self) -> bool {
         self.t < other.t || (self.t == other.t && self.rank() < other.rank())
     }
@@ -47,10 +54,11 @@ impl Hit {
 /// [`Hit`] of a world in double precision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DHit {
-    /// Ray parameter of the hit, in units of the ray's direction; infinite for a miss. On a triangle it is off by at most a unit
-    /// in the last place from where the line of the ray meets the plane of the three vertices in exact arithmetic, both taken in
-    /// the coordinates of the mesh. (Only where rounding lets a ray meet a triangle that it just misses, it is where the ray is
-    /// in the triangle's box.)
+    /// Ray parameter of the hit, in units of the ray's direction; infinite for a miss. On a
+    /// triangle it is off by at most a unit in the last place from where the line of the ray meets
+    /// the plane of the three vertices in exact arithmetic, both taken in the coordinates of the
+    /// mesh. (Only where rounding lets a ray meet a triangle that it just misses, it is where the
+    /// ray is in the triangle's box.)
     pub t: f64,
     /// As in [`Hit`].
     pub uv: DVec2,
@@ -64,8 +72,13 @@ pub struct DHit {
 
 impl DHit {
     /// A miss.
-    pub const MISS: Self =
-        Self { t: f64::INFINITY, uv: DVec2::ZERO, instance: Hit::NONE, geometry: Hit::NONE, primitive: Hit::NONE };
+    pub const MISS: Self = Self {
+        t: f64::INFINITY,
+        uv: DVec2::ZERO,
+        instance: Hit::NONE,
+        geometry: Hit::NONE,
+        primitive: Hit::NONE,
+    };
 
     /// True unless this is a miss.
     pub fn is_hit(&self) -> bool {
@@ -92,22 +105,27 @@ pub struct SurfaceInteraction {
     pub position: Vec3,
     /// Bound of the absolute error of each coordinate of `position`, all transformations included.
     pub position_error: Vec3,
-    /// Unit normal of the surface itself, on the outer side of the shape (for a triangle: right-hand rule on its vertices).
+    /// Unit normal of the surface itself, on the outer side of the shape (for a triangle:
+    /// right-hand rule on its vertices).
     pub geometric_normal: Vec3,
-    /// Unit shading normal (interpolated vertex normals where a mesh has them), on the same side as the geometric normal.
+    /// Unit shading normal (interpolated vertex normals where a mesh has them), on the same side as
+    /// the geometric normal.
     pub shading_normal: Vec3,
     /// Texture coordinates of the first two sets; zero where the geometry has none.
     pub uv: [Vec2; 2],
-    /// Derivatives of the position by the first texture coordinates: tangents that are not normalised and not exactly perpendicular
-    /// to the shading normal. Never zero: an arbitrary frame where there are no coordinates.
+    /// Derivatives of the position by the first texture coordinates: tangents that are not
+    /// normalised and not exactly perpendicular to the shading normal. Never zero: an arbitrary
+    /// frame where there are no coordinates.
     pub dpdu: Vec3,
     /// See `dpdu`.
     pub dpdv: Vec3,
-    /// Unit tangent of a mesh that stores tangents, with the bitangent's sign in `w`-style: `bitangent = sign * n x tangent`.
+    /// Unit tangent of a mesh that stores tangents, with the bitangent's sign in `w`-style:
+    /// `bitangent = sign * n x tangent`.
     pub tangent: Option<(Vec3, f32)>,
     /// Interpolated vertex colour (linear RGB and alpha); white where there is none.
     pub color: [f32; 4],
-    /// True on a curve ([`crate::Curves`]): the point is on the outside of a fibre, along which `dpdu` is.
+    /// True on a curve ([`crate::Curves`]): the point is on the outside of a fibre, along which
+    /// `dpdu` is.
     pub on_curve: bool,
     /// As in [`Hit`].
     pub t: f32,
@@ -137,7 +155,8 @@ pub struct SurfacePoint {
 impl From<&SurfaceInteraction> for SurfacePoint {
     #[inline(always)]
     fn from(surface: &SurfaceInteraction) -> Self {
-        let SurfaceInteraction { position, position_error, geometric_normal, on_curve, .. } = *surface;
+        let SurfaceInteraction { position, position_error, geometric_normal, on_curve, .. } =
+            *surface;
         Self { position, position_error, geometric_normal, on_curve }
     }
 }
@@ -145,7 +164,12 @@ impl From<&SurfaceInteraction> for SurfacePoint {
 impl SurfacePoint {
     /// As [`SurfaceInteraction::ray_origin`].
     pub fn ray_origin(&self, direction: Vec3) -> Vec3 {
-        robust::offset_ray_origin(self.position, self.position_error, self.geometric_normal, direction)
+        robust::offset_ray_origin(
+            self.position,
+            self.position_error,
+            self.geometric_normal,
+            direction,
+        )
     }
 
     /// As [`SurfaceInteraction::is_front_facing`].
@@ -155,7 +179,8 @@ impl SurfacePoint {
 }
 
 impl SurfaceInteraction {
-    /// A plain point, known exactly: white, without texture coordinates, in an arbitrary frame, and of no object.
+    /// A plain point, known exactly: white, without texture coordinates, in an arbitrary frame, and
+    /// of no object.
     #[inline]
     pub fn plain(position: Vec3, normal: Vec3) -> Self {
         Self {
@@ -177,9 +202,15 @@ impl SurfaceInteraction {
         }
     }
 
-    /// The start of a ray that leaves the surface along `direction`: surely off the surface, on the right side.
+    /// The start of a ray that leaves the surface along `direction`: surely off the surface, on the
+    /// right side.
     pub fn ray_origin(&self, direction: Vec3) -> Vec3 {
-        robust::offset_ray_origin(self.position, self.position_error, self.geometric_normal, direction)
+        robust::offset_ray_origin(
+            self.position,
+            self.position_error,
+            self.geometric_normal,
+            direction,
+        )
     }
 
     /// True if a ray of this direction arrives at the outer side.

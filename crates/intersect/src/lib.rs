@@ -1,11 +1,14 @@
-//! Here is my ray, what does it hit? Shapes, acceleration structures and ray queries: a ray library on its own.
+//! Here is my ray, what does it hit? Shapes, acceleration structures and ray queries: a ray library
+//! on its own.
 //!
-//! A [`World`] holds triangle meshes, analytic shapes and sets of primitives in groups; a group may be instanced in others at any
-//! depth. Queries take *batches* of rays ([`World::closest`], [`World::occluded`], [`World::count`], [`World::all`]) or points
-//! ([`World::nearest_point`], [`World::signed_distance`], [`World::winding_number`]), by one thread or by all
-//! ([`World::parallel`]), and answer with plain records; [`World::interaction`] turns a [`Hit`] into everything local about the
-//! surface. A [`DynamicWorld`] changes between batches, and a [`DWorld`] has coordinates in double precision. Nothing here
-//! knows of colours, materials or files.
+//! A [`World`] holds triangle meshes, analytic shapes and sets of primitives in groups; a group may
+//! be instanced in others at any depth. Queries take *batches* of rays ([`World::closest`],
+//! [`World::occluded`], [`World::count`], [`World::all`]) or points ([`World::nearest_point`],
+//! [`World::signed_distance`], [`World::winding_number`]), by one thread or by all
+//! ([`World::parallel`]), and answer with plain records; [`World::interaction`] turns a [`Hit`]
+//! into everything local about the surface. A [`DynamicWorld`] changes between batches, and a
+//! [`DWorld`] has coordinates in double precision. Nothing here knows of colours, materials or
+//! files.
 //!
 //! ```
 //! use snell_intersect::{AcceptAll, BuildOptions, TriangleMesh, WorldBuilder};
@@ -38,8 +41,8 @@ pub mod world;
 
 pub use accel::Quality;
 pub use geometry::{
-    CubicCurves, CurveBasis, Curves, LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet, QuadMesh, Spheres,
-    StrandBasis, StrandError,
+    CubicCurves, CurveBasis, Curves, LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet,
+    QuadMesh, Spheres, StrandBasis, StrandError,
 };
 pub use hit::{DHit, Hit, SurfaceInteraction, SurfacePoint};
 pub use mesh::{DTriangleMesh, TriangleMesh};
@@ -57,8 +60,8 @@ pub use world::smooth;
 pub use world::spheres::SphereHits;
 pub use world::triangles::{self, TriangleHits, TrianglePoints};
 pub use world::{
-    BuildOptions, DynamicWorld, EditError, Geometry, GeometryId, GeometryOptions, GroupId, Instance, InstanceId, Reuse,
-    Snapshots, World, WorldBuilder, WorldError,
+    BuildOptions, DynamicWorld, EditError, Geometry, GeometryId, GeometryOptions, GroupId,
+    Instance, InstanceId, Reuse, Snapshots, World, WorldBuilder, WorldError,
 };
 
 /// The examples of the README are tests.

@@ -14,7 +14,8 @@ pub struct TriangleMesh {
     pub normals: Vec<Vec3>,
     /// Unit tangents with the sign of the bitangent in `w` (as in glTF), or empty.
     pub tangents: Vec<Vec4>,
-    /// Texture coordinate sets, each empty or one entry per vertex. `v` grows upwards in no particular sense: the texture says.
+    /// Texture coordinate sets, each empty or one entry per vertex. `v` grows upwards in no
+    /// particular sense: the texture says.
     pub uvs: [Vec<Vec2>; 2],
     /// Linear RGB and alpha per vertex, or empty.
     pub colors: Vec<[f32; 4]>,
@@ -66,7 +67,13 @@ impl DTriangleMesh {
 
     /// The smallest box around all vertices that triangles use and that are finite.
     pub fn bounds(&self) -> Bounds3d {
-        Bounds3d::of(self.indices.iter().flatten().map(|&i| self.positions[i as usize]).filter(|p| p.is_finite()))
+        Bounds3d::of(
+            self.indices
+                .iter()
+                .flatten()
+                .map(|&i| self.positions[i as usize])
+                .filter(|p| p.is_finite()),
+        )
     }
 
     /// The three corners of a triangle.
@@ -75,7 +82,8 @@ impl DTriangleMesh {
         self.indices[triangle].map(|i| self.positions[i as usize])
     }
 
-    /// True for a triangle that can never be hit: with a non-finite vertex, or with two vertices in one place.
+    /// True for a triangle that can never be hit: with a non-finite vertex, or with two vertices in
+    /// one place.
     pub fn is_degenerate(&self, triangle: usize) -> bool {
         let [a, b, c] = self.corners(triangle);
         !(a.is_finite() && b.is_finite() && c.is_finite()) || a == b || b == c || c == a
@@ -84,7 +92,10 @@ impl DTriangleMesh {
 
 impl From<&TriangleMesh> for DTriangleMesh {
     fn from(mesh: &TriangleMesh) -> Self {
-        Self { positions: mesh.positions.iter().map(|p| p.as_dvec3()).collect(), indices: mesh.indices.clone() }
+        Self {
+            positions: mesh.positions.iter().map(|p| p.as_dvec3()).collect(),
+            indices: mesh.indices.clone(),
+        }
     }
 }
 
@@ -102,13 +113,15 @@ fn check_indices(indices: &[[u32; 3]], vertices: usize) -> Result<(), MeshError>
 #[inline(always)]
 pub(crate) fn are_degenerate(corners: &[Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(|v| v.extend(0.0));
-    // Differences of finite numbers may overflow; the numbers times 0 are 0 if all are finite, and otherwise NaN.
+    // Differences of finite numbers may overflow; the numbers times 0 are 0 if all are finite, and
+    // otherwise NaN.
     let finite = (a * 0.0 + b * 0.0 + c * 0.0) == Vec4::ZERO;
     !finite || a == b || b == c || c == a
 }
 
-/// The box around a triangle that acceleration structures use: padded by `1e-6` of its largest extent and a unit in the last place. The
-/// triangle as drawn across a ray (the test of hits) may lie outside of the exact box by less than that.
+/// The box around a triangle that acceleration structures use: padded by `1e-6` of its largest
+/// extent and a unit in the last place. The triangle as drawn across a ray (the test of hits) may
+/// lie outside of the exact box by less than that.
 #[inline(always)]
 pub(crate) fn padded_bounds([a, b, c]: &[Vec3; 3]) -> Bounds3 {
     let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
@@ -162,7 +175,10 @@ impl TriangleMesh {
             (Bounds3 { min: low.truncate(), max: high.truncate() }, degenerate)
         };
         let nothing = || (Bounds3::EMPTY, 0);
-        self.indices.par_chunks(1 << 12).map(of).reduce(nothing, |a, b| (a.0.union(&b.0), a.1 + b.1))
+        self.indices
+            .par_chunks(1 << 12)
+            .map(of)
+            .reduce(nothing, |a, b| (a.0.union(&b.0), a.1 + b.1))
     }
 
     /// The three corners of a triangle.
@@ -172,7 +188,8 @@ impl TriangleMesh {
         [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]
     }
 
-    /// The box around a triangle that acceleration structures use: a little larger than the triangle.
+    /// The box around a triangle that acceleration structures use: a little larger than the
+    /// triangle.
     pub fn padded_bounds(&self, triangle: usize) -> Bounds3 {
         padded_bounds(&self.corners(triangle))
     }
@@ -182,16 +199,19 @@ impl TriangleMesh {
         self.survey().1
     }
 
-    /// True for a triangle that can never be hit: with a non-finite vertex, or with two vertices in one place.
+    /// True for a triangle that can never be hit: with a non-finite vertex, or with two vertices in
+    /// one place.
     ///
-    /// Three different vertices on a line are not enough: as drawn across a ray they may cover a little, and what they cover no other
-    /// triangle of a closed mesh does (rounding the coordinates of far-away meshes makes such triangles).
+    /// Three different vertices on a line are not enough: as drawn across a ray they may cover a
+    /// little, and what they cover no other triangle of a closed mesh does (rounding the
+    /// coordinates of far-away meshes makes such triangles).
     pub fn is_degenerate(&self, triangle: usize) -> bool {
         are_degenerate(&self.corners(triangle))
     }
 
-    /// The mesh moved by `transform`: positions in double precision and rounded once, normals by the inverse transpose, tangents
-    /// along. A mirroring transform also turns the triangles over, so that the outer side stays outside.
+    /// The mesh moved by `transform`: positions in double precision and rounded once, normals by
+    /// the inverse transpose, tangents along. A mirroring transform also turns the triangles over,
+    /// so that the outer side stays outside.
     pub fn transformed(&self, transform: &Transform) -> Self {
         let mut mesh = self.clone();
         for p in &mut mesh.positions {
@@ -201,7 +221,8 @@ impl TriangleMesh {
             *n = transform.normal(n.as_dvec3()).normalize_or_zero().as_vec3();
         }
         for t in &mut mesh.tangents {
-            *t = transform.vector(t.truncate().as_dvec3()).normalize_or_zero().as_vec3().extend(t.w);
+            *t =
+                transform.vector(t.truncate().as_dvec3()).normalize_or_zero().as_vec3().extend(t.w);
         }
         if transform.is_mirrored() {
             for [_, b, c] in &mut mesh.indices {
@@ -214,8 +235,8 @@ impl TriangleMesh {
         mesh
     }
 
-    /// Unit vertex normals: the angle-weighted mean of the adjacent triangles (Thürmer and Wüthrich, 1998). Vertices without a
-    /// proper triangle get `+z`.
+    /// Unit vertex normals: the angle-weighted mean of the adjacent triangles (Thürmer and
+    /// Wüthrich, 1998). Vertices without a proper triangle get `+z`.
     pub fn computed_normals(&self) -> Vec<Vec3> {
         let mut sums = vec![Vec3::ZERO; self.positions.len()];
         for triangle in &self.indices {

@@ -1,6 +1,7 @@
 //! Morton codes: the bits of three numbers in turns.
 
-/// For each of the numbers below `N` (at most `2^11`), every bit at three times its place: one axis of a Morton code.
+/// For each of the numbers below `N` (at most `2^11`), every bit at three times its place: one axis
+/// of a Morton code.
 pub(crate) const fn spread<const N: usize>() -> [u32; N] {
     let mut table = [0; N];
     let mut x = 1;

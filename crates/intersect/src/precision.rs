@@ -1,7 +1,9 @@
-//! Single and double precision: what worlds of `f32` coordinates and worlds of `f64` coordinates do differently.
+//! Single and double precision: what worlds of `f32` coordinates and worlds of `f64` coordinates do
+//! differently.
 //!
-//! Trees, boxes and kernels are the same for both, in `f32`: boxes and filters only skip. What decides is different: how a ray is
-//! brought into the coordinates of a tree, and the exact test of a triangle.
+//! Trees, boxes and kernels are the same for both, in `f32`: boxes and filters only skip. What
+//! decides is different: how a ray is brought into the coordinates of a tree, and the exact test of
+//! a triangle.
 
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::hit::{DHit, Hit};
@@ -15,7 +17,9 @@ use crate::kernel::packet::exact_rays::LaneRays;
 use crate::kernel::packet::sure::{Decided, Sure};
 use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
-use crate::kernel::triangle::{TriangleBlock, exact_hit, height_and_speed, hit_in_plane, is_behind};
+use crate::kernel::triangle::{
+    TriangleBlock, exact_hit, height_and_speed, hit_in_plane, is_behind,
+};
 use crate::kernel::{list, packet};
 use crate::query::nearest::{DNearestPoint, NearestPoint};
 use crate::query::search::{Goal, Search};
@@ -25,7 +29,9 @@ use std::cmp::Ordering;
 use std::fmt::Debug;
 
 /// The precision of a world's coordinates and rays: [`Single`] or [`Double`].
-pub trait Precision: sealed::Sealed + Copy + Debug + Default + PartialEq + Send + Sync + 'static {
+pub trait Precision:
+    sealed::Sealed + Copy + Debug + Default + PartialEq + Send + Sync + 'static
+{
     /// Rays of the world.
     type Ray: Copy + Debug + Sync;
     /// What queries answer with.
@@ -177,29 +183,41 @@ pub(crate) trait Rules: Precision {
     /// A ray of a group in the coordinates that the structures of the group are in.
     fn ray_in_structure(data: &Self::Data, group: usize, ray: &DRay) -> DRay;
 
-    /// Sixteen rays of a group in the coordinates that the structures of the group are in: as [`Self::ray_in_structure`].
+    /// Sixteen rays of a group in the coordinates that the structures of the group are in: as
+    /// [`Self::ray_in_structure`].
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
-    unsafe fn rays_in_structure<W: Lanes16>(data: &Self::Data, group: usize, rays: LaneRays<W>) -> LaneRays<W>;
+    unsafe fn rays_in_structure<W: Lanes16>(
+        data: &Self::Data,
+        group: usize,
+        rays: LaneRays<W>,
+    ) -> LaneRays<W>;
 
     /// A ray in the coordinates of a group, as the kernels want it.
     fn local_ray(data: &Self::Data, group: usize, ray: &DRay) -> LocalRay;
 
-    /// Prepares a ray of the world for the fast kernels, in the root group; false if it is not ordinary, or its interval is empty or
-    /// begins below zero.
+    /// Prepares a ray of the world for the fast kernels, in the root group; false if it is not
+    /// ordinary, or its interval is empty or begins below zero.
     fn prepare_root<L: Lanes8>(data: &Self::Data, quick: &mut QuickRay, ray: &Self::Ray) -> bool;
 
     /// Prepares a ray of a group for the fast kernels; false if it is not ordinary.
-    fn prepare<L: Lanes8>(data: &Self::Data, group: usize, quick: &mut QuickRay, ray: &DRay) -> bool;
+    fn prepare<L: Lanes8>(
+        data: &Self::Data,
+        group: usize,
+        quick: &mut QuickRay,
+        ray: &DRay,
+    ) -> bool;
 
-    /// Which triangles of the block the line of an ordinary ray may pass through ([`crate::kernel::triangle::lines_through`]).
+    /// Which triangles of the block the line of an ordinary ray may pass through
+    /// ([`crate::kernel::triangle::lines_through`]).
     ///
     /// # Safety
     /// The machine must have the instructions of `L`; the ray must be prepared.
     unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32;
 
-    /// As [`Self::triangle_hit`] for an ordinary ray; `origin` and `direction` are in the coordinates of the group.
+    /// As [`Self::triangle_hit`] for an ordinary ray; `origin` and `direction` are in the
+    /// coordinates of the group.
     fn hit_on_line<G: Goal<Precision = Self>>(
         search: &Search<'_, G>,
         ray: &QuickRay,
@@ -221,8 +239,9 @@ pub(crate) trait Rules: Precision {
     /// How far vertices in the structures of a group may be from where they should be.
     fn slack(data: &Self::Data, group: usize) -> f32;
 
-    /// Makes a bundle of a run of rays in the root group, if possible described from where `anchor` starts or ends; false if it is none. Lanes
-    /// without a ray repeat the first one and want nothing.
+    /// Makes a bundle of a run of rays in the root group, if possible described from where `anchor`
+    /// starts or ends; false if it is none. Lanes without a ray repeat the first one and want
+    /// nothing.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
@@ -234,11 +253,13 @@ pub(crate) trait Rules: Precision {
         backward: bool,
     ) -> bool;
 
-    /// The exact test for up to eight pairs of a ray of the bundle and a triangle of the tree ([`packet::exact::exact_hits`]); rows of rays must
-    /// have been written if [triangles are elsewhere](Self::TRIANGLES_ELSEWHERE).
+    /// The exact test for up to eight pairs of a ray of the bundle and a triangle of the tree
+    /// ([`packet::exact::exact_hits`]); rows of rays must have been written if
+    /// [triangles are elsewhere](Self::TRIANGLES_ELSEWHERE).
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`. All rays of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
+    /// The machine must have the instructions of `W`. All rays of the bundle must be drawn along
+    /// its z axis ([`Bundle::is_aligned`]).
     unsafe fn exact_hits<W: Lanes16>(
         data: &Self::Data,
         tree: &GroupTree,
@@ -247,11 +268,12 @@ pub(crate) trait Rules: Precision {
         found: &mut Found<Self::Real>,
     );
 
-    /// The exact test for the triangle of the tree that each of some rays of the bundle surely hits, or the drawing of which ([`packet::sure::test`]).
+    /// The exact test for the triangle of the tree that each of some rays of the bundle surely
+    /// hits, or the drawing of which ([`packet::sure::test`]).
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`; the places must be those of triangles. All rays of the bundle must be drawn along its z
-    /// axis ([`Bundle::is_aligned`]).
+    /// The machine must have the instructions of `W`; the places must be those of triangles. All
+    /// rays of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
     unsafe fn sure_hits<W: Lanes16>(
         tree: &GroupTree,
         bundle: &Bundle,
@@ -260,7 +282,8 @@ pub(crate) trait Rules: Precision {
         sure: &mut Sure<Self::Real>,
     ) -> Decided;
 
-    /// Searches for the first rays of a batch, or all, in the list of the forest ([`list::search_list`]); returns how many.
+    /// Searches for the first rays of a batch, or all, in the list of the forest
+    /// ([`list::search_list`]); returns how many.
     fn search_list<G: Goal<Precision = Self>>(
         forest: &Forest,
         level: Level,
@@ -270,7 +293,8 @@ pub(crate) trait Rules: Precision {
         finish: impl FnMut(usize, G),
     ) -> usize;
 
-    /// True if triangles are decided on what is not in the blocks: then their memory may be asked for ahead.
+    /// True if triangles are decided on what is not in the blocks: then their memory may be asked
+    /// for ahead.
     const TRIANGLES_ELSEWHERE: bool;
 
     /// Asks for the memory of a triangle.
@@ -280,9 +304,15 @@ pub(crate) trait Rules: Precision {
     ///
     /// # Safety
     /// The machine must have the instructions of `L`.
-    unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay, t_min: f32, cull: f32) -> u32;
+    unsafe fn candidates<L: Lanes8>(
+        block: &TriangleBlock,
+        ray: &LocalRay,
+        t_min: f32,
+        cull: f32,
+    ) -> u32;
 
-    /// The hit on a triangle whose corners are these in the tree, after the start of the ray and not beyond what is wanted.
+    /// The hit on a triangle whose corners are these in the tree, after the start of the ray and
+    /// not beyond what is wanted.
     fn triangle_hit<G: Goal<Precision = Self>>(
         search: &Search<'_, G>,
         ray: &LocalRay,
@@ -290,8 +320,8 @@ pub(crate) trait Rules: Precision {
         ids: impl FnOnce() -> [u32; 3],
     ) -> Option<Self::Hit>;
 
-    /// True if a hit is to be reported rather than the other: nearer, or at equal distance the lower (instance, geometry,
-    /// primitive).
+    /// True if a hit is to be reported rather than the other: nearer, or at equal distance the
+    /// lower (instance, geometry, primitive).
     #[inline(always)]
     fn is_before(hit: &Self::Hit, other: &Self::Hit) -> bool {
         let (a, b) = (Self::t(hit), Self::t(other));
@@ -366,7 +396,12 @@ impl Rules for Single {
     }
 
     #[inline(always)]
-    unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay, t_min: f32, cull: f32) -> u32 {
+    unsafe fn candidates<L: Lanes8>(
+        block: &TriangleBlock,
+        ray: &LocalRay,
+        t_min: f32,
+        cull: f32,
+    ) -> u32 {
         // SAFETY: passed on to the caller.
         unsafe { crate::kernel::triangle::candidates::<L>(block, ray, t_min, cull) }
     }
@@ -408,7 +443,8 @@ impl Rules for Single {
     ) -> Option<Hit> {
         let t_min = search.start.into();
         let [height, speed] = height_and_speed(origin, direction, corners);
-        // What is behind the start is so at once, without waiting for a quotient. (Which is finite: of an ordinary ray, these are between `1e-150` and `1e40`.)
+        // What is behind the start is so at once, without waiting for a quotient. (Which is finite:
+        // of an ordinary ray, these are between `1e-150` and `1e40`.)
         if height * speed < 0.0 {
             return None;
         }
@@ -416,7 +452,11 @@ impl Rules for Single {
         if is_behind(plane, t_min) {
             return None;
         }
-        single_hit(search, hit_in_plane(&ray.exact(*origin, *direction), corners, plane, t_min), ids)
+        single_hit(
+            search,
+            hit_in_plane(&ray.exact(*origin, *direction), corners, plane, t_min),
+            ids,
+        )
     }
 
     #[inline(always)]
@@ -452,7 +492,13 @@ impl Rules for Single {
     }
 
     #[inline(always)]
-    unsafe fn exact_hits<W: Lanes16>(_: &(), tree: &GroupTree, bundle: &Bundle, pairs: &Pairs, found: &mut Found<f32>) {
+    unsafe fn exact_hits<W: Lanes16>(
+        _: &(),
+        tree: &GroupTree,
+        bundle: &Bundle,
+        pairs: &Pairs,
+        found: &mut Found<f32>,
+    ) {
         // SAFETY: passed on to the caller.
         unsafe { packet::exact::exact_hits::<W>(tree.blocks.at(), bundle, pairs, found) }
     }
@@ -491,7 +537,8 @@ impl Rules for Single {
     fn fetch_triangle(_: &(), _: u32, _: u32) {}
 }
 
-/// What the exact test in single precision has found, as a hit; `None` if it is beyond what is wanted.
+/// What the exact test in single precision has found, as a hit; `None` if it is beyond what is
+/// wanted.
 #[inline(always)]
 fn single_hit<G: Goal<Precision = Single>>(
     search: &Search<'_, G>,
@@ -565,7 +612,11 @@ impl Rules for Double {
     }
 
     #[inline(always)]
-    unsafe fn rays_in_structure<W: Lanes16>(data: &DoubleData, group: usize, rays: LaneRays<W>) -> LaneRays<W> {
+    unsafe fn rays_in_structure<W: Lanes16>(
+        data: &DoubleData,
+        group: usize,
+        rays: LaneRays<W>,
+    ) -> LaneRays<W> {
         let Frame { center, scale, .. } = &data.frames[group];
         // SAFETY: passed on to the caller.
         unsafe { rays.framed(center, *scale) }
@@ -577,7 +628,12 @@ impl Rules for Double {
     }
 
     #[inline(always)]
-    unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay, t_min: f32, cull: f32) -> u32 {
+    unsafe fn candidates<L: Lanes8>(
+        block: &TriangleBlock,
+        ray: &LocalRay,
+        t_min: f32,
+        cull: f32,
+    ) -> u32 {
         // SAFETY: passed on to the caller.
         unsafe { double::triangle::candidates::<L>(block, ray, t_min, cull) }
     }
@@ -598,7 +654,12 @@ impl Rules for Double {
     }
 
     #[inline(always)]
-    fn prepare<L: Lanes8>(data: &DoubleData, group: usize, quick: &mut QuickRay, ray: &DRay) -> bool {
+    fn prepare<L: Lanes8>(
+        data: &DoubleData,
+        group: usize,
+        quick: &mut QuickRay,
+        ray: &DRay,
+    ) -> bool {
         data.frames[group].prepare::<L>(quick, ray)
     }
 
@@ -661,7 +722,11 @@ impl Rules for Double {
         found: &mut Found<f64>,
     ) {
         // SAFETY: passed on to the caller.
-        unsafe { packet::doubles::exact_hits::<<W::Half as WideLanes>::Doubles>(data, tree, bundle, pairs, found) }
+        unsafe {
+            packet::doubles::exact_hits::<<W::Half as WideLanes>::Doubles>(
+                data, tree, bundle, pairs, found,
+            )
+        }
     }
 
     /// None: lists are in single precision.
@@ -695,7 +760,8 @@ impl Rules for Double {
     }
 }
 
-/// The hit on a triangle in double precision. `ray` is in the coordinates of the group; its interval is not used.
+/// The hit on a triangle in double precision. `ray` is in the coordinates of the group; its
+/// interval is not used.
 #[inline(always)]
 fn double_hit<G: Goal<Precision = Double>>(
     search: &Search<'_, G>,

@@ -1,12 +1,13 @@
 //! Geometries, groups and instances: accelerators over accelerators.
 //!
-//! A *group* holds triangle meshes (in the group's coordinates), analytic shapes (each with its own placement) and instances of
-//! other groups. Group 0 is the root, and its coordinates are the world's. A group is stored and accelerated once, however often
-//! and however deep it is instanced.
+//! A *group* holds triangle meshes (in the group's coordinates), analytic shapes (each with its own
+//! placement) and instances of other groups. Group 0 is the root, and its coordinates are the
+//! world's. A group is stored and accelerated once, however often and however deep it is instanced.
 //!
-//! Each way to reach a group from the root is an *occurrence*, numbered depth first: the root is 0, then, instance by instance in
-//! order of insertion, the child followed by all that is below it. [`crate::Hit::instance`] is this number, so a hit stays small at
-//! any depth, and [`World::instance_path`] gives the way back.
+//! Each way to reach a group from the root is an *occurrence*, numbered depth first: the root is 0,
+//! then, instance by instance in order of insertion, the child followed by all that is below it.
+//! [`crate::Hit::instance`] is this number, so a hit stays small at any depth, and
+//! [`World::instance_path`] gives the way back.
 
 mod cover;
 pub(crate) mod double;
@@ -55,10 +56,14 @@ pub struct GeometryId(pub u32);
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WorldError {
     /// A group contains itself.
-    #[error("group {0} contains itself, directly or through others; a scene graph must not have cycles")]
+    #[error(
+        "group {0} contains itself, directly or through others; a scene graph must not have cycles"
+    )]
     Cycle(u32),
     /// More occurrences of groups than 32-bit numbers.
-    #[error("more than 4294967294 instances when all nesting is counted; share less or split the scene")]
+    #[error(
+        "more than 4294967294 instances when all nesting is counted; share less or split the scene"
+    )]
     TooManyInstances,
     /// A limit of the structure, with what to do.
     #[error("{0}")]
@@ -74,11 +79,12 @@ pub struct BuildOptions {
     pub accelerator_options: AcceleratorOptions,
     /// How much time building a [`AcceleratorKind::Bvh`] may take for how fast a tree.
     pub quality: Quality,
-    /// Whether an [`AcceleratorKind::Bvh`] keeps corners that triangles share only once: it takes about two thirds of the memory, and somewhat more time
-    /// to trace. Never changes a hit.
+    /// Whether an [`AcceleratorKind::Bvh`] keeps corners that triangles share only once: it takes
+    /// about two thirds of the memory, and somewhat more time to trace. Never changes a hit.
     pub compact: bool,
-    /// A folder in which the [`AcceleratorKind::Bvh`] of large groups (65,536 triangles and more) is kept in files: the next build of the
-    /// same group maps it into memory. Only one's own files belong there: hits come from them. `None`: nothing is kept.
+    /// A folder in which the [`AcceleratorKind::Bvh`] of large groups (65,536 triangles and more)
+    /// is kept in files: the next build of the same group maps it into memory. Only one's own files
+    /// belong there: hits come from them. `None`: nothing is kept.
     pub cache: Option<PathBuf>,
     /// Which instructions the kernels use.
     pub simd: Level,
@@ -121,8 +127,9 @@ pub struct Instance {
     pub group_from_child: Transform,
     /// Only rays whose mask shares a bit with this enter it.
     pub mask: u32,
-    /// For an instance that moves: the map at the further keys, which are evenly spread from time 0 (`group_from_child`) to 1. Between
-    /// keys the matrices are interpolated linearly. Empty for one that stays.
+    /// For an instance that moves: the map at the further keys, which are evenly spread from time 0
+    /// (`group_from_child`) to 1. Between keys the matrices are interpolated linearly. Empty for
+    /// one that stays.
     pub later: Vec<Transform>,
 }
 
@@ -137,12 +144,14 @@ impl Instance {
         std::iter::once(&self.group_from_child).chain(&self.later)
     }
 
-    /// The map at a time from 0 to 1; at times when the instance is flattened, and not to be hit, the map at time 0.
+    /// The map at a time from 0 to 1; at times when the instance is flattened, and not to be hit,
+    /// the map at time 0.
     pub(crate) fn at(&self, time: f32) -> Transform {
         self.at_time(time).unwrap_or(self.group_from_child)
     }
 
-    /// The map at a time from 0 to 1; `None` at times when the instance is flattened, and not to be hit.
+    /// The map at a time from 0 to 1; `None` at times when the instance is flattened, and not to be
+    /// hit.
     pub fn at_time(&self, time: f32) -> Option<Transform> {
         if self.later.is_empty() {
             return Some(self.group_from_child);
@@ -214,8 +223,8 @@ impl WorldBuilder {
         GroupId((self.groups.len() - 1) as u32)
     }
 
-    /// Puts a mesh into a group, in the group's coordinates. The mesh must be valid ([`TriangleMesh::validate`]); triangles that
-    /// are degenerate or not finite are never hit.
+    /// Puts a mesh into a group, in the group's coordinates. The mesh must be valid
+    /// ([`TriangleMesh::validate`]); triangles that are degenerate or not finite are never hit.
     pub fn add_mesh(&mut self, group: GroupId, mesh: Arc<TriangleMesh>) -> GeometryId {
         self.add_geometry(group, Geometry::Mesh(mesh))
     }
@@ -231,11 +240,17 @@ impl WorldBuilder {
     }
 
     /// Puts a shape into a group.
-    pub fn add_shape(&mut self, group: GroupId, shape: Arc<dyn Shape>, group_from_shape: Transform) -> GeometryId {
+    pub fn add_shape(
+        &mut self,
+        group: GroupId,
+        shape: Arc<dyn Shape>,
+        group_from_shape: Transform,
+    ) -> GeometryId {
         self.add_geometry(group, Geometry::Shape(shape, group_from_shape))
     }
 
-    /// Puts a set of primitives into a group, in the group's coordinates: spheres, curves, or one's own.
+    /// Puts a set of primitives into a group, in the group's coordinates: spheres, curves, or one's
+    /// own.
     pub fn add_set(&mut self, group: GroupId, set: Arc<dyn PrimitiveSet>) -> GeometryId {
         self.add_geometry(group, Geometry::Set(set))
     }
@@ -251,7 +266,12 @@ impl WorldBuilder {
     }
 
     /// Places `child` in `group`.
-    pub fn add_instance(&mut self, group: GroupId, child: GroupId, group_from_child: Transform) -> InstanceId {
+    pub fn add_instance(
+        &mut self,
+        group: GroupId,
+        child: GroupId,
+        group_from_child: Transform,
+    ) -> InstanceId {
         self.add(group, Instance::new(child, group_from_child))
     }
 
@@ -265,7 +285,8 @@ impl WorldBuilder {
         id
     }
 
-    /// Only rays whose mask shares a bit with this meet the geometry ([`crate::query::rays::RayQuery::mask`]). All bits at first.
+    /// Only rays whose mask shares a bit with this meet the geometry
+    /// ([`crate::query::rays::RayQuery::mask`]). All bits at first.
     pub fn set_mask(&mut self, geometry: GeometryId, mask: u32) {
         self.options[geometry.0 as usize].mask = mask;
     }
@@ -280,21 +301,27 @@ impl WorldBuilder {
         self.options[geometry.0 as usize].filtered = true;
     }
 
-    /// Builds the acceleration structures, on the threads of the current rayon pool. The result does not depend on how many there
-    /// are. A SIMD level that the machine lacks is replaced by the best it has.
+    /// Builds the acceleration structures, on the threads of the current rayon pool. The result
+    /// does not depend on how many there are. A SIMD level that the machine lacks is replaced by
+    /// the best it has.
     pub fn build(self, options: &BuildOptions) -> Result<World, WorldError> {
         let (occurrences, parts) = on_the_pool(|| self.parts(options, None))?;
         Ok(self.into_world(occurrences, parts))
     }
 
-    /// Builds a world that shares with `previous`, an earlier world of this builder (or of a copy of it), all that comes from contents
-    /// that did not change: see [`DynamicWorld`]. Queries of the result are the same, bit for bit, as if it were built from nothing.
+    /// Builds a world that shares with `previous`, an earlier world of this builder (or of a copy
+    /// of it), all that comes from contents that did not change: see [`DynamicWorld`]. Queries of
+    /// the result are the same, bit for bit, as if it were built from nothing.
     pub fn rebuild(&self, options: &BuildOptions, previous: &World) -> Result<World, WorldError> {
         let (occurrences, parts) = on_the_pool(|| self.parts(options, Some(previous)))?;
         Ok(self.clone().into_world(occurrences, parts))
     }
 
-    fn parts(&self, options: &BuildOptions, previous: Option<&World>) -> Result<(Occurrences, Parts), WorldError> {
+    fn parts(
+        &self,
+        options: &BuildOptions,
+        previous: Option<&World>,
+    ) -> Result<(Occurrences, Parts), WorldError> {
         let occurrences = Occurrences::count(&self.groups)?;
         let summaries = self.summaries(previous);
         let alike = Self::alike(options, previous);
@@ -346,7 +373,8 @@ impl WorldBuilder {
             }
             for (id, set) in self.sets(contents) {
                 if !list.objects.push_set(id.0, set) {
-                    let limit = "a group holds more than 4294967295 primitives: spread them over several groups";
+                    let limit = "a group holds more than 4294967295 primitives: spread them over \
+                        several groups";
                     return Err(WorldError::Limit(limit.into()));
                 }
             }
@@ -357,10 +385,18 @@ impl WorldBuilder {
 
     /// The geometries of many primitives of a group, which come after its shapes and instances.
     fn sets(&self, contents: &GroupContents) -> impl Iterator<Item = (GeometryId, BulkContents)> {
-        contents.geometries.iter().filter_map(|&id| Some((id, BulkContents::of(&self.geometries[id.0 as usize])?)))
+        contents
+            .geometries
+            .iter()
+            .filter_map(|&id| Some((id, BulkContents::of(&self.geometries[id.0 as usize])?)))
     }
 
-    fn count_triangles(&self, occurrences: &Occurrences, structure: &Structure, inventory: &Inventory) -> BuildStats {
+    fn count_triangles(
+        &self,
+        occurrences: &Occurrences,
+        structure: &Structure,
+        inventory: &Inventory,
+    ) -> BuildStats {
         let mut stats = BuildStats { reuse: inventory.reuse, ..BuildStats::default() };
         for (geometry, summary) in self.geometries.iter().zip(&inventory.summaries) {
             match geometry {
@@ -389,7 +425,8 @@ impl WorldBuilder {
         }
         stats.instanced_triangles = below[0];
         if let Structure::Bvh(forest) = structure {
-            stats.cached_groups = forest.trees.iter().filter(|t| t.cache == CacheUse::Read).count() as u64;
+            stats.cached_groups =
+                forest.trees.iter().filter(|t| t.cache == CacheUse::Read).count() as u64;
             stats.nodes = forest.trees.iter().map(|t| t.nodes.len() as u64).sum();
             stats.triangle_blocks = forest.trees.iter().map(|t| t.blocks.count() as u64).sum();
             stats.depth = forest.trees.iter().map(|t| t.depth as u32).max().unwrap_or(0);
@@ -407,15 +444,16 @@ impl WorldBuilder {
     }
 }
 
-/// Boxes to be turned for the instances of a group; where there are so many instances, one for each must do.
+/// Boxes to be turned for the instances of a group; where there are so many instances, one for each
+/// must do.
 const MAX_PIECES: usize = 1 << 24;
 
 /// The boxes of all groups and of what they hold.
 struct GroupBounds {
     /// Per group, in its own coordinates.
     exact: Vec<Bounds3d>,
-    /// Per group the boxes of its shapes, instances and primitives of sets, in the order of [`GroupList::objects`], grown by all that transforming a
-    /// ray may be off by.
+    /// Per group the boxes of its shapes, instances and primitives of sets, in the order of
+    /// [`GroupList::objects`], grown by all that transforming a ray may be off by.
     objects: Vec<Vec<Bounds3d>>,
     /// Per group, in its own coordinates, grown like those of the objects.
     grown: Vec<Bounds3d>,
@@ -454,24 +492,36 @@ impl GroupBounds {
             let images = instance.keys().map(|map| map.bounds(&self.exact[child]));
             exact = images.fold(exact, |all, b| all.union(&b));
         }
-        let pieces: usize = contents.instances.iter().map(|i| self.covers[i.child.0 as usize].len()).sum();
+        let pieces: usize =
+            contents.instances.iter().map(|i| self.covers[i.child.0 as usize].len()).sum();
         let instance_box = |instance: &Instance| {
             let child = instance.child.0 as usize;
             if pieces > MAX_PIECES || !instance.later.is_empty() || self.covers[child].is_empty() {
                 return instance_bounds(instance, &self.grown[child]);
             }
-            self.covers[child].iter().fold(Bounds3d::EMPTY, |all, b| all.union(&instance_bounds(instance, b)))
+            self.covers[child]
+                .iter()
+                .fold(Bounds3d::EMPTY, |all, b| all.union(&instance_bounds(instance, b)))
         };
         objects.par_extend(contents.instances.par_iter().with_min_len(16).map(instance_box));
         for (_, set) in builder.sets(contents) {
             let first = objects.len();
-            objects.par_extend((0..set.len()).into_par_iter().with_min_len(1024).map(|i| set.bounds(i)));
+            objects.par_extend(
+                (0..set.len()).into_par_iter().with_min_len(1024).map(|i| set.bounds(i)),
+            );
             exact = objects[first..].iter().fold(exact, |all, b| all.union(b));
-            objects[first..].par_iter_mut().for_each(|b| *b = grown_bounds(&Transform::IDENTITY, b));
+            objects[first..]
+                .par_iter_mut()
+                .for_each(|b| *b = grown_bounds(&Transform::IDENTITY, b));
         }
-        let is_mesh =
-            |id: &&GeometryId| matches!(builder.geometries[id.0 as usize], Geometry::Mesh(_) | Geometry::Quads(_));
-        let meshes = contents.geometries.iter().filter(is_mesh).map(|id| summaries[id.0 as usize].cover.as_ref());
+        let is_mesh = |id: &&GeometryId| {
+            matches!(builder.geometries[id.0 as usize], Geometry::Mesh(_) | Geometry::Quads(_))
+        };
+        let meshes = contents
+            .geometries
+            .iter()
+            .filter(is_mesh)
+            .map(|id| summaries[id.0 as usize].cover.as_ref());
         if let Some(meshes) = meshes.collect::<Option<Vec<_>>>() {
             self.covers[group] = cover::of_group(meshes.into_iter(), &objects);
         }
@@ -481,12 +531,14 @@ impl GroupBounds {
     }
 }
 
-/// Does something on a thread of the current rayon pool, so that each parallel stage of it need not wait for one to wake up.
+/// Does something on a thread of the current rayon pool, so that each parallel stage of it need not
+/// wait for one to wake up.
 fn on_the_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     rayon::scope(|_| work())
 }
 
-/// The box of a placed thing, grown by a bound of the rounding errors of its place and of rays brought into its coordinates.
+/// The box of a placed thing, grown by a bound of the rounding errors of its place and of rays
+/// brought into its coordinates.
 fn grown_bounds(placed: &Transform, b: &Bounds3d) -> Bounds3d {
     let image = placed.bounds(b);
     if image.is_empty() || !b.is_finite() {
@@ -498,10 +550,14 @@ fn grown_bounds(placed: &Transform, b: &Bounds3d) -> Bounds3d {
     Bounds3d { min: image.min - margin, max: image.max + margin }
 }
 
-/// The box of an instance at all times, grown likewise. Between keys every point moves on a straight line, so the boxes at the keys
-/// hold it; the inverse of an interpolated matrix may be less exact.
+/// The box of an instance at all times, grown likewise. Between keys every point moves on a
+/// straight line, so the boxes at the keys hold it; the inverse of an interpolated matrix may be
+/// less exact.
 fn instance_bounds(instance: &Instance, b: &Bounds3d) -> Bounds3d {
-    let all = instance.keys().map(|map| grown_bounds(map, b)).fold(Bounds3d::EMPTY, |all, b| all.union(&b));
+    let all = instance
+        .keys()
+        .map(|map| grown_bounds(map, b))
+        .fold(Bounds3d::EMPTY, |all, b| all.union(&b));
     if instance.later.is_empty() || !all.is_finite() {
         return all;
     }
@@ -548,7 +604,8 @@ pub struct World {
     stats: BuildStats,
     /// Made when it is first asked for.
     pub(crate) winding: OnceLock<Winding>,
-    /// Whether the structure may offer a crossing several times; found out when it is first asked for.
+    /// Whether the structure may offer a crossing several times; found out when it is first asked
+    /// for.
     pub(crate) repeats: OnceLock<bool>,
 }
 
@@ -577,8 +634,8 @@ pub struct BuildStats {
     pub depth: u32,
     /// Memory of the acceleration structures, without the geometries.
     pub memory_bytes: u64,
-    /// Nodes and blocks of triangles that a random line through the root's bounds meets on average, by the surface area heuristic;
-    /// what is in instances does not count.
+    /// Nodes and blocks of triangles that a random line through the root's bounds meets on average,
+    /// by the surface area heuristic; what is in instances does not count.
     pub sah_cost: f32,
     /// What was taken over from the world before.
     pub reuse: Reuse,
@@ -636,8 +693,8 @@ impl World {
         self.geometries.iter().filter(|g| matches!(g, Geometry::Shape(..))).count()
     }
 
-    /// The number of the instance that an occurrence ([`crate::Hit::instance`]) belongs to: of the last step of
-    /// [`Self::instance_path`]. `None` for the root.
+    /// The number of the instance that an occurrence ([`crate::Hit::instance`]) belongs to: of the
+    /// last step of [`Self::instance_path`]. `None` for the root.
     pub fn instance_id(&self, occurrence: u32) -> Option<InstanceId> {
         let (group, at) = self.instance_path(occurrence).pop()?;
         Some(self.group(group).instance_ids[at])
@@ -663,7 +720,8 @@ impl World {
         self.occurrences.counts[id.0 as usize] as u32
     }
 
-    /// The box around everything, in world coordinates; may have infinite sides, is empty for an empty world.
+    /// The box around everything, in world coordinates; may have infinite sides, is empty for an
+    /// empty world.
     pub fn bounds(&self) -> Bounds3d {
         self.bounds
     }
@@ -673,8 +731,8 @@ impl World {
         &self.stats
     }
 
-    /// What the user should know of the build: files of [`BuildOptions::cache`] that were damaged or could not be written, and coordinates
-    /// so large that rays are slow.
+    /// What the user should know of the build: files of [`BuildOptions::cache`] that were damaged
+    /// or could not be written, and coordinates so large that rays are slow.
     pub fn warnings(&self) -> Vec<String> {
         let Structure::Bvh(forest) = &self.structure else { return Vec::new() };
         let warning = |tree: &std::sync::Arc<crate::accel::bvh::GroupTree>| match &tree.cache {
@@ -685,14 +743,17 @@ impl World {
             let reach = forest.extents.iter().copied().fold(0.0, f32::max);
             let usual = crate::kernel::quick::MAX_COORDINATE;
             format!(
-                "coordinates reach {reach:.1e}, and beyond {usual:.0e} all rays are several times as slow; move what lies so far out, \
+                "coordinates reach {reach:.1e}, and beyond {usual:.0e} all rays are several times \
+                    as slow; move what lies so far out, \
                  or scale the scene"
             )
         });
         let blurred = forest.ordinary.then(|| forest.blurred()).flatten().map(|reach| {
             format!(
-                "coordinates reach {reach:.1e}, where single precision is {:.1e} apart: that is more than the size of most \
-                 things, so that rays meet nearly all of them and are slow; move what lies so far out, or scale it down",
+                "coordinates reach {reach:.1e}, where single precision is {:.1e} apart: that is \
+                    more than the size of most \
+                 things, so that rays meet nearly all of them and are slow; move what lies so far \
+                 out, or scale it down",
                 reach * f32::EPSILON
             )
         });

@@ -6,8 +6,9 @@ use std::f64::consts;
 /// Tangent of an eighth of a turn's half.
 const TAN_PI_8: f32 = 0.414_213_57;
 
-/// The angle of the point `(x, y)`, in `[-pi, pi]`: `y.atan2(x)`, off by less than 3e-7. 0 at the origin; NaN if anything is NaN or both
-/// are infinite. (Polynomial of the Cephes library for the arc tangent below an eighth of a half-turn.)
+/// The angle of the point `(x, y)`, in `[-pi, pi]`: `y.atan2(x)`, off by less than 3e-7. 0 at the
+/// origin; NaN if anything is NaN or both are infinite. (Polynomial of the Cephes library for the
+/// arc tangent below an eighth of a half-turn.)
 #[inline(always)]
 pub fn atan2(y: f32, x: f32) -> f32 {
     let (ax, ay) = (x.abs(), y.abs());
@@ -24,8 +25,9 @@ pub fn atan2(y: f32, x: f32) -> f32 {
     angle.copysign(y)
 }
 
-/// The angle of the point `(x, y)`, in `[0, 2 pi]`, in double precision, off by less than 2e-15. 0 at the origin; NaN if anything is NaN
-/// or both are infinite. (The arc tangent below an eighth of a half-turn by interpolation at Chebyshev's points, to 1e-16.)
+/// The angle of the point `(x, y)`, in `[0, 2 pi]`, in double precision, off by less than 2e-15. 0
+/// at the origin; NaN if anything is NaN or both are infinite. (The arc tangent below an eighth of
+/// a half-turn by interpolation at Chebyshev's points, to 1e-16.)
 #[inline(always)]
 pub fn turn_to(y: f64, x: f64) -> f64 {
     let (ax, ay) = (x.abs(), y.abs());
@@ -35,18 +37,22 @@ pub fn turn_to(y: f64, x: f64) -> f64 {
     let (over, under) = if is_middle { (small - large, small + large) } else { (small, large) };
     let q = over / if under == 0.0 { 1.0 } else { under };
     let z = q * q;
-    let high = ((0.022_734_660_289_432_31 * z - 0.044_821_745_871_279_49) * z + 0.057_359_799_104_905_136) * z
+    let high = ((0.022_734_660_289_432_31 * z - 0.044_821_745_871_279_49) * z
+        + 0.057_359_799_104_905_136)
+        * z
         - 0.066_495_562_194_837_89;
-    let low = ((high * z + 0.076_910_497_148_761_7) * z - 0.090_908_522_557_283_34) * z + 0.111_111_096_272_068_57;
-    let series = ((low * z - 0.142_857_142_659_529_3) * z + 0.199_999_999_998_975_6) * z - 0.333_333_333_333_332_4;
+    let low = ((high * z + 0.076_910_497_148_761_7) * z - 0.090_908_522_557_283_34) * z
+        + 0.111_111_096_272_068_57;
+    let series = ((low * z - 0.142_857_142_659_529_3) * z + 0.199_999_999_998_975_6) * z
+        - 0.333_333_333_333_332_4;
     let angle = series * z * q + q + if is_middle { consts::FRAC_PI_4 } else { 0.0 };
     let angle = if is_steep { consts::FRAC_PI_2 - angle } else { angle };
     let angle = if x < 0.0 { consts::PI - angle } else { angle };
     if y < 0.0 { consts::TAU - angle } else { angle }
 }
 
-/// Sine and cosine of an angle of at most a thousand turns, in double precision, off by less than 1e-15 for the first turn.
-/// (Interpolation at Chebyshev's points, to 3e-17.)
+/// Sine and cosine of an angle of at most a thousand turns, in double precision, off by less than
+/// 1e-15 for the first turn. (Interpolation at Chebyshev's points, to 3e-17.)
 #[inline(always)]
 pub fn sin_cos(angle: f64) -> (f64, f64) {
     /// The quarter of a turn in two pieces, the first of which has few digits.
@@ -56,13 +62,20 @@ pub fn sin_cos(angle: f64) -> (f64, f64) {
     let quarters = (angle * consts::FRAC_2_PI + ROUNDER) - ROUNDER;
     let x = (angle - quarters * QUARTER[0]) - quarters * QUARTER[1];
     let z = x * x;
-    let series = ((1.591_798_897_939_743_5e-10 * z - 2.505_112_989_645_018_5e-8) * z + 2.755_731_609_319_840_4e-6) * z
+    let series = ((1.591_798_897_939_743_5e-10 * z - 2.505_112_989_645_018_5e-8) * z
+        + 2.755_731_609_319_840_4e-6)
+        * z
         - 1.984_126_983_674_053_2e-4;
     let sin = ((series * z + 8.333_333_333_330_936e-3) * z - 0.166_666_666_666_666_66) * z * x + x;
-    let series = ((-1.138_254_464_534_925e-11 * z + 2.087_614_504_941_318e-9) * z - 2.755_731_726_587_808e-7) * z
+    let series = ((-1.138_254_464_534_925e-11 * z + 2.087_614_504_941_318e-9) * z
+        - 2.755_731_726_587_808e-7)
+        * z
         + 2.480_158_729_875_44e-5;
-    let cos = ((series * z - 1.388_888_888_888_738_9e-3) * z + 4.166_666_666_666_666_4e-2) * z * z - 0.5 * z + 1.0;
-    // Which half of a turn, and which half of that: without integers, of which wide registers may have no conversion.
+    let cos = ((series * z - 1.388_888_888_888_738_9e-3) * z + 4.166_666_666_666_666_4e-2) * z * z
+        - 0.5 * z
+        + 1.0;
+    // Which half of a turn, and which half of that: without integers, of which wide registers may
+    // have no conversion.
     let half = quarters - 4.0 * ((quarters * 0.25 + ROUNDER) - ROUNDER);
     let is_odd = half.abs() == 1.0;
     let (s, c) = if is_odd { (cos, sin) } else { (sin, cos) };
@@ -81,7 +94,10 @@ mod tests {
         for i in 0..100_000 {
             let angle = f64::from(i) / 100_000.0 * consts::TAU;
             let (sin, cos) = sin_cos(angle);
-            assert!((sin - angle.sin()).abs() < 1e-15 && (cos - angle.cos()).abs() < 1e-15, "{angle}");
+            assert!(
+                (sin - angle.sin()).abs() < 1e-15 && (cos - angle.cos()).abs() < 1e-15,
+                "{angle}"
+            );
             for length in [1e-200, 1e-3, 1.0, 7.5e200] {
                 let (x, y) = (angle.cos() * length, angle.sin() * length);
                 let exact = y.atan2(x).rem_euclid(consts::TAU);
@@ -91,7 +107,10 @@ mod tests {
         for k in -20..20 {
             let angle = f64::from(k) * 0.7;
             let (sin, cos) = sin_cos(angle);
-            assert!((sin - angle.sin()).abs() < 4e-15 && (cos - angle.cos()).abs() < 4e-15, "{angle}");
+            assert!(
+                (sin - angle.sin()).abs() < 4e-15 && (cos - angle.cos()).abs() < 4e-15,
+                "{angle}"
+            );
         }
         assert_eq!(turn_to(0.0, 0.0), 0.0);
         assert!(turn_to(f64::NAN, 1.0).is_nan() && turn_to(1.0, f64::NAN).is_nan());
@@ -107,7 +126,15 @@ mod tests {
                 assert!((f64::from(atan2(y, x)) - exact).abs() < 3e-7, "{x} {y}");
             }
         }
-        for (y, x) in [(0.0, 1.0), (-0.0, 1.0), (0.0, -1.0), (-0.0, -1.0), (1.0, 0.0), (-1.0, -0.0), (0.0, 0.0)] {
+        for (y, x) in [
+            (0.0, 1.0),
+            (-0.0, 1.0),
+            (0.0, -1.0),
+            (-0.0, -1.0),
+            (1.0, 0.0),
+            (-1.0, -0.0),
+            (0.0, 0.0),
+        ] {
             assert!((atan2(y, x) - f32::atan2(y, x)).abs() < 3e-7, "{y} {x}");
         }
         assert!(atan2(f32::NAN, 1.0).is_nan() && atan2(1.0, f32::NAN).is_nan());

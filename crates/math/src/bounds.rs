@@ -31,17 +31,23 @@ macro_rules! bounds {
 
         impl $name {
             /// The box that holds nothing: the neutral element of [`Self::union`].
-            pub const EMPTY: Self =
-                Self { min: <$vec>::splat(<$float>::INFINITY), max: <$vec>::splat(<$float>::NEG_INFINITY) };
+            pub const EMPTY: Self = Self {
+                min: <$vec>::splat(<$float>::INFINITY),
+                max: <$vec>::splat(<$float>::NEG_INFINITY),
+            };
 
             /// The box that holds everything.
-            pub const INFINITE: Self =
-                Self { min: <$vec>::splat(<$float>::NEG_INFINITY), max: <$vec>::splat(<$float>::INFINITY) };
+            pub const INFINITE: Self = Self {
+                min: <$vec>::splat(<$float>::NEG_INFINITY),
+                max: <$vec>::splat(<$float>::INFINITY),
+            };
 
             /// The smallest box around `points`; points with a NaN coordinate do not count.
             #[inline]
             pub fn of(points: impl IntoIterator<Item = $vec>) -> Self {
-                points.into_iter().fold(Self::EMPTY, |b, p| if p.is_nan() { b } else { b.with_point(p) })
+                points
+                    .into_iter()
+                    .fold(Self::EMPTY, |b, p| if p.is_nan() { b } else { b.with_point(p) })
             }
 
             /// The box grown to hold `p`.

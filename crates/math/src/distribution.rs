@@ -1,4 +1,5 @@
-//! Tabulated distributions in one and two dimensions, sampled by inversion so that stratification survives.
+//! Tabulated distributions in one and two dimensions, sampled by inversion so that stratification
+//! survives.
 
 use glam::Vec2;
 
@@ -7,18 +8,21 @@ use glam::Vec2;
 pub struct Distribution1D {
     /// Cumulative weights divided by their sum; one more entry than there are pieces, from 0 to 1.
     cdf: Vec<f32>,
-    /// For each of as many equal parts of `[0, 1)` as there are pieces, the first entry of `cdf` above its beginning, and one more:
-    /// where to search (the cutpoint method of Chen and Asau, 1974).
+    /// For each of as many equal parts of `[0, 1)` as there are pieces, the first entry of `cdf`
+    /// above its beginning, and one more: where to search (the cutpoint method of Chen and Asau,
+    /// 1974).
     guide: Vec<u32>,
     sum: f64,
 }
 
 impl Distribution1D {
-    /// The density proportional to `weights`. Negative, NaN and infinite weights count as 0. If all are 0, the density is uniform
-    /// and [`Self::sum`] is 0. At least one weight is needed: an empty slice acts as one piece.
+    /// The density proportional to `weights`. Negative, NaN and infinite weights count as 0. If all
+    /// are 0, the density is uniform and [`Self::sum`] is 0. At least one weight is needed: an
+    /// empty slice acts as one piece.
     #[inline]
     pub fn new(weights: &[f32]) -> Self {
-        let mut weights: Vec<f32> = weights.iter().map(|&w| if w.is_finite() && w > 0.0 { w } else { 0.0 }).collect();
+        let mut weights: Vec<f32> =
+            weights.iter().map(|&w| if w.is_finite() && w > 0.0 { w } else { 0.0 }).collect();
         if weights.is_empty() {
             weights.push(0.0);
         }
@@ -64,7 +68,8 @@ impl Distribution1D {
         self.sum
     }
 
-    /// Picks piece `i` with its probability: returns `i` and the remaining uniform number in `[0, 1)`.
+    /// Picks piece `i` with its probability: returns `i` and the remaining uniform number in `[0,
+    /// 1)`.
     #[inline]
     pub fn sample(&self, u: f32) -> (usize, f32) {
         let i = self.first_above(u).clamp(1, self.len()) - 1;
@@ -125,8 +130,10 @@ impl Distribution2D {
     pub fn sample(&self, u: Vec2) -> (Vec2, f32) {
         let (row, v) = self.marginal.sample(u.y);
         let (column, s) = self.rows[row].sample(u.x);
-        let point =
-            Vec2::new((column as f32 + s) / self.rows[row].len() as f32, (row as f32 + v) / self.rows.len() as f32);
+        let point = Vec2::new(
+            (column as f32 + s) / self.rows[row].len() as f32,
+            (row as f32 + v) / self.rows.len() as f32,
+        );
         (point.min(Vec2::splat(crate::rng::ONE_MINUS_EPSILON)), self.piece_pdf(row, column))
     }
 
@@ -152,11 +159,22 @@ mod tests {
 
     #[test]
     fn the_guide_leads_to_where_a_search_of_all_leads() {
-        for weights in [vec![1.0], vec![0.0, 1.0, 0.0], vec![1e-9, 5.0, 0.0, 0.0, 1e-3, 1e6, 2.0], vec![0.7; 1000]] {
+        for weights in [
+            vec![1.0],
+            vec![0.0, 1.0, 0.0],
+            vec![1e-9, 5.0, 0.0, 0.0, 1e-3, 1e6, 2.0],
+            vec![0.7; 1000],
+        ] {
             let table = Distribution1D::new(&weights);
             let edges = table.cdf.iter().flat_map(|&c| [c, c.next_down(), c.next_up()]);
-            for u in edges.chain((0..1000).map(|i| i as f32 / 1000.0)).filter(|u| (0.0..1.0).contains(u)) {
-                assert_eq!(table.first_above(u), table.cdf.partition_point(|&c| c <= u), "{weights:?} {u}");
+            for u in
+                edges.chain((0..1000).map(|i| i as f32 / 1000.0)).filter(|u| (0.0..1.0).contains(u))
+            {
+                assert_eq!(
+                    table.first_above(u),
+                    table.cdf.partition_point(|&c| c <= u),
+                    "{weights:?} {u}"
+                );
             }
         }
     }
@@ -180,14 +198,16 @@ mod tests {
         let mut integral = 0.0;
         for i in 0..60 {
             for j in 0..60 {
-                integral += d.pdf(Vec2::new((i as f32 + 0.5) / 60.0, (j as f32 + 0.5) / 60.0)) / 3600.0;
+                integral +=
+                    d.pdf(Vec2::new((i as f32 + 0.5) / 60.0, (j as f32 + 0.5) / 60.0)) / 3600.0;
             }
         }
         assert!((integral - 1.0).abs() < 1e-4);
         let (p, pdf) = d.sample(Vec2::new(0.4, 0.8));
         assert_eq!(pdf, d.pdf(p));
     }
-    /// Tables of random weights, some of them 0, over orders of magnitude: chi squared of their pieces.
+    /// Tables of random weights, some of them 0, over orders of magnitude: chi squared of their
+    /// pieces.
     #[test]
     fn pieces_of_the_square_are_distributed_as_stated() {
         use crate::rng::uniform2;
@@ -208,10 +228,14 @@ mod tests {
                 let at = |x: f32, n: usize| ((x * n as f32) as usize).min(n - 1);
                 let cell = at(p.y, height) * width + at(p.x, width);
                 let expected = f64::from(weights[cell]) / total * weights.len() as f64;
-                assert!((f64::from(pdf) / expected - 1.0).abs() < 1e-3, "table {table}: {pdf} {expected}");
+                assert!(
+                    (f64::from(pdf) / expected - 1.0).abs() < 1e-3,
+                    "table {table}: {pdf} {expected}"
+                );
                 found[cell] += 1;
             }
-            let expected: Vec<f64> = weights.iter().map(|&w| f64::from(w) / total * f64::from(n)).collect();
+            let expected: Vec<f64> =
+                weights.iter().map(|&w| f64::from(w) / total * f64::from(n)).collect();
             let z = chi_squared_deviation(&found, &expected);
             assert!(z < sidak_deviation(0.01, tables), "table {table}: {z} standard deviations");
         }

@@ -1,13 +1,16 @@
-//! Exact arithmetic on `f64`: sums and products with their rounding errors, numbers of two parts, and expansions of any length.
+//! Exact arithmetic on `f64`: sums and products with their rounding errors, numbers of two parts,
+//! and expansions of any length.
 //!
-//! A predicate or a quotient is first worked out in plain numbers or in [`DoubleDouble`] with a bound of its error; only where
-//! that does not decide are [`Expansion`]s needed (Shewchuk, Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric
-//! Predicates, 1997). Everything holds as long as nothing overflows and no product falls below some `1e-290`.
+//! A predicate or a quotient is first worked out in plain numbers or in [`DoubleDouble`] with a
+//! bound of its error; only where that does not decide are [`Expansion`]s needed (Shewchuk,
+//! Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates, 1997).
+//! Everything holds as long as nothing overflows and no product falls below some `1e-290`.
 
 use crate::simd::{DoubleLanes, Lanes4};
 use std::cmp::Ordering;
 
-/// What sums and products with their errors are made of: an `f64`, or several side by side ([`Lanes4`]).
+/// What sums and products with their errors are made of: an `f64`, or several side by side
+/// ([`Lanes4`]).
 pub trait Number: Copy {
     /// `self + other`.
     fn add(self, other: Self) -> Self;
@@ -24,8 +27,8 @@ pub trait Number: Copy {
     /// `-self`.
     fn negated(self) -> Self;
 
-    /// `self factor + summand`, rounded once. One operation where the code around is compiled for it, and a call elsewhere; the bits
-    /// are the same.
+    /// `self factor + summand`, rounded once. One operation where the code around is compiled for
+    /// it, and a call elsewhere; the bits are the same.
     fn fused(self, factor: Self, summand: Self) -> Self;
 }
 
@@ -116,7 +119,8 @@ pub fn two_product<T: Number>(a: T, b: T) -> (T, T) {
     (product, a.fused(b, product.negated()))
 }
 
-/// Compares `a b` with `c d` exactly, whatever their size; `None` if one of the four is infinite or NaN.
+/// Compares `a b` with `c d` exactly, whatever their size; `None` if one of the four is infinite or
+/// NaN.
 ///
 /// Done in integers: a product of two significands fits 106 bits.
 pub fn compare_products(a: f64, b: f64, c: f64, d: f64) -> Option<Ordering> {
@@ -130,7 +134,8 @@ pub fn compare_products(a: f64, b: f64, c: f64, d: f64) -> Option<Ordering> {
     })
 }
 
-/// `sign * significand * 2^exponent`, with a significand of 128 bits of which the highest is set (unless it is zero).
+/// `sign * significand * 2^exponent`, with a significand of 128 bits of which the highest is set
+/// (unless it is zero).
 struct Product {
     sign: i32,
     significand: u128,
@@ -145,7 +150,11 @@ impl Product {
             return Some(Self { sign: 0, significand, exponent: 0 });
         }
         let shift = significand.leading_zeros();
-        Some(Self { sign: sa * sb, significand: significand << shift, exponent: ea + eb - shift as i32 })
+        Some(Self {
+            sign: sa * sb,
+            significand: significand << shift,
+            exponent: ea + eb - shift as i32,
+        })
     }
 
     fn compare_magnitude(&self, other: &Self) -> Ordering {
@@ -153,7 +162,8 @@ impl Product {
     }
 }
 
-/// Sign, significand and exponent: `x = sign * significand * 2^exponent`. `None` for infinities and NaN.
+/// Sign, significand and exponent: `x = sign * significand * 2^exponent`. `None` for infinities and
+/// NaN.
 fn integer_parts(x: f64) -> Option<(i32, u64, i32)> {
     let bits = x.to_bits();
     let (biased, fraction) = ((bits >> 52 & 0x7ff) as i32, bits & ((1 << 52) - 1));
@@ -165,10 +175,11 @@ fn integer_parts(x: f64) -> Option<(i32, u64, i32)> {
     }
 }
 
-/// An unevaluated sum `high + low` of two numbers, `low` at most half a unit in the last place of `high`: some 106 bits.
+/// An unevaluated sum `high + low` of two numbers, `low` at most half a unit in the last place of
+/// `high`: some 106 bits.
 ///
-/// Bounds of the errors: Joldes, Muller and Popescu, Tight and Rigorous Error Bounds for Basic Building Blocks of Double-Word
-/// Arithmetic (ACM TOMS, 2017). `u` is `2^-53`.
+/// Bounds of the errors: Joldes, Muller and Popescu, Tight and Rigorous Error Bounds for Basic
+/// Building Blocks of Double-Word Arithmetic (ACM TOMS, 2017). `u` is `2^-53`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DoubleDouble<T = f64> {
     /// The sum, rounded.
@@ -210,7 +221,8 @@ impl<T: Number> DoubleDouble<T> {
         Self { high, low }
     }
 
-    /// The product with a plain number, with a relative error of at most `2 u^2` (their algorithm 9).
+    /// The product with a plain number, with a relative error of at most `2 u^2` (their algorithm
+    /// 9).
     #[inline(always)]
     pub fn times_plain(self, other: T) -> Self {
         let (product, error) = two_product(self.high, other);
@@ -227,7 +239,8 @@ impl<T: Number> DoubleDouble<T> {
     }
 }
 
-/// An unevaluated sum of any number of parts, exact: nonoverlapping, ascending by magnitude, none zero.
+/// An unevaluated sum of any number of parts, exact: nonoverlapping, ascending by magnitude, none
+/// zero.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Expansion(Vec<f64>);
 

@@ -1,12 +1,14 @@
-//! Exponentials, logarithms and the error function by arithmetic alone: the same bits on every machine, and vector code in loops.
+//! Exponentials, logarithms and the error function by arithmetic alone: the same bits on every
+//! machine, and vector code in loops.
 
 use std::f64::consts;
 
 /// The natural logarithm of 2 in two pieces, the first of which has few digits.
 const LN_2: [f64; 2] = [0.693_147_180_369_123_8, 1.908_214_929_270_587_7e-10];
 
-/// `e^x` for `x` of at most 700, off by less than 1e-14 of it. Below -700, and for NaN, what it is at -700, which is nothing in single
-/// precision. (Taylor's series of what is left of whole powers of 2.)
+/// `e^x` for `x` of at most 700, off by less than 1e-14 of it. Below -700, and for NaN, what it is
+/// at -700, which is nothing in single precision. (Taylor's series of what is left of whole powers
+/// of 2.)
 #[inline(always)]
 pub fn exp(x: f64) -> f64 {
     /// Adding this rounds to an integer, which is then in the lowest bits.
@@ -15,14 +17,17 @@ pub fn exp(x: f64) -> f64 {
     let shifted = x * consts::LOG2_E + ROUNDER;
     let whole = shifted - ROUNDER;
     let r = (x - whole * LN_2[0]) - whole * LN_2[1];
-    let high = ((r * (1.0 / 39_916_800.0) + 1.0 / 3_628_800.0) * r + 1.0 / 362_880.0) * r + 1.0 / 40_320.0;
-    let middle = (((high * r + 1.0 / 5_040.0) * r + 1.0 / 720.0) * r + 1.0 / 120.0) * r + 1.0 / 24.0;
+    let high =
+        ((r * (1.0 / 39_916_800.0) + 1.0 / 3_628_800.0) * r + 1.0 / 362_880.0) * r + 1.0 / 40_320.0;
+    let middle =
+        (((high * r + 1.0 / 5_040.0) * r + 1.0 / 720.0) * r + 1.0 / 120.0) * r + 1.0 / 24.0;
     let series = (((middle * r + 1.0 / 6.0) * r + 0.5) * r + 1.0) * r + 1.0;
     let power = f64::from_bits(shifted.to_bits().wrapping_add(1023) << 52);
     series * power
 }
 
-/// The natural logarithm of a normal positive number, off by less than 1e-15 of it. (The series of the area tangent.)
+/// The natural logarithm of a normal positive number, off by less than 1e-15 of it. (The series of
+/// the area tangent.)
 #[inline(always)]
 pub fn ln(x: f64) -> f64 {
     /// The bits of the root of a half, roughly, and of 1.
@@ -42,8 +47,9 @@ pub fn ln(x: f64) -> f64 {
     power * LN_2[0] + (2.0 * (f + f * series) + power * LN_2[1])
 }
 
-/// `e^(x^2) erfc(x)`, the complementary error function without what makes it small, for `x` of at least 0, also infinite: off by less
-/// than 1e-10 of it. (Interpolated at the nodes of Chebyshev's polynomials in `1 / (1 + 0.4 x)`, which takes in the whole axis.)
+/// `e^(x^2) erfc(x)`, the complementary error function without what makes it small, for `x` of at
+/// least 0, also infinite: off by less than 1e-10 of it. (Interpolated at the nodes of Chebyshev's
+/// polynomials in `1 / (1 + 0.4 x)`, which takes in the whole axis.)
 #[inline(always)]
 pub fn erfcx(x: f64) -> f64 {
     const POWERS: [f64; 15] = [
@@ -80,7 +86,8 @@ mod tests {
             let rest = (1..500).rev().fold(x, |rest, k| x + f64::from(k) * 0.5 / rest);
             (x, consts::FRAC_2_SQRT_PI * 0.5 / rest)
         };
-        for (x, value) in known.into_iter().chain((12..4000).map(|i| fraction(f64::from(i) * 0.1))) {
+        for (x, value) in known.into_iter().chain((12..4000).map(|i| fraction(f64::from(i) * 0.1)))
+        {
             assert!((erfcx(x) / value - 1.0).abs() < 1e-10, "{x}: {} {value}", erfcx(x));
         }
         assert_eq!(erfcx(f64::INFINITY), 0.0);
@@ -95,10 +102,18 @@ mod tests {
         for i in 1..1_000_000 {
             let x = f64::from(i) * 1e-6;
             for x in [x, 1.0 - x * 1e-3, x * 1e-9, x * 1e200] {
-                assert!((ln(x) - x.ln()).abs() <= 1e-15 * x.ln().abs(), "{x}: {} {}", ln(x), x.ln());
+                assert!(
+                    (ln(x) - x.ln()).abs() <= 1e-15 * x.ln().abs(),
+                    "{x}: {} {}",
+                    ln(x),
+                    x.ln()
+                );
             }
         }
         assert_eq!((exp(0.0), ln(1.0)), (1.0, 0.0));
-        assert_eq!([exp(f64::NEG_INFINITY) as f32, exp(-800.0) as f32, exp(f64::NAN) as f32], [0.0; 3]);
+        assert_eq!(
+            [exp(f64::NEG_INFINITY) as f32, exp(-800.0) as f32, exp(f64::NAN) as f32],
+            [0.0; 3]
+        );
     }
 }

@@ -15,8 +15,8 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame around the unit vector `z`; the tangent is arbitrary but a continuous function of `z` on each hemisphere
-    /// (Duff et al., Building an orthonormal basis, revisited, JCGT 2017).
+    /// A frame around the unit vector `z`; the tangent is arbitrary but a continuous function of
+    /// `z` on each hemisphere (Duff et al., Building an orthonormal basis, revisited, JCGT 2017).
     #[inline(always)]
     pub fn from_z(z: Vec3) -> Self {
         let sign = 1.0_f32.copysign(z.z);
@@ -29,8 +29,9 @@ impl Frame {
         }
     }
 
-    /// A frame around the unit vector `z` whose x axis is as near to `x` as it can be. Falls back to [`Self::from_z`] if `x` is
-    /// parallel to `z` or not finite. Without branches, so that loops over it become vector code.
+    /// A frame around the unit vector `z` whose x axis is as near to `x` as it can be. Falls back
+    /// to [`Self::from_z`] if `x` is parallel to `z` or not finite. Without branches, so that loops
+    /// over it become vector code.
     #[inline(always)]
     pub fn from_z_and_x(z: Vec3, x: Vec3) -> Self {
         // Derivatives of positions have any length: squares of tiny and of huge ones do not fit.

@@ -1,11 +1,12 @@
 //! Enums over all kinds of something, made from one list of the kinds.
 
-/// Makes an enum from the list of its kinds, each a type of its own with a name, and a macro that asks whichever kind a
-/// value is, or each of the kinds.
+/// Makes an enum from the list of its kinds, each a type of its own with a name, and a macro that
+/// asks whichever kind a value is, or each of the kinds.
 ///
-/// The enum is [`Clone`], [`Debug`] and [`PartialEq`], is made [`From`] each kind, and has `NAMES`, `name()` and `examples()`, for which each
-/// kind has an `examples()` too. It is read and written by serde (the crate that calls this needs it) with the names as variants; attributes of
-/// serde may stand with it.
+/// The enum is [`Clone`], [`Debug`] and [`PartialEq`], is made [`From`] each kind, and has `NAMES`,
+/// `name()` and `examples()`, for which each kind has an `examples()` too. It is read and written
+/// by serde (the crate that calls this needs it) with the names as variants; attributes of serde
+/// may stand with it.
 ///
 /// ```
 /// #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -1,10 +1,12 @@
-//! Numbers: vectors, transforms, rays, bounds, spectra, random numbers, warps and SIMD levels; and [`kinds!`], the enum of all kinds of something.
+//! Numbers: vectors, transforms, rays, bounds, spectra, random numbers, warps and SIMD levels; and
+//! [`kinds!`], the enum of all kinds of something.
 //!
 //! The bottom of Snell. Nothing here does I/O, starts threads or knows what a scene is. Vectors are
-//! [glam](https://docs.rs/glam)'s; positions of a scene are composed in `f64` ([`DVec3`], [`Transform`]) and traced in `f32`
-//! ([`Vec3`], [`Ray`]).
+//! [glam](https://docs.rs/glam)'s; positions of a scene are composed in `f64` ([`DVec3`],
+//! [`Transform`]) and traced in `f32` ([`Vec3`], [`Ray`]).
 //!
-//! Maps between spaces are named `to_from`: `world_from_object.point(p_in_object)` is a point in the world.
+//! Maps between spaces are named `to_from`: `world_from_object.point(p_in_object)` is a point in
+//! the world.
 
 pub mod angles;
 pub mod bounds;
@@ -26,7 +28,9 @@ pub mod transform;
 
 pub use bounds::{Bounds3, Bounds3d};
 pub use frame::Frame;
-pub use glam::{self, DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4, IVec2, Mat3, Mat4, UVec2, Vec2, Vec3, Vec4};
+pub use glam::{
+    self, DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4, IVec2, Mat3, Mat4, UVec2, Vec2, Vec3, Vec4,
+};
 pub use ray::{DRay, Ray};
 pub use spectrum::{ColorMode, ColorModel, Rgb, SampledSpectrum, SampledWavelengths};
 pub use transform::Transform;

@@ -2,7 +2,8 @@
 
 use crate::{Bounds3d, DVec3};
 
-/// The plane of all points `p` with `normal . p = offset`; its front is where the left side is greater.
+/// The plane of all points `p` with `normal . p = offset`; its front is where the left side is
+/// greater.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
     /// The direction that the front faces; distances are in units of its length.
@@ -53,7 +54,8 @@ impl Plane {
         side_of(middle - radius, middle + radius, tolerance)
     }
 
-    /// Appends the part of a polygon on one side of the plane (`sign` 1: the front, -1: the back). Vertices on the plane belong to both.
+    /// Appends the part of a polygon on one side of the plane (`sign` 1: the front, -1: the back).
+    /// Vertices on the plane belong to both.
     pub fn cut(&self, polygon: &[DVec3], sign: f64, out: &mut Vertices) {
         let Some(mut from) = polygon.last() else { return };
         let mut d_from = self.distance(from) * sign;
@@ -61,7 +63,8 @@ impl Plane {
             let d_to = self.distance(to) * sign;
             if (d_from < 0.0 && d_to > 0.0) || (d_from > 0.0 && d_to < 0.0) {
                 // The same point whichever side is asked for.
-                let (a, b, da, db) = if d_from < 0.0 { (from, to, d_from, d_to) } else { (to, from, d_to, d_from) };
+                let (a, b, da, db) =
+                    if d_from < 0.0 { (from, to, d_from, d_to) } else { (to, from, d_to, d_from) };
                 out.push(*a + (*b - *a) * (da / (da - db)));
             }
             if d_to >= 0.0 {

@@ -1,4 +1,5 @@
-//! Rays: `P = P0 + t V`. Directions need not be unit vectors; `t` is always in units of the given direction.
+//! Rays: `P = P0 + t V`. Directions need not be unit vectors; `t` is always in units of the given
+//! direction.
 
 use glam::{DVec3, Vec3};
 
@@ -35,15 +36,19 @@ impl Ray {
         self.origin + self.direction * t
     }
 
-    /// True if the ray can hit anything: finite origin, finite non-zero direction, and an interval that is not empty or NaN.
-    /// Queries answer every other ray with a miss.
+    /// True if the ray can hit anything: finite origin, finite non-zero direction, and an interval
+    /// that is not empty or NaN. Queries answer every other ray with a miss.
     #[inline]
     pub fn is_valid(&self) -> bool {
-        self.origin.is_finite() && self.direction.is_finite() && self.direction != Vec3::ZERO && self.t_min < self.t_max
+        self.origin.is_finite()
+            && self.direction.is_finite()
+            && self.direction != Vec3::ZERO
+            && self.t_min < self.t_max
     }
 }
 
-/// A double-precision ray: what analytic shapes are intersected with, and what worlds in double precision are asked about.
+/// A double-precision ray: what analytic shapes are intersected with, and what worlds in double
+/// precision are asked about.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DRay {
     /// Start point, `t = 0`.

@@ -2,10 +2,12 @@
 
 use glam::Vec2;
 
-/// Four independent 32-bit hashes of four inputs: `pcg4d` of Jarzynski and Olano, Hash Functions for GPU Rendering, JCGT 2020.
+/// Four independent 32-bit hashes of four inputs: `pcg4d` of Jarzynski and Olano, Hash Functions
+/// for GPU Rendering, JCGT 2020.
 #[inline]
 pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
-    let [mut x, mut y, mut z, mut w] = v.map(|c| c.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
+    let [mut x, mut y, mut z, mut w] =
+        v.map(|c| c.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
     let mix = |x: &mut u32, y: &mut u32, z: &mut u32, w: &mut u32| {
         *x = x.wrapping_add(y.wrapping_mul(*w));
         *y = y.wrapping_add(z.wrapping_mul(*x));
@@ -21,7 +23,8 @@ pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
     [x, y, z, w]
 }
 
-/// A well-mixed 32-bit hash of one integer (the `lowbias32` finaliser found by Wellons' hash prospector search).
+/// A well-mixed 32-bit hash of one integer (the `lowbias32` finaliser found by Wellons' hash
+/// prospector search).
 #[inline(always)]
 pub fn hash32(mut x: u32) -> u32 {
     x ^= x >> 16;

@@ -1,12 +1,13 @@
-//! Error bounds of floating-point arithmetic, and starting a ray off a surface without an epsilon of scene scale.
+//! Error bounds of floating-point arithmetic, and starting a ray off a surface without an epsilon
+//! of scene scale.
 
 use glam::Vec3;
 
 /// Half a unit in the last place of 1 in `f32`.
 pub const MACHINE_EPSILON: f32 = f32::EPSILON * 0.5;
 
-/// Bound of the relative error of `n` successive roundings: `n u / (1 - n u)` (Higham, Accuracy and Stability of Numerical
-/// Algorithms, 2002, section 3.1).
+/// Bound of the relative error of `n` successive roundings: `n u / (1 - n u)` (Higham, Accuracy and
+/// Stability of Numerical Algorithms, 2002, section 3.1).
 #[inline]
 pub const fn gamma(n: u32) -> f32 {
     let nu = n as f32 * MACHINE_EPSILON;
@@ -15,9 +16,10 @@ pub const fn gamma(n: u32) -> f32 {
 
 /// A point that is surely off the surface through `position`, on the side of `direction`.
 ///
-/// `error` bounds the absolute error of each coordinate of `position`; `normal` is the unit geometric normal (either side). The
-/// point moves along the normal until the box of possible positions is left, and each coordinate is rounded away from the
-/// surface (Pharr, Jakob and Humphreys, Physically Based Rendering, 4th edition, section 6.8.6).
+/// `error` bounds the absolute error of each coordinate of `position`; `normal` is the unit
+/// geometric normal (either side). The point moves along the normal until the box of possible
+/// positions is left, and each coordinate is rounded away from the surface (Pharr, Jakob and
+/// Humphreys, Physically Based Rendering, 4th edition, section 6.8.6).
 #[inline(always)]
 pub fn offset_ray_origin(position: Vec3, error: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
     let distance = normal.abs().dot(error);
@@ -33,7 +35,8 @@ pub fn offset_ray_origin(position: Vec3, error: Vec3, normal: Vec3, direction: V
     Vec3::new(round(moved.x, offset.x), round(moved.y, offset.y), round(moved.z, offset.z))
 }
 
-/// `a b - c d` with an error of at most 1.5 units in the last place (Kahan; Jeannerod et al., 2013).
+/// `a b - c d` with an error of at most 1.5 units in the last place (Kahan; Jeannerod et al.,
+/// 2013).
 #[inline]
 pub fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {
     let cd = c * d;
@@ -42,8 +45,8 @@ pub fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {
     difference + error
 }
 
-/// Real roots of `a t^2 + b t + c = 0` in ascending order, without cancellation. A linear equation gives its one root twice;
-/// no real root, or `a = b = 0`, gives `None`.
+/// Real roots of `a t^2 + b t + c = 0` in ascending order, without cancellation. A linear equation
+/// gives its one root twice; no real root, or `a = b = 0`, gives `None`.
 #[inline]
 pub fn quadratic(a: f64, b: f64, c: f64) -> Option<(f64, f64)> {
     if a == 0.0 {
@@ -73,7 +76,8 @@ mod tests {
 
     #[test]
     fn the_offset_leaves_the_error_box_on_the_right_side() {
-        let (p, e, n) = (Vec3::new(100.0, -3.0, 1e-6), Vec3::splat(1e-5), Vec3::new(0.6, 0.0, -0.8));
+        let (p, e, n) =
+            (Vec3::new(100.0, -3.0, 1e-6), Vec3::splat(1e-5), Vec3::new(0.6, 0.0, -0.8));
         let above = offset_ray_origin(p, e, n, n);
         let below = offset_ray_origin(p, e, n, -n);
         assert!((above - p).dot(n) >= n.abs().dot(e) && (below - p).dot(n) <= -n.abs().dot(e));
@@ -81,13 +85,25 @@ mod tests {
 
     #[test]
     fn coordinates_are_rounded_away_by_one_step() {
-        for p in [0.0, -0.0, 1.0, -1.0, f32::MIN_POSITIVE, -1e-45, f32::MAX, f32::MIN, f32::INFINITY] {
+        for p in
+            [0.0, -0.0, 1.0, -1.0, f32::MIN_POSITIVE, -1e-45, f32::MAX, f32::MIN, f32::INFINITY]
+        {
             for n in [0.0, -0.0, 1e-20, 1.0] {
                 let moved = |direction: f32| {
-                    offset_ray_origin(Vec3::splat(p), Vec3::splat(1e-12), Vec3::new(n, 0.0, 0.0), Vec3::X * direction).x
+                    offset_ray_origin(
+                        Vec3::splat(p),
+                        Vec3::splat(1e-12),
+                        Vec3::new(n, 0.0, 0.0),
+                        Vec3::X * direction,
+                    )
+                    .x
                 };
                 let offset = n * (n * 1e-12);
-                let (up, down) = if offset > 0.0 { ((p + offset).next_up(), (p - offset).next_down()) } else { (p, p) };
+                let (up, down) = if offset > 0.0 {
+                    ((p + offset).next_up(), (p - offset).next_down())
+                } else {
+                    (p, p)
+                };
                 assert_eq!((moved(1.0), moved(-1.0)), (up, down), "{p} {n}");
             }
         }

@@ -1,4 +1,5 @@
-//! Warps of the unit square, with their densities (Pharr, Jakob and Humphreys, Physically Based Rendering, appendix A).
+//! Warps of the unit square, with their densities (Pharr, Jakob and Humphreys, Physically Based
+//! Rendering, appendix A).
 
 use crate::angles;
 use glam::{Vec2, Vec3};
@@ -24,8 +25,9 @@ fn turned(part: f32) -> (f32, f32) {
 /// Density of [`uniform_sphere`] per steradian.
 pub const UNIFORM_SPHERE_PDF: f32 = FRAC_1_PI * 0.25;
 
-/// Sine and cosine of an angle of at most an eighth of a turn, to about a unit in the last place (the polynomials of Moshier's Cephes
-/// library, single precision). Without branches, so that loops over it become vector code.
+/// Sine and cosine of an angle of at most an eighth of a turn, to about a unit in the last place
+/// (the polynomials of Moshier's Cephes library, single precision). Without branches, so that loops
+/// over it become vector code.
 #[inline(always)]
 fn sin_cos_of_eighth(x: f32) -> (f32, f32) {
     let z = x * x;
@@ -59,7 +61,8 @@ pub fn cosine_hemisphere_pdf(cos_theta: f32) -> f32 {
     cos_theta.max(0.0) * FRAC_1_PI
 }
 
-/// Uniform direction in the cone around `z` with `cos_theta_max`; density `1 / (2 pi (1 - cos_theta_max))`.
+/// Uniform direction in the cone around `z` with `cos_theta_max`; density
+/// `1 / (2 pi (1 - cos_theta_max))`.
 #[inline]
 pub fn uniform_cone(u: Vec2, cos_theta_max: f32) -> Vec3 {
     let cos = 1.0 - u.x * (1.0 - cos_theta_max);
@@ -68,7 +71,8 @@ pub fn uniform_cone(u: Vec2, cos_theta_max: f32) -> Vec3 {
     Vec3::new(sin * c, sin * s, cos)
 }
 
-/// Uniform barycentric coordinates `(b1, b2)` of a triangle (Heitz, A low-distortion map between triangle and square, 2019).
+/// Uniform barycentric coordinates `(b1, b2)` of a triangle (Heitz, A low-distortion map between
+/// triangle and square, 2019).
 #[inline(always)]
 pub fn uniform_triangle(u: Vec2) -> Vec2 {
     let is_less = u.x < u.y;
@@ -78,7 +82,8 @@ pub fn uniform_triangle(u: Vec2) -> Vec2 {
     Vec2::new(b1, 1.0 - b0 - b1)
 }
 
-/// Weight of a sample of density `a` against one of density `b` (power heuristic with exponent 2; Veach, 1997).
+/// Weight of a sample of density `a` against one of density `b` (power heuristic with exponent 2;
+/// Veach, 1997).
 #[inline(always)]
 pub fn power_heuristic(a: f32, b: f32) -> f32 {
     let (a2, b2) = (a * a, b * b);
@@ -94,7 +99,8 @@ mod tests {
     #[test]
     fn warped_points_have_the_moments_of_their_densities() {
         let n = 200_000;
-        let (mut z_sphere, mut z_cosine, mut r2_disk, mut bary) = (0.0f64, 0.0f64, 0.0f64, Vec2::ZERO);
+        let (mut z_sphere, mut z_cosine, mut r2_disk, mut bary) =
+            (0.0f64, 0.0f64, 0.0f64, Vec2::ZERO);
         for i in 0..n {
             let u = uniform2([i, 3, 5, 7]);
             z_sphere += f64::from(uniform_sphere(u).z);
@@ -109,7 +115,8 @@ mod tests {
         assert!((bary - 1.0 / 3.0).abs().max_element() < 0.005);
     }
 
-    /// Chi squared of points of the unit square that should be uniform: each warp undone by its distribution function.
+    /// Chi squared of points of the unit square that should be uniform: each warp undone by its
+    /// distribution function.
     #[test]
     fn warped_points_are_distributed_as_stated() {
         use crate::statistics::{chi_squared_deviation, sidak_deviation};
@@ -147,7 +154,11 @@ mod tests {
             // From below, as narrow cones are near the rounding of the height.
             let undo = move |d: Vec3| {
                 let sin2 = r2(d.x, d.y);
-                let drop = if d.z > 0.0 { sin2 / (1.0 + (1.0 - sin2).max(0.0).sqrt()) } else { 1.0 - f64::from(d.z) };
+                let drop = if d.z > 0.0 {
+                    sin2 / (1.0 + (1.0 - sin2).max(0.0).sqrt())
+                } else {
+                    1.0 - f64::from(d.z)
+                };
                 [drop / (1.0 - f64::from(cos)), azimuth(d.x, d.y)]
             };
             warps.push((format!("cone {cos}"), Box::new(move |u| undo(uniform_cone(u, cos)))));
@@ -156,7 +167,8 @@ mod tests {
         for (key, (name, square)) in (0..).zip(warps) {
             let mut found = vec![0; CELLS * CELLS];
             for i in 0..n {
-                let [x, y] = square(uniform2([i, key, 6, 2])).map(|x| ((x * CELLS as f64) as usize).min(CELLS - 1));
+                let [x, y] = square(uniform2([i, key, 6, 2]))
+                    .map(|x| ((x * CELLS as f64) as usize).min(CELLS - 1));
                 found[x * CELLS + y] += 1;
             }
             let expected = vec![f64::from(n) / found.len() as f64; found.len()];

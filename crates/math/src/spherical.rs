@@ -1,22 +1,23 @@
-//! Uniform directions in the solid angle of triangles, rectangles and spheres, with their densities. In double precision: the solid
-//! angle of something small is a difference of angles.
+//! Uniform directions in the solid angle of triangles, rectangles and spheres, with their
+//! densities. In double precision: the solid angle of something small is a difference of angles.
 
 use crate::angles;
 use crate::simd::{least, most};
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// Solid angle of the triangle of these unit vectors, `[0, 2 pi]` (Van Oosterom and Strackee, The Solid Angle of a Plane Triangle,
-/// 1983).
+/// Solid angle of the triangle of these unit vectors, `[0, 2 pi]` (Van Oosterom and Strackee, The
+/// Solid Angle of a Plane Triangle, 1983).
 #[inline(always)]
 pub fn triangle_solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     let volume = a.dot(b.cross(c)).abs();
     2.0 * angles::turn_to(volume, 1.0 + a.dot(b) + b.dot(c) + c.dot(a))
 }
 
-/// A unit vector uniform in the spherical triangle of three unit vectors, whose solid angle is known (Arvo, Stratified Sampling of
-/// Spherical Triangles, 1995, in the form of Pharr, Jakob and Humphreys, 4th edition, section 6.5.4). False if the triangle is
-/// degenerate, and then the vector is anything. Without branches, so that loops over it become vector code.
+/// A unit vector uniform in the spherical triangle of three unit vectors, whose solid angle is
+/// known (Arvo, Stratified Sampling of Spherical Triangles, 1995, in the form of Pharr, Jakob and
+/// Humphreys, 4th edition, section 6.5.4). False if the triangle is degenerate, and then the vector
+/// is anything. Without branches, so that loops over it become vector code.
 #[inline(always)]
 pub fn sample_triangle([a, b, c]: [DVec3; 3], solid_angle: f64, u: DVec2) -> (DVec3, bool) {
     let (n_ab, has_ab) = unit(a.cross(b));
@@ -25,7 +26,8 @@ pub fn sample_triangle([a, b, c]: [DVec3; 3], solid_angle: f64, u: DVec2) -> (DV
     let sin_alpha = n_ab.cross(n_ca).length();
     // The part of the triangle's area up to the new side b c', less the angle alpha at a.
     let (sin_part, cos_part) = angles::sin_cos(u.x * solid_angle);
-    let (sin_phi, cos_phi) = (sin_part * cos_alpha - cos_part * sin_alpha, cos_part * cos_alpha + sin_part * sin_alpha);
+    let (sin_phi, cos_phi) =
+        (sin_part * cos_alpha - cos_part * sin_alpha, cos_part * cos_alpha + sin_part * sin_alpha);
     let k1 = cos_phi - cos_alpha;
     let k2 = sin_phi + sin_alpha * a.dot(b);
     let numerator = (k2 * cos_phi - k1 * sin_phi) * cos_alpha - k2;
@@ -50,8 +52,9 @@ fn unit(v: DVec3) -> (DVec3, bool) {
     (DVec3::new(one(v.x), one(v.y), one(v.z)), exists)
 }
 
-/// A rectangle as seen from the origin, prepared to be sampled uniformly by solid angle (Ureña, Fajardo and King, An
-/// Area-Preserving Parametrization for Spherical Rectangles, 2013). Without branches, so that loops over it become vector code.
+/// A rectangle as seen from the origin, prepared to be sampled uniformly by solid angle (Ureña,
+/// Fajardo and King, An Area-Preserving Parametrization for Spherical Rectangles, 2013). Without
+/// branches, so that loops over it become vector code.
 #[derive(Clone, Copy, Debug)]
 pub struct SphericalRectangle {
     min: DVec2,
@@ -65,7 +68,8 @@ pub struct SphericalRectangle {
 }
 
 impl SphericalRectangle {
-    /// The rectangle from `min` to `max` in the plane at this `z`, in coordinates around the viewpoint.
+    /// The rectangle from `min` to `max` in the plane at this `z`, in coordinates around the
+    /// viewpoint.
     #[inline(always)]
     pub fn new(min: DVec2, max: DVec2, z: f64) -> Self {
         let z = z.abs();
@@ -78,7 +82,8 @@ impl SphericalRectangle {
         let sin = |cos: f64| most(1.0 - cos * cos, 0.0).sqrt();
         let (sin_g2, sin_g3) = (sin(cos_g2), sin(cos_g3));
         let k = [-(sin_g2 * cos_g3 + cos_g2 * sin_g3), cos_g2 * cos_g3 - sin_g2 * sin_g3];
-        // The solid angle is a sum of the angles of these complex numbers, one for each corner, so it is the angle of their product.
+        // The solid angle is a sum of the angles of these complex numbers, one for each corner, so
+        // it is the angle of their product.
         let corner = |x: f64, y: f64| (z * (x * x + y * y + z2).sqrt(), x * y);
         let times = |a: (f64, f64), b: (f64, f64)| (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0);
         let conjugate = |a: (f64, f64)| (a.0, -a.1);
@@ -109,8 +114,8 @@ impl SphericalRectangle {
     }
 }
 
-/// Solid angle of a sphere of this squared radius at this squared distance of its centre: of the cone around it. The viewpoint is
-/// outside.
+/// Solid angle of a sphere of this squared radius at this squared distance of its centre: of the
+/// cone around it. The viewpoint is outside.
 #[inline(always)]
 pub fn sphere_solid_angle(radius_squared: f64, distance_squared: f64) -> f64 {
     let sin2 = radius_squared / distance_squared;
@@ -118,16 +123,16 @@ pub fn sphere_solid_angle(radius_squared: f64, distance_squared: f64) -> f64 {
     TAU * sin2 / (1.0 + most(1.0 - sin2, 0.0).sqrt())
 }
 
-/// A point on the sphere around `center`, in a direction from the origin that is uniform in the cone around the sphere. The origin is
-/// outside.
+/// A point on the sphere around `center`, in a direction from the origin that is uniform in the
+/// cone around the sphere. The origin is outside.
 #[inline]
 pub fn sample_sphere(center: DVec3, radius: f64, u: DVec2) -> DVec3 {
     let towards = -center / center.length();
     center + around(towards, near_side_of_sphere(center, radius, u.x), u.y) * radius
 }
 
-/// The cosine at the centre of the sphere of [`sample_sphere`] of the angle between the way to the origin and that to the point. Without
-/// branches, so that loops over it become vector code.
+/// The cosine at the centre of the sphere of [`sample_sphere`] of the angle between the way to the
+/// origin and that to the point. Without branches, so that loops over it become vector code.
 #[inline(always)]
 pub fn near_side_of_sphere(center: DVec3, radius: f64, u: f64) -> f64 {
     let d2 = center.length_squared();
@@ -141,7 +146,8 @@ pub fn near_side_of_sphere(center: DVec3, radius: f64, u: f64) -> f64 {
     most(least(cos_alpha, 1.0), -1.0)
 }
 
-/// The unit vector at an angle of this cosine to a unit vector, `u` of a turn around that. Without branches, as well.
+/// The unit vector at an angle of this cosine to a unit vector, `u` of a turn around that. Without
+/// branches, as well.
 #[inline(always)]
 pub fn around(axis: DVec3, cos: f64, u: f64) -> DVec3 {
     let sign = 1f64.copysign(axis.z);
@@ -168,8 +174,14 @@ mod tests {
         DVec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2))
     }
 
-    /// Mean of a function over samples against its integral over area, divided by the solid angle: three moments each.
-    fn check(name: &str, solid_angle: f64, sample: impl Fn(DVec2) -> DVec3, point: impl Fn(DVec2) -> (DVec3, DVec3)) {
+    /// Mean of a function over samples against its integral over area, divided by the solid angle:
+    /// three moments each.
+    fn check(
+        name: &str,
+        solid_angle: f64,
+        sample: impl Fn(DVec2) -> DVec3,
+        point: impl Fn(DVec2) -> (DVec3, DVec3),
+    ) {
         let n = 120;
         let (mut moments, mut expected, mut area) = ([DVec3::ZERO; 2], [DVec3::ZERO; 2], 0.0);
         for i in 0..n {
@@ -189,14 +201,20 @@ mod tests {
         }
         assert!((area / solid_angle - 1.0).abs() < 5e-3, "{name}: {area} {solid_angle}");
         for k in 0..2 {
-            assert!((moments[k] - expected[k] / area).length() < 4e-3, "{name}: {} {}", moments[k], expected[k] / area);
+            assert!(
+                (moments[k] - expected[k] / area).length() < 4e-3,
+                "{name}: {} {}",
+                moments[k],
+                expected[k] / area
+            );
         }
     }
 
     #[test]
     fn directions_to_triangles_are_uniform() {
         for i in 0..30 {
-            let p: [DVec3; 3] = std::array::from_fn(|k| vector(i, k as u32) + DVec3::new(0.0, 0.0, 1.3));
+            let p: [DVec3; 3] =
+                std::array::from_fn(|k| vector(i, k as u32) + DVec3::new(0.0, 0.0, 1.3));
             let unit = p.map(|p| p.normalize());
             let solid_angle = triangle_solid_angle(unit[0], unit[1], unit[2]);
             if !(0.05..3.0).contains(&solid_angle) {
@@ -251,7 +269,10 @@ mod tests {
                 assert!(((p - center).length() / radius - 1.0).abs() < 1e-9);
                 // The share of the cone that lies nearer to the axis is u.x.
                 let one_minus = (p.normalize() - center.normalize()).length_squared() * 0.5;
-                assert!((one_minus * TAU / solid_angle - u.x).abs() < 1e-5, "{distance}: {one_minus} {u}");
+                assert!(
+                    (one_minus * TAU / solid_angle - u.x).abs() < 1e-5,
+                    "{distance}: {one_minus} {u}"
+                );
                 assert!(p.dot(p - center) <= 1e-9 * distance * radius + 1e-12, "the near side");
             }
         }

@@ -1,4 +1,5 @@
-//! Chi-squared tests: do samples have the density that is claimed? For the tests of everything that is sampled.
+//! Chi-squared tests: do samples have the density that is claimed? For the tests of everything that
+//! is sampled.
 
 use crate::{Frame, Vec3};
 use std::f64::consts::TAU;
@@ -6,9 +7,10 @@ use std::f64::consts::TAU;
 /// Fewest expected samples of a cell that is judged by itself; those of fewer are pooled.
 const FEWEST: f64 = 8.0;
 
-/// How many standard deviations Pearson's statistic of these counts is too large against the expected ones (Wilson and Hilferty's
-/// approximation, The distribution of chi-square, 1931). Both must add up to the number of samples, so that there is one degree of
-/// freedom less than there are cells.
+/// How many standard deviations Pearson's statistic of these counts is too large against the
+/// expected ones (Wilson and Hilferty's approximation, The distribution of chi-square, 1931). Both
+/// must add up to the number of samples, so that there is one degree of freedom less than there are
+/// cells.
 ///
 /// # Panics
 /// If there are not as many counts as expected counts.
@@ -35,8 +37,8 @@ pub fn chi_squared_deviation(found: &[u32], expected: &[f64]) -> f64 {
     ((statistic / degrees).cbrt() - (1.0 - v)) / v.sqrt()
 }
 
-/// The deviation that one of `tests` independent tests exceeds with probability `significance` if nothing is wrong with any of them
-/// (Sidak, Rectangular confidence regions, 1967).
+/// The deviation that one of `tests` independent tests exceeds with probability `significance` if
+/// nothing is wrong with any of them (Sidak, Rectangular confidence regions, 1967).
 pub fn sidak_deviation(significance: f64, tests: u32) -> f64 {
     let tail = -f64::ln_1p(-significance) / f64::from(tests.max(1));
     // The share of each, without the cancellation of 1 - (1 - significance)^(1 / tests).
@@ -49,8 +51,8 @@ pub fn sidak_deviation(significance: f64, tests: u32) -> f64 {
     high
 }
 
-/// The probability that a standard normal variable exceeds `z`, to 7 digits (Abramowitz and Stegun, 26.2.17, below 3; above, the
-/// asymptotic series as a continued fraction).
+/// The probability that a standard normal variable exceeds `z`, to 7 digits (Abramowitz and Stegun,
+/// 26.2.17, below 3; above, the asymptotic series as a continued fraction).
 fn normal_tail(z: f64) -> f64 {
     if z < 0.0 {
         return 1.0 - normal_tail(-z);
@@ -65,8 +67,9 @@ fn normal_tail(z: f64) -> f64 {
     density / fraction
 }
 
-/// Cells of one half of all directions, those with `z > 0` or with `z < 0`, in polar coordinates about an axis in it. They are finer towards the
-/// axis by the cube, so that sharp lobes there are resolved, and end exactly where the half does.
+/// Cells of one half of all directions, those with `z > 0` or with `z < 0`, in polar coordinates
+/// about an axis in it. They are finer towards the axis by the cube, so that sharp lobes there are
+/// resolved, and end exactly where the half does.
 #[derive(Clone, Copy, Debug)]
 pub struct HemisphereCells {
     frame: Frame,
@@ -84,8 +87,8 @@ const GAUSS: [(f64, f64); 4] = [
     (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
 ];
 
-/// How much a piece of a cell may change when it is halved both ways, and how often it is halved at most, and at least: narrow ridges
-/// are overlooked otherwise.
+/// How much a piece of a cell may change when it is halved both ways, and how often it is halved at
+/// most, and at least: narrow ridges are overlooked otherwise.
 const TOLERANCE: f64 = 1e-5;
 const MOST_HALVINGS: u32 = 8;
 const LEAST_HALVINGS: u32 = 1;
@@ -111,14 +114,19 @@ impl HemisphereCells {
         (t as usize).min(self.rings - 1) * self.sectors + (p as usize).min(self.sectors - 1)
     }
 
-    /// Integral of a density per steradian over each cell, to about 1e-4 of the whole: pieces are halved until that changes nothing any more.
+    /// Integral of a density per steradian over each cell, to about 1e-4 of the whole: pieces are
+    /// halved until that changes nothing any more.
     pub fn integrate(&self, density: impl Fn(Vec3) -> f32) -> Vec<f64> {
         let at = |t: f64, p: f64| {
             let phi = TAU * (p - 0.5);
             let border = self.border(phi);
             let theta = border * t * t * t;
             let (sin, cos) = theta.sin_cos();
-            let w = self.frame.from_local(Vec3::new((sin * phi.cos()) as f32, (sin * phi.sin()) as f32, cos as f32));
+            let w = self.frame.from_local(Vec3::new(
+                (sin * phi.cos()) as f32,
+                (sin * phi.sin()) as f32,
+                cos as f32,
+            ));
             // What rounding brings across the border is on it.
             if f64::from(w.z) * self.sign > 0.0 {
                 f64::from(density(w)) * sin * border * 3.0 * t * t * TAU
@@ -127,31 +135,50 @@ impl HemisphereCells {
             }
         };
         let size = [1.0 / self.rings as f64, 1.0 / self.sectors as f64];
-        let corner = |cell: usize| [(cell / self.sectors) as f64 * size[0], (cell % self.sectors) as f64 * size[1]];
+        let corner = |cell: usize| {
+            [(cell / self.sectors) as f64 * size[0], (cell % self.sectors) as f64 * size[1]]
+        };
         let cells = 0..self.rings * self.sectors;
-        cells.map(|cell| refined(&at, corner(cell), size, rule(&at, corner(cell), size), 0)).collect()
+        cells
+            .map(|cell| refined(&at, corner(cell), size, rule(&at, corner(cell), size), 0))
+            .collect()
     }
 }
 
 /// Gauss's rule on a rectangle.
 fn rule(f: &impl Fn(f64, f64) -> f64, corner: [f64; 2], size: [f64; 2]) -> f64 {
     let row = |(x, u): (f64, f64)| -> f64 {
-        GAUSS.iter().map(|&(y, v)| u * v * f(corner[0] + size[0] * x, corner[1] + size[1] * y)).sum()
+        GAUSS
+            .iter()
+            .map(|&(y, v)| u * v * f(corner[0] + size[0] * x, corner[1] + size[1] * y))
+            .sum()
     };
     GAUSS.into_iter().map(row).sum::<f64>() * size[0] * size[1]
 }
 
-/// The integral over a rectangle, of which a rule says `first`, and which comes from so many halvings.
-fn refined(f: &impl Fn(f64, f64) -> f64, corner: [f64; 2], size: [f64; 2], first: f64, halvings: u32) -> f64 {
+/// The integral over a rectangle, of which a rule says `first`, and which comes from so many
+/// halvings.
+fn refined(
+    f: &impl Fn(f64, f64) -> f64,
+    corner: [f64; 2],
+    size: [f64; 2],
+    first: f64,
+    halvings: u32,
+) -> f64 {
     let half = size.map(|s| 0.5 * s);
-    let corners = [[0.0, 0.0], [0.0, half[1]], [half[0], 0.0], half].map(|[x, y]| [corner[0] + x, corner[1] + y]);
+    let corners = [[0.0, 0.0], [0.0, half[1]], [half[0], 0.0], half]
+        .map(|[x, y]| [corner[0] + x, corner[1] + y]);
     let quarters = corners.map(|corner| rule(f, corner, half));
     let sum: f64 = quarters.iter().sum();
     let settled = (sum - first).abs() <= TOLERANCE && halvings >= LEAST_HALVINGS;
     if settled || halvings == MOST_HALVINGS {
         return sum;
     }
-    corners.into_iter().zip(quarters).map(|(corner, first)| refined(f, corner, half, first, halvings + 1)).sum()
+    corners
+        .into_iter()
+        .zip(quarters)
+        .map(|(corner, first)| refined(f, corner, half, first, halvings + 1))
+        .sum()
 }
 
 #[cfg(test)]
@@ -191,9 +218,13 @@ mod tests {
     #[test]
     fn deviations_are_those_of_tables() {
         // One test: the quantiles of the normal distribution.
-        for (significance, z) in
-            [(0.5, 0.0), (0.05, 1.644_854), (0.01, 2.326_348), (0.001, 3.090_232), (1e-6, 4.753_424)]
-        {
+        for (significance, z) in [
+            (0.5, 0.0),
+            (0.05, 1.644_854),
+            (0.01, 2.326_348),
+            (0.001, 3.090_232),
+            (1e-6, 4.753_424),
+        ] {
             assert!((sidak_deviation(significance, 1) - z).abs() < 1e-4, "{significance}");
         }
         assert!((sidak_deviation(0.01, 100) - 3.718).abs() < 2e-3);
@@ -202,7 +233,9 @@ mod tests {
 
     #[test]
     fn a_wrong_density_is_found_out_and_a_right_one_passes() {
-        assert!(chi_squared_deviation(&[10_000; 4], &[10_400.0, 9_600.0, 10_000.0, 10_000.0]) > 4.3);
+        assert!(
+            chi_squared_deviation(&[10_000; 4], &[10_400.0, 9_600.0, 10_000.0, 10_000.0]) > 4.3
+        );
         assert!(chi_squared_deviation(&[10_050, 9_950, 9_980, 10_020], &[10_000.0; 4]) < 2.0);
         // What is expected nowhere, and found often.
         assert!(chi_squared_deviation(&[10_000, 60], &[10_060.0, 0.0]) > 5.0);
@@ -218,10 +251,14 @@ mod tests {
                 let u = crate::rng::uniform2([i, trial, 1, 4]).x;
                 found[((u * cells as f32) as usize).min(cells - 1)] += 1;
             }
-            deviations.push(chi_squared_deviation(&found, &[f64::from(samples) / cells as f64; 12]));
+            deviations
+                .push(chi_squared_deviation(&found, &[f64::from(samples) / cells as f64; 12]));
         }
         let above = |z: f64| deviations.iter().filter(|&&d| d > z).count();
         // Expected 63.5, 9.1 and 0.5 of 400.
-        assert!((40..90).contains(&above(1.0)) && (2..20).contains(&above(2.0)) && above(3.0) < 4, "{deviations:?}");
+        assert!(
+            (40..90).contains(&above(1.0)) && (2..20).contains(&above(2.0)) && above(3.0) < 4,
+            "{deviations:?}"
+        );
     }
 }

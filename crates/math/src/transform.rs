@@ -5,8 +5,8 @@ use glam::{DAffine3, DMat3, DMat4, DVec3};
 
 /// An invertible affine map and its inverse. Named `to_from`: `world_from_object`.
 ///
-/// Points move by the whole map, directions by its linear part (unnormalised, so that a ray keeps its `t`), normals by the
-/// inverse transpose of the linear part.
+/// Points move by the whole map, directions by its linear part (unnormalised, so that a ray keeps
+/// its `t`), normals by the inverse transpose of the linear part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
     forward: DAffine3,
@@ -35,8 +35,8 @@ impl Transform {
         inverse.is_finite().then_some(Self { forward, inverse })
     }
 
-    /// The map with this 4x4 matrix (column vectors). `None` if it is singular, not finite, or not affine: the last row must
-    /// be `0 0 0 w` with `w != 0` (the matrix is divided by `w`).
+    /// The map with this 4x4 matrix (column vectors). `None` if it is singular, not finite, or not
+    /// affine: the last row must be `0 0 0 w` with `w != 0` (the matrix is divided by `w`).
     #[inline]
     pub fn from_matrix(matrix: DMat4) -> Option<Self> {
         let row = matrix.row(3);
@@ -49,7 +49,10 @@ impl Transform {
     /// Translation by `offset`.
     #[inline]
     pub fn translation(offset: DVec3) -> Self {
-        Self { forward: DAffine3::from_translation(offset), inverse: DAffine3::from_translation(-offset) }
+        Self {
+            forward: DAffine3::from_translation(offset),
+            inverse: DAffine3::from_translation(-offset),
+        }
     }
 
     /// The affine matrix of the map.
@@ -106,8 +109,8 @@ impl Transform {
         self.forward.transform_vector3(v)
     }
 
-    /// Maps a surface normal by the inverse transpose. Not normalised. For a mirrored map the result keeps to the outward side
-    /// of closed surfaces.
+    /// Maps a surface normal by the inverse transpose. Not normalised. For a mirrored map the
+    /// result keeps to the outward side of closed surfaces.
     #[inline]
     pub fn normal(&self, n: DVec3) -> DVec3 {
         let m: DMat3 = self.inverse.matrix3;
@@ -125,7 +128,8 @@ impl Transform {
         }
     }
 
-    /// The bounds of the mapped box. Empty stays empty; an infinite extent stays infinite where the map touches it.
+    /// The bounds of the mapped box. Empty stays empty; an infinite extent stays infinite where the
+    /// map touches it.
     #[inline]
     pub fn bounds(&self, b: &Bounds3d) -> Bounds3d {
         if b.is_empty() {
@@ -146,7 +150,8 @@ impl Transform {
         result
     }
 
-    /// Factor by which the map scales the area of a small surface patch with unit normal `n`: `|det M| |M^-T n|`.
+    /// Factor by which the map scales the area of a small surface patch with unit normal `n`:
+    /// `|det M| |M^-T n|`.
     #[inline]
     pub fn area_scale(&self, n: DVec3) -> f64 {
         self.determinant().abs() * self.normal(n).length()

@@ -2,15 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-/// Files to try, the best first: the one that is named, the one in the named folder or the folders below it, or those that the
-/// system's loader knows.
+/// Files to try, the best first: the one that is named, the one in the named folder or the folders
+/// below it, or those that the system's loader knows.
 pub fn candidates(named: Option<&Path>) -> Vec<PathBuf> {
     match named {
-        None => {
-            ["libOpenImageDenoise.so.2", "libOpenImageDenoise.so", "libOpenImageDenoise.dylib", "OpenImageDenoise.dll"]
-                .map(PathBuf::from)
-                .to_vec()
-        }
+        None => [
+            "libOpenImageDenoise.so.2",
+            "libOpenImageDenoise.so",
+            "libOpenImageDenoise.dylib",
+            "OpenImageDenoise.dll",
+        ]
+        .map(PathBuf::from)
+        .to_vec(),
         Some(folder) if folder.is_dir() => in_folder(folder).into_iter().collect(),
         Some(file) => file.is_file().then(|| file.to_path_buf()).into_iter().collect(),
     }
@@ -20,7 +23,9 @@ pub fn candidates(named: Option<&Path>) -> Vec<PathBuf> {
 fn in_folder(folder: &Path) -> Option<PathBuf> {
     let mut entries: Vec<_> = std::fs::read_dir(folder).ok()?.flatten().map(|e| e.path()).collect();
     entries.sort();
-    let is_library = |p: &&PathBuf| p.file_name().is_some_and(|n| is_library_name(&n.to_string_lossy())) && p.is_file();
+    let is_library = |p: &&PathBuf| {
+        p.file_name().is_some_and(|n| is_library_name(&n.to_string_lossy())) && p.is_file()
+    };
     let here = entries.iter().find(is_library);
     let is_folder = |p: &&PathBuf| p.is_dir() && !p.is_symlink();
     here.cloned().or_else(|| entries.iter().filter(is_folder).find_map(|p| in_folder(p)))
@@ -30,7 +35,9 @@ fn in_folder(folder: &Path) -> Option<PathBuf> {
 fn is_library_name(name: &str) -> bool {
     let rest = name.trim_start_matches("lib").strip_prefix("OpenImageDenoise");
     rest.is_some_and(|rest| {
-        rest == ".dll" || rest.starts_with(".so") || (rest.starts_with('.') && rest.ends_with(".dylib"))
+        rest == ".dll"
+            || rest.starts_with(".so")
+            || (rest.starts_with('.') && rest.ends_with(".dylib"))
     })
 }
 

@@ -1,8 +1,9 @@
 //! Open Image Denoise 2, loaded at run time if it is there.
 //!
-//! Nothing of it is built, linked or shipped. [`Denoiser::load`] opens the shared library; the few functions needed of its C interface
-//! (Open Image Denoise, API documentation) are declared in `library.rs`, by hand. Calls into a foreign library need `unsafe`; it is
-//! all there, and the front is safe.
+//! Nothing of it is built, linked or shipped. [`Denoiser::load`] opens the shared library; the few
+//! functions needed of its C interface (Open Image Denoise, API documentation) are declared in
+//! `library.rs`, by hand. Calls into a foreign library need `unsafe`; it is all there, and the
+//! front is safe.
 
 mod find;
 mod library;
@@ -17,14 +18,17 @@ use std::path::PathBuf;
 pub enum DenoiseError {
     /// No library.
     #[error(
-        "Open Image Denoise is not found{}; install it (`pip install pyoidn`, `conda install openimagedenoise`, `brew install \
-         open-image-denoise`, or the archive from www.openimagedenoise.org) and name its library or folder: --denoise=PATH",
+        "Open Image Denoise is not found{}; install it (`pip install pyoidn`, `conda install \
+            openimagedenoise`, `brew install \
+         open-image-denoise`, or the archive from www.openimagedenoise.org) and name its library \
+         or folder: --denoise=PATH",
         .0.as_ref().map(|p| format!(" in {}", p.display())).unwrap_or_default()
     )]
     NotFound(Option<PathBuf>),
     /// The system's loader refused it.
     #[error(
-        "{path}: cannot be loaded: {source}; it must be Open Image Denoise 2 for this machine, with the libraries that belong to it beside it"
+        "{path}: cannot be loaded: {source}; it must be Open Image Denoise 2 for this machine, \
+            with the libraries that belong to it beside it"
     )]
     Load {
         /// What was loaded.
@@ -45,8 +49,8 @@ pub enum DenoiseError {
     Failed(String),
 }
 
-/// A picture to denoise, and what guides it: `3 * width * height` values each, red, green and blue (or x, y and z) of a pixel
-/// together, row by row from the top.
+/// A picture to denoise, and what guides it: `3 * width * height` values each, red, green and blue
+/// (or x, y and z) of a pixel together, row by row from the top.
 #[derive(Clone, Copy, Debug)]
 pub struct Noisy<'a> {
     /// Width in pixels.

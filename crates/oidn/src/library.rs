@@ -24,7 +24,8 @@ macro_rules! functions {
 
         impl Functions {
             /// # Safety
-            /// The library must be Open Image Denoise 2, and stay loaded as long as the functions are called.
+            /// The library must be Open Image Denoise 2, and stay loaded as long as the functions
+            /// are called.
             unsafe fn find(library: &libloading::Library) -> Result<Self, &'static str> {
                 Ok(Self {
                     // SAFETY: the types are those of the library's documentation, says the caller.
@@ -66,20 +67,23 @@ impl std::fmt::Debug for Denoiser {
 }
 
 impl Denoiser {
-    /// Loads the library: the file at `named`, the one in that folder or below it, or else the one that the system knows.
+    /// Loads the library: the file at `named`, the one in that folder or below it, or else the one
+    /// that the system knows.
     pub fn load(named: Option<&Path>) -> Result<Self, DenoiseError> {
         let candidates = find::candidates(named);
         let not_found = || DenoiseError::NotFound(named.map(Path::to_path_buf));
         let last = candidates.last().cloned().ok_or_else(not_found)?;
         for path in candidates {
-            // SAFETY: the user asks for this library to be run; its initialisers need nothing from us.
+            // SAFETY: the user asks for this library to be run; its initialisers need nothing from
+            // us.
             let library = match unsafe { libloading::Library::new(&path) } {
                 Ok(library) => library,
                 Err(source) if named.is_some() => return Err(DenoiseError::Load { path, source }),
                 Err(_) if path == last => return Err(not_found()),
                 Err(_) => continue,
             };
-            // SAFETY: a library of this name that has all of these functions is Open Image Denoise 2, and it is never unloaded.
+            // SAFETY: a library of this name that has all of these functions is Open Image Denoise
+            // 2, and it is never unloaded.
             let functions = unsafe { Functions::find(&library) };
             let functions = functions.map_err(|symbol| DenoiseError::Symbol { path, symbol })?;
             return Ok(Self { functions, _library: ManuallyDrop::new(library) });
@@ -103,8 +107,9 @@ impl Denoiser {
         }
         let f = &self.functions;
         let threads = c_int::try_from(threads).unwrap_or(c_int::MAX);
-        // SAFETY: handles are used only while they live, names end with a zero, and all images have `values` floats and outlive the
-        // filter. The library reads the three inputs and writes the output alone, and only before `execute_filter` returns.
+        // SAFETY: handles are used only while they live, names end with a zero, and all images have
+        // `values` floats and outlive the filter. The library reads the three inputs and writes the
+        // output alone, and only before `execute_filter` returns.
         unsafe {
             let device = (f.new_device)(DEVICE_TYPE_CPU);
             if device.is_null() {
@@ -118,10 +123,21 @@ impl Denoiser {
                 (f.release_device)(device);
                 return Err(error);
             }
-            let inputs = [(c"color", noisy.color), (c"albedo", noisy.albedo), (c"normal", noisy.normal)];
+            let inputs =
+                [(c"color", noisy.color), (c"albedo", noisy.albedo), (c"normal", noisy.normal)];
             let inputs = inputs.map(|(name, image)| (name, image.as_ptr().cast_mut()));
             for (name, image) in inputs.into_iter().chain([(c"output", output.as_mut_ptr())]) {
-                (f.set_image)(filter, name.as_ptr(), image.cast(), FORMAT_FLOAT3, width, height, 0, 0, 0);
+                (f.set_image)(
+                    filter,
+                    name.as_ptr(),
+                    image.cast(),
+                    FORMAT_FLOAT3,
+                    width,
+                    height,
+                    0,
+                    0,
+                    0,
+                );
             }
             (f.set_bool)(filter, c"hdr".as_ptr(), true);
             (f.commit_filter)(filter);
@@ -140,7 +156,8 @@ impl Denoiser {
     /// What went wrong on a device, or in making one if it is null.
     fn last_error(&self, device: Handle) -> Option<String> {
         let mut message: *const c_char = ptr::null();
-        // SAFETY: the device lives or is null; a message that is set ends with a zero and is copied at once.
+        // SAFETY: the device lives or is null; a message that is set ends with a zero and is copied
+        // at once.
         unsafe {
             match (self.functions.device_error)(device, &mut message) {
                 ERROR_NONE => None,
@@ -157,8 +174,12 @@ mod tests {
 
     #[test]
     fn what_is_not_there_is_refused_with_the_way_to_install_it() {
-        let message = Denoiser::load(Some(Path::new("nowhere"))).expect_err("nothing there").to_string();
-        assert!(message.contains("not found in nowhere") && message.contains("pip install pyoidn"), "{message}");
+        let message =
+            Denoiser::load(Some(Path::new("nowhere"))).expect_err("nothing there").to_string();
+        assert!(
+            message.contains("not found in nowhere") && message.contains("pip install pyoidn"),
+            "{message}"
+        );
     }
 
     /// Where Open Image Denoise is installed, noise goes away and the mean stays.
@@ -166,7 +187,9 @@ mod tests {
     fn noise_goes_away_if_the_library_is_there() {
         let named = std::env::var_os("OIDN_DIR").map(std::path::PathBuf::from);
         let Ok(denoiser) = Denoiser::load(named.as_deref()) else {
-            eprintln!("skipped: Open Image Denoise is not installed (OIDN_DIR may name its folder)");
+            eprintln!(
+                "skipped: Open Image Denoise is not installed (OIDN_DIR may name its folder)"
+            );
             return;
         };
         let (width, height) = (64, 48);
@@ -177,7 +200,8 @@ mod tests {
         let noisy = Noisy { width, height, color: &color, albedo: &albedo, normal: &normal };
         let clean = denoiser.denoise(&noisy, 2).expect("it works");
         let mean = |v: &[f32]| v.iter().sum::<f32>() / v.len() as f32;
-        let spread = |v: &[f32]| v.iter().map(|x| (x - mean(v)).powi(2)).sum::<f32>() / v.len() as f32;
+        let spread =
+            |v: &[f32]| v.iter().map(|x| (x - mean(v)).powi(2)).sum::<f32>() / v.len() as f32;
         assert!((mean(&clean) - mean(&color)).abs() < 0.05, "{} {}", mean(&clean), mean(&color));
         assert!(spread(&clean) < 0.1 * spread(&color), "{} {}", spread(&clean), spread(&color));
     }

@@ -4,11 +4,20 @@ use crate::{DenoiseError, Denoiser, Noisy};
 use snell_scene::{Layer, LayeredImage};
 
 impl Denoiser {
-    /// Replaces the colours of a picture; what they were becomes the layer `noisy`. The layers `albedo` and `normal` guide.
-    pub fn denoise_picture(&self, picture: &mut LayeredImage, threads: usize) -> Result<(), DenoiseError> {
+    /// Replaces the colours of a picture; what they were becomes the layer `noisy`. The layers
+    /// `albedo` and `normal` guide.
+    pub fn denoise_picture(
+        &self,
+        picture: &mut LayeredImage,
+        threads: usize,
+    ) -> Result<(), DenoiseError> {
         let stride = picture.layers[0].channels.len();
-        let color: Vec<f32> =
-            picture.layers[0].values.chunks(stride).flat_map(|p| [p[0], p[1], p[2]]).map(|v| v.max(0.0)).collect();
+        let color: Vec<f32> = picture.layers[0]
+            .values
+            .chunks(stride)
+            .flat_map(|p| [p[0], p[1], p[2]])
+            .map(|v| v.max(0.0))
+            .collect();
         let guide = |name: &str| {
             let layer = picture.layer(name).filter(|l| l.channels.len() == 3);
             layer.map_or_else(|| vec![0.0; color.len()], |l| l.values.clone())
@@ -16,7 +25,10 @@ impl Denoiser {
         let (albedo, normal) = (guide("albedo"), guide("normal"));
         let albedo: Vec<f32> = albedo.into_iter().map(|v| v.clamp(0.0, 1.0)).collect();
         let (width, height) = (picture.width as usize, picture.height as usize);
-        let clean = self.denoise(&Noisy { width, height, color: &color, albedo: &albedo, normal: &normal }, threads)?;
+        let clean = self.denoise(
+            &Noisy { width, height, color: &color, albedo: &albedo, normal: &normal },
+            threads,
+        )?;
         for (pixel, clean) in picture.layers[0].values.chunks_mut(stride).zip(clean.chunks(3)) {
             pixel[..3].copy_from_slice(clean);
         }

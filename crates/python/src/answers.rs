@@ -71,11 +71,15 @@ impl<P: Precision, F: Form> Answers for Live<P, F> {
                 from_vec(py, values, &[&self.shape[..], &[3]].concat())
             }
             "points" => self.surfaces(py, &hits, 3, |local| local.position.to_array()),
-            "primitive_normals" => self.surfaces(py, &hits, 3, |local| local.geometric_normal.to_array()),
+            "primitive_normals" => {
+                self.surfaces(py, &hits, 3, |local| local.geometric_normal.to_array())
+            }
             "normals" => self.surfaces(py, &hits, 3, |local| local.normal.to_array()),
             "uvs" => self.surfaces(py, &hits, 2, |local| local.uv.to_array()),
             "ray_ids" => match &self.asked {
-                Asked::Rays(_, Some(ids)) => from_vec(py, ids.iter().map(|&i| i64::from(i)).collect(), &self.shape),
+                Asked::Rays(_, Some(ids)) => {
+                    from_vec(py, ids.iter().map(|&i| i64::from(i)).collect(), &self.shape)
+                }
                 _ => return Ok(None),
             },
             "ray_splits" => match &self.splits {
@@ -136,7 +140,9 @@ impl<P: Precision, F: Form> Live<P, F> {
         };
         match &self.asked {
             Asked::Positions(positions) => {
-                let ray = |i: usize| DRay::new(DVec3::from_array(positions[i].map(Into::into)), DVec3::ZERO);
+                let ray = |i: usize| {
+                    DRay::new(DVec3::from_array(positions[i].map(Into::into)), DVec3::ZERO)
+                };
                 self.pieces(py, width, |first, places| write(first, places, &ray))
             }
             Asked::Rays(kept, ids) => {
@@ -222,8 +228,17 @@ impl Named {
     }
 
     /// The same, for `answers[name]`.
-    pub fn item<'py>(&self, py: Python<'py>, names: &[&str], name: &str) -> PyResult<Bound<'py, PyAny>> {
-        if names.contains(&name) { self.get(py, name) } else { Err(PyKeyError::new_err(name.to_string())) }
+    pub fn item<'py>(
+        &self,
+        py: Python<'py>,
+        names: &[&str],
+        name: &str,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        if names.contains(&name) {
+            self.get(py, name)
+        } else {
+            Err(PyKeyError::new_err(name.to_string()))
+        }
     }
 
     /// All arrays.
@@ -317,10 +332,12 @@ macro_rules! answers {
 }
 
 answers! {
-    /// The nearest hit of each ray: what :meth:`Scene.cast_rays` answers. `...` is the leading shape of the rays.
+    /// The nearest hit of each ray: what :meth:`Scene.cast_rays` answers. `...` is the leading
+    /// shape of the rays.
     ///
-    /// Arrays are attributes and, by name, items of a mapping. Each is made when it is first asked for, from what the query found;
-    /// the real numbers have the dtype of the query. A miss has `t_hit` infinite, all ids :data:`INVALID_ID`, `points` NaN, all else 0.
+    /// Arrays are attributes and, by name, items of a mapping. Each is made when it is first asked
+    /// for, from what the query found; the real numbers have the dtype of the query. A miss has
+    /// `t_hit` infinite, all ids :data:`INVALID_ID`, `points` NaN, all else 0.
     ///
     /// Examples
     /// --------
@@ -337,19 +354,26 @@ answers! {
     Hits by t_hit {
         /// `(...)`: ray parameter, in units of the direction's length; infinite for a miss.
         t_hit,
-        /// `(...)`, uint32: the id that the `add_` method gave, in the scene that holds the object; :data:`INVALID_ID` for a miss.
+        /// `(...)`, uint32: the id that the `add_` method gave, in the scene that holds the object;
+        /// :data:`INVALID_ID` for a miss.
         geometry_ids,
-        /// `(...)`, uint32: the id that :meth:`Scene.add_instance` gave; :data:`INVALID_ID` for what is in no instance.
+        /// `(...)`, uint32: the id that :meth:`Scene.add_instance` gave; :data:`INVALID_ID` for
+        /// what is in no instance.
         instance_ids,
-        /// `(...)`, uint32: triangle of a mesh, face of a shape, or sphere of many; :data:`INVALID_ID` for a miss.
+        /// `(...)`, uint32: triangle of a mesh, face of a shape, or sphere of many;
+        /// :data:`INVALID_ID` for a miss.
         primitive_ids,
-        /// `(..., 2)`: barycentric coordinates of the second and third vertex of a triangle, 0 on all else.
+        /// `(..., 2)`: barycentric coordinates of the second and third vertex of a triangle, 0 on
+        /// all else.
         primitive_uvs,
-        /// `(..., 3)`: unit normals of the surface itself, on its outer side (right-hand rule for triangles); 0 for a miss.
+        /// `(..., 3)`: unit normals of the surface itself, on its outer side (right-hand rule for
+        /// triangles); 0 for a miss.
         primitive_normals,
-        /// `(..., 3)`: positions in the scene, from the barycentric coordinates of triangles; NaN for a miss.
+        /// `(..., 3)`: positions in the scene, from the barycentric coordinates of triangles; NaN
+        /// for a miss.
         points,
-        /// `(..., 3)`: unit shading normals, interpolated where a mesh has normals at its vertices; 0 for a miss.
+        /// `(..., 3)`: unit shading normals, interpolated where a mesh has normals at its vertices;
+        /// 0 for a miss.
         normals,
         /// `(..., 2)`: texture coordinates; 0 where there are none.
         uvs,
@@ -357,10 +381,11 @@ answers! {
 }
 
 answers! {
-    /// Every hit of each ray, as compressed sparse rows: what :meth:`Scene.list_intersections` answers. `n` is the number of all hits.
+    /// Every hit of each ray, as compressed sparse rows: what :meth:`Scene.list_intersections`
+    /// answers. `n` is the number of all hits.
     ///
-    /// The hits of ray `i` (in the order of the raveled leading shape) are those from `ray_splits[i]` to `ray_splits[i + 1]`,
-    /// ascending by `t_hit`.
+    /// The hits of ray `i` (in the order of the raveled leading shape) are those from
+    /// `ray_splits[i]` to `ray_splits[i + 1]`, ascending by `t_hit`.
     ///
     /// Examples
     /// --------
@@ -397,9 +422,11 @@ answers! {
 }
 
 answers! {
-    /// The nearest point of any surface to each point: what :meth:`Scene.closest_points` answers. `...` is the leading shape of the points.
+    /// The nearest point of any surface to each point: what :meth:`Scene.closest_points` answers.
+    /// `...` is the leading shape of the points.
     ///
-    /// Where nothing is near enough, `distances` is infinite, all ids :data:`INVALID_ID`, `points` NaN, all else 0.
+    /// Where nothing is near enough, `distances` is infinite, all ids :data:`INVALID_ID`, `points`
+    /// NaN, all else 0.
     ///
     /// Examples
     /// --------

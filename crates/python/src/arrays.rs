@@ -1,13 +1,14 @@
 //! Arrays of Python as slices, and back. Errors name the argument.
 //!
-//! The dtype of the question decides the precision: `float16` and `float32` are asked in single precision, `float64`, integers and
-//! plain Python numbers in double. A contiguous array of the right dtype is read where it is.
+//! The dtype of the question decides the precision: `float16` and `float32` are asked in single
+//! precision, `float64`, integers and plain Python numbers in double. A contiguous array of the
+//! right dtype is read where it is.
 
 use crate::precision::Precision;
 use numpy::ndarray::Dimension;
 use numpy::{
-    Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray, PyReadonlyArrayDyn, PyReadwriteArray1,
-    PyUntypedArray, PyUntypedArrayMethods,
+    Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray, PyReadonlyArrayDyn,
+    PyReadwriteArray1, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -21,17 +22,20 @@ pub fn numpy<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     module.bind(py).getattr(name)
 }
 
-/// Anything as an array: NumPy's own, `__array_interface__`, `__array__`, DLPack, or nested sequences.
+/// Anything as an array: NumPy's own, `__array_interface__`, `__array__`, DLPack, or nested
+/// sequences.
 pub fn array<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<Bound<'py, PyUntypedArray>> {
     let py = value.py();
     if let Ok(array) = value.cast::<PyUntypedArray>() {
         return Ok(array.clone());
     }
-    let is_dlpack =
-        !value.hasattr("__array__")? && !value.hasattr("__array_interface__")? && value.hasattr("__dlpack__")?;
+    let is_dlpack = !value.hasattr("__array__")?
+        && !value.hasattr("__array_interface__")?
+        && value.hasattr("__dlpack__")?;
     let made = numpy(py, if is_dlpack { "from_dlpack" } else { "asarray" })?.call1((value,));
-    let made =
-        made.map_err(|e| caused(py, PyTypeError::new_err(format!("{name}: this does not convert to an array")), e))?;
+    let made = made.map_err(|e| {
+        caused(py, PyTypeError::new_err(format!("{name}: this does not convert to an array")), e)
+    })?;
     Ok(made.cast_into::<PyUntypedArray>()?)
 }
 
@@ -51,12 +55,17 @@ pub fn is_double(array: &Bound<'_, PyUntypedArray>, name: &str) -> PyResult<bool
     match number_kind(array)? {
         'f' => Ok(array.dtype().getattr("itemsize")?.extract::<usize>()? > 4),
         'i' | 'u' => Ok(true),
-        _ => Err(PyTypeError::new_err(format!("{name}: dtype is {}, expected real numbers", array.dtype()))),
+        _ => Err(PyTypeError::new_err(format!(
+            "{name}: dtype is {}, expected real numbers",
+            array.dtype()
+        ))),
     }
 }
 
 /// The same for several arguments: plain Python sequences do not count beside arrays, as in NumPy.
-pub fn are_double(arrays: &[(&Bound<'_, PyAny>, &Bound<'_, PyUntypedArray>, &str)]) -> PyResult<bool> {
+pub fn are_double(
+    arrays: &[(&Bound<'_, PyAny>, &Bound<'_, PyUntypedArray>, &str)],
+) -> PyResult<bool> {
     let mut answer = None;
     for (given, array, name) in arrays {
         let double = is_double(array, name)?;
@@ -68,7 +77,9 @@ pub fn are_double(arrays: &[(&Bound<'_, PyAny>, &Bound<'_, PyUntypedArray>, &str
 }
 
 /// A contiguous array of numbers, as it is if it is one.
-pub fn contiguous<'py, T: Element>(array: &Bound<'py, PyUntypedArray>) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
+pub fn contiguous<'py, T: Element>(
+    array: &Bound<'py, PyUntypedArray>,
+) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     let py = array.py();
     let wanted = match array.cast::<PyArrayDyn<T>>() {
         Ok(same) if same.is_c_contiguous() && is_aligned(same) => same.clone(),
@@ -88,7 +99,9 @@ fn is_aligned<T: Element>(array: &Bound<'_, PyArrayDyn<T>>) -> bool {
 }
 
 /// The numbers of a contiguous array.
-pub fn slice<'a, T: Element, D: Dimension>(array: &'a PyReadonlyArray<'_, T, D>) -> PyResult<&'a [T]> {
+pub fn slice<'a, T: Element, D: Dimension>(
+    array: &'a PyReadonlyArray<'_, T, D>,
+) -> PyResult<&'a [T]> {
     if array.len() == 0 {
         return Ok(&[]);
     }
@@ -152,7 +165,11 @@ pub fn shown(shape: &[usize]) -> String {
 }
 
 /// An array of a shape that holds these numbers.
-pub fn from_vec<'py, T: Element>(py: Python<'py>, values: Vec<T>, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
+pub fn from_vec<'py, T: Element>(
+    py: Python<'py>,
+    values: Vec<T>,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyAny>> {
     Ok(PyArray1::from_vec(py, values).reshape(shape)?.into_any())
 }
 
@@ -177,7 +194,10 @@ impl<'py, P: Precision> PointArray<'py, P> {
 pub fn leading(array: &Bound<'_, PyUntypedArray>, last: usize, name: &str) -> PyResult<Vec<usize>> {
     match array.shape().split_last() {
         Some((&n, rest)) if n == last => Ok(rest.to_vec()),
-        _ => Err(PyValueError::new_err(format!("{name}: shape is {}, expected (..., {last})", shown(array.shape())))),
+        _ => Err(PyValueError::new_err(format!(
+            "{name}: shape is {}, expected (..., {last})",
+            shown(array.shape())
+        ))),
     }
 }
 
@@ -209,7 +229,9 @@ impl<'py, T: Element + Copy> Column<'py, T> {
     fn each(array: &Bound<'py, PyUntypedArray>, shape: &[usize], name: &str) -> PyResult<Self> {
         if common_shape(array.shape(), shape).as_deref() != Some(shape) {
             let (found, shape) = (shown(array.shape()), shown(shape));
-            return Err(PyValueError::new_err(format!("{name}: shape {found} does not broadcast to {shape}")));
+            return Err(PyValueError::new_err(format!(
+                "{name}: shape {found} does not broadcast to {shape}"
+            )));
         }
         Ok(Self::Each(broadcast(array, shape)?))
     }
@@ -244,7 +266,10 @@ impl<T: Copy> Values<'_, T> {
 }
 
 /// A mask of 32 bits, one for all or one per ray.
-pub fn mask_column<'py>(value: Option<&Bound<'py, PyAny>>, shape: &[usize]) -> PyResult<Column<'py, u32>> {
+pub fn mask_column<'py>(
+    value: Option<&Bound<'py, PyAny>>,
+    shape: &[usize],
+) -> PyResult<Column<'py, u32>> {
     let Some(value) = value else { return Ok(Column::All(u32::MAX)) };
     if !value.is_instance_of::<PyUntypedArray>()
         && let Ok(mask) = value.extract::<u32>()
@@ -261,7 +286,10 @@ pub fn check_unsigned(array: &Bound<'_, PyUntypedArray>, largest: u64, name: &st
     let py = array.py();
     let kind = number_kind(array)?;
     if !matches!(kind, 'i' | 'u') {
-        return Err(PyTypeError::new_err(format!("{name}: dtype is {}, expected integers", array.dtype())));
+        return Err(PyTypeError::new_err(format!(
+            "{name}: dtype is {}, expected integers",
+            array.dtype()
+        )));
     }
     if array.len() == 0 {
         return Ok(());
@@ -271,11 +299,16 @@ pub fn check_unsigned(array: &Bound<'_, PyUntypedArray>, largest: u64, name: &st
         return Ok(());
     }
     let flat = array.call_method0("ravel")?;
-    let bad = flat.call_method1("__lt__", (0,))?.call_method1("__or__", (flat.call_method1("__gt__", (largest,))?,))?;
+    let bad = flat
+        .call_method1("__lt__", (0,))?
+        .call_method1("__or__", (flat.call_method1("__gt__", (largest,))?,))?;
     let first: usize = bad.call_method0("argmax")?.extract()?;
     let value = flat.get_item(first)?;
     let place = numpy(py, "unravel_index")?.call1((first, array.getattr("shape")?))?;
     let place: Vec<usize> = place.extract()?;
     let place = place.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
-    Err(PyValueError::new_err(format!("{name}[{place}] is {}, expected 0 to {largest}", value.str()?)))
+    Err(PyValueError::new_err(format!(
+        "{name}[{place}] is {}, expected 0 to {largest}",
+        value.str()?
+    )))
 }

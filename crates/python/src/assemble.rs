@@ -1,13 +1,15 @@
 //! From what a scene holds to a world that answers, in single or in double precision.
 //!
-//! An object without a transform lies in the group of its scene; a mesh or set of spheres with one is a group of its own, so that
-//! moving it costs little; a scene is a group however often it is instanced. Numbers stay as they are when objects come and go at the end,
-//! so the next world shares what did not change.
+//! An object without a transform lies in the group of its scene; a mesh or set of spheres with one
+//! is a group of its own, so that moving it costs little; a scene is a group however often it is
+//! instanced. Numbers stay as they are when objects come and go at the end, so the next world
+//! shares what did not change.
 
 use crate::contents::{Contents, Kind, Object, Slot};
 use crate::mesh::Mesh;
 use snell_intersect::{
-    AnyShape, BuildOptions, Curves, GeometryId, GroupId, Hit, Instance, Spheres, WorldBuilder, WorldError,
+    AnyShape, BuildOptions, Curves, GeometryId, GroupId, Hit, Instance, Spheres, WorldBuilder,
+    WorldError,
 };
 use snell_math::Transform;
 use std::collections::HashMap;
@@ -35,8 +37,8 @@ pub struct Names {
     objects: Vec<u32>,
     /// By geometry of the world.
     pub surfaces: Vec<Surface>,
-    /// Per instance in the root group, the first occurrence in it, ascending, and its number in the scene ([`Hit::NONE`] for one that
-    /// only moves an object).
+    /// Per instance in the root group, the first occurrence in it, ascending, and its number in the
+    /// scene ([`Hit::NONE`] for one that only moves an object).
     instances: Vec<(u32, u32)>,
 }
 
@@ -47,7 +49,8 @@ impl Names {
         self.objects.get(geometry as usize).copied().unwrap_or(Hit::NONE)
     }
 
-    /// The number of the instance that an occurrence is in, [`Hit::NONE`] for what is in no instance.
+    /// The number of the instance that an occurrence is in, [`Hit::NONE`] for what is in no
+    /// instance.
     #[inline]
     pub fn instance(&self, occurrence: u32) -> u32 {
         let at = self.instances.partition_point(|&(first, _)| first <= occurrence);
@@ -94,7 +97,8 @@ pub trait Builder: Default {
     /// Triangles in a group.
     fn add_mesh(&mut self, group: GroupId, mesh: &Mesh) -> GeometryId;
     /// A shape in a group.
-    fn add_shape(&mut self, group: GroupId, shape: &Arc<AnyShape>, placed: Transform) -> GeometryId;
+    fn add_shape(&mut self, group: GroupId, shape: &Arc<AnyShape>, placed: Transform)
+    -> GeometryId;
     /// Spheres in a group.
     fn add_spheres(&mut self, group: GroupId, spheres: &Arc<Spheres>) -> GeometryId;
     /// Strands in a group.
@@ -110,7 +114,8 @@ pub trait Builder: Default {
 struct Assembler<F: Form> {
     builder: F::Builder,
     names: Names,
-    /// The group of each scene that is instanced, and how many occurrences it makes. The scene is kept, so that no other has its address.
+    /// The group of each scene that is instanced, and how many occurrences it makes. The scene is
+    /// kept, so that no other has its address.
     scenes: HashMap<*const Contents, (GroupId, u64)>,
 }
 
@@ -120,15 +125,19 @@ pub fn assemble<F: Form>(
     options: &BuildOptions,
     previous: Option<&F::World>,
 ) -> Result<Snapshot<F>, WorldError> {
-    let mut assembler: Assembler<F> =
-        Assembler { builder: F::Builder::default(), names: Names::default(), scenes: HashMap::new() };
+    let mut assembler: Assembler<F> = Assembler {
+        builder: F::Builder::default(),
+        names: Names::default(),
+        scenes: HashMap::new(),
+    };
     assembler.fill(WorldBuilder::ROOT, contents);
     let Assembler { builder, names, .. } = assembler;
     Ok(Snapshot { world: Arc::new(F::build(builder, options, previous)?), names: Arc::new(names) })
 }
 
 impl<F: Form> Assembler<F> {
-    /// Puts the objects of a scene into its group; gives the number of occurrences: the group and all below.
+    /// Puts the objects of a scene into its group; gives the number of occurrences: the group and
+    /// all below.
     fn fill(&mut self, group: GroupId, contents: &Contents) -> u64 {
         let mut occurrences = 1u64;
         for (number, slot) in contents.slots.iter().enumerate() {
@@ -183,9 +192,16 @@ impl<F: Form> Assembler<F> {
         let placed = object.transform.unwrap_or(Transform::IDENTITY);
         let (id, surface) = match &object.kind {
             Kind::Mesh(mesh) => (self.builder.add_mesh(group, mesh), Surface::Mesh(mesh.clone())),
-            Kind::Shape(shape) => (self.builder.add_shape(group, shape, placed), Surface::Shape(shape.clone(), placed)),
-            Kind::Spheres(spheres) => (self.builder.add_spheres(group, spheres), Surface::Spheres(spheres.clone())),
-            Kind::Curves(curves) => (self.builder.add_curves(group, curves), Surface::Curves(curves.clone())),
+            Kind::Shape(shape) => (
+                self.builder.add_shape(group, shape, placed),
+                Surface::Shape(shape.clone(), placed),
+            ),
+            Kind::Spheres(spheres) => {
+                (self.builder.add_spheres(group, spheres), Surface::Spheres(spheres.clone()))
+            }
+            Kind::Curves(curves) => {
+                (self.builder.add_curves(group, curves), Surface::Curves(curves.clone()))
+            }
             Kind::Instance(_) => return,
         };
         self.builder.set_mask(id, object.mask);

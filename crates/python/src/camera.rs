@@ -14,7 +14,8 @@ use snell_scene::{Camera as Value, Projection};
 /// Parameters
 /// ----------
 /// projection : str
-///     One of :data:`PROJECTIONS`: `"perspective"`, `"intrinsics"` (a camera matrix), `"orthographic"`, `"panoramic"` or `"fisheye"`.
+///     One of :data:`PROJECTIONS`: `"perspective"`, `"intrinsics"` (a camera matrix),
+///     `"orthographic"`, `"panoramic"` or `"fisheye"`.
 /// eye : three numbers
 ///     Where the camera is.
 /// target : three numbers, optional
@@ -22,7 +23,8 @@ use snell_scene::{Camera as Value, Projection};
 /// up : three numbers
 ///     What is up in the picture; need not be perpendicular.
 /// fov : float, optional
-///     Angle of view in degrees: from the bottom to the top of a perspective picture (45 if nothing is said), across the circle of a fisheye (180).
+///     Angle of view in degrees: from the bottom to the top of a perspective picture (45 if nothing
+///     is said), across the circle of a fisheye (180).
 /// aperture_radius : float
 ///     Of a thin lens, in units of the scene; 0 for a pinhole.
 /// focus_distance : float, optional
@@ -34,15 +36,10 @@ use snell_scene::{Camera as Value, Projection};
 /// **parameters
 ///     Those of the projection, in the place of `fov`.
 ///
-/// Examples
-/// --------
-/// >>> import snell
-/// >>> above = snell.Camera("orthographic", eye=(0, 10, 0), target=(0, 0, 0), up=(0, 0, -1), half_size=(None, 4))
-/// >>> above.towards
-/// (0.0, -1.0, 0.0)
-/// >>> lens = snell.Camera(eye=(0, 1, 5), target=(0, 1, 0), fov=30, aperture_radius=0.1)
-/// >>> lens.focus_distance
-/// 5.0
+/// Examples -------- >>> import snell >>> above = snell.Camera("orthographic", eye=(0, 10, 0),
+/// target=(0, 0, 0), up=(0, 0, -1), half_size=(None, 4)) >>> above.towards (0.0, -1.0, 0.0) >>>
+/// lens = snell.Camera(eye=(0, 1, 5), target=(0, 1, 0), fov=30, aperture_radius=0.1) >>>
+/// lens.focus_distance 5.0
 #[pyclass(frozen, module = "snell")]
 pub struct Camera(pub Value);
 
@@ -71,7 +68,11 @@ fn at_least(value: f64, low: f64, name: &str) -> PyResult<f64> {
 }
 
 /// The projection with these parameters.
-fn projection(kind: &str, fov: Option<f64>, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<Projection> {
+fn projection(
+    kind: &str,
+    fov: Option<f64>,
+    parameters: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Projection> {
     let family = projections();
     let known = family.parameters(kind)?;
     let given = match parameters {
@@ -85,8 +86,12 @@ fn projection(kind: &str, fov: Option<f64>, parameters: Option<&Bound<'_, PyDict
         Err(PyValueError::new_err(format!("fov is {degrees}, expected degrees from 0 to {limit}")))
     };
     match (kind, fov, given.is_empty()) {
-        ("perspective", fov, true) => Ok(Projection::from_half_angle_y(angle(fov.unwrap_or(45.0), 179.9)? / 2.0)),
-        ("fisheye", fov, true) => Ok(Projection::Fisheye { max_angle: angle(fov.unwrap_or(180.0), 360.0)? }),
+        ("perspective", fov, true) => {
+            Ok(Projection::from_half_angle_y(angle(fov.unwrap_or(45.0), 179.9)? / 2.0))
+        }
+        ("fisheye", fov, true) => {
+            Ok(Projection::Fisheye { max_angle: angle(fov.unwrap_or(180.0), 360.0)? })
+        }
         (_, Some(_), _) => {
             let message = format!("{kind} takes fov or its own parameters, not both");
             Err(PyTypeError::new_err(message))
@@ -119,16 +124,21 @@ impl Camera {
         let eye = vector(eye, "eye")?;
         let up = up.map_or(Ok(DVec3::Y), |up| vector(up, "up"))?;
         let mut camera = match (target, towards) {
-            (Some(_), Some(_)) => return Err(PyTypeError::new_err("a camera takes target or towards, not both")),
+            (Some(_), Some(_)) => {
+                return Err(PyTypeError::new_err("a camera takes target or towards, not both"));
+            }
             (Some(target), None) => {
                 let target = vector(target, "target")?;
                 if target == eye {
-                    return Err(PyValueError::new_err("target is where eye is, expected another point"));
+                    return Err(PyValueError::new_err(
+                        "target is where eye is, expected another point",
+                    ));
                 }
                 Value::from_target(eye, target, up, projection)
             }
             (None, towards) => {
-                let towards = towards.map_or(Ok(DVec3::NEG_Z), |towards| vector(towards, "towards"))?;
+                let towards =
+                    towards.map_or(Ok(DVec3::NEG_Z), |towards| vector(towards, "towards"))?;
                 Value::from_direction(eye, towards, up, projection)
             }
         };
@@ -137,7 +147,9 @@ impl Camera {
             camera.focus_distance = at_least(distance, f64::MIN_POSITIVE, "focus_distance")?;
         }
         if let Some(size) = resolution.filter(|size| size.contains(&0)) {
-            return Err(PyValueError::new_err(format!("resolution is {size:?}, expected numbers from 1")));
+            return Err(PyValueError::new_err(format!(
+                "resolution is {size:?}, expected numbers from 1"
+            )));
         }
         camera.resolution = resolution;
         camera.name = name.unwrap_or_default();
@@ -151,7 +163,8 @@ impl Camera {
         tree.get("projection").unwrap_or(&Tree::Nothing).plain(py)
     }
 
-    /// What the camera is, by name: its place and axes, and the parameters of the projection. Each is an attribute, too.
+    /// What the camera is, by name: its place and axes, and the parameters of the projection. Each
+    /// is an attribute, too.
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
@@ -165,9 +178,11 @@ impl Camera {
         Ok(all)
     }
 
-    /// One ray through the centre of each pixel: an array `(height_px, width_px, 6)` of float32, for :meth:`Scene.cast_rays`.
+    /// One ray through the centre of each pixel: an array `(height_px, width_px, 6)` of float32,
+    /// for :meth:`Scene.cast_rays`.
     ///
-    /// Directions have unit length, so `t_hit` is the distance; where a projection shows nothing (outside of a fisheye's circle) they are 0.
+    /// Directions have unit length, so `t_hit` is the distance; where a projection shows nothing
+    /// (outside of a fisheye's circle) they are 0.
     ///
     /// Examples
     /// --------
@@ -175,30 +190,43 @@ impl Camera {
     /// >>> snell.Camera(eye=(0, 0, 5)).rays(4, 3).shape
     /// (3, 4, 6)
     #[pyo3(signature = (width_px=None, height_px=None))]
-    fn rays<'py>(&self, py: Python<'py>, width_px: Option<u32>, height_px: Option<u32>) -> PyResult<Bound<'py, PyAny>> {
+    fn rays<'py>(
+        &self,
+        py: Python<'py>,
+        width_px: Option<u32>,
+        height_px: Option<u32>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         rays_of(py, &self.0, [width_px, height_px])
     }
 
-    /// Where points are seen in a picture of some size, in pixels from its upper left corner: an array `(..., 2)`, NaN for what is not seen.
+    /// Where points are seen in a picture of some size, in pixels from its upper left corner: an
+    /// array `(..., 2)`, NaN for what is not seen.
     ///
     /// Examples
     /// --------
     /// >>> import snell
     /// >>> snell.Camera(eye=(0, 0, 5)).project([[0, 0, 0]], (640, 480)).tolist()
     /// [[320.0, 240.0]]
-    fn project<'py>(&self, points: &Bound<'py, PyAny>, size: [u32; 2]) -> PyResult<Bound<'py, PyAny>> {
+    fn project<'py>(
+        &self,
+        points: &Bound<'py, PyAny>,
+        size: [u32; 2],
+    ) -> PyResult<Bound<'py, PyAny>> {
         let py = points.py();
         let array = crate::arrays::array(points, "points")?;
         let points = crate::arrays::PointArray::<f64>::new(&array, "points")?;
         let values = crate::arrays::slice(&points.values)?.as_chunks::<3>().0;
-        let seen = |p: &[f64; 3]| self.0.project(DVec3::from_array(*p), size).map_or([f64::NAN; 2], |p| p.to_array());
+        let seen = |p: &[f64; 3]| {
+            self.0.project(DVec3::from_array(*p), size).map_or([f64::NAN; 2], |p| p.to_array())
+        };
         let pixels = values.iter().flat_map(seen).collect();
         crate::arrays::from_vec(py, pixels, &[&points.shape[..], &[2]].concat())
     }
 
     fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let found = self.parameters(py)?.get_item(name)?;
-        let error = || pyo3::exceptions::PyAttributeError::new_err(format!("this camera has no {name:?}"));
+        let error =
+            || pyo3::exceptions::PyAttributeError::new_err(format!("this camera has no {name:?}"));
         found.ok_or_else(error)
     }
 
@@ -210,9 +238,13 @@ impl Camera {
         Ok(text + ")")
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let restore = py.import("snell._snell")?.getattr("_restore_camera")?;
-        let json = serde_json::to_string(&self.0).map_err(|e| PyValueError::new_err(e.to_string()))?;
+        let json =
+            serde_json::to_string(&self.0).map_err(|e| PyValueError::new_err(e.to_string()))?;
         Ok((restore, (json,).into_pyobject(py)?))
     }
 }

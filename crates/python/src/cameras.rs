@@ -10,10 +10,14 @@ use rayon::prelude::*;
 use snell_math::{DVec2, Vec2};
 use snell_scene::{Camera, CameraSample};
 
-/// The camera that is wanted: one of these by number or name, or a camera itself. The first if nothing is said.
+/// The camera that is wanted: one of these by number or name, or a camera itself. The first if
+/// nothing is said.
 pub fn choose(cameras: &[Camera], wanted: Option<&Bound<'_, PyAny>>) -> PyResult<Camera> {
     let Some(wanted) = wanted else {
-        return cameras.first().cloned().ok_or_else(|| PyIndexError::new_err("camera: the scene has none"));
+        return cameras
+            .first()
+            .cloned()
+            .ok_or_else(|| PyIndexError::new_err("camera: the scene has none"));
     };
     if let Ok(camera) = wanted.cast::<crate::camera::Camera>() {
         return Ok(camera.get().0.clone());
@@ -21,11 +25,16 @@ pub fn choose(cameras: &[Camera], wanted: Option<&Bound<'_, PyAny>>) -> PyResult
     if let Ok(name) = wanted.extract::<String>() {
         let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
         let found = cameras.iter().find(|camera| camera.name == name).cloned();
-        return found.ok_or_else(|| PyValueError::new_err(format!("camera is {name:?}{}", suggestion(&name, &names))));
+        return found.ok_or_else(|| {
+            PyValueError::new_err(format!("camera is {name:?}{}", suggestion(&name, &names)))
+        });
     }
-    let number: usize =
-        wanted.extract().map_err(|_| PyTypeError::new_err("camera: expected a Camera, a number from 0, or a name"))?;
-    let error = || PyIndexError::new_err(format!("camera is {number}, but the scene has {}", cameras.len()));
+    let number: usize = wanted.extract().map_err(|_| {
+        PyTypeError::new_err("camera: expected a Camera, a number from 0, or a name")
+    })?;
+    let error = || {
+        PyIndexError::new_err(format!("camera is {number}, but the scene has {}", cameras.len()))
+    };
     cameras.get(number).cloned().ok_or_else(error)
 }
 
@@ -40,15 +49,27 @@ pub fn rays<'py>(
 }
 
 /// One ray through the centre of each pixel: an array `(height, width, 6)`.
-pub fn rays_of<'py>(py: Python<'py>, camera: &Camera, size: [Option<u32>; 2]) -> PyResult<Bound<'py, PyAny>> {
-    let side = |given: Option<u32>, own: usize, name: &str| match given.or(camera.resolution.map(|size| size[own])) {
-        Some(0) => Err(PyValueError::new_err(format!("{name} is 0, expected a whole number from 1"))),
+pub fn rays_of<'py>(
+    py: Python<'py>,
+    camera: &Camera,
+    size: [Option<u32>; 2],
+) -> PyResult<Bound<'py, PyAny>> {
+    let side = |given: Option<u32>, own: usize, name: &str| match given
+        .or(camera.resolution.map(|size| size[own]))
+    {
+        Some(0) => {
+            Err(PyValueError::new_err(format!("{name} is 0, expected a whole number from 1")))
+        }
         Some(pixels) => Ok(pixels),
-        None => Err(PyTypeError::new_err(format!("{name} is left out, and the camera has no size of its own"))),
+        None => Err(PyTypeError::new_err(format!(
+            "{name} is left out, and the camera has no size of its own"
+        ))),
     };
     let size = [side(size[0], 0, "width_px")?, side(size[1], 1, "height_px")?];
     if size.iter().any(|&side| side > 1 << 16) {
-        return Err(PyValueError::new_err(format!("width_px and height_px are {size:?}, expected at most 65536")));
+        return Err(PyValueError::new_err(format!(
+            "width_px and height_px are {size:?}, expected at most 65536"
+        )));
     }
     let [width, height] = size.map(|side| side as usize);
     crate::memory::admit_all("the rays", width * height, 6 * size_of::<f32>())?;

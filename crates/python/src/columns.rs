@@ -1,7 +1,8 @@
 //! Many hits, each of their numbers in a column of its own.
 //!
-//! Columns are arrays of NumPy from the beginning: their memory is not cleared before it is written (and comes in large pages if there is much of
-//! it), and the distances can be handed out as they are.
+//! Columns are arrays of NumPy from the beginning: their memory is not cleared before it is written
+//! (and comes in large pages if there is much of it), and the distances can be handed out as they
+//! are.
 
 use crate::arrays::{empty, slice, slice_mut};
 use crate::precision::{Found, Precision};
@@ -112,7 +113,8 @@ impl<P: Precision> Places<'_, P> {
         self.geometry.len()
     }
 
-    /// Fills them piece by piece: given something of the thread's own, the first of a piece, and its places.
+    /// Fills them piece by piece: given something of the thread's own, the first of a piece, and
+    /// its places.
     pub fn fill<S, E: Send>(
         self,
         piece: usize,
@@ -126,9 +128,12 @@ impl<P: Precision> Places<'_, P> {
         let ids = ids.zip(self.primitive.par_chunks_mut(piece));
         let numbers = self.t.par_chunks_mut(piece).zip(self.uv.par_chunks_mut(2 * piece));
         let all = numbers.zip(ids).enumerate();
-        all.try_for_each_init(start, |state, (i, ((t, uv), ((occurrence, geometry), primitive)))| {
-            write(state, i * piece, Places { t, uv, occurrence, geometry, primitive })
-        })
+        all.try_for_each_init(
+            start,
+            |state, (i, ((t, uv), ((occurrence, geometry), primitive)))| {
+                write(state, i * piece, Places { t, uv, occurrence, geometry, primitive })
+            },
+        )
     }
 
     /// Writes one of them.
@@ -146,7 +151,9 @@ impl<P: Precision> Places<'_, P> {
         let Self { t, uv, occurrence, geometry, primitive } = self;
         let numbers = t.iter_mut().zip(uv.as_chunks_mut::<2>().0);
         let ids = occurrence.iter_mut().zip(geometry.iter_mut()).zip(primitive.iter_mut());
-        for ((hit, (t, uv)), ((occurrence, geometry), primitive)) in hits.iter().zip(numbers).zip(ids) {
+        for ((hit, (t, uv)), ((occurrence, geometry), primitive)) in
+            hits.iter().zip(numbers).zip(ids)
+        {
             let found = P::found(hit);
             (*t, *uv, *occurrence, *geometry, *primitive) =
                 (found.t, found.uv, found.occurrence, found.geometry, found.primitive);

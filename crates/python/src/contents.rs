@@ -1,5 +1,6 @@
-//! What a scene holds, as plain data: objects by number, and the stage around them. Worlds are assembled from it ([`crate::assemble`]), and so
-//! is the scene graph that is rendered ([`crate::graph`]).
+//! What a scene holds, as plain data: objects by number, and the stage around them. Worlds are
+//! assembled from it ([`crate::assemble`]), and so is the scene graph that is rendered
+//! ([`crate::graph`]).
 
 use crate::mesh::Mesh;
 use pyo3::PyResult;
@@ -39,7 +40,8 @@ pub struct Object {
     pub name: Option<String>,
     /// Only rays that share a bit with it meet the object.
     pub mask: u32,
-    /// By slot of a mesh, of the stage's materials; others have one slot. That of an instance is for what in it has none.
+    /// By slot of a mesh, of the stage's materials; others have one slot. That of an instance is
+    /// for what in it has none.
     pub materials: Vec<Option<MaterialId>>,
 }
 
@@ -78,7 +80,8 @@ pub struct Contents {
     pub stage: Arc<Scene>,
     /// Whether structures take less memory, and more time.
     pub compact: bool,
-    /// The nodes that the objects were read from, as long as no object was changed: they are named and nested as the file says.
+    /// The nodes that the objects were read from, as long as no object was changed: they are named
+    /// and nested as the file says.
     nodes: Option<Arc<Nodes>>,
     nesting: usize,
 }
@@ -100,7 +103,9 @@ impl Contents {
         }
         // The last number means "nothing".
         let number = u32::try_from(self.slots.len()).ok().filter(|&n| n != u32::MAX);
-        let number = number.ok_or_else(|| PyValueError::new_err("a scene holds no more than 4294967295 objects"))?;
+        let number = number.ok_or_else(|| {
+            PyValueError::new_err("a scene holds no more than 4294967295 objects")
+        })?;
         self.nodes = None;
         self.slots.push(Slot::Here(object));
         Ok(number)
@@ -122,7 +127,9 @@ impl Contents {
     pub fn get(&self, id: i64) -> PyResult<&Object> {
         match usize::try_from(id).ok().and_then(|i| self.slots.get(i)) {
             Some(Slot::Here(object)) => Ok(object),
-            Some(Slot::Gone(_)) => Err(PyIndexError::new_err(format!("id {id} was removed from the scene"))),
+            Some(Slot::Gone(_)) => {
+                Err(PyIndexError::new_err(format!("id {id} was removed from the scene")))
+            }
             None => Err(PyIndexError::new_err(format!(
                 "id {id} is not in the scene, which has given {} ids",
                 self.slots.len()

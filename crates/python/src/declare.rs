@@ -1,8 +1,9 @@
 //! Keyword arguments as declared parameters: materials, lights, projections.
 //!
-//! Nothing here knows a material or light by name. What the parameters of a kind are called, and what they look like, is read from its examples
-//! ([`Tree`]); values are put into that form, and the declaration itself says whether they fit. So a new kind, or parameter, is there in
-//! Python as soon as it is declared.
+//! Nothing here knows a material or light by name. What the parameters of a kind are called, and
+//! what they look like, is read from its examples ([`Tree`]); values are put into that form, and
+//! the declaration itself says whether they fit. So a new kind, or parameter, is there in Python as
+//! soon as it is declared.
 
 use crate::arrays::numpy;
 use crate::material::Material;
@@ -28,7 +29,8 @@ pub struct Family {
     pub tag: &'static str,
     /// A few of each kind.
     pub examples: Vec<Tree>,
-    /// The parameters of a kind that are arrays, or said by arrays, and so are not in the declaration.
+    /// The parameters of a kind that are arrays, or said by arrays, and so are not in the
+    /// declaration.
     pub arrays: fn(&str) -> &'static [&'static str],
 }
 
@@ -63,12 +65,17 @@ impl Family {
         self.gather(kind, |_, _| {})
     }
 
-    /// What the parameters of a kind may look like: of those that are one of several things, the fields of all.
+    /// What the parameters of a kind may look like: of those that are one of several things, the
+    /// fields of all.
     pub fn forms(&self, kind: &str) -> PyResult<Vec<(String, Tree)>> {
         self.gather(kind, merge)
     }
 
-    fn gather(&self, kind: &str, merge: impl Fn(&mut Tree, &Tree)) -> PyResult<Vec<(String, Tree)>> {
+    fn gather(
+        &self,
+        kind: &str,
+        merge: impl Fn(&mut Tree, &Tree),
+    ) -> PyResult<Vec<(String, Tree)>> {
         let mut all: Vec<(String, Tree)> = Vec::new();
         let mut is_known = false;
         for example in self.examples.iter().filter(|example| self.kind(example) == kind) {
@@ -85,7 +92,11 @@ impl Family {
         if is_known {
             return Ok(all);
         }
-        Err(PyValueError::new_err(format!("there is no {} {kind:?}{}", self.name, suggestion(kind, &self.kinds()))))
+        Err(PyValueError::new_err(format!(
+            "there is no {} {kind:?}{}",
+            self.name,
+            suggestion(kind, &self.kinds())
+        )))
     }
 }
 
@@ -104,7 +115,9 @@ fn merge(known: &mut Tree, form: &Tree) {
         (Tree::Fields(_), _) | (_, Tree::Nothing) => {}
         (_, Tree::Fields(_)) => *known = form.clone(),
         // A number or a name: the declaration judges.
-        (Tree::Single(_) | Tree::Double(_) | Tree::Whole(_), Tree::Text(_)) => *known = form.clone(),
+        (Tree::Single(_) | Tree::Double(_) | Tree::Whole(_), Tree::Text(_)) => {
+            *known = form.clone()
+        }
         _ => {}
     }
 }
@@ -174,14 +187,17 @@ pub fn read_all(
     Ok(all)
 }
 
-/// Makes the declared value of the parameters that are given; `whole` puts them into place. An error names the parameter.
+/// Makes the declared value of the parameters that are given; `whole` puts them into place. An
+/// error names the parameter.
 pub fn make<T: DeserializeOwned>(
     what: &str,
     given: &[(String, Tree)],
     known: &[(String, Tree)],
     whole: impl Fn(Vec<(String, Tree)>) -> Tree,
 ) -> PyResult<T> {
-    let with = |fields: &[(String, Tree)]| serde_json::from_value::<T>(whole(fields.to_vec()).json(&mut |_, id| id));
+    let with = |fields: &[(String, Tree)]| {
+        serde_json::from_value::<T>(whole(fields.to_vec()).json(&mut |_, id| id))
+    };
     let error = match with(given) {
         Ok(made) => return Ok(made),
         Err(error) => error.to_string(),
@@ -240,17 +256,21 @@ fn with_texture(form: &Tree, id: Tree, channel: Option<u8>, name: &str) -> PyRes
     match (form, textured(form)) {
         (_, Some(factor)) if is_color(factor) => {
             if channel.is_some() {
-                return Err(PyTypeError::new_err(format!("{name}: a colour takes a texture, not one of its channels")));
+                return Err(PyTypeError::new_err(format!(
+                    "{name}: a colour takes a texture, not one of its channels"
+                )));
             }
             Ok(fields_of([("factor", Tree::List(vec![Tree::Single(1.0); 3])), ("texture", id)]))
         }
         (_, Some(_)) => Ok(fields_of([("factor", Tree::Single(1.0)), ("texture", channel_of(id))])),
         (Tree::Id(..), _) => Ok(id),
-        (Tree::List(items), _) if matches!(items[..], [Tree::Id(..), Tree::Whole(_)]) => Ok(channel_of(id)),
-        // Maps; most often there are none.
-        _ if name.ends_with("bump_map") => {
-            Err(PyTypeError::new_err(format!("{name}: how high? Give {{\"texture\": texture, \"height\": 0.01}}")))
+        (Tree::List(items), _) if matches!(items[..], [Tree::Id(..), Tree::Whole(_)]) => {
+            Ok(channel_of(id))
         }
+        // Maps; most often there are none.
+        _ if name.ends_with("bump_map") => Err(PyTypeError::new_err(format!(
+            "{name}: how high? Give {{\"texture\": texture, \"height\": 0.01}}"
+        ))),
         _ => Ok(fields_of([("texture", id), ("scale", Tree::Single(1.0))])),
     }
 }
@@ -258,14 +278,22 @@ fn with_texture(form: &Tree, id: Tree, channel: Option<u8>, name: &str) -> PyRes
 /// A colour as `#rrggbb`, in sRGB.
 fn hex_color(text: &str) -> Option<Tree> {
     let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6 && digits.is_ascii())?;
-    let part = |at: usize| u8::from_str_radix(&digits[at..at + 2], 16).ok().map(|byte| f32::from(byte) / 255.0);
+    let part = |at: usize| {
+        u8::from_str_radix(&digits[at..at + 2], 16).ok().map(|byte| f32::from(byte) / 255.0)
+    };
     let color = Rgb::from_srgb(part(0)?, part(2)?, part(4)?);
     Some(Tree::List(color.to_array().map(Tree::Single).to_vec()))
 }
 
 /// A value in the form of a parameter.
-pub fn read(value: &Bound<'_, PyAny>, form: &Tree, name: &str, references: &mut References) -> PyResult<Tree> {
-    let unexpected = || PyTypeError::new_err(format!("{name} is {}, expected {}", shown(value), expected(form)));
+pub fn read(
+    value: &Bound<'_, PyAny>,
+    form: &Tree,
+    name: &str,
+    references: &mut References,
+) -> PyResult<Tree> {
+    let unexpected =
+        || PyTypeError::new_err(format!("{name} is {}, expected {}", shown(value), expected(form)));
     if value.is_none() {
         return Ok(Tree::Nothing);
     }
@@ -313,7 +341,11 @@ pub fn read(value: &Bound<'_, PyAny>, form: &Tree, name: &str, references: &mut 
             all.push((key.clone(), read(&value, form, &format!("{name}[{key:?}]"), references)?));
         }
         if let (Some(factor), Some(Tree::Fields(_))) = (textured(form), Some(form)) {
-            let neutral = if is_color(factor) { Tree::List(vec![Tree::Single(1.0); 3]) } else { Tree::Single(1.0) };
+            let neutral = if is_color(factor) {
+                Tree::List(vec![Tree::Single(1.0); 3])
+            } else {
+                Tree::Single(1.0)
+            };
             for (key, value) in [("factor", neutral), ("texture", Tree::Nothing)] {
                 if all.iter().all(|(known, _)| known != key) {
                     all.push((key.to_string(), value));
@@ -339,7 +371,8 @@ pub fn read(value: &Bound<'_, PyAny>, form: &Tree, name: &str, references: &mut 
             _ => Err(unexpected()),
         };
     }
-    let is_bool = value.is_instance_of::<PyBool>() || value.is_instance(&numpy(value.py(), "bool_")?)?;
+    let is_bool =
+        value.is_instance_of::<PyBool>() || value.is_instance(&numpy(value.py(), "bool_")?)?;
     if is_bool {
         return match form {
             Tree::Bool(_) | Tree::Nothing => Ok(Tree::Bool(value.is_truthy()?)),
@@ -352,14 +385,16 @@ pub fn read(value: &Bound<'_, PyAny>, form: &Tree, name: &str, references: &mut 
     {
         return read_number(number, form, name, unexpected);
     }
-    let items = if value.hasattr("tolist")? { value.call_method0("tolist")? } else { value.clone() };
+    let items =
+        if value.hasattr("tolist")? { value.call_method0("tolist")? } else { value.clone() };
     let items: Vec<_> = items.try_iter().map_err(|_| unexpected())?.collect::<PyResult<_>>()?;
     let forms: &[Tree] = match form {
         Tree::List(forms) => forms,
         Tree::Nothing => &[],
         _ => return Err(unexpected()),
     };
-    let is_vector = forms.iter().all(|form| matches!(form, Tree::Single(_) | Tree::Double(_))) && forms.len() > 1;
+    let is_vector = forms.iter().all(|form| matches!(form, Tree::Single(_) | Tree::Double(_)))
+        && forms.len() > 1;
     if is_vector && items.len() != forms.len() {
         return Err(unexpected());
     }
@@ -370,7 +405,12 @@ pub fn read(value: &Bound<'_, PyAny>, form: &Tree, name: &str, references: &mut 
     Ok(Tree::List(items.iter().enumerate().map(item).collect::<PyResult<_>>()?))
 }
 
-fn read_number(number: f64, form: &Tree, name: &str, unexpected: impl Fn() -> PyErr) -> PyResult<Tree> {
+fn read_number(
+    number: f64,
+    form: &Tree,
+    name: &str,
+    unexpected: impl Fn() -> PyErr,
+) -> PyResult<Tree> {
     if !number.is_finite() {
         return Err(PyValueError::new_err(format!("{name} is {number}, expected a finite number")));
     }
@@ -397,17 +437,24 @@ fn expected(form: &Tree) -> String {
         Tree::Single(_) | Tree::Double(_) => "a number".into(),
         Tree::Text(text) => format!("a name such as {text:?}"),
         Tree::Id(..) => "a Texture or a Pattern".into(),
-        form if is_color(form) => "a colour: a number, three numbers (linear), or \"#rrggbb\"".into(),
+        form if is_color(form) => {
+            "a colour: a number, three numbers (linear), or \"#rrggbb\"".into()
+        }
         Tree::List(items) => match items.first() {
-            Some(Tree::Single(_) | Tree::Double(_) | Tree::Whole(_)) => format!("{} numbers", items.len()),
+            Some(Tree::Single(_) | Tree::Double(_) | Tree::Whole(_)) => {
+                format!("{} numbers", items.len())
+            }
             _ => "a list".into(),
         },
         Tree::Fields(_) => match textured(form) {
-            Some(factor) if is_color(factor) => format!("{}, or a Texture or Pattern", expected(factor)),
+            Some(factor) if is_color(factor) => {
+                format!("{}, or a Texture or Pattern", expected(factor))
+            }
             Some(_) => "a number, a channel of a Texture, or a Pattern".into(),
             None => match form {
                 Tree::Fields(fields) => {
-                    let names: Vec<_> = fields.iter().map(|(name, _)| format!("{name:?}")).collect();
+                    let names: Vec<_> =
+                        fields.iter().map(|(name, _)| format!("{name:?}")).collect();
                     format!("a dictionary with {}", names.join(", "))
                 }
                 _ => String::new(),
@@ -417,7 +464,11 @@ fn expected(form: &Tree) -> String {
 }
 
 /// A declared value as Python shows it: constants as numbers, textures as such.
-pub fn show<'py>(py: Python<'py>, tree: &Tree, references: &References) -> PyResult<Bound<'py, PyAny>> {
+pub fn show<'py>(
+    py: Python<'py>,
+    tree: &Tree,
+    references: &References,
+) -> PyResult<Bound<'py, PyAny>> {
     match tree {
         Tree::Id("TextureId", number) => match references.textures.get(*number as usize) {
             Some(texture) => Ok(texture.clone_ref(py).into_pyobject(py)?.into_any()),
@@ -431,13 +482,15 @@ pub fn show<'py>(py: Python<'py>, tree: &Tree, references: &References) -> PyRes
             None => tree.plain(py),
         },
         Tree::List(items) => {
-            let items: Vec<_> = items.iter().map(|item| show(py, item, references)).collect::<PyResult<_>>()?;
+            let items: Vec<_> =
+                items.iter().map(|item| show(py, item, references)).collect::<PyResult<_>>()?;
             Ok(PyTuple::new(py, items)?.into_any())
         }
         Tree::Fields(fields) => {
             // What is as one says it is shown so: a constant, a texture, one of its channels.
-            let is_bare =
-                |(key, value): &(String, Tree)| matches!(&**key, "factor" | "texture") || *value == Tree::Nothing;
+            let is_bare = |(key, value): &(String, Tree)| {
+                matches!(&**key, "factor" | "texture") || *value == Tree::Nothing
+            };
             match (textured(tree).filter(|_| fields.iter().all(is_bare)), tree.get("texture")) {
                 (Some(factor), Some(Tree::Nothing)) => return show(py, factor, references),
                 (Some(factor), Some(texture)) if is_neutral(factor) => match texture {

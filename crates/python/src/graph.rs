@@ -1,7 +1,8 @@
 //! From what a scene holds to the scene graph that is rendered and saved.
 //!
-//! Objects become nodes below the root, instanced scenes nodes with several parents. A scene that was read from a file and whose objects were
-//! not changed is the file's own graph. What instanced scenes have in their tables is added to those of the scene that holds them.
+//! Objects become nodes below the root, instanced scenes nodes with several parents. A scene that
+//! was read from a file and whose objects were not changed is the file's own graph. What instanced
+//! scenes have in their tables is added to those of the scene that holds them.
 
 use crate::contents::{Contents, Kind, Nodes, Object};
 use crate::tree;
@@ -51,7 +52,10 @@ impl Writer {
                 Kind::Mesh(mesh) => {
                     let (mesh, own) = mesh.rendered();
                     node.transform = *placed.compose(&own).matrix();
-                    node.surfaces.push(Surface { geometry: Geometry::Mesh(mesh), materials: materials(object) });
+                    node.surfaces.push(Surface {
+                        geometry: Geometry::Mesh(mesh),
+                        materials: materials(object),
+                    });
                 }
                 Kind::Shape(shape) => {
                     let geometry = Geometry::Shape(shape.clone());
@@ -75,7 +79,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Puts a scene into a node. One that is a single mesh is put as a surface: a mesh may be used twice, too.
+    /// Puts a scene into a node. One that is a single mesh is put as a surface: a mesh may be used
+    /// twice, too.
     fn instance(&mut self, node: &mut Node, child: &Arc<Contents>) -> Result<(), String> {
         let mut objects = child.objects();
         if let (Some((_, Object { kind: Kind::Mesh(mesh), transform: None, materials, .. })), None) =
@@ -105,9 +110,11 @@ impl Writer {
     fn spheres(&mut self, spheres: &Spheres) -> Vec<NodeId> {
         let mut shapes: BTreeMap<u32, Arc<AnyShape>> = BTreeMap::new();
         let each = spheres.spheres.iter().map(|s| {
-            let shape =
-                shapes.entry(s.w.to_bits()).or_insert_with(|| Arc::new(Sphere { radius: f64::from(s.w) }.into()));
-            let transform = DAffine3::from_translation(DVec3::from(s.truncate().to_array().map(f64::from)));
+            let shape = shapes
+                .entry(s.w.to_bits())
+                .or_insert_with(|| Arc::new(Sphere { radius: f64::from(s.w) }.into()));
+            let transform =
+                DAffine3::from_translation(DVec3::from(s.truncate().to_array().map(f64::from)));
             let surfaces = vec![Surface::new(Geometry::Shape(shape.clone()))];
             self.scene.add_node(Node { transform, surfaces, ..Node::default() })
         });

@@ -12,7 +12,8 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
 use snell_formats::image::compare::{BYTES_PER_PIXEL, CompareOptions, LinearImage, compare};
 use snell_formats::image::{
-    Display, Tonemap, WriteOptions, display_value, encode_image_as, encoder_bytes, read_layers, write_image,
+    Display, Tonemap, WriteOptions, display_value, encode_image_as, encoder_bytes, read_layers,
+    write_image,
 };
 use snell_formats::{Input, ReadOptions, WriteError};
 use snell_render::IntegratorKind;
@@ -40,7 +41,9 @@ impl Look {
         let mut display = self.0;
         if let Some(stops) = exposure {
             if stops.is_nan() || stops.abs() > 100.0 {
-                return Err(PyValueError::new_err(format!("exposure is {stops}, expected stops from -100 to 100")));
+                return Err(PyValueError::new_err(format!(
+                    "exposure is {stops}, expected stops from -100 to 100"
+                )));
             }
             display.exposure = stops;
         }
@@ -53,13 +56,15 @@ impl Look {
 
 /// A picture: linear light, pixel by pixel, with any number of extra layers.
 ///
-/// NumPy sees it as an array `(height, width, channels)` of float32, rows from the top: linear Rec. 709 red, green and blue, and alpha
-/// (premultiplied) if it is transparent somewhere. Notebooks show it. It never changes.
+/// NumPy sees it as an array `(height, width, channels)` of float32, rows from the top: linear Rec.
+/// 709 red, green and blue, and alpha (premultiplied) if it is transparent somewhere. Notebooks
+/// show it. It never changes.
 ///
 /// Parameters
 /// ----------
 /// pixels : array (height, width), (height, width, 3) or (height, width, 4)
-///     Real numbers: linear light, not what a screen is sent. Integers are taken as they are: 8-bit values want a division by 255 and the sRGB curve.
+///     Real numbers: linear light, not what a screen is sent. Integers are taken as they are: 8-bit
+///     values want a division by 255 and the sRGB curve.
 ///
 /// Examples
 /// --------
@@ -80,7 +85,11 @@ pub struct Image {
 }
 
 /// A layer as an array. Ids are whole numbers; one channel needs no axis.
-fn layer_array<'py>(py: Python<'py>, image: &LayeredImage, layer: &Layer) -> PyResult<Bound<'py, PyAny>> {
+fn layer_array<'py>(
+    py: Python<'py>,
+    image: &LayeredImage,
+    layer: &Layer,
+) -> PyResult<Bound<'py, PyAny>> {
     let (width, height) = (image.width as usize, image.height as usize);
     admit_all("the array", layer.values.len(), size_of::<f32>())?;
     let made = match layer.channels.len() {
@@ -98,7 +107,12 @@ fn layer_array<'py>(py: Python<'py>, image: &LayeredImage, layer: &Layer) -> PyR
 
 impl Image {
     /// A picture that was made.
-    pub fn new(picture: LayeredImage, variance: Option<LayeredImage>, look: Look, facts: Py<PyDict>) -> Self {
+    pub fn new(
+        picture: LayeredImage,
+        variance: Option<LayeredImage>,
+        look: Look,
+        facts: Py<PyDict>,
+    ) -> Self {
         Self {
             picture: Arc::new(picture),
             variance: variance.map(Arc::new),
@@ -126,11 +140,14 @@ impl Image {
     }
 
     fn written_metadata(&self, py: Python<'_>) -> PyResult<Vec<(String, String)>> {
-        let mut all = vec![("Software".to_string(), format!("Snell {}", env!("CARGO_PKG_VERSION")))];
+        let mut all =
+            vec![("Software".to_string(), format!("Snell {}", env!("CARGO_PKG_VERSION")))];
         for (key, value) in self.facts.bind(py) {
             let (key, value) = (key.extract::<String>()?, value.str()?.extract::<String>()?);
             // Not of the picture but of the run.
-            if !["seconds", "warnings", "is_complete", "estimated_memory_bytes", "Software"].contains(&key.as_str()) {
+            if !["seconds", "warnings", "is_complete", "estimated_memory_bytes", "Software"]
+                .contains(&key.as_str())
+            {
                 all.push((key, value));
             }
         }
@@ -151,7 +168,8 @@ fn read_pixels(value: &Bound<'_, PyAny>, name: &str) -> PyResult<LayeredImage> {
     if !fits(height) || !fits(width) {
         let found = shown(array.shape());
         return Err(PyValueError::new_err(format!(
-            "{name}: shape is {found}, expected (height, width), (height, width, 3) or (height, width, 4), sides from 1 to 65536"
+            "{name}: shape is {found}, expected (height, width), (height, width, 3) or (height, \
+                width, 4), sides from 1 to 65536"
         )));
     }
     admit_all("the picture", height * width * channels.max(3), 2 * size_of::<f32>())?;
@@ -171,10 +189,16 @@ fn read_pixels(value: &Bound<'_, PyAny>, name: &str) -> PyResult<LayeredImage> {
 impl Image {
     #[new]
     fn py_new(py: Python<'_>, pixels: &Bound<'_, PyAny>) -> PyResult<Self> {
-        Ok(Self::new(read_pixels(pixels, "pixels")?, None, Look::default(), PyDict::new(py).unbind()))
+        Ok(Self::new(
+            read_pixels(pixels, "pixels")?,
+            None,
+            Look::default(),
+            PyDict::new(py).unbind(),
+        ))
     }
 
-    /// Reads a picture: OpenEXR with its layers, PNG, JPEG, Radiance HDR and others, whose values are made linear.
+    /// Reads a picture: OpenEXR with its layers, PNG, JPEG, Radiance HDR and others, whose values
+    /// are made linear.
     ///
     /// Examples
     /// --------
@@ -214,10 +238,14 @@ impl Image {
     /// The shape of :attr:`pixels`.
     #[getter]
     fn shape<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, [self.height() as usize, self.width() as usize, self.main().channels.len()])
+        PyTuple::new(
+            py,
+            [self.height() as usize, self.width() as usize, self.main().channels.len()],
+        )
     }
 
-    /// The linear values, `(height, width, 3)` or `(height, width, 4)`, float32, read-only: what `np.asarray(image)` gives.
+    /// The linear values, `(height, width, 3)` or `(height, width, 4)`, float32, read-only: what
+    /// `np.asarray(image)` gives.
     #[getter]
     fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let make = || {
@@ -232,8 +260,8 @@ impl Image {
         Ok(self.array.get_or_try_init(py, make)?.bind(py).clone())
     }
 
-    /// The extra layers by name: read-only arrays `(height, width)`, or `(height, width, channels)` for more than one channel. Ids are int32,
-    /// -1 where there is nothing; all else is float32.
+    /// The extra layers by name: read-only arrays `(height, width)`, or `(height, width, channels)`
+    /// for more than one channel. Ids are int32, -1 where there is nothing; all else is float32.
     #[getter]
     fn aovs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let make = || {
@@ -246,10 +274,14 @@ impl Image {
         Ok(self.layers.get_or_try_init(py, make)?.bind(py).clone())
     }
 
-    /// The variance of each of :attr:`pixels` as an estimate, of the same shape; None for a picture that was not rendered.
+    /// The variance of each of :attr:`pixels` as an estimate, of the same shape; None for a picture
+    /// that was not rendered.
     #[getter]
     fn variance<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        self.variance.as_ref().map(|variance| layer_array(py, variance, &variance.layers[0])).transpose()
+        self.variance
+            .as_ref()
+            .map(|variance| layer_array(py, variance, &variance.layers[0]))
+            .transpose()
     }
 
     /// How the picture was made, or what its file says: a dictionary.
@@ -279,7 +311,8 @@ impl Image {
         }
     }
 
-    /// What a screen shows: an array `(height, width, 3)` or `(height, width, 4)` of uint8, with the sRGB curve.
+    /// What a screen shows: an array `(height, width, 3)` or `(height, width, 4)` of uint8, with
+    /// the sRGB curve.
     ///
     /// Parameters
     /// ----------
@@ -308,16 +341,22 @@ impl Image {
             let pixel = |p: &[f32]| {
                 let alpha = if count == 4 { p[3].clamp(0.0, 1.0) } else { 1.0 };
                 let straight = |x: f32| if alpha > 0.0 { x / alpha } else { 0.0 };
-                let [r, g, b] = display_value([straight(p[0]), straight(p[1]), straight(p[2])], &display).map(level);
+                let [r, g, b] =
+                    display_value([straight(p[0]), straight(p[1]), straight(p[2])], &display)
+                        .map(level);
                 [r, g, b, level(alpha)]
             };
-            self.main().values.chunks(count).flat_map(|p| pixel(p).into_iter().take(count)).collect()
+            self.main()
+                .values
+                .chunks(count)
+                .flat_map(|p| pixel(p).into_iter().take(count))
+                .collect()
         });
         from_vec(py, bytes, &[self.height() as usize, self.width() as usize, count])
     }
 
-    /// Writes the picture; the extension decides the format: `.exr` keeps linear light and all layers, `.hdr` and `.pfm` linear light, `.png`, `.jpg`
-    /// and `.ppm` what a screen shows.
+    /// Writes the picture; the extension decides the format: `.exr` keeps linear light and all
+    /// layers, `.hdr` and `.pfm` linear light, `.png`, `.jpg` and `.ppm` what a screen shows.
     ///
     /// Parameters
     /// ----------
@@ -358,7 +397,10 @@ impl Image {
         };
         let display = self.look.with(exposure, tonemap)?.0;
         let options = WriteOptions { display, png_bits, exr_half: half, ..WriteOptions::default() };
-        self.admit_file(&path.extension().unwrap_or_default().to_string_lossy().to_lowercase(), png_bits)?;
+        self.admit_file(
+            &path.extension().unwrap_or_default().to_string_lossy().to_lowercase(),
+            png_bits,
+        )?;
         let mut picture = Arc::unwrap_or_clone(self.picture.clone());
         if let Some(of) = self.variance.as_ref().filter(|_| variance) {
             picture.layers.push(Layer { name: "variance".into(), ..of.layers[0].clone() });
@@ -386,7 +428,8 @@ impl Image {
         if let Some(samples) = self.facts.bind(py).get_item("samples")? {
             text += &format!(", {samples} samples each");
         }
-        let layers: Vec<_> = self.picture.layers[1..].iter().map(|layer| layer.name.as_str()).collect();
+        let layers: Vec<_> =
+            self.picture.layers[1..].iter().map(|layer| layer.name.as_str()).collect();
         if !layers.is_empty() {
             text += &format!(", with {}", layers.join(", "));
         }
@@ -401,12 +444,19 @@ impl Image {
         slf
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let restore = py.import("snell._snell")?.getattr("_restore_image")?;
         let variance = self.variance.as_ref().map(|v| stored(py, v)).transpose()?;
         let Display { exposure, tonemap, srgb } = self.look.0;
         let look = (exposure, tonemap.name(), srgb);
-        Ok((restore, (stored(py, &self.picture)?, variance, look, self.facts.clone_ref(py)).into_pyobject(py)?))
+        Ok((
+            restore,
+            (stored(py, &self.picture)?, variance, look, self.facts.clone_ref(py))
+                .into_pyobject(py)?,
+        ))
     }
 }
 
@@ -430,11 +480,16 @@ fn restored((width, height, stored): Stored<'_>) -> PyResult<LayeredImage> {
         let expected = width as usize * height as usize * channels.len();
         if values.len() != expected {
             let found = values.len();
-            return Err(PyValueError::new_err(format!("layer {name:?} has {found} values, expected {expected}")));
+            return Err(PyValueError::new_err(format!(
+                "layer {name:?} has {found} values, expected {expected}"
+            )));
         }
         layers.push(Layer { name, channels, values });
     }
-    if width == 0 || height == 0 || !layers.first().is_some_and(|main| matches!(main.channels.len(), 3 | 4)) {
+    if width == 0
+        || height == 0
+        || !layers.first().is_some_and(|main| matches!(main.channels.len(), 3 | 4))
+    {
         return Err(PyValueError::new_err("this is not a stored picture"));
     }
     Ok(LayeredImage { width, height, layers, metadata: Vec::new() })

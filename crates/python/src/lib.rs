@@ -1,8 +1,9 @@
 //! The Rust half of the Python package `snell`: NumPy arrays in, hits out.
 //!
-//! One exposed concept per file. [`scene`] is the class that is asked; [`contents`] is what it holds, [`state`] the worlds made of that by
-//! [`assemble`]; [`rays`] and [`arrays`] read arguments, [`query`] and [`nearest`] answer, [`answers`] hands the answers out; [`work`] has
-//! the threads. The Python half is in `python/snell`.
+//! One exposed concept per file. [`scene`] is the class that is asked; [`contents`] is what it
+//! holds, [`state`] the worlds made of that by [`assemble`]; [`rays`] and [`arrays`] read
+//! arguments, [`query`] and [`nearest`] answer, [`answers`] hands the answers out; [`work`] has the
+//! threads. The Python half is in `python/snell`.
 
 #![forbid(unsafe_code)]
 

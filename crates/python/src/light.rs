@@ -45,7 +45,9 @@ impl Declared for Value {
     }
 
     fn settle(self) -> PyResult<Self> {
-        let Tree::Fields(mut fields) = Tree::of(&self).map_err(PyTypeError::new_err)? else { return Ok(self) };
+        let Tree::Fields(mut fields) = Tree::of(&self).map_err(PyTypeError::new_err)? else {
+            return Ok(self);
+        };
         for name in self.directions() {
             for (key, value) in fields.iter_mut().filter(|(key, _)| key == name) {
                 *value = unit(value, key)?;
@@ -66,7 +68,9 @@ fn unit(value: &Tree, name: &str) -> PyResult<Tree> {
     };
     let length = numbers.iter().map(|x| x * x).sum::<f64>().sqrt();
     if !(length > 0.0 && length.is_finite()) {
-        return Err(PyValueError::new_err(format!("{name} is {numbers:?}, expected a direction that is not 0")));
+        return Err(PyValueError::new_err(format!(
+            "{name} is {numbers:?}, expected a direction that is not 0"
+        )));
     }
     // What is of unit length stays as it is.
     let scale = if (length - 1.0).abs() < 1e-12 { 1.0 } else { 1.0 / length };

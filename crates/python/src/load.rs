@@ -1,7 +1,7 @@
 //! Files as scenes: the surfaces of any file that Snell reads.
 //!
-//! A node with one parent is folded into the scene, its surfaces with the map from their node; a node or mesh that is used several times
-//! is a scene of its own, instanced.
+//! A node with one parent is folded into the scene, its surfaces with the map from their node; a
+//! node or mesh that is used several times is a scene of its own, instanced.
 
 use crate::contents::{Contents, Kind, Nodes, Object, Slot};
 use crate::memory::admit_all;
@@ -21,12 +21,14 @@ use std::sync::Arc;
 
 /// The scene of a file: everything that rays can meet, its materials, lights and cameras.
 ///
-/// Reads what `snell formats` lists: OBJ, PLY, STL, glTF and others. Objects are named as in the file.
+/// Reads what `snell formats` lists: OBJ, PLY, STL, glTF and others. Objects are named as in the
+/// file.
 ///
 /// Parameters
 /// ----------
 /// path : str or os.PathLike
-///     A file, or, where there is none of that name, a scene that is built in: `"cornell-box"` and what `snell scenes` lists.
+///     A file, or, where there is none of that name, a scene that is built in: `"cornell-box"` and
+///     what `snell scenes` lists.
 /// threads : int, optional
 ///     Threads that work on it. Default: one per core.
 ///
@@ -49,7 +51,8 @@ pub fn load(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<S
     let scene = run_to_end_on(py, Threads::new(threads)?, move || {
         let scene = match built_in {
             Some(scene) => scene,
-            None => read_scene(&path, &ReadOptions::default()).map_err(|e| PyValueError::new_err(e.to_string()))?,
+            None => read_scene(&path, &ReadOptions::default())
+                .map_err(|e| PyValueError::new_err(e.to_string()))?,
         };
         check_memory(&scene)?;
         fold(scene).map_err(PyValueError::new_err)
@@ -67,11 +70,16 @@ pub fn check_there(path: &Path) -> PyResult<()> {
     Err(PyOSError::new_err((number, error.to_string(), shown)))
 }
 
-/// An error if there is no memory for the objects of a scene graph: one for each surface, and at most one for each place of
-/// a node. Their list doubles when it grows.
+/// An error if there is no memory for the objects of a scene graph: one for each surface, and at
+/// most one for each place of a node. Their list doubles when it grows.
 fn check_memory(scene: &Graph) -> PyResult<()> {
-    let objects: usize = scene.nodes.iter().map(|node| node.surfaces.len() + node.children.len()).sum();
-    admit_all("the list of the scene's objects", objects, 3 * size_of::<Slot>() + size_of::<Option<MaterialId>>())
+    let objects: usize =
+        scene.nodes.iter().map(|node| node.surfaces.len() + node.children.len()).sum();
+    admit_all(
+        "the list of the scene's objects",
+        objects,
+        3 * size_of::<Slot>() + size_of::<Option<MaterialId>>(),
+    )
 }
 
 /// What a scene graph holds.
@@ -103,7 +111,9 @@ type MeshUse = (*const TriangleMesh, Vec<Option<MaterialId>>);
 /// The material of each slot of a surface.
 fn slots(surface: &Surface, inherited: Option<MaterialId>) -> Vec<Option<MaterialId>> {
     let count = match &surface.geometry {
-        Geometry::Mesh(mesh) => mesh.material_slots.iter().max().map_or(1, |&slot| usize::from(slot) + 1),
+        Geometry::Mesh(mesh) => {
+            mesh.material_slots.iter().max().map_or(1, |&slot| usize::from(slot) + 1)
+        }
         Geometry::Shape(_) | Geometry::Curves(_) => 1,
     };
     let own = |slot: usize| surface.materials.get(slot).copied().flatten();
@@ -124,7 +134,8 @@ impl<'a> Folder<'a> {
                 }
             }
         }
-        let mut folder = Self { scene, parents, uses, nodes: HashMap::new(), meshes: HashMap::new(), stage };
+        let mut folder =
+            Self { scene, parents, uses, nodes: HashMap::new(), meshes: HashMap::new(), stage };
         // Children come before parents.
         for id in order.into_iter().filter(|&id| id != scene.root) {
             if folder.parents[id.index()] > 1 {
@@ -155,12 +166,18 @@ impl<'a> Folder<'a> {
                 let name = (!node.name.is_empty()).then(|| node.name.clone());
                 Object { materials, ..Object::new(kind, transform, name) }
             };
-            let mut add = |object| contents.add(object).map_err(|_| "the file is nested too deep".to_string());
+            let mut add = |object| {
+                contents.add(object).map_err(|_| "the file is nested too deep".to_string())
+            };
             for surface in &node.surfaces {
                 let materials = slots(surface, material);
                 match &surface.geometry {
-                    Geometry::Shape(shape) => add(named(Kind::Shape(shape.clone()), transform, materials))?,
-                    Geometry::Curves(curves) => add(named(Kind::Curves(curves.clone()), transform, materials))?,
+                    Geometry::Shape(shape) => {
+                        add(named(Kind::Shape(shape.clone()), transform, materials))?
+                    }
+                    Geometry::Curves(curves) => {
+                        add(named(Kind::Curves(curves.clone()), transform, materials))?
+                    }
                     Geometry::Mesh(mesh) if self.uses[&Arc::as_ptr(mesh)] > 1 => {
                         let key = (Arc::as_ptr(mesh), materials.clone());
                         let shared = self.meshes.entry(key).or_insert_with(|| {
@@ -172,14 +189,20 @@ impl<'a> Folder<'a> {
                         });
                         add(named(Kind::Instance(shared.clone()), transform, vec![material]))?
                     }
-                    Geometry::Mesh(mesh) => {
-                        add(named(Kind::Mesh(Arc::new(Mesh::read(mesh, &placed))), None, materials))?
-                    }
+                    Geometry::Mesh(mesh) => add(named(
+                        Kind::Mesh(Arc::new(Mesh::read(mesh, &placed))),
+                        None,
+                        materials,
+                    ))?,
                 };
             }
             // Reversed, so that the first child is folded first.
             for &child in node.children.iter().rev() {
-                let Some(node_from_child) = Transform::new(self.scene.nodes[child.index()].transform) else { continue };
+                let Some(node_from_child) =
+                    Transform::new(self.scene.nodes[child.index()].transform)
+                else {
+                    continue;
+                };
                 let placed = placed.compose(&node_from_child);
                 match self.nodes.get(&child) {
                     Some(shared) => {

@@ -11,17 +11,20 @@ use snell_scene::material::{MaterialKind, OpenPbr};
 declared_class! {
     /// What light does at a surface.
     ///
-    /// A colour is a number (grey), three numbers (linear Rec. 709), `"#rrggbb"` (sRGB) or a :class:`Texture`; a number may be a channel of a texture. A
-    /// dictionary says both: `{"factor": 0.5, "texture": texture}`. :data:`MATERIALS` lists the kinds and their parameters.
+    /// A colour is a number (grey), three numbers (linear Rec. 709), `"#rrggbb"` (sRGB) or a
+    /// :class:`Texture`; a number may be a channel of a texture. A dictionary says both:
+    /// `{"factor": 0.5, "texture": texture}`. :data:`MATERIALS` lists the kinds and their
+    /// parameters.
     ///
     /// Parameters
     /// ----------
     /// kind : str
     ///     Such as `"diffuse"` or `"metallic-roughness"`.
     /// **parameters
-    ///     Those of the kind, and of all kinds: `name`, `emission` (radiance, W / (m^2 sr)), `alpha`, `alpha_mode` (`"opaque"`, `"blend"` or
-    ///     `{"mask": cutoff}`), `double_sided`, `normal_map` (a texture) and others. What an `"open-pbr"` says of emission, opacity and normals
-    ///     goes before these.
+    ///     Those of the kind, and of all kinds: `name`, `emission` (radiance, W / (m^2 sr)),
+    ///     `alpha`, `alpha_mode` (`"opaque"`, `"blend"` or `{"mask": cutoff}`), `double_sided`,
+    ///     `normal_map` (a texture) and others. What an `"open-pbr"` says of emission, opacity and
+    ///     normals goes before these.
     ///
     /// Examples
     /// --------

@@ -12,8 +12,8 @@ use snell_scene::medium::{ColorGrid, Medium as Value, ScalarGrid};
 use std::sync::Arc;
 
 declared_class! {
-    /// What light meets between surfaces: fog, smoke, milk. It fills the inside of a closed surface, as the `interior` of its material, or all of the
-    /// scene, as :attr:`Scene.medium`.
+    /// What light meets between surfaces: fog, smoke, milk. It fills the inside of a closed
+    /// surface, as the `interior` of its material, or all of the scene, as :attr:`Scene.medium`.
     ///
     /// Parameters
     /// ----------
@@ -22,14 +22,15 @@ declared_class! {
     /// **parameters
     ///     Those of the kind. Coefficients are per unit of length of the scene.
     ///
-    /// Notes
-    /// -----
-    /// A `"grid"` has a `density`, an array of the shape (z, y, x) whose numbers stand at the middles of their cells, are joined by straight lines, and
-    /// multiply `sigma_a` and `sigma_s`. Cells fill the box between two corners, `bounds`, or the unit cube mapped by the matrix `world_from_grid`.
-    /// `sigma_a_tint`, `sigma_s_tint` and `emission_tint`, of the shape (z, y, x, 3) or (z, y, x), are factors of each colour. What shines is
-    /// `emission`, times the `density` or, if it is there, `emission_scale`, in the colour of a black body where there is a `temperature` (kelvin).
-    /// Arrays may be of different sizes; what is negative or not a number counts as 0. Media lie in the scene's coordinates: they do not move with the
-    /// surface around them.
+    /// Notes ----- A `"grid"` has a `density`, an array of the shape (z, y, x) whose numbers stand
+    /// at the middles of their cells, are joined by straight lines, and multiply `sigma_a` and
+    /// `sigma_s`. Cells fill the box between two corners, `bounds`, or the unit cube mapped by the
+    /// matrix `world_from_grid`. `sigma_a_tint`, `sigma_s_tint` and `emission_tint`, of the shape
+    /// (z, y, x, 3) or (z, y, x), are factors of each colour. What shines is `emission`, times the
+    /// `density` or, if it is there, `emission_scale`, in the colour of a black body where there is
+    /// a `temperature` (kelvin). Arrays may be of different sizes; what is negative or not a number
+    /// counts as 0. Media lie in the scene's coordinates: they do not move with the surface around
+    /// them.
     ///
     /// Examples
     /// --------
@@ -39,14 +40,11 @@ declared_class! {
     ///
     /// A cloud from an array, in a box without a surface:
     ///
-    /// >>> import numpy as np
-    /// >>> z, y, x = np.mgrid[-1:1:32j, -1:1:32j, -1:1:32j]
-    /// >>> smoke = snell.Medium("grid", density=np.exp(-4 * (x**2 + y**2 + z**2)), sigma_s=5, bounds=[(-1, -1, -1), (1, 1, 1)])
-    /// >>> smoke.density.shape
-    /// (32, 32, 32)
-    /// >>> scene = snell.Scene()
-    /// >>> scene.add_shape("box", min=(-1, -1, -1), max=(1, 1, 1), material=snell.Material("interface", interior=smoke))
-    /// 0
+    /// >>> import numpy as np >>> z, y, x = np.mgrid[-1:1:32j, -1:1:32j, -1:1:32j] >>> smoke =
+    /// snell.Medium("grid", density=np.exp(-4 * (x**2 + y**2 + z**2)), sigma_s=5,
+    /// bounds=[(-1, -1, -1), (1, 1, 1)]) >>> smoke.density.shape (32, 32, 32) >>> scene =
+    /// snell.Scene() >>> scene.add_shape("box", min=(-1, -1, -1), max=(1, 1, 1),
+    /// material=snell.Material("interface", interior=smoke)) 0
     Medium of Value, restored by _restore_medium;
 
     /// The same medium but for some parameters.
@@ -93,13 +91,27 @@ impl Declared for Value {
         };
         match (self, name) {
             (Self::Grid(grid), "density") => grid.density = Arc::new(scalars(value, name)?),
-            (Self::Grid(grid), "emission_scale") => grid.emission_scale = Some(Arc::new(scalars(value, name)?)),
-            (Self::Grid(grid), "temperature") => grid.temperature = Some(Arc::new(scalars(value, name)?)),
-            (Self::Grid(grid), "sigma_a_tint") => grid.sigma_a_tint = Some(Arc::new(colors(value, name)?)),
-            (Self::Grid(grid), "sigma_s_tint") => grid.sigma_s_tint = Some(Arc::new(colors(value, name)?)),
-            (Self::Grid(grid), "emission_tint") => grid.emission_tint = Some(Arc::new(colors(value, name)?)),
-            (Self::Grid(grid), "world_from_grid" | "bounds") => grid.world_from_grid = place(value)?,
-            (Self::Cloud(cloud), "world_from_cloud" | "bounds") => cloud.world_from_cloud = place(value)?,
+            (Self::Grid(grid), "emission_scale") => {
+                grid.emission_scale = Some(Arc::new(scalars(value, name)?))
+            }
+            (Self::Grid(grid), "temperature") => {
+                grid.temperature = Some(Arc::new(scalars(value, name)?))
+            }
+            (Self::Grid(grid), "sigma_a_tint") => {
+                grid.sigma_a_tint = Some(Arc::new(colors(value, name)?))
+            }
+            (Self::Grid(grid), "sigma_s_tint") => {
+                grid.sigma_s_tint = Some(Arc::new(colors(value, name)?))
+            }
+            (Self::Grid(grid), "emission_tint") => {
+                grid.emission_tint = Some(Arc::new(colors(value, name)?))
+            }
+            (Self::Grid(grid), "world_from_grid" | "bounds") => {
+                grid.world_from_grid = place(value)?
+            }
+            (Self::Cloud(cloud), "world_from_cloud" | "bounds") => {
+                cloud.world_from_cloud = place(value)?
+            }
             _ => return Err(PyTypeError::new_err(format!("there is no array {name:?}"))),
         }
         Ok(())
@@ -107,8 +119,12 @@ impl Declared for Value {
 
     fn array<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
         let place = |map: &DAffine3| Transform::new(*map).map(|map| matrix(py, &map)).transpose();
-        let of_colors = |tint: &Option<Arc<ColorGrid>>| tint.as_ref().map(|tint| of_colors(py, tint)).transpose();
-        let of = |grid: &Option<Arc<ScalarGrid>>| grid.as_ref().map(|grid| of_scalars(py, grid)).transpose();
+        let of_colors = |tint: &Option<Arc<ColorGrid>>| {
+            tint.as_ref().map(|tint| of_colors(py, tint)).transpose()
+        };
+        let of = |grid: &Option<Arc<ScalarGrid>>| {
+            grid.as_ref().map(|grid| of_scalars(py, grid)).transpose()
+        };
         match (self, name) {
             (Self::Grid(grid), "density") => of_scalars(py, &grid.density).map(Some),
             (Self::Grid(grid), "emission_scale") => of(&grid.emission_scale),
@@ -132,8 +148,13 @@ impl Declared for Value {
     }
 }
 
-/// The numbers of an array of the shape `(z, y, x)`, or of one with a colour for each cell, and the cells along x, y and z.
-fn numbers(value: &Bound<'_, PyAny>, name: &str, with_colors: bool) -> PyResult<(Vec<f32>, [usize; 3], usize)> {
+/// The numbers of an array of the shape `(z, y, x)`, or of one with a colour for each cell, and the
+/// cells along x, y and z.
+fn numbers(
+    value: &Bound<'_, PyAny>,
+    name: &str,
+    with_colors: bool,
+) -> PyResult<(Vec<f32>, [usize; 3], usize)> {
     let array = array(value, name)?;
     is_double(&array, name)?;
     let (size, channels) = match *array.shape() {
@@ -142,7 +163,9 @@ fn numbers(value: &Bound<'_, PyAny>, name: &str, with_colors: bool) -> PyResult<
         _ => {
             let expected = if with_colors { "(z, y, x, 3) or (z, y, x)" } else { "(z, y, x)" };
             let found = shown(array.shape());
-            return Err(PyValueError::new_err(format!("{name}: shape is {found}, expected {expected}")));
+            return Err(PyValueError::new_err(format!(
+                "{name}: shape is {found}, expected {expected}"
+            )));
         }
     };
     if size.contains(&0) {
@@ -180,14 +203,18 @@ fn bounds(value: &Bound<'_, PyAny>) -> PyResult<DAffine3> {
     is_double(&array, "bounds")?;
     if *array.shape() != [2, 3] {
         let found = shown(array.shape());
-        return Err(PyValueError::new_err(format!("bounds: shape is {found}, expected (2, 3): two corners")));
+        return Err(PyValueError::new_err(format!(
+            "bounds: shape is {found}, expected (2, 3): two corners"
+        )));
     }
     let corners = contiguous::<f64>(&array)?;
     let corners = slice(&corners)?;
     let (low, high) = (DVec3::from_slice(&corners[..3]), DVec3::from_slice(&corners[3..]));
     if !(low.is_finite() && high.is_finite() && high.cmpgt(low).all()) {
         let [low, high] = [low, high].map(|c| c.to_array());
-        return Err(PyValueError::new_err(format!("bounds are {low:?} and {high:?}, expected the lower corner first")));
+        return Err(PyValueError::new_err(format!(
+            "bounds are {low:?} and {high:?}, expected the lower corner first"
+        )));
     }
     Ok(DAffine3::from_translation(low) * DAffine3::from_scale(high - low))
 }

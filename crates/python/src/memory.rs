@@ -24,7 +24,8 @@ pub fn admit_all(what: &str, count: usize, bytes_of_each: usize) -> PyResult<()>
     admit(what, count as u64 * bytes_of_each as u64)
 }
 
-/// What a render takes beside the scene as Python has it: the scene once it is compiled, film and picture.
+/// What a render takes beside the scene as Python has it: the scene once it is compiled, film and
+/// picture.
 pub fn estimate(task: &Task, threads: usize) -> Estimate {
     picture(&task.settings, threads, task.denoiser.is_some()).with(of_scene(&task.prepared.scene))
 }
@@ -42,6 +43,8 @@ pub fn check_picture(settings: &Settings, threads: usize, denoise: bool) -> PyRe
     let what = format!("size: a picture of {width} by {height} pixels");
     available.admit(&what, estimate.bytes()).map_err(|problem| {
         let fits = estimate.advice(available.bytes);
-        PyMemoryError::new_err(format!("{problem}; {fits}: make it smaller, or render parts of it with crop"))
+        PyMemoryError::new_err(format!(
+            "{problem}; {fits}: make it smaller, or render parts of it with crop"
+        ))
     })
 }

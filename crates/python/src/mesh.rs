@@ -1,4 +1,5 @@
-//! Meshes of a scene, in the precision they were given in, with what rendering needs to know of them.
+//! Meshes of a scene, in the precision they were given in, with what rendering needs to know of
+//! them.
 
 use snell_intersect::{DTriangleMesh, TriangleMesh};
 use snell_math::{DVec3, Transform, Vec2, Vec3};
@@ -73,7 +74,11 @@ impl Mesh {
         match positions {
             Positions::Single(positions) => {
                 let mesh = mesh(false);
-                let made = mesh.single.set(Arc::new(TriangleMesh { positions, indices, ..TriangleMesh::default() }));
+                let made = mesh.single.set(Arc::new(TriangleMesh {
+                    positions,
+                    indices,
+                    ..TriangleMesh::default()
+                }));
                 debug_assert!(made.is_ok());
                 mesh
             }
@@ -82,7 +87,11 @@ impl Mesh {
                 let double = DTriangleMesh { positions, indices };
                 let bounds = double.bounds();
                 // Rounded, so that subtracting it from nearby vertices is exact.
-                mesh.center = if bounds.is_empty() { DVec3::ZERO } else { bounds.center().as_vec3().as_dvec3() };
+                mesh.center = if bounds.is_empty() {
+                    DVec3::ZERO
+                } else {
+                    bounds.center().as_vec3().as_dvec3()
+                };
                 let made = mesh.double.set(Arc::new(double));
                 debug_assert!(made.is_ok());
                 mesh
@@ -124,7 +133,11 @@ impl Mesh {
         self.single.get_or_init(|| {
             let double = self.double.get().cloned().unwrap_or_default();
             let positions = double.positions.iter().map(|p| p.as_vec3()).collect();
-            Arc::new(TriangleMesh { positions, indices: double.indices.clone(), ..TriangleMesh::default() })
+            Arc::new(TriangleMesh {
+                positions,
+                indices: double.indices.clone(),
+                ..TriangleMesh::default()
+            })
         })
     }
 
@@ -134,8 +147,13 @@ impl Mesh {
             return self.single();
         }
         self.centered.get_or_init(|| {
-            let positions = self.double().positions.iter().map(|p| (p - self.center).as_vec3()).collect();
-            Arc::new(TriangleMesh { positions, indices: self.indices().to_vec(), ..TriangleMesh::default() })
+            let positions =
+                self.double().positions.iter().map(|p| (p - self.center).as_vec3()).collect();
+            Arc::new(TriangleMesh {
+                positions,
+                indices: self.indices().to_vec(),
+                ..TriangleMesh::default()
+            })
         })
     }
 
@@ -144,12 +162,17 @@ impl Mesh {
         self.double.get_or_init(|| Arc::new(DTriangleMesh::from(&**self.single())))
     }
 
-    /// As it is rendered, with all attributes, and the map from there to the coordinates of the mesh.
+    /// As it is rendered, with all attributes, and the map from there to the coordinates of the
+    /// mesh.
     pub fn rendered(&self) -> (Arc<TriangleMesh>, Transform) {
         let Rendered { mesh, placed } = self.rendered.get_or_init(|| {
-            let Attributes { normals, uvs, second_uvs, colors, material_slots } = self.attributes.clone();
+            let Attributes { normals, uvs, second_uvs, colors, material_slots } =
+                self.attributes.clone();
             let bare = self.centered();
-            let is_bare = normals.is_empty() && uvs.is_empty() && colors.is_empty() && material_slots.is_empty();
+            let is_bare = normals.is_empty()
+                && uvs.is_empty()
+                && colors.is_empty()
+                && material_slots.is_empty();
             let mesh = if is_bare {
                 bare.clone()
             } else {

@@ -4,7 +4,12 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 /// The thing of this name.
-pub fn choice<T: Copy>(argument: &str, wanted: &str, all: &[T], name_of: impl Fn(T) -> &'static str) -> PyResult<T> {
+pub fn choice<T: Copy>(
+    argument: &str,
+    wanted: &str,
+    all: &[T],
+    name_of: impl Fn(T) -> &'static str,
+) -> PyResult<T> {
     if let Some(&found) = all.iter().find(|&&thing| name_of(thing) == wanted) {
         return Ok(found);
     }
@@ -14,11 +19,14 @@ pub fn choice<T: Copy>(argument: &str, wanted: &str, all: &[T], name_of: impl Fn
 
 /// The closest of some names to one that is not among them, as the end of a message.
 pub fn suggestion(name: &str, known: &[&str]) -> String {
-    let far = |known: &str| match name.is_empty() || !(known.starts_with(name) || name.starts_with(known)) {
+    let far = |known: &str| match name.is_empty()
+        || !(known.starts_with(name) || name.starts_with(known))
+    {
         true => distance(name, known),
         false => 1,
     };
-    let nearest = known.iter().filter(|known| !known.is_empty()).map(|known| (far(known), *known)).min();
+    let nearest =
+        known.iter().filter(|known| !known.is_empty()).map(|known| (far(known), *known)).min();
     match nearest {
         Some((far, nearest)) if far <= name.chars().count().div_ceil(3).max(1) => {
             format!("; did you mean {nearest:?}?")

@@ -1,4 +1,5 @@
-//! Nearest points, and which side of the surfaces points are on: each precision asks the world that rays of it ask.
+//! Nearest points, and which side of the surfaces points are on: each precision asks the world that
+//! rays of it ask.
 
 use crate::precision::Found;
 use numpy::Element;
@@ -32,9 +33,13 @@ pub trait PointPrecision: crate::precision::Precision + Element {
 impl PointPrecision for f32 {
     fn nearest(world: &World, point: [f32; 3], limit: f32, mask: u32) -> Nearest<f32> {
         let (point, mut nearest) = ([Vec3::from_array(point)], [NearestPoint::NONE]);
-        world.nearest_point(Points { max_distance: limit, mask, ..Points::new(&point) }, &mut nearest);
+        world.nearest_point(
+            Points { max_distance: limit, mask, ..Points::new(&point) },
+            &mut nearest,
+        );
         let NearestPoint { distance, position, uv, instance, geometry, primitive } = nearest[0];
-        let found = Found { t: distance, uv: uv.to_array(), occurrence: instance, geometry, primitive };
+        let found =
+            Found { t: distance, uv: uv.to_array(), occurrence: instance, geometry, primitive };
         let position = if nearest[0].is_found() { position } else { Vec3::NAN };
         Nearest { found, position: position.to_array() }
     }
@@ -59,9 +64,13 @@ impl PointPrecision for f32 {
 impl PointPrecision for f64 {
     fn nearest(world: &DWorld, point: [f64; 3], limit: f64, mask: u32) -> Nearest<f64> {
         let (point, mut nearest) = ([DVec3::from_array(point)], [DNearestPoint::NONE]);
-        world.nearest_point(Points { max_distance: limit, mask, ..Points::of_doubles(&point) }, &mut nearest);
+        world.nearest_point(
+            Points { max_distance: limit, mask, ..Points::of_doubles(&point) },
+            &mut nearest,
+        );
         let DNearestPoint { distance, position, uv, instance, geometry, primitive } = nearest[0];
-        let found = Found { t: distance, uv: uv.to_array(), occurrence: instance, geometry, primitive };
+        let found =
+            Found { t: distance, uv: uv.to_array(), occurrence: instance, geometry, primitive };
         let position = if nearest[0].is_found() { position } else { DVec3::NAN };
         Nearest { found, position: position.to_array() }
     }

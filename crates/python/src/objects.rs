@@ -17,16 +17,25 @@ fn rows(array: &Bound<'_, PyUntypedArray>, width: usize, name: &str) -> PyResult
         &[n, w] if w == width => Ok(n),
         // Nothing at all, as `[]` is.
         [0] => Ok(0),
-        found => Err(PyValueError::new_err(format!("{name}: shape is {}, expected (n, {width})", shown(found)))),
+        found => Err(PyValueError::new_err(format!(
+            "{name}: shape is {}, expected (n, {width})",
+            shown(found)
+        ))),
     }
 }
 
 /// Refuses numbers that are not finite: names the first row that has one.
-fn check_finite<T: Element + Copy + Into<f64> + Sync>(values: &[T], width: usize, name: &str) -> PyResult<()> {
+fn check_finite<T: Element + Copy + Into<f64> + Sync>(
+    values: &[T],
+    width: usize,
+    name: &str,
+) -> PyResult<()> {
     let bad = values.iter().position(|&x| !Into::<f64>::into(x).is_finite());
     bad.map_or(Ok(()), |at| {
         let (row, column, value) = (at / width, at % width, values[at].into());
-        Err(PyValueError::new_err(format!("{name}[{row}, {column}] is {value}, expected a finite number")))
+        Err(PyValueError::new_err(format!(
+            "{name}[{row}, {column}] is {value}, expected a finite number"
+        )))
     })
 }
 
@@ -48,11 +57,17 @@ pub fn positions(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Positions> {
 }
 
 /// Rows of numbers in single precision: finite, `(n, width)`, `n` as expected if something is.
-fn attribute<const N: usize>(value: &Bound<'_, PyAny>, expected: Option<usize>, name: &str) -> PyResult<Vec<[f32; N]>> {
+fn attribute<const N: usize>(
+    value: &Bound<'_, PyAny>,
+    expected: Option<usize>,
+    name: &str,
+) -> PyResult<Vec<[f32; N]>> {
     let array = array(value, name)?;
     let found = rows(&array, N, name)?;
     if let Some(expected) = expected.filter(|&n| n != found) {
-        return Err(PyValueError::new_err(format!("{name}: there are {found}, expected {expected}, one per vertex")));
+        return Err(PyValueError::new_err(format!(
+            "{name}: there are {found}, expected {expected}, one per vertex"
+        )));
     }
     is_double(&array, name)?;
     let values = contiguous::<f32>(&array)?;
@@ -63,14 +78,23 @@ fn attribute<const N: usize>(value: &Bound<'_, PyAny>, expected: Option<usize>, 
 
 /// Normals of vertices.
 pub fn normals(value: Option<&Bound<'_, PyAny>>, vertices: usize) -> PyResult<Option<Vec<Vec3>>> {
-    let read =
-        |value| Ok(attribute::<3>(value, Some(vertices), "normals")?.into_iter().map(Vec3::from_array).collect());
+    let read = |value| {
+        Ok(attribute::<3>(value, Some(vertices), "normals")?
+            .into_iter()
+            .map(Vec3::from_array)
+            .collect())
+    };
     value.map(read).transpose()
 }
 
 /// Texture coordinates of vertices.
 pub fn uvs(value: Option<&Bound<'_, PyAny>>, vertices: usize) -> PyResult<Option<Vec<Vec2>>> {
-    let read = |value| Ok(attribute::<2>(value, Some(vertices), "uvs")?.into_iter().map(Vec2::from_array).collect());
+    let read = |value| {
+        Ok(attribute::<2>(value, Some(vertices), "uvs")?
+            .into_iter()
+            .map(Vec2::from_array)
+            .collect())
+    };
     value.map(read).transpose()
 }
 
@@ -87,7 +111,10 @@ pub fn faces(value: &Bound<'_, PyAny>, vertices: usize) -> PyResult<Vec<[u32; 3]
         ('i', 4) => convert::<i32>(&array, vertices),
         ('u', 8) => convert::<u64>(&array, vertices),
         ('i' | 'u', _) => convert::<i64>(&array, vertices),
-        _ => Err(PyTypeError::new_err(format!("faces: dtype is {}, expected integers", array.dtype()))),
+        _ => Err(PyTypeError::new_err(format!(
+            "faces: dtype is {}, expected integers",
+            array.dtype()
+        ))),
     }
 }
 
@@ -97,7 +124,8 @@ fn convert<T: Element + Copy + TryInto<u32> + std::fmt::Display + Sync>(
 ) -> PyResult<Vec<[u32; 3]>> {
     let values = contiguous::<T>(array)?;
     let values = slice(&values)?;
-    let convert = |at: usize, x: T| x.try_into().ok().filter(|&i: &u32| (i as usize) < vertices).ok_or(at);
+    let convert =
+        |at: usize, x: T| x.try_into().ok().filter(|&i: &u32| (i as usize) < vertices).ok_or(at);
     let result: Result<Vec<[u32; 3]>, usize> = array.py().detach(|| {
         let row = |(i, row): (usize, &[T; 3])| {
             let [a, b, c] = *row;
@@ -134,7 +162,9 @@ impl Given<'_, '_> {
             normals: normals(self.normals, vertices)?.unwrap_or_default(),
             uvs: uvs(self.uvs, vertices)?.unwrap_or_default(),
             colors: self.colors.map_or(Ok(Vec::new()), |value| colors(value, vertices))?,
-            material_slots: self.material_ids.map_or(Ok(Vec::new()), |value| slots(value, faces))?,
+            material_slots: self
+                .material_ids
+                .map_or(Ok(Vec::new()), |value| slots(value, faces))?,
             ..Attributes::default()
         })
     }
@@ -176,7 +206,10 @@ pub fn mesh<'py>(
     let positions = positions(&vertices, "vertices")?;
     let n = positions.len();
     if u32::try_from(n).is_err() {
-        return Err(PyValueError::new_err(format!("vertices: there are {n}, expected at most {}", u32::MAX)));
+        return Err(PyValueError::new_err(format!(
+            "vertices: there are {n}, expected at most {}",
+            u32::MAX
+        )));
     }
     let indices = faces(&faces_given, n)?;
     let attributes = given.attributes(n, indices.len())?;
@@ -193,7 +226,9 @@ pub fn named_transform(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Transfo
     let array = array(value, name)?;
     if !matches!(array.shape(), [3 | 4, 4]) {
         let found = shown(array.shape());
-        return Err(PyValueError::new_err(format!("{name}: shape is {found}, expected (4, 4) or (3, 4)")));
+        return Err(PyValueError::new_err(format!(
+            "{name}: shape is {found}, expected (4, 4) or (3, 4)"
+        )));
     }
     is_double(&array, name)?;
     let values = contiguous::<f64>(&array)?;
@@ -202,10 +237,15 @@ pub fn named_transform(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Transfo
     let mut rows = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     rows[..values.len()].copy_from_slice(values);
     if rows[12..] != [0.0, 0.0, 0.0, 1.0] {
-        return Err(PyValueError::new_err(format!("{name}[3] is {:?}, expected [0, 0, 0, 1]", &rows[12..])));
+        return Err(PyValueError::new_err(format!(
+            "{name}[3] is {:?}, expected [0, 0, 0, 1]",
+            &rows[12..]
+        )));
     }
     let map = Transform::from_matrix(DMat4::from_cols_array(&rows).transpose());
-    map.ok_or_else(|| PyValueError::new_err(format!("{name} is singular, expected one with an inverse")))
+    map.ok_or_else(|| {
+        PyValueError::new_err(format!("{name} is singular, expected one with an inverse"))
+    })
 }
 
 /// A matrix `(4, 4)`.
@@ -217,7 +257,8 @@ pub fn matrix<'py>(py: Python<'py>, map: &Transform) -> PyResult<Bound<'py, PyAn
 /// A mask of 32 bits.
 pub fn mask(value: Option<i64>) -> PyResult<u32> {
     let Some(value) = value else { return Ok(u32::MAX) };
-    u32::try_from(value).map_err(|_| PyValueError::new_err(format!("mask is {value}, expected 0 to {}", u32::MAX)))
+    u32::try_from(value)
+        .map_err(|_| PyValueError::new_err(format!("mask is {value}, expected 0 to {}", u32::MAX)))
 }
 
 /// One number for each of some points, or one for all.
@@ -227,9 +268,13 @@ fn of_each(values: &Bound<'_, PyAny>, what: &str, count: usize) -> PyResult<Vec<
     is_double(&values, what)?;
     if !matches!(values.shape(), [] | [1]) && values.shape() != [count] {
         let found = shown(values.shape());
-        return Err(PyValueError::new_err(format!("{what}: shape is {found}, expected ({count},) or one number")));
+        return Err(PyValueError::new_err(format!(
+            "{what}: shape is {found}, expected ({count},) or one number"
+        )));
     }
-    let values = contiguous::<f32>(&numpy(py, "atleast_1d")?.call1((values,))?.cast_into::<PyUntypedArray>()?)?;
+    let values = contiguous::<f32>(
+        &numpy(py, "atleast_1d")?.call1((values,))?.cast_into::<PyUntypedArray>()?,
+    )?;
     let values = slice(&values)?;
     check_finite(values, 1, what)?;
     Ok(if values.len() == 1 { vec![values[0]; count] } else { values.to_vec() })
@@ -245,12 +290,16 @@ pub fn spheres(centers: &Bound<'_, PyAny>, radii: &Bound<'_, PyAny>) -> PyResult
     let centers = attribute::<3>(centers, None, "centers")?;
     let radii = of_each(radii, "radii", centers.len())?;
     if let Some(at) = radii.iter().position(|&r| r <= 0.0) {
-        return Err(PyValueError::new_err(format!("radii[{at}] is {}, expected a positive number", radii[at])));
+        return Err(PyValueError::new_err(format!(
+            "radii[{at}] is {}, expected a positive number",
+            radii[at]
+        )));
     }
     Ok(Spheres { spheres: balls(&centers, &radii), colors: Vec::new() })
 }
 
-/// Strands of round curves. `strands` has the number of points of each; all points are one strand without.
+/// Strands of round curves. `strands` has the number of points of each; all points are one strand
+/// without.
 pub fn curves(
     points: &Bound<'_, PyAny>,
     radii: &Bound<'_, PyAny>,
@@ -260,11 +309,16 @@ pub fn curves(
     let points = attribute::<3>(points, None, "points")?;
     let radii = of_each(radii, "radii", points.len())?;
     if let Some(at) = radii.iter().position(|&r| r < 0.0) {
-        return Err(PyValueError::new_err(format!("radii[{at}] is {}, expected 0 or more", radii[at])));
+        return Err(PyValueError::new_err(format!(
+            "radii[{at}] is {}, expected 0 or more",
+            radii[at]
+        )));
     }
     let strands: Vec<u32> = match strands {
         Some(counts) => counts.extract().map_err(|_| {
-            PyValueError::new_err("strands: expected a sequence of whole numbers, of points of each strand")
+            PyValueError::new_err(
+                "strands: expected a sequence of whole numbers, of points of each strand",
+            )
         })?,
         None => vec![points.len() as u32],
     };
@@ -274,7 +328,8 @@ pub fn curves(
             "basis is {basis:?}, expected \"bezier\", \"b-spline\", \"catmull-rom\" or \"linear\""
         ))
     })?;
-    Curves::new(basis, balls(&points, &radii), strands).map_err(|error| PyValueError::new_err(error.to_string()))
+    Curves::new(basis, balls(&points, &radii), strands)
+        .map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
 /// The analytic shapes.
@@ -291,7 +346,8 @@ pub fn shape(kind: &str, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<Any
         None => Vec::new(),
     };
     let tag = || std::iter::once(("shape".to_string(), Tree::Text(kind.to_string())));
-    let shape: AnyShape = make(kind, &given, &known, |fields| Tree::Fields(tag().chain(fields).collect()))?;
+    let shape: AnyShape =
+        make(kind, &given, &known, |fields| Tree::Fields(tag().chain(fields).collect()))?;
     shape.validate().map_err(|e| PyValueError::new_err(e.to_string()))?;
     Ok(shape)
 }

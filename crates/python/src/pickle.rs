@@ -15,7 +15,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// How to make such a scene again: a function and its arguments.
-pub fn reduce<'py>(py: Python<'py>, contents: &Contents) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+pub fn reduce<'py>(
+    py: Python<'py>,
+    contents: &Contents,
+) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
     let mut children = HashMap::new();
     let slots = PyList::empty(py);
     for slot in &contents.slots {
@@ -27,10 +30,15 @@ pub fn reduce<'py>(py: Python<'py>, contents: &Contents) -> PyResult<(Bound<'py,
     // The stage is a scene file without objects.
     let mut stage = Graph::clone(&contents.stage);
     (stage.nodes, stage.root) = (vec![Node::default()], NodeId(0));
-    let warnings: Vec<(String, u64)> = stage.warnings.iter().map(|w| (w.message.clone(), w.count)).collect();
+    let warnings: Vec<(String, u64)> =
+        stage.warnings.iter().map(|w| (w.message.clone(), w.count)).collect();
     let stage = text(&stage).map_err(PyValueError::new_err)?;
     let restore = py.import("snell._snell")?.getattr("_restore")?;
-    Ok((restore, (slots, PyBytes::new(py, stage.as_bytes()), warnings, contents.compact).into_pyobject(py)?))
+    Ok((
+        restore,
+        (slots, PyBytes::new(py, stage.as_bytes()), warnings, contents.compact)
+            .into_pyobject(py)?,
+    ))
 }
 
 /// An object as a dictionary. A scene that is instanced several times is stored once.
@@ -44,13 +52,24 @@ fn stored<'py>(
         Kind::Mesh(mesh) => {
             let shape = [mesh.vertex_count(), 3];
             let vertices = if mesh.is_double() {
-                from_vec(py, mesh.double().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<_>>(), &shape)?
+                from_vec(
+                    py,
+                    mesh.double().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<_>>(),
+                    &shape,
+                )?
             } else {
-                from_vec(py, mesh.single().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<_>>(), &shape)?
+                from_vec(
+                    py,
+                    mesh.single().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<_>>(),
+                    &shape,
+                )?
             };
             all.set_item("vertices", vertices)?;
             let indices = mesh.indices();
-            all.set_item("faces", from_vec(py, indices.as_flattened().to_vec(), &[indices.len(), 3])?)?;
+            all.set_item(
+                "faces",
+                from_vec(py, indices.as_flattened().to_vec(), &[indices.len(), 3])?,
+            )?;
             let attributes = mesh.attributes();
             let numbers: Vec<_> = attributes.normals.iter().flat_map(|n| n.to_array()).collect();
             all.set_item("normals", from_vec(py, numbers, &[attributes.normals.len(), 3])?)?;
@@ -62,23 +81,27 @@ fn stored<'py>(
             all.set_item("material_ids", from_vec(py, slots.clone(), &[slots.len()])?)?;
         }
         Kind::Shape(shape) => {
-            let json = serde_json::to_string(&**shape).map_err(|e| PyValueError::new_err(e.to_string()))?;
+            let json = serde_json::to_string(&**shape)
+                .map_err(|e| PyValueError::new_err(e.to_string()))?;
             all.set_item("shape", json)?;
         }
         Kind::Spheres(spheres) => {
-            let numbers: Vec<_> = spheres.spheres.iter().flat_map(|s| s.truncate().to_array()).collect();
+            let numbers: Vec<_> =
+                spheres.spheres.iter().flat_map(|s| s.truncate().to_array()).collect();
             all.set_item("centers", from_vec(py, numbers, &[spheres.spheres.len(), 3])?)?;
             let radii: Vec<_> = spheres.spheres.iter().map(|s| s.w).collect();
             all.set_item("radii", from_vec(py, radii, &[spheres.spheres.len()])?)?;
         }
         Kind::Curves(curves) => {
-            let numbers: Vec<_> = curves.points().iter().flat_map(|p| p.truncate().to_array()).collect();
+            let numbers: Vec<_> =
+                curves.points().iter().flat_map(|p| p.truncate().to_array()).collect();
             all.set_item("points", from_vec(py, numbers, &[curves.points().len(), 3])?)?;
             let radii: Vec<_> = curves.points().iter().map(|p| p.w).collect();
             all.set_item("radii", from_vec(py, radii, &[curves.points().len()])?)?;
             let strands = curves.strands();
             all.set_item("strands", from_vec(py, strands.to_vec(), &[strands.len()])?)?;
-            let basis = serde_json::to_string(&curves.basis()).map_err(|e| PyValueError::new_err(e.to_string()))?;
+            let basis = serde_json::to_string(&curves.basis())
+                .map_err(|e| PyValueError::new_err(e.to_string()))?;
             all.set_item("basis", basis.trim_matches('"'))?;
         }
         Kind::Instance(child) => {
@@ -111,13 +134,17 @@ pub fn _restore(
     compact: bool,
 ) -> PyResult<Scene> {
     let py = slots.py();
-    let options =
-        ReadOptions { limits: Limits { file_bytes: u64::MAX, ..Limits::default() }, ..ReadOptions::default() };
+    let options = ReadOptions {
+        limits: Limits { file_bytes: u64::MAX, ..Limits::default() },
+        ..ReadOptions::default()
+    };
     let stage = read_scene_bytes("stage", stage.to_vec(), Path::new("."), &options);
     let mut stage = stage.map_err(|e| PyValueError::new_err(e.to_string()))?;
     stage.nodes.clear();
-    stage.warnings =
-        warnings.into_iter().map(|(message, count)| Warning { message, count, kind: Default::default() }).collect();
+    stage.warnings = warnings
+        .into_iter()
+        .map(|(message, count)| Warning { message, count, kind: Default::default() })
+        .collect();
     let mut contents = Contents::on(Arc::new(stage));
     contents.compact = compact;
     for slot in slots {
@@ -127,9 +154,12 @@ pub fn _restore(
         }
         let slot = slot.cast_into::<PyDict>()?;
         let get = |key: &str| slot.get_item(key).map(|value| value.filter(|v| !v.is_none()));
-        let need = |key: &str| get(key)?.ok_or_else(|| PyValueError::new_err(format!("there is no {key}")));
+        let need = |key: &str| {
+            get(key)?.ok_or_else(|| PyValueError::new_err(format!("there is no {key}")))
+        };
         let kind = if let Some(vertices) = get("vertices")? {
-            let some = |key: &str| Ok::<_, PyErr>(get(key)?.filter(|v| v.len().is_ok_and(|n| n > 0)));
+            let some =
+                |key: &str| Ok::<_, PyErr>(get(key)?.filter(|v| v.len().is_ok_and(|n| n > 0)));
             let keys = [some("normals")?, some("uvs")?, some("colors")?, some("material_ids")?];
             let [normals, uvs, colors, material_ids] = keys.each_ref().map(Option::as_ref);
             let given = objects::Given { normals, uvs, colors, material_ids };
@@ -140,7 +170,12 @@ pub fn _restore(
             Kind::Shape(Arc::new(shape.map_err(|e| PyValueError::new_err(format!("shape: {e}")))?))
         } else if let Some(points) = get("points")? {
             let basis: String = need("basis")?.extract()?;
-            Kind::Curves(Arc::new(objects::curves(&points, &need("radii")?, Some(&need("strands")?), &basis)?))
+            Kind::Curves(Arc::new(objects::curves(
+                &points,
+                &need("radii")?,
+                Some(&need("strands")?),
+                &basis,
+            )?))
         } else if let Some(centers) = get("centers")? {
             Kind::Spheres(Arc::new(objects::spheres(&centers, &need("radii")?)?))
         } else {
@@ -152,7 +187,9 @@ pub fn _restore(
         let materials: Vec<Option<u32>> = need("materials")?.extract()?;
         let count = contents.stage.materials.len();
         if materials.iter().flatten().any(|&m| m as usize >= count) {
-            return Err(PyValueError::new_err(format!("materials are {materials:?}, but there are {count}")));
+            return Err(PyValueError::new_err(format!(
+                "materials are {materials:?}, but there are {count}"
+            )));
         }
         let materials = materials.into_iter().map(|m| m.map(MaterialId)).collect();
         contents.add(Object { mask, materials, ..Object::new(kind, transform, name) })?;

@@ -1,17 +1,20 @@
-//! What is done alike in `float32` and in `float64`: one trait, implemented by the two number types.
+//! What is done alike in `float32` and in `float64`: one trait, implemented by the two number
+//! types.
 
 use crate::assemble::{Builder, Form};
 use crate::mesh::Mesh;
 use numpy::Element;
 use snell_intersect::world::BuildStats;
 use snell_intersect::{
-    AcceptAll, AllHits, AnyShape, BuildOptions, Curves, DHit, DWorld, DWorldBuilder, Double, GeometryId, GroupId,
-    Grouping, Hit, Instance, Rays, Single, Spheres, World, WorldBuilder, WorldError,
+    AcceptAll, AllHits, AnyShape, BuildOptions, Curves, DHit, DWorld, DWorldBuilder, Double,
+    GeometryId, GroupId, Grouping, Hit, Instance, Rays, Single, Spheres, World, WorldBuilder,
+    WorldError,
 };
 use snell_math::{DRay, DVec3, Ray, Transform, Vec3};
 use std::sync::Arc;
 
-/// What a hit says: distance, parameters, and the world's numbers of occurrence, geometry and primitive.
+/// What a hit says: distance, parameters, and the world's numbers of occurrence, geometry and
+/// primitive.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Found<P> {
     /// In units of the ray's direction; infinite for a miss.
@@ -27,7 +30,9 @@ pub struct Found<P> {
 }
 
 /// `f32` or `f64`.
-pub trait Precision: Form + Element + Copy + Default + PartialEq + Into<f64> + Send + Sync + 'static {
+pub trait Precision:
+    Form + Element + Copy + Default + PartialEq + Into<f64> + Send + Sync + 'static
+{
     /// The library's own word for it.
     type Tag: snell_intersect::Precision<Ray = Self::Ray, Hit = Self::Hit>;
     /// Rays.
@@ -54,10 +59,20 @@ pub trait Precision: Form + Element + Copy + Default + PartialEq + Into<f64> + S
     fn stats(world: &Self::World) -> &BuildStats;
 
     /// The nearest hits.
-    fn closest(world: &Self::World, rays: Rays<Self::Tag>, grouping: Grouping, hits: &mut [Self::Hit]);
+    fn closest(
+        world: &Self::World,
+        rays: Rays<Self::Tag>,
+        grouping: Grouping,
+        hits: &mut [Self::Hit],
+    );
 
     /// Whether there are any.
-    fn occluded(world: &Self::World, rays: Rays<Self::Tag>, grouping: Grouping, blocked: &mut [bool]);
+    fn occluded(
+        world: &Self::World,
+        rays: Rays<Self::Tag>,
+        grouping: Grouping,
+        blocked: &mut [bool],
+    );
 
     /// How many there are.
     fn count(world: &Self::World, rays: Rays<Self::Tag>, counts: &mut [u32]);
@@ -70,7 +85,11 @@ impl Form for f32 {
     type World = World;
     type Builder = WorldBuilder;
 
-    fn build(builder: WorldBuilder, options: &BuildOptions, previous: Option<&World>) -> Result<World, WorldError> {
+    fn build(
+        builder: WorldBuilder,
+        options: &BuildOptions,
+        previous: Option<&World>,
+    ) -> Result<World, WorldError> {
         match previous {
             Some(previous) => builder.rebuild(options, previous),
             None => builder.build(options),
@@ -86,7 +105,11 @@ impl Form for f64 {
     type World = DWorld;
     type Builder = DWorldBuilder;
 
-    fn build(builder: DWorldBuilder, options: &BuildOptions, previous: Option<&DWorld>) -> Result<DWorld, WorldError> {
+    fn build(
+        builder: DWorldBuilder,
+        options: &BuildOptions,
+        previous: Option<&DWorld>,
+    ) -> Result<DWorld, WorldError> {
         match previous {
             Some(previous) => builder.rebuild(options, previous),
             None => builder.build(options),
@@ -109,7 +132,12 @@ impl Precision for f32 {
 
     #[inline(always)]
     fn ray(origin: [f32; 3], direction: [f32; 3], [t_min, t_max]: [f32; 2]) -> Ray {
-        Ray { origin: Vec3::from_array(origin), direction: Vec3::from_array(direction), t_min, t_max }
+        Ray {
+            origin: Vec3::from_array(origin),
+            direction: Vec3::from_array(direction),
+            t_min,
+            t_max,
+        }
     }
 
     fn is_valid(ray: &Ray) -> bool {
@@ -158,7 +186,12 @@ impl Precision for f64 {
 
     #[inline(always)]
     fn ray(origin: [f64; 3], direction: [f64; 3], [t_min, t_max]: [f64; 2]) -> DRay {
-        DRay { origin: DVec3::from_array(origin), direction: DVec3::from_array(direction), t_min, t_max }
+        DRay {
+            origin: DVec3::from_array(origin),
+            direction: DVec3::from_array(direction),
+            t_min,
+            t_max,
+        }
     }
 
     fn is_valid(ray: &DRay) -> bool {
@@ -205,7 +238,12 @@ impl Builder for WorldBuilder {
         self.add_mesh(group, mesh.single().clone())
     }
 
-    fn add_shape(&mut self, group: GroupId, shape: &Arc<AnyShape>, placed: Transform) -> GeometryId {
+    fn add_shape(
+        &mut self,
+        group: GroupId,
+        shape: &Arc<AnyShape>,
+        placed: Transform,
+    ) -> GeometryId {
         self.add_shape(group, shape.clone(), placed)
     }
 
@@ -240,7 +278,12 @@ impl Builder for DWorldBuilder {
         self.add_mesh(group, mesh.double().clone())
     }
 
-    fn add_shape(&mut self, group: GroupId, shape: &Arc<AnyShape>, placed: Transform) -> GeometryId {
+    fn add_shape(
+        &mut self,
+        group: GroupId,
+        shape: &Arc<AnyShape>,
+        placed: Transform,
+    ) -> GeometryId {
         self.add_shape(group, shape.clone(), placed)
     }
 

@@ -1,4 +1,5 @@
-//! A scene made ready to be rendered: compiled, with a camera and light if it has none. Kept between renders.
+//! A scene made ready to be rendered: compiled, with a camera and light if it has none. Kept
+//! between renders.
 
 use crate::contents::Contents;
 use crate::graph::graph;
@@ -31,7 +32,8 @@ impl PartialEq for Request {
 pub struct Prepared {
     /// What is rendered.
     pub compiled: CompiledScene,
-    /// What it was made of, with at least one camera. (Meshes and textures are shared with the scene.)
+    /// What it was made of, with at least one camera. (Meshes and textures are shared with the
+    /// scene.)
     pub scene: Scene,
     /// What the reader and the compiler had to say.
     pub warnings: Vec<String>,

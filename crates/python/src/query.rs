@@ -16,7 +16,8 @@ const MIN_PIECE: usize = 512;
 /// Rays of a piece at most: they and their hits stay in the caches of a core.
 const MAX_PIECE: usize = 2048;
 
-/// The same in large worlds: there the world sorts them, which pays, and they take some 50 milliseconds in the largest.
+/// The same in large worlds: there the world sorts them, which pays, and they take some 50
+/// milliseconds in the largest.
 const MAX_PIECE_OF_LARGE_WORLD: usize = 32768;
 
 /// Pieces per thread of a long list, so that all threads end at about the same time.
@@ -63,8 +64,9 @@ pub fn piece_size(rays: usize, threads: usize, world: &BuildStats) -> usize {
     (rays / (threads * PIECES_PER_THREAD)).clamp(MIN_PIECE, most).next_multiple_of(64)
 }
 
-/// The square of the angle between rays that are worth tracing together: where a picture has about one pixel per triangle or more. (Measured: equal speed at
-/// 0.15 degrees for 70 thousand triangles, and at 0.04 for a million.)
+/// The square of the angle between rays that are worth tracing together: where a picture has about
+/// one pixel per triangle or more. (Measured: equal speed at 0.15 degrees for 70 thousand
+/// triangles, and at 0.04 for a million.)
 pub fn alike(world: &BuildStats) -> f64 {
     (0.475 / world.instanced_triangles.max(1) as f64).min(0.0027)
 }
@@ -80,12 +82,17 @@ impl<P: Precision> Question<'_, P> {
         let piece = |scratch: &mut Scratch<P>, (i, answers): (usize, &mut [A])| {
             cancel.check()?;
             let first = i * self.piece;
-            self.with_piece(first..first + answers.len(), scratch, |rays, grouping, _| query(rays, grouping, answers));
+            self.with_piece(first..first + answers.len(), scratch, |rays, grouping, _| {
+                query(rays, grouping, answers)
+            });
             Ok(())
         };
         // Few rays may be asked outside of a pool.
         if answers.len() <= self.piece {
-            return answers.chunks_mut(self.piece).enumerate().try_for_each(|it| piece(&mut Scratch::new(), it));
+            return answers
+                .chunks_mut(self.piece)
+                .enumerate()
+                .try_for_each(|it| piece(&mut Scratch::new(), it));
         }
         answers.par_chunks_mut(self.piece).enumerate().try_for_each_init(Scratch::new, piece)
     }
@@ -138,28 +145,35 @@ impl<P: Precision> Question<'_, P> {
         let Scratch { rays, masks, hits } = scratch;
         self.rays.read(range, rays, masks);
         if let Some(invalid) = self.invalid {
-            invalid.fetch_add(rays.iter().filter(|ray| !P::is_valid(ray)).count(), Ordering::Relaxed);
+            invalid
+                .fetch_add(rays.iter().filter(|ray| !P::is_valid(ray)).count(), Ordering::Relaxed);
         }
-        let grouping = if are_alike::<P>(rays, self.alike) { Grouping::Coherent } else { Grouping::None };
+        let grouping =
+            if are_alike::<P>(rays, self.alike) { Grouping::Coherent } else { Grouping::None };
         let batch = Rays::new(rays);
         query(if masks.is_empty() { batch } else { batch.with_masks(masks) }, grouping, hits)
     }
 }
 
-/// Whether neighbours go the same way from nearly the same place, as the rays of pictures do. It decides how they are traced; what they hit does not
-/// depend on it.
+/// Whether neighbours go the same way from nearly the same place, as the rays of pictures do. It
+/// decides how they are traced; what they hit does not depend on it.
 fn are_alike<P: Precision>(rays: &[P::Ray], angle_squared: f64) -> bool {
     let step = (rays.len() / SAMPLES).max(1);
-    let pairs = || rays.windows(2).step_by(step).map(|pair| [P::exact(&pair[0]), P::exact(&pair[1])]);
+    let pairs =
+        || rays.windows(2).step_by(step).map(|pair| [P::exact(&pair[0]), P::exact(&pair[1])]);
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     pairs().for_each(|[ray, _]| (low, high) = (low.min(ray.origin), high.max(ray.origin)));
     let extent = (high - low).length_squared();
     let is_alike = |[a, b]: [DRay; 2]| {
-        let (dot, lengths) =
-            (a.direction.dot(b.direction), a.direction.length_squared() * b.direction.length_squared());
+        let (dot, lengths) = (
+            a.direction.dot(b.direction),
+            a.direction.length_squared() * b.direction.length_squared(),
+        );
         let sine = a.direction.cross(b.direction).length_squared();
         // Within the angle, and within a tenth of the extent.
-        dot > 0.0 && sine <= angle_squared * lengths && (a.origin - b.origin).length_squared() <= 0.01 * extent
+        dot > 0.0
+            && sine <= angle_squared * lengths
+            && (a.origin - b.origin).length_squared() <= 0.01 * extent
     };
     let count = pairs().count();
     count >= 8 && 4 * pairs().filter(|pair| is_alike(*pair)).count() >= 3 * count

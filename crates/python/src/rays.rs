@@ -1,7 +1,8 @@
 //! Rays as Python gives them: `(..., 6)`, or a pair `(origins, directions)`.
 
 use crate::arrays::{
-    Column, Values, are_double, array, broadcast, common_shape, contiguous, leading, mask_column, numpy, shown, slice,
+    Column, Values, are_double, array, broadcast, common_shape, contiguous, leading, mask_column,
+    numpy, shown, slice,
 };
 use crate::precision::Precision;
 use numpy::{Element, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
@@ -36,13 +37,20 @@ impl<'py> RayArgument<'py> {
             return Ok(Self { arrays: Arrays::Rows(rows), shape, is_double });
         };
         let (origins, directions) = (pair.get_item(0)?, pair.get_item(1)?);
-        let (o, d) = (array(&origins, "rays[0] (origins)")?, array(&directions, "rays[1] (directions)")?);
-        let shapes = [leading(&o, 3, "rays[0] (origins)")?, leading(&d, 3, "rays[1] (directions)")?];
+        let (o, d) =
+            (array(&origins, "rays[0] (origins)")?, array(&directions, "rays[1] (directions)")?);
+        let shapes =
+            [leading(&o, 3, "rays[0] (origins)")?, leading(&d, 3, "rays[1] (directions)")?];
         let shape = common_shape(&shapes[0], &shapes[1]).ok_or_else(|| {
             let (o, d) = (shown(o.shape()), shown(d.shape()));
-            PyValueError::new_err(format!("rays: origins of shape {o} and directions of shape {d} do not broadcast"))
+            PyValueError::new_err(format!(
+                "rays: origins of shape {o} and directions of shape {d} do not broadcast"
+            ))
         })?;
-        let is_double = are_double(&[(&origins, &o, "rays[0] (origins)"), (&directions, &d, "rays[1] (directions)")])?;
+        let is_double = are_double(&[
+            (&origins, &o, "rays[0] (origins)"),
+            (&directions, &d, "rays[1] (directions)"),
+        ])?;
         Ok(Self { arrays: Arrays::Pair([o, d]), shape, is_double })
     }
 
@@ -119,7 +127,9 @@ impl<'py, P: Precision> RayArrays<'py, P> {
         let shape = &rays.shape;
         let (origins, directions) = match &rays.arrays {
             Arrays::Rows(rows) => {
-                let part = |offset| Ok::<_, PyErr>(Vectors { array: contiguous(rows)?, stride: 6, offset });
+                let part = |offset| {
+                    Ok::<_, PyErr>(Vectors { array: contiguous(rows)?, stride: 6, offset })
+                };
                 (part(0)?, part(3)?)
             }
             Arrays::Pair([o, d]) => (Vectors::new(o, shape)?, Vectors::new(d, shape)?),
@@ -146,9 +156,13 @@ impl<'py, P: Precision> RayArrays<'py, P> {
         })
     }
 
-    /// What hits need later to find the surfaces that rays met. A `copy` does not change when the caller's arrays do.
+    /// What hits need later to find the surfaces that rays met. A `copy` does not change when the
+    /// caller's arrays do.
     pub fn keep(&self, copy: bool) -> PyResult<KeptRays> {
-        fn kept<T: Element>(array: &PyReadonlyArrayDyn<'_, T>, copy: bool) -> PyResult<Py<PyUntypedArray>> {
+        fn kept<T: Element>(
+            array: &PyReadonlyArrayDyn<'_, T>,
+            copy: bool,
+        ) -> PyResult<Py<PyUntypedArray>> {
             let array = array.as_untyped().clone();
             if !copy {
                 return Ok(array.unbind());
@@ -170,13 +184,28 @@ pub struct KeptRays {
 
 impl KeptRays {
     /// The rays as they are now.
-    pub fn rays<'py, P: Precision>(&self, py: Python<'py>, len: usize) -> PyResult<RayArrays<'py, P>> {
+    pub fn rays<'py, P: Precision>(
+        &self,
+        py: Python<'py>,
+        len: usize,
+    ) -> PyResult<RayArrays<'py, P>> {
         let part = |(array, stride, offset): &(Py<PyUntypedArray>, usize, usize)| {
-            Ok::<_, PyErr>(Vectors { array: contiguous(array.bind(py))?, stride: *stride, offset: *offset })
+            Ok::<_, PyErr>(Vectors {
+                array: contiguous(array.bind(py))?,
+                stride: *stride,
+                offset: *offset,
+            })
         };
         let (t_min, t_max) = (Column::All(P::round(0.0)), Column::All(P::round(f64::INFINITY)));
         let mask = Column::All(u32::MAX);
-        Ok(RayArrays { origins: part(&self.origins)?, directions: part(&self.directions)?, t_min, t_max, mask, len })
+        Ok(RayArrays {
+            origins: part(&self.origins)?,
+            directions: part(&self.directions)?,
+            t_min,
+            t_max,
+            mask,
+            len,
+        })
     }
 }
 
@@ -205,16 +234,24 @@ impl<P: Precision> RayView<'_, P> {
 
     /// Some of them as rows of six numbers, if they were given so.
     fn rows(&self, range: std::ops::Range<usize>) -> Option<&[[P; 6]]> {
-        let is_rows = self.origins.stride == 6 && self.directions.stride == 6 && self.origins.offset == 0;
+        let is_rows =
+            self.origins.stride == 6 && self.directions.stride == 6 && self.origins.offset == 0;
         is_rows.then(|| &self.origins.values.as_chunks::<6>().0[range])
     }
 
     /// Some of them, and their masks (none if all bits are set).
-    pub fn read(&self, range: std::ops::Range<usize>, rays: &mut Vec<P::Ray>, masks: &mut Vec<u32>) {
+    pub fn read(
+        &self,
+        range: std::ops::Range<usize>,
+        rays: &mut Vec<P::Ray>,
+        masks: &mut Vec<u32>,
+    ) {
         rays.clear();
         match (self.rows(range.clone()), self.t_min, self.t_max) {
             (Some(rows), Values::All(t_min), Values::All(t_max)) => {
-                let ray = |&[ox, oy, oz, dx, dy, dz]: &[P; 6]| P::ray([ox, oy, oz], [dx, dy, dz], [t_min, t_max]);
+                let ray = |&[ox, oy, oz, dx, dy, dz]: &[P; 6]| {
+                    P::ray([ox, oy, oz], [dx, dy, dz], [t_min, t_max])
+                };
                 rays.extend(rows.iter().map(ray));
             }
             _ => rays.extend(range.clone().map(|i| self.get(i))),

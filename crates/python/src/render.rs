@@ -1,4 +1,5 @@
-//! Rendering: without the interpreter's lock, on threads of its own, until it is done, out of time or stopped.
+//! Rendering: without the interpreter's lock, on threads of its own, until it is done, out of time
+//! or stopped.
 
 use crate::cameras;
 use crate::image::{Image, Look};
@@ -82,7 +83,11 @@ pub struct Task {
 
 impl Task {
     /// Makes the scene ready and reads the options.
-    pub fn new<'py>(py: Python<'py>, scene: &Bound<'py, Scene>, keywords: &Keywords<'_, 'py>) -> PyResult<Self> {
+    pub fn new<'py>(
+        py: Python<'py>,
+        scene: &Bound<'py, Scene>,
+        keywords: &Keywords<'_, 'py>,
+    ) -> PyResult<Self> {
         let request = settings::request(keywords)?;
         let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
         if let Some(size) = request.size {
@@ -107,7 +112,11 @@ impl Task {
 impl _Render {
     /// Makes the scene ready and reads the options.
     #[new]
-    fn new<'py>(py: Python<'py>, scene: &Bound<'py, Scene>, options: &Bound<'py, PyDict>) -> PyResult<Self> {
+    fn new<'py>(
+        py: Python<'py>,
+        scene: &Bound<'py, Scene>,
+        options: &Bound<'py, PyDict>,
+    ) -> PyResult<Self> {
         let keywords = Keywords(options);
         let task = Task::new(py, scene, &keywords)?;
         let exposure = keywords.get("exposure", "a number")?;
@@ -132,8 +141,9 @@ impl _Render {
         begun.as_ref().is_some_and(|begun| begun.is_done)
     }
 
-    /// Goes on until every pixel has so many samples (all if left out), or for so many seconds. `report` is called with the share that is done and the
-    /// rays so far; it stops the render by answering False.
+    /// Goes on until every pixel has so many samples (all if left out), or for so many seconds.
+    /// `report` is called with the share that is done and the rays so far; it stops the render by
+    /// answering False.
     #[pyo3(signature = (samples=None, time=None, report=None))]
     fn render(
         &self,
@@ -142,7 +152,11 @@ impl _Render {
         time: Option<f64>,
         report: Option<Py<PyAny>>,
     ) -> PyResult<Image> {
-        let time = time.map(|s| Duration::try_from_secs_f64(s).unwrap_or_default()).or(self.plan.task.request.time);
+        let time = time.map(|s| Duration::try_from_secs_f64(s).unwrap_or_default()).or(self
+            .plan
+            .task
+            .request
+            .time);
         let goal = Goal { samples, time };
         let watch = Arc::new(Watch::default());
         let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -151,7 +165,9 @@ impl _Render {
         let (start, mut told) = (Instant::now(), Instant::now());
         let waited = py.detach(|| {
             job.wait_with(|py| {
-                let Some(report) = report.as_ref().filter(|_| told.elapsed() >= REPORT) else { return Ok(()) };
+                let Some(report) = report.as_ref().filter(|_| told.elapsed() >= REPORT) else {
+                    return Ok(());
+                };
                 told = Instant::now();
                 let progress = *watch.progress.lock().unwrap_or_else(PoisonError::into_inner);
                 let share = share(&progress, start.elapsed(), time);
@@ -176,8 +192,16 @@ impl _Render {
 }
 
 impl Plan {
-    fn run(&self, begun: Option<Begun>, goal: Goal, watch: &Watch) -> Result<Rendered, DenoiseError> {
-        with_patience(|| watch.cancel.check().is_err(), |cancel| self.run_with(begun, goal, watch, cancel))
+    fn run(
+        &self,
+        begun: Option<Begun>,
+        goal: Goal,
+        watch: &Watch,
+    ) -> Result<Rendered, DenoiseError> {
+        with_patience(
+            || watch.cancel.check().is_err(),
+            |cancel| self.run_with(begun, goal, watch, cancel),
+        )
     }
 
     fn run_with(
@@ -193,16 +217,20 @@ impl Plan {
         let keep_going = |progress: &Progress| {
             if let Some(training) = progress.training {
                 // A pass takes as long as all before it.
-                let share =
-                    goal.time.filter(|_| request.is_training_timed()).map(|limit| limit.mul_f64(Guiding::SHARE));
-                let is_late = training.begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
+                let share = goal
+                    .time
+                    .filter(|_| request.is_training_timed())
+                    .map(|limit| limit.mul_f64(Guiding::SHARE));
+                let is_late =
+                    training.begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
                 return !is_late && watch.cancel.check().is_ok();
             }
             if let Ok(mut last) = watch.progress.try_lock() {
                 *last = *progress;
             }
             // A picture with holes is of no use: the time limit waits for the first pass.
-            let is_late = progress.passes > 0 && goal.time.is_some_and(|limit| start.elapsed() >= limit);
+            let is_late =
+                progress.passes > 0 && goal.time.is_some_and(|limit| start.elapsed() >= limit);
             !is_late && watch.cancel.check().is_ok()
         };
         let threads = self.threads.count();
@@ -227,9 +255,15 @@ impl Plan {
     /// Adds the layers and the metadata of Cryptomatte.
     fn add_cryptomatte(&self, picture: &mut LayeredImage, film: &Film) {
         let Prepared { scene, compiled, .. } = &*self.task.prepared;
-        for (aov, kind) in [(Aov::CryptoObject, "CryptoObject"), (Aov::CryptoMaterial, "CryptoMaterial")] {
+        for (aov, kind) in
+            [(Aov::CryptoObject, "CryptoObject"), (Aov::CryptoMaterial, "CryptoMaterial")]
+        {
             if let Some(coverage) = Coverage::of(film, aov, scene, compiled) {
-                let matte = cryptomatte::encode(kind, &coverage.names, coverage.shares.iter().map(Vec::as_slice));
+                let matte = cryptomatte::encode(
+                    kind,
+                    &coverage.names,
+                    coverage.shares.iter().map(Vec::as_slice),
+                );
                 picture.layers.extend(matte.layers);
                 picture.metadata.extend(matte.metadata);
             }
@@ -259,8 +293,10 @@ fn share(progress: &Progress, elapsed: Duration, limit: Option<Duration>) -> f64
 
 /// What a picture knows of how it was made.
 fn facts(py: Python<'_>, plan: &Plan, begun: &Begun) -> PyResult<Py<PyDict>> {
-    let (settings, Begun { underway: Underway { film, statistics, .. }, seconds, .. }): (&Settings, _) =
-        (&plan.task.settings, begun);
+    let (settings, Begun { underway: Underway { film, statistics, .. }, seconds, .. }): (
+        &Settings,
+        _,
+    ) = (&plan.task.settings, begun);
     let facts = PyDict::new(py);
     facts.set_item("scene", &plan.task.prepared.scene.name)?;
     facts.set_item("integrator", settings.integrator.name())?;

@@ -1,4 +1,5 @@
-//! What the classes of declared things have in common: a kind, its parameters, and the textures they refer to.
+//! What the classes of declared things have in common: a kind, its parameters, and the textures
+//! they refer to.
 
 use crate::declare::{Family, References, make, read_all, show};
 use crate::medium::Medium;
@@ -93,8 +94,12 @@ impl<T: Declared> Said<T> {
             }
         }
         let tag = (family.tag.to_string(), Tree::Text(kind.to_string()));
-        let whole =
-            |own: Vec<_>| Tree::Fields(T::assemble(std::iter::once(tag.clone()).chain(own).collect(), all.clone()));
+        let whole = |own: Vec<_>| {
+            Tree::Fields(T::assemble(
+                std::iter::once(tag.clone()).chain(own).collect(),
+                all.clone(),
+            ))
+        };
         let value: T = make(kind, &own, &parameters, whole)?;
         let mut value = value.settle()?;
         for (name, array) in arrays.into_iter().filter(|(_, array)| !array.is_none()) {
@@ -104,7 +109,11 @@ impl<T: Declared> Said<T> {
     }
 
     /// Parameters that are declared, and those that are arrays.
-    fn sorted<'py>(py: Python<'py>, kind: &str, given: Option<&Bound<'py, PyDict>>) -> PyResult<Sorted<'py>> {
+    fn sorted<'py>(
+        py: Python<'py>,
+        kind: &str,
+        given: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Sorted<'py>> {
         let (declared, mut arrays) = (PyDict::new(py), Vec::new());
         for (key, value) in given.into_iter().flatten() {
             match T::arrays(kind).iter().find(|name| key.eq(**name).unwrap_or(false)) {
@@ -117,10 +126,15 @@ impl<T: Declared> Said<T> {
 
     /// Refuses numbers of these parameters that mean nothing. (Those of files are told and kept.)
     fn check(self, kind: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let tree = serde_json::to_value(&self.value).map_err(|e| PyValueError::new_err(e.to_string()))?;
+        let tree =
+            serde_json::to_value(&self.value).map_err(|e| PyValueError::new_err(e.to_string()))?;
         for key in given.into_iter().flatten().map(|(key, _)| key) {
             let key: String = key.extract()?;
-            let place = if tree.get(&key).is_some() { vec![key.as_str()] } else { vec!["kind", key.as_str()] };
+            let place = if tree.get(&key).is_some() {
+                vec![key.as_str()]
+            } else {
+                vec!["kind", key.as_str()]
+            };
             if let Some(problem) = snell_scene::problem_at(&tree, &place) {
                 return Err(PyValueError::new_err(format!("{kind}: {problem}")));
             }
@@ -129,7 +143,11 @@ impl<T: Declared> Said<T> {
     }
 
     /// A thing of this kind with these parameters, whose numbers have to mean something.
-    pub fn checked<'py>(py: Python<'py>, kind: &str, given: Option<&Bound<'py, PyDict>>) -> PyResult<Self> {
+    pub fn checked<'py>(
+        py: Python<'py>,
+        kind: &str,
+        given: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Self> {
         Self::new(py, kind, given)?.check(kind, given)
     }
 
@@ -167,13 +185,24 @@ impl<T: Declared> Said<T> {
     }
 
     /// One parameter.
-    pub fn attribute<'py>(&self, py: Python<'py>, class: &str, name: &str) -> PyResult<Bound<'py, PyAny>> {
+    pub fn attribute<'py>(
+        &self,
+        py: Python<'py>,
+        class: &str,
+        name: &str,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let found = self.parameters(py)?.get_item(name)?;
-        found.ok_or_else(|| PyAttributeError::new_err(format!("a {class} of this kind has no {name:?}")))
+        found.ok_or_else(|| {
+            PyAttributeError::new_err(format!("a {class} of this kind has no {name:?}"))
+        })
     }
 
     /// The same but for some parameters.
-    pub fn replace<'py>(&self, py: Python<'py>, changes: Option<&Bound<'py, PyDict>>) -> PyResult<Self> {
+    pub fn replace<'py>(
+        &self,
+        py: Python<'py>,
+        changes: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Self> {
         let all = self.parameters(py)?;
         if let Some(changes) = changes {
             let kind = self.kind()?;
@@ -188,8 +217,10 @@ impl<T: Declared> Said<T> {
     /// What parameters may look like; arrays look like nothing.
     fn known(kind: &str) -> PyResult<Vec<(String, Tree)>> {
         let arrays = T::arrays(kind).iter().map(|name| (name.to_string(), Tree::Nothing));
-        let declared =
-            T::family().forms(kind)?.into_iter().filter(|(name, _)| !T::arrays(kind).contains(&name.as_str()));
+        let declared = T::family()
+            .forms(kind)?
+            .into_iter()
+            .filter(|(name, _)| !T::arrays(kind).contains(&name.as_str()));
         Ok(declared.chain(T::common()?).chain(arrays).collect())
     }
 
@@ -222,9 +253,11 @@ impl<T: Declared> Said<T> {
     pub fn stored<'py>(&self, py: Python<'py>) -> PyResult<Stored<'py>> {
         let error = |e: serde_json::Error| PyValueError::new_err(e.to_string());
         let json = serde_json::to_string(&self.value).map_err(error)?;
-        let textures = self.references.textures.iter().map(|texture| texture.clone_ref(py)).collect();
-        let of =
-            |medium: &Value| Py::new(py, Medium(Said { value: medium.clone(), references: References::default() }));
+        let textures =
+            self.references.textures.iter().map(|texture| texture.clone_ref(py)).collect();
+        let of = |medium: &Value| {
+            Py::new(py, Medium(Said { value: medium.clone(), references: References::default() }))
+        };
         let media = self.references.media.iter().map(of).collect::<PyResult<_>>()?;
         let arrays = PyDict::new(py);
         for name in T::arrays(&self.kind()?) {
@@ -238,7 +271,8 @@ impl<T: Declared> Said<T> {
     /// From what was stored.
     pub fn restored(stored: Stored<'_>) -> PyResult<Self> {
         let (json, textures, media, arrays) = stored;
-        let mut value: T = serde_json::from_str(&json).map_err(|e| PyValueError::new_err(e.to_string()))?;
+        let mut value: T =
+            serde_json::from_str(&json).map_err(|e| PyValueError::new_err(e.to_string()))?;
         for (name, array) in arrays {
             value.set_array(&name.extract::<String>()?, &array)?;
         }
@@ -253,7 +287,8 @@ type Sorted<'py> = (Bound<'py, PyDict>, Vec<(&'static str, Bound<'py, PyAny>)>);
 /// What is stored of a declared value.
 pub type Stored<'py> = (String, Vec<AnyTexture>, Vec<Py<Medium>>, Bound<'py, PyDict>);
 
-/// Declares the class of a family of declared things, and the function that makes one from what was stored.
+/// Declares the class of a family of declared things, and the function that makes one from what was
+/// stored.
 macro_rules! declared_class {
     ($(#[doc = $doc:expr])* $class:ident of $value:ty, restored by $restore:ident; $(#[doc = $about:expr])* replace) => {
         $(#[doc = $doc])*

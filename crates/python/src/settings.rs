@@ -9,8 +9,8 @@ use snell_intersect::accel::AcceleratorKind;
 use snell_math::ColorModel;
 use snell_oidn::Denoiser;
 use snell_render::{
-    Aov, Crop, Filter, Guiding, GuidingPasses, IntegratorKind, LightSamplerKind, LightStrategy, Request, RequestError,
-    SamplerKind, Shadows, Terminator,
+    Aov, Crop, Filter, Guiding, GuidingPasses, IntegratorKind, LightSamplerKind, LightStrategy,
+    Request, RequestError, SamplerKind, Shadows, Terminator,
 };
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -27,10 +27,16 @@ impl<'py> Keywords<'_, 'py> {
     }
 
     /// The value of a name, which is `what`.
-    pub fn get<T: for<'a> FromPyObject<'a, 'py>>(&self, name: &str, what: &str) -> PyResult<Option<T>> {
+    pub fn get<T: for<'a> FromPyObject<'a, 'py>>(
+        &self,
+        name: &str,
+        what: &str,
+    ) -> PyResult<Option<T>> {
         let Some(value) = self.any(name)? else { return Ok(None) };
         let read = value.extract().map(Some);
-        read.map_err(|_| PyTypeError::new_err(format!("{name} is {}, expected {what}", shown(&value))))
+        read.map_err(|_| {
+            PyTypeError::new_err(format!("{name} is {}, expected {what}", shown(&value)))
+        })
     }
 
     /// A whole number of a range.
@@ -40,7 +46,9 @@ impl<'py> Keywords<'_, 'py> {
             return Ok(Some(number));
         }
         let (low, high) = (range.start(), range.end());
-        Err(PyValueError::new_err(format!("{name} is {number}, expected a whole number from {low} to {high}")))
+        Err(PyValueError::new_err(format!(
+            "{name} is {number}, expected a whole number from {low} to {high}"
+        )))
     }
 
     /// A number.
@@ -49,16 +57,27 @@ impl<'py> Keywords<'_, 'py> {
     }
 
     /// What is switched on or off, or is a value: `Some(None)` if it is just on.
-    fn switch<T: for<'a> FromPyObject<'a, 'py>>(&self, name: &str, what: &str) -> PyResult<Option<Option<T>>> {
+    fn switch<T: for<'a> FromPyObject<'a, 'py>>(
+        &self,
+        name: &str,
+        what: &str,
+    ) -> PyResult<Option<Option<T>>> {
         match self.any(name)? {
             None => Ok(None),
-            Some(value) if value.is_instance_of::<PyBool>() => Ok(value.is_truthy()?.then_some(None)),
+            Some(value) if value.is_instance_of::<PyBool>() => {
+                Ok(value.is_truthy()?.then_some(None))
+            }
             Some(_) => Ok(self.get(name, &format!("True, False or {what}"))?.map(Some)),
         }
     }
 
     /// One of some names.
-    fn one_of<T: Copy>(&self, name: &str, all: &[T], name_of: fn(T) -> &'static str) -> PyResult<Option<T>> {
+    fn one_of<T: Copy>(
+        &self,
+        name: &str,
+        all: &[T],
+        name_of: fn(T) -> &'static str,
+    ) -> PyResult<Option<T>> {
         let Some(wanted) = self.get::<String>(name, "a name")? else { return Ok(None) };
         choice(name, &wanted, all, name_of).map(Some)
     }
@@ -66,8 +85,14 @@ impl<'py> Keywords<'_, 'py> {
 
 /// A value in a message: not longer than a line.
 pub fn shown(value: &Bound<'_, PyAny>) -> String {
-    let text = value.repr().map_or_else(|_| "something".into(), |text| text.to_string_lossy().into_owned());
-    if text.chars().count() <= 60 { text } else { text.chars().take(57).chain("...".chars()).collect() }
+    let text = value
+        .repr()
+        .map_or_else(|_| "something".into(), |text| text.to_string_lossy().into_owned());
+    if text.chars().count() <= 60 {
+        text
+    } else {
+        text.chars().take(57).chain("...".chars()).collect()
+    }
 }
 
 /// Reads what the keyword arguments ask of the renderer.
@@ -149,8 +174,11 @@ pub fn denoise_error(error: snell_oidn::DenoiseError) -> PyErr {
 fn light_groups(keywords: &Keywords<'_, '_>) -> PyResult<Vec<(String, Vec<String>)>> {
     let mut groups = Vec::new();
     let what = "a dictionary of lists of lights";
-    for (name, lights) in keywords.get::<Bound<'_, PyDict>>("light_groups", what)?.into_iter().flatten() {
-        let one = |light: &Bound<'_, PyAny>| Ok::<_, PyErr>(light.str()?.to_string_lossy().into_owned());
+    for (name, lights) in
+        keywords.get::<Bound<'_, PyDict>>("light_groups", what)?.into_iter().flatten()
+    {
+        let one =
+            |light: &Bound<'_, PyAny>| Ok::<_, PyErr>(light.str()?.to_string_lossy().into_owned());
         let lights = match lights.extract::<Vec<Bound<'_, PyAny>>>() {
             Ok(lights) => lights.iter().map(one).collect::<PyResult<Vec<_>>>()?,
             Err(_) => vec![one(&lights)?],

@@ -32,7 +32,8 @@ fn add_texture(stage: &mut Graph, texture: &AnyTexture) -> PyResult<TextureId> {
         AnyTexture::Image(texture) => {
             let texture = texture.get();
             let known = stage.images.iter().position(|known| Arc::ptr_eq(known, &texture.image));
-            let image = known.map_or_else(|| stage.add_image(texture.image.clone()), |at| ImageId(at as u32));
+            let image = known
+                .map_or_else(|| stage.add_image(texture.image.clone()), |at| ImageId(at as u32));
             snell_scene::ImageTexture { image, ..texture.declared.clone() }.into()
         }
         AnyTexture::Pattern(pattern) => on_stage(stage, &pattern.get().0)?.into(),
@@ -48,10 +49,14 @@ fn add_medium(stage: &mut Graph, medium: &Medium) -> MediumId {
 }
 
 /// A material or light with the textures of a stage in the place of its own.
-fn on_stage<T: serde::Serialize + serde::de::DeserializeOwned>(stage: &mut Graph, said: &Said<T>) -> PyResult<T> {
+fn on_stage<T: serde::Serialize + serde::de::DeserializeOwned>(
+    stage: &mut Graph,
+    said: &Said<T>,
+) -> PyResult<T> {
     let textures = said.references.textures.iter().map(|texture| add_texture(stage, texture));
     let textures = textures.collect::<PyResult<Vec<_>>>()?;
-    let media: Vec<_> = said.references.media.iter().map(|medium| add_medium(stage, medium)).collect();
+    let media: Vec<_> =
+        said.references.media.iter().map(|medium| add_medium(stage, medium)).collect();
     let id = |kind: &str, id: u32| match kind {
         "TextureId" => textures.get(id as usize).map_or(id, |texture| texture.0),
         "MediumId" => media.get(id as usize).map_or(id, |medium| medium.0),
@@ -69,15 +74,26 @@ pub fn add_material(contents: &mut Contents, material: &Material) -> PyResult<Ma
 }
 
 /// Materials by slot: one, or a list of them.
-pub fn add_materials(contents: &mut Contents, value: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<Option<MaterialId>>> {
+pub fn add_materials(
+    contents: &mut Contents,
+    value: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Vec<Option<MaterialId>>> {
     let Some(value) = value else { return Ok(Vec::new()) };
     let one = |contents: &mut Contents, value: &Bound<'_, PyAny>, name: &str| {
-        let error =
-            || PyTypeError::new_err(format!("{name} is {}, expected a Material", crate::settings::shown(value)));
+        let error = || {
+            PyTypeError::new_err(format!(
+                "{name} is {}, expected a Material",
+                crate::settings::shown(value)
+            ))
+        };
         add_material(contents, value.cast::<Material>().map_err(|_| error())?.get()).map(Some)
     };
     match value.cast::<PyList>() {
-        Ok(list) => list.iter().enumerate().map(|(i, item)| one(contents, &item, &format!("material[{i}]"))).collect(),
+        Ok(list) => list
+            .iter()
+            .enumerate()
+            .map(|(i, item)| one(contents, &item, &format!("material[{i}]")))
+            .collect(),
         Err(_) => Ok(vec![one(contents, value, "material")?]),
     }
 }
@@ -107,20 +123,28 @@ fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
         textures.push(match declared {
             snell_scene::Texture::Image(declared) => {
                 let missing = || Arc::new(snell_scene::texture::missing_texture_image());
-                let image = stage.images.get(declared.image.index()).cloned().unwrap_or_else(missing);
+                let image =
+                    stage.images.get(declared.image.index()).cloned().unwrap_or_else(missing);
                 let declared = snell_scene::ImageTexture { image: ImageId(0), ..declared.clone() };
                 AnyTexture::Image(Py::new(py, Texture { image, declared })?)
             }
             // What it is made of stands above it, so this ends.
-            snell_scene::Texture::Pattern(pattern) if pattern.textures().iter().all(|part| part.0 < id) => {
+            snell_scene::Texture::Pattern(pattern)
+                if pattern.textures().iter().all(|part| part.0 < id) =>
+            {
                 AnyTexture::Pattern(Py::new(py, Pattern(taken(py, stage, pattern)?))?)
             }
             snell_scene::Texture::Pattern(_) => {
-                return Err(PyIndexError::new_err(format!("texture {id} is made of one that does not stand above it")));
+                return Err(PyIndexError::new_err(format!(
+                    "texture {id} is made of one that does not stand above it"
+                )));
             }
         });
     }
-    Ok(Said { value: value.map_err(PyValueError::new_err)?, references: References { textures, media } })
+    Ok(Said {
+        value: value.map_err(PyValueError::new_err)?,
+        references: References { textures, media },
+    })
 }
 
 /// A colour: a number, three numbers, or `#rrggbb`.
@@ -128,7 +152,9 @@ fn color(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Rgb> {
     let form = Tree::List(vec![Tree::Single(0.0); 3]);
     match read(value, &form, name, &mut References::default())? {
         Tree::List(items) => match items[..] {
-            [Tree::Single(r), Tree::Single(g), Tree::Single(b)] if r >= 0.0 && g >= 0.0 && b >= 0.0 => {
+            [Tree::Single(r), Tree::Single(g), Tree::Single(b)]
+                if r >= 0.0 && g >= 0.0 && b >= 0.0 =>
+            {
                 Ok(Rgb::new(r, g, b))
             }
             _ => Err(PyValueError::new_err(format!("{name}: a colour has no negative numbers"))),
@@ -143,13 +169,18 @@ fn color_tuple(py: Python<'_>, color: Rgb) -> PyResult<Bound<'_, PyAny>> {
 }
 
 /// All of a list.
-fn each<'py, T: pyo3::PyClass>(list: &Bound<'py, PyAny>, name: &str) -> PyResult<Vec<Bound<'py, T>>> {
-    let items = list.try_iter().map_err(|_| PyTypeError::new_err(format!("{name}: expected a list")))?;
+fn each<'py, T: pyo3::PyClass>(
+    list: &Bound<'py, PyAny>,
+    name: &str,
+) -> PyResult<Vec<Bound<'py, T>>> {
+    let items =
+        list.try_iter().map_err(|_| PyTypeError::new_err(format!("{name}: expected a list")))?;
     let item = |(i, item): (usize, PyResult<Bound<'py, PyAny>>)| {
         let item = item?;
         let found = crate::settings::shown(&item);
-        item.cast_into::<T>()
-            .map_err(|_| PyTypeError::new_err(format!("{name}[{i}] is {found}, which does not belong there")))
+        item.cast_into::<T>().map_err(|_| {
+            PyTypeError::new_err(format!("{name}[{i}] is {found}, which does not belong there"))
+        })
     };
     items.enumerate().map(item).collect()
 }
@@ -176,7 +207,8 @@ impl Scene {
         self.0.contents(py).stage.warnings.iter().map(|warning| warning.message.clone()).collect()
     }
 
-    /// The materials, as a list of :class:`Material`: those of the file, and those that objects were given.
+    /// The materials, as a list of :class:`Material`: those of the file, and those that objects
+    /// were given.
     #[getter]
     fn materials(&self, py: Python<'_>) -> PyResult<Vec<Material>> {
         let stage = self.0.contents(py).stage.clone();
@@ -198,17 +230,32 @@ impl Scene {
     /// >>> scene = snell.load("cornell-box")
     /// >>> red = next(i for i, material in enumerate(scene.materials) if material.name == "red")
     /// >>> scene.replace_material(red, scene.materials[red].replace(reflectance="#3050ff"))
-    fn replace_material(&self, material: &Bound<'_, PyAny>, new: &Bound<'_, Material>) -> PyResult<()> {
+    fn replace_material(
+        &self,
+        material: &Bound<'_, PyAny>,
+        new: &Bound<'_, Material>,
+    ) -> PyResult<()> {
         let py = material.py();
         self.0.edit(py, |contents| {
-            let names: Vec<&str> = contents.stage.materials.iter().map(|m| m.name.as_str()).collect();
+            let names: Vec<&str> =
+                contents.stage.materials.iter().map(|m| m.name.as_str()).collect();
             let at = match material.extract::<String>() {
                 Ok(name) => names.iter().position(|known| *known == name).ok_or_else(|| {
-                    PyValueError::new_err(format!("there is no material {name:?}{}", suggestion(&name, &names)))
+                    PyValueError::new_err(format!(
+                        "there is no material {name:?}{}",
+                        suggestion(&name, &names)
+                    ))
                 })?,
-                Err(_) => material.extract::<usize>().ok().filter(|&at| at < names.len()).ok_or_else(|| {
-                    PyIndexError::new_err(format!("material: expected a name or a number from 0 to {}", names.len()))
-                })?,
+                Err(_) => {
+                    material.extract::<usize>().ok().filter(|&at| at < names.len()).ok_or_else(
+                        || {
+                            PyIndexError::new_err(format!(
+                                "material: expected a name or a number from 0 to {}",
+                                names.len()
+                            ))
+                        },
+                    )?
+                }
             };
             let stage = contents.stage_mut();
             stage.materials[at] = on_stage(stage, &new.get().0)?;
@@ -231,7 +278,12 @@ impl Scene {
     /// >>> scene = snell.Scene()
     /// >>> ball = scene.add_shape("sphere", radius=1)
     /// >>> scene.update_material(ball, snell.Material("mirror", reflectance=0.9))
-    fn update_material(&self, py: Python<'_>, id: i64, material: &Bound<'_, PyAny>) -> PyResult<()> {
+    fn update_material(
+        &self,
+        py: Python<'_>,
+        id: i64,
+        material: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
         self.0.edit(py, |contents| {
             contents.get(id)?;
             let materials = add_materials(contents, Some(material))?;
@@ -252,7 +304,8 @@ impl Scene {
         let all = each::<Light>(lights, "lights")?;
         self.0.edit(lights.py(), |contents| {
             let stage = contents.stage_mut();
-            let all = all.iter().map(|light| on_stage(stage, &light.get().0)).collect::<PyResult<_>>()?;
+            let all =
+                all.iter().map(|light| on_stage(stage, &light.get().0)).collect::<PyResult<_>>()?;
             stage.lights = all;
             Ok(())
         })
@@ -275,7 +328,8 @@ impl Scene {
         })
     }
 
-    /// The cameras, as a list of :class:`Camera`; the first is used unless another is asked for. Can be assigned.
+    /// The cameras, as a list of :class:`Camera`; the first is used unless another is asked for.
+    /// Can be assigned.
     #[getter]
     fn cameras(&self, py: Python<'_>) -> Vec<Camera> {
         self.0.contents(py).stage.cameras.iter().cloned().map(Camera).collect()
@@ -283,7 +337,10 @@ impl Scene {
 
     #[setter]
     fn set_cameras(&self, cameras: &Bound<'_, PyAny>) -> PyResult<()> {
-        let all = each::<Camera>(cameras, "cameras")?.iter().map(|camera| camera.get().0.clone()).collect();
+        let all = each::<Camera>(cameras, "cameras")?
+            .iter()
+            .map(|camera| camera.get().0.clone())
+            .collect();
         self.0.edit(cameras.py(), |contents| {
             contents.stage_mut().cameras = all;
             Ok(())
@@ -306,22 +363,26 @@ impl Scene {
         })
     }
 
-    /// Light from all directions: None, a colour (radiance, W / (m^2 sr)), or a latitude-longitude picture (row 0 is the zenith, its middle -z). Can
-    /// be assigned: a colour, an array, an :class:`Image`, its file, or `"sky"`. See :meth:`set_environment` to turn and scale a picture.
+    /// Light from all directions: None, a colour (radiance, W / (m^2 sr)), or a latitude-longitude
+    /// picture (row 0 is the zenith, its middle -z). Can be assigned: a colour, an array, an
+    /// :class:`Image`, its file, or `"sky"`. See :meth:`set_environment` to turn and scale a
+    /// picture.
     #[getter]
     fn environment<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         match &self.0.contents(py).stage.environment {
             None => Ok(py.None().into_bound(py)),
             Some(Environment::Constant(color)) => color_tuple(py, *color),
             Some(Environment::Image { image, .. }) => {
-                let rgb = (0..image.height).flat_map(|y| (0..image.width).flat_map(move |x| [(x, y)]));
+                let rgb =
+                    (0..image.height).flat_map(|y| (0..image.width).flat_map(move |x| [(x, y)]));
                 let values: Vec<f32> = rgb
                     .flat_map(|(x, y)| {
                         let [r, g, b, _] = image.rgba(x, y);
                         [r, g, b]
                     })
                     .collect();
-                let pixels = from_vec(py, values, &[image.height as usize, image.width as usize, 3])?;
+                let pixels =
+                    from_vec(py, values, &[image.height as usize, image.width as usize, 3])?;
                 py.get_type::<Image>().call1((pixels,))
             }
         }
@@ -341,7 +402,8 @@ impl Scene {
     /// scale : colour, optional
     ///     Factor on the radiance of a picture.
     /// transform : array (4, 4) or (3, 4), optional
-    ///     Map from the environment's coordinates, in which +y is the zenith, to the scene's: how a picture is turned.
+    ///     Map from the environment's coordinates, in which +y is the zenith, to the scene's: how a
+    ///     picture is turned.
     ///
     /// Examples
     /// --------
@@ -357,14 +419,16 @@ impl Scene {
     ) -> PyResult<()> {
         let scale = scale.map_or(Ok(Rgb::WHITE), |scale| color(scale, "scale"))?;
         let placed = crate::objects::transform(transform)?;
-        let environment = read_environment(value, scale, placed.map_or(DAffine3::IDENTITY, |map| *map.matrix()))?;
+        let environment =
+            read_environment(value, scale, placed.map_or(DAffine3::IDENTITY, |map| *map.matrix()))?;
         self.0.edit(value.py(), |contents| {
             contents.stage_mut().environment = environment;
             Ok(())
         })
     }
 
-    /// What is everywhere where no inside of a surface is, such as fog: a :class:`Medium` or None. Can be assigned.
+    /// What is everywhere where no inside of a surface is, such as fog: a :class:`Medium` or None.
+    /// Can be assigned.
     #[getter]
     fn medium(&self, py: Python<'_>) -> Option<PyMedium> {
         let stage = self.0.contents(py).stage.clone();
@@ -381,7 +445,8 @@ impl Scene {
         })
     }
 
-    /// What the camera sees behind the scene: `"environment"`, `"transparent"`, or a colour (linear), which lights nothing. Can be assigned.
+    /// What the camera sees behind the scene: `"environment"`, `"transparent"`, or a colour
+    /// (linear), which lights nothing. Can be assigned.
     #[getter]
     fn background<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         match self.0.contents(py).stage.background {
@@ -404,10 +469,11 @@ impl Scene {
         })
     }
 
-    /// Writes the scene as a `.snell` file, which :func:`load` and `snell render` read: the same picture to the bit.
+    /// Writes the scene as a `.snell` file, which :func:`load` and `snell render` read: the same
+    /// picture to the bit.
     ///
-    /// Vertices are written as they are rendered: those given as float64 in float32, around the centre of their mesh. Masks are not
-    /// written. To keep all of it, pickle the scene.
+    /// Vertices are written as they are rendered: those given as float64 in float32, around the
+    /// centre of their mesh. Masks are not written. To keep all of it, pickle the scene.
     ///
     /// Parameters
     /// ----------
@@ -416,15 +482,10 @@ impl Scene {
     /// threads : int, optional
     ///     Threads that work on it. Default: one per core.
     ///
-    /// Examples
-    /// --------
-    /// >>> import pathlib, tempfile, snell
-    /// >>> scene = snell.Scene()
-    /// >>> ball = scene.add_shape("sphere", radius=1, material=snell.Material("diffuse", reflectance=0.5))
-    /// >>> with tempfile.TemporaryDirectory() as folder:
-    /// ...     path = pathlib.Path(folder, "ball.snell")
-    /// ...     scene.save(path)
-    /// ...     snell.load(path).materials
+    /// Examples -------- >>> import pathlib, tempfile, snell >>> scene = snell.Scene() >>> ball =
+    /// scene.add_shape("sphere", radius=1, material=snell.Material("diffuse", reflectance=0.5)) >>>
+    /// with tempfile.TemporaryDirectory() as folder: ... path = pathlib.Path(folder, "ball.snell")
+    /// ... scene.save(path) ... snell.load(path).materials
     /// [Material("diffuse", reflectance=(0.5, 0.5, 0.5))]
     #[pyo3(signature = (path, *, threads=None))]
     fn save(&self, py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<()> {
@@ -442,7 +503,11 @@ impl Scene {
 }
 
 /// Light from all directions, as it may be said.
-fn read_environment(value: &Bound<'_, PyAny>, scale: Rgb, placed: DAffine3) -> PyResult<Option<Environment>> {
+fn read_environment(
+    value: &Bound<'_, PyAny>,
+    scale: Rgb,
+    placed: DAffine3,
+) -> PyResult<Option<Environment>> {
     if value.is_none() {
         return Ok(None);
     }

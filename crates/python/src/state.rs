@@ -1,7 +1,8 @@
 //! What a scene is between calls: its contents, and the worlds made of them so far.
 //!
-//! A world is made when a query first needs it, by one thread for all that ask; queries keep the one they began with. The lock is taken
-//! only with the interpreter's lock held, and never for long.
+//! A world is made when a query first needs it, by one thread for all that ask; queries keep the
+//! one they began with. The lock is taken only with the interpreter's lock held, and never for
+//! long.
 
 use crate::assemble::{Form, Snapshot, assemble};
 use crate::contents::Contents;
@@ -88,7 +89,11 @@ impl Shared {
     }
 
     /// Changes what the scene holds; an error changes nothing.
-    pub fn edit<T>(&self, py: Python<'_>, edit: impl FnOnce(&mut Contents) -> PyResult<T>) -> PyResult<T> {
+    pub fn edit<T>(
+        &self,
+        py: Python<'_>,
+        edit: impl FnOnce(&mut Contents) -> PyResult<T>,
+    ) -> PyResult<T> {
         let mut state = self.lock(py);
         let result = edit(Arc::make_mut(&mut state.contents))?;
         state.version += 1;
@@ -109,12 +114,17 @@ impl Shared {
                 }
                 let pid = std::process::id();
                 match &worlds.building {
-                    Some(building) if building.pid == pid => (building.version, building.job.clone()),
+                    Some(building) if building.pid == pid => {
+                        (building.version, building.job.clone())
+                    }
                     _ => {
                         let previous = worlds.made.as_ref().map(|(_, snapshot)| snapshot.clone());
                         let job = begin(py, move || {
                             let previous = previous.as_ref().map(|snapshot| &*snapshot.world);
-                            let options = BuildOptions { compact: contents.compact, ..BuildOptions::default() };
+                            let options = BuildOptions {
+                                compact: contents.compact,
+                                ..BuildOptions::default()
+                            };
                             assemble(&contents, &options, previous).map(Arc::new)
                         })?;
                         worlds.building = Some(Building { pid, version, job: job.clone() });
@@ -135,14 +145,16 @@ impl Shared {
                     worlds.made = Some((version, snapshot));
                 }
                 Ok(_) => {}
-                Err(error) if version >= wanted => return Err(PyValueError::new_err(error.to_string())),
+                Err(error) if version >= wanted => {
+                    return Err(PyValueError::new_err(error.to_string()));
+                }
                 Err(_) => {}
             }
         }
     }
 
-    /// Makes the world ready for winding numbers. (Not left to the queries: threads of a pool that wait for each other's work might wait
-    /// for themselves.)
+    /// Makes the world ready for winding numbers. (Not left to the queries: threads of a pool that
+    /// wait for each other's work might wait for themselves.)
     pub fn prepare_winding<F: Kept + PointPrecision>(
         &self,
         py: Python<'_>,
@@ -153,7 +165,9 @@ impl Shared {
             let worlds = F::worlds(&mut state);
             let (world, pid) = (&snapshot.world, std::process::id());
             match &worlds.winding {
-                Some((of, by, job)) if of.as_ptr() == Arc::as_ptr(world) && *by == pid => job.clone(),
+                Some((of, by, job)) if of.as_ptr() == Arc::as_ptr(world) && *by == pid => {
+                    job.clone()
+                }
                 _ => {
                     let asked = world.clone();
                     let job = begin(py, move || F::prepare(&asked))?;
@@ -167,11 +181,18 @@ impl Shared {
     }
 
     /// The scene as it is rendered, made if it is not there yet.
-    pub fn prepared(&self, py: Python<'_>, request: &Request, threads: Threads) -> PyResult<Arc<Prepared>> {
+    pub fn prepared(
+        &self,
+        py: Python<'_>,
+        request: &Request,
+        threads: Threads,
+    ) -> PyResult<Arc<Prepared>> {
         let (version, contents) = {
             let state = self.lock(py);
             match &state.prepared {
-                Some((version, made_for, prepared)) if *version == state.version && made_for == request => {
+                Some((version, made_for, prepared))
+                    if *version == state.version && made_for == request =>
+                {
                     return Ok(prepared.clone());
                 }
                 _ => (state.version, state.contents.clone()),

@@ -1,4 +1,5 @@
-//! The surface at a hit: position, normals and texture coordinates, in double precision whatever the hit's.
+//! The surface at a hit: position, normals and texture coordinates, in double precision whatever
+//! the hit's.
 
 use crate::assemble::{Form, Snapshot, Surface};
 use crate::mesh::Mesh;
@@ -21,8 +22,12 @@ pub struct Local {
 
 impl Local {
     /// What stands for the surface where a ray met none.
-    pub const NONE: Self =
-        Self { position: DVec3::NAN, geometric_normal: DVec3::ZERO, normal: DVec3::ZERO, uv: DVec2::ZERO };
+    pub const NONE: Self = Self {
+        position: DVec3::NAN,
+        geometric_normal: DVec3::ZERO,
+        normal: DVec3::ZERO,
+        uv: DVec2::ZERO,
+    };
 }
 
 /// Finds surfaces; remembers the last occurrence, for neighbours are often in the same.
@@ -41,26 +46,35 @@ impl<'a, F: Form> Surfaces<'a, F> {
 
     /// The surface that `ray` met.
     pub fn at<P: Precision>(&mut self, ray: &DRay, found: &Found<P>) -> Local {
-        let Some(surface) = self.snapshot.names.surfaces.get(found.geometry as usize) else { return Local::NONE };
+        let Some(surface) = self.snapshot.names.surfaces.get(found.geometry as usize) else {
+            return Local::NONE;
+        };
         if self.occurrence != found.occurrence {
-            (self.occurrence, self.placed) = (found.occurrence, F::placed(&self.snapshot.world, found.occurrence));
+            (self.occurrence, self.placed) =
+                (found.occurrence, F::placed(&self.snapshot.world, found.occurrence));
         }
         let placed = &self.placed;
         let position = || placed.inverse().ray(ray).at(found.t.into());
         match surface {
-            Surface::Mesh(mesh) => on_mesh(mesh, &placed.inverse().vector(ray.direction), found).placed(placed),
+            Surface::Mesh(mesh) => {
+                on_mesh(mesh, &placed.inverse().vector(ray.direction), found).placed(placed)
+            }
             Surface::Shape(shape, group_from_shape) => {
                 let position = group_from_shape.inverse().point(position());
                 let surface = shape.surface(position, found.primitive);
-                Local::of(surface.position, surface.normal, surface.uv).placed(group_from_shape).placed(placed)
+                Local::of(surface.position, surface.normal, surface.uv)
+                    .placed(group_from_shape)
+                    .placed(placed)
             }
             Surface::Spheres(spheres) => {
-                let surface = spheres.surface(found.primitive as usize, position(), Vec2::ZERO, 0.0);
+                let surface =
+                    spheres.surface(found.primitive as usize, position(), Vec2::ZERO, 0.0);
                 Local::of(surface.position, surface.normal, surface.uv).placed(placed)
             }
             Surface::Curves(curves) => {
                 let [u, v] = found.uv.map(|x| Into::<f64>::into(x) as f32);
-                let surface = curves.surface(found.primitive as usize, position(), Vec2::new(u, v), 0.0);
+                let surface =
+                    curves.surface(found.primitive as usize, position(), Vec2::new(u, v), 0.0);
                 Local::of(surface.position, surface.normal, surface.uv).placed(placed)
             }
             Surface::Gone => Local::NONE,
@@ -90,11 +104,15 @@ fn on_mesh<P: Precision>(mesh: &Mesh, direction: &DVec3, found: &Found<P>) -> Lo
     let b = [1.0 - b1 - b2, b1, b2];
     let indices = mesh.indices()[found.primitive as usize].map(|i| i as usize);
     let position = p[0] * b[0] + p[1] * b[1] + p[2] * b[2];
-    let normal = (p[1] - p[0]).cross(p[2] - p[0]).try_normalize().unwrap_or_else(|| line_normal(&p, direction));
+    let normal = (p[1] - p[0])
+        .cross(p[2] - p[0])
+        .try_normalize()
+        .unwrap_or_else(|| line_normal(&p, direction));
     let mut local = Local::of(position, normal, DVec2::ZERO);
     let attributes = mesh.attributes();
     if !attributes.normals.is_empty() {
-        let blend: DVec3 = indices.iter().zip(b).map(|(&i, b)| attributes.normals[i].as_dvec3() * b).sum();
+        let blend: DVec3 =
+            indices.iter().zip(b).map(|(&i, b)| attributes.normals[i].as_dvec3() * b).sum();
         let blend = blend.normalize_or(normal);
         local.normal = if blend.dot(normal) < 0.0 { -blend } else { blend };
     }
@@ -104,11 +122,13 @@ fn on_mesh<P: Precision>(mesh: &Mesh, direction: &DVec3, found: &Found<P>) -> Lo
     local
 }
 
-/// What stands for the normal of three vertices on a line: across it, towards where the ray comes from.
+/// What stands for the normal of three vertices on a line: across it, towards where the ray comes
+/// from.
 fn line_normal(p: &[DVec3; 3], direction: &DVec3) -> DVec3 {
     let edges = [p[1] - p[0], p[2] - p[1], p[0] - p[2]];
-    let longest =
-        edges.into_iter().fold(DVec3::ZERO, |a, b| if b.length_squared() > a.length_squared() { b } else { a });
+    let longest = edges
+        .into_iter()
+        .fold(DVec3::ZERO, |a, b| if b.length_squared() > a.length_squared() { b } else { a });
     let across = longest.cross(longest.cross(*direction)).try_normalize();
     across.unwrap_or_else(|| -direction.normalize_or(DVec3::NEG_Z))
 }

@@ -20,17 +20,19 @@ use std::sync::Arc;
 
 /// An image on a surface, in the place of a colour or number of a material.
 ///
-/// A colour takes the texture; a number takes one of its channels (:meth:`channel`). Materials multiply it with nothing else.
+/// A colour takes the texture; a number takes one of its channels (:meth:`channel`). Materials
+/// multiply it with nothing else.
 ///
 /// Parameters
 /// ----------
 /// image : array, Image, str or os.PathLike
-///     `(height, width)` or `(height, width, channels)`, 1 to 4 channels: uint8 and uint16 stand for 0 to 1, floats for themselves. Or a picture, or
-///     its file.
+///     `(height, width)` or `(height, width, channels)`, 1 to 4 channels: uint8 and uint16 stand
+///     for 0 to 1, floats for themselves. Or a picture, or its file.
 /// **parameters
-///     `encoding`: `"srgb"` (colours of integers, as most files have them) or `"linear"` (data such as roughness and normals). `wrap`: two of
-///     `"repeat"`, `"mirror"`, `"clamp"`, `"black"`. `filtering`: `"trilinear"` or `"nearest"`. `uv_set`: 0 or 1. `uv_transform`: two rows of three
-///     numbers; texel (0, 0) is the upper left one and `v` grows downwards.
+///     `encoding`: `"srgb"` (colours of integers, as most files have them) or `"linear"` (data such
+///     as roughness and normals). `wrap`: two of `"repeat"`, `"mirror"`, `"clamp"`, `"black"`.
+///     `filtering`: `"trilinear"` or `"nearest"`. `uv_set`: 0 or 1. `uv_transform`: two rows of
+///     three numbers; texel (0, 0) is the upper left one and `v` grows downwards.
 ///
 /// Examples
 /// --------
@@ -46,7 +48,8 @@ pub struct Texture {
     pub declared: Declared,
 }
 
-/// One channel of a texture, in the place of a number of a material: what :meth:`Texture.channel` gives.
+/// One channel of a texture, in the place of a number of a material: what :meth:`Texture.channel`
+/// gives.
 ///
 /// Examples
 /// --------
@@ -64,17 +67,20 @@ pub struct Channel {
 }
 
 declared_class! {
-    /// What is computed over a surface or in space, in the place of a colour or number of a material, or of another pattern: checks, dots, noise,
-    /// marble. :data:`PATTERNS` lists the kinds and their parameters.
+    /// What is computed over a surface or in space, in the place of a colour or number of a
+    /// material, or of another pattern: checks, dots, noise, marble. :data:`PATTERNS` lists the
+    /// kinds and their parameters.
     ///
     /// Parameters
     /// ----------
     /// kind : str
     ///     Such as `"marble"` or `"checkerboard"`.
     /// **parameters
-    ///     Those of the kind. Colours take textures and patterns too. Patterns in space have `texture_from_world`: three rows of four numbers, the map
-    ///     from the world to the space of the pattern. The others have `mapping`: `{"uv": {"uv_set": 0, "uv_transform": rows}}` (two rows of three
-    ///     numbers, to `s` and `t` from `u`, `v` and 1), `{"spherical": {"texture_from_world": rows}}`, `"cylindrical"` likewise, or
+    ///     Those of the kind. Colours take textures and patterns too. Patterns in space have
+    ///     `texture_from_world`: three rows of four numbers, the map from the world to the space of
+    ///     the pattern. The others have `mapping`: `{"uv": {"uv_set": 0, "uv_transform": rows}}`
+    ///     (two rows of three numbers, to `s` and `t` from `u`, `v` and 1),
+    ///     `{"spherical": {"texture_from_world": rows}}`, `"cylindrical"` likewise, or
     ///     `{"planar": {"st_from_world": rows}}` (two rows of four numbers).
     ///
     /// Examples
@@ -156,7 +162,8 @@ pub fn image(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Arc<Image>> {
         && let Ok(path) = value.extract::<PathBuf>()
     {
         check_there(&path)?;
-        let image = run_to_end(py, move || read_image(&Input::open(&path, &ReadOptions::default())?))?;
+        let image =
+            run_to_end(py, move || read_image(&Input::open(&path, &ReadOptions::default())?))?;
         return image.map(Arc::new).map_err(|e| PyValueError::new_err(e.to_string()));
     }
     let array = array(value, name)?;
@@ -169,7 +176,8 @@ pub fn image(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Arc<Image>> {
     if !fits(height) || !fits(width) {
         let found = shown(array.shape());
         return Err(PyValueError::new_err(format!(
-            "{name}: shape is {found}, expected (height, width) or (height, width, 1 to 4), sides from 1 to 65536"
+            "{name}: shape is {found}, expected (height, width) or (height, width, 1 to 4), sides \
+                from 1 to 65536"
         )));
     }
     let kind: char = array.dtype().getattr("kind")?.extract()?;
@@ -180,7 +188,9 @@ pub fn image(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Arc<Image>> {
         ('f', _) => (Pixels::F32(slice(&contiguous::<f32>(&array)?)?.to_vec()), Encoding::Linear),
         _ => {
             let found = array.dtype();
-            return Err(PyTypeError::new_err(format!("{name}: dtype is {found}, expected uint8, uint16 or floats")));
+            return Err(PyTypeError::new_err(format!(
+                "{name}: dtype is {found}, expected uint8, uint16 or floats"
+            )));
         }
     };
     if let Pixels::F32(values) = &pixels
@@ -188,9 +198,17 @@ pub fn image(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Arc<Image>> {
     {
         let (pixel, channel) = (at / channels, at % channels);
         let (y, x, value) = (pixel / width, pixel % width, values[at]);
-        return Err(PyValueError::new_err(format!("{name}[{y}, {x}, {channel}] is {value}, expected a finite number")));
+        return Err(PyValueError::new_err(format!(
+            "{name}[{y}, {x}, {channel}] is {value}, expected a finite number"
+        )));
     }
-    Ok(Arc::new(Image { width: width as u32, height: height as u32, channels: channels as u32, pixels, encoding }))
+    Ok(Arc::new(Image {
+        width: width as u32,
+        height: height as u32,
+        channels: channels as u32,
+        pixels,
+        encoding,
+    }))
 }
 
 /// A picture as an image; alpha is not premultiplied in images.
@@ -201,7 +219,12 @@ fn of_picture(picture: &LayeredImage) -> Image {
         [r, g, b, a] if a > 0.0 => vec![r / a, g / a, b / a, a],
         _ => p.to_vec(),
     };
-    let values = main.values.chunks(channels).flat_map(straight).map(|x| if x.is_finite() { x } else { 0.0 }).collect();
+    let values = main
+        .values
+        .chunks(channels)
+        .flat_map(straight)
+        .map(|x| if x.is_finite() { x } else { 0.0 })
+        .collect();
     Image::from_f32(picture.width, picture.height, channels as u32, values)
 }
 
@@ -222,7 +245,9 @@ impl Texture {
             }
         }
         let image = || std::iter::once(("image".to_string(), Tree::Id("ImageId", 0)));
-        let declared = make("Texture", &fields, &known, |fields| Tree::Fields(image().chain(fields).collect()))?;
+        let declared = make("Texture", &fields, &known, |fields| {
+            Tree::Fields(image().chain(fields).collect())
+        })?;
         Ok(Self { image: pixels, declared })
     }
 
@@ -245,10 +270,13 @@ impl Texture {
     /// >>> worn = snell.Texture([[0.2, 0.8]])
     /// >>> metal = snell.Material("metallic-roughness", metallic=1, roughness=worn.channel("r"))
     fn channel(slf: &Bound<'_, Self>, channel: &Bound<'_, PyAny>) -> PyResult<Channel> {
-        let by_name =
-            channel.extract::<String>().ok().and_then(|name| ["r", "g", "b", "a"].iter().position(|c| *c == name));
+        let by_name = channel
+            .extract::<String>()
+            .ok()
+            .and_then(|name| ["r", "g", "b", "a"].iter().position(|c| *c == name));
         let number = by_name.or_else(|| channel.extract::<usize>().ok()).filter(|&n| n < 4);
-        let error = || PyValueError::new_err("channel: expected \"r\", \"g\", \"b\" or \"a\", or 0 to 3");
+        let error =
+            || PyValueError::new_err("channel: expected \"r\", \"g\", \"b\" or \"a\", or 0 to 3");
         Ok(Channel { texture: slf.clone().unbind(), number: number.ok_or_else(error)? as u8 })
     }
 
@@ -263,25 +291,35 @@ impl Texture {
         Ok(text + ")")
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let restore = py.import("snell._snell")?.getattr("_restore_texture")?;
-        let shape = [self.image.height as usize, self.image.width as usize, self.image.channels as usize];
+        let shape =
+            [self.image.height as usize, self.image.width as usize, self.image.channels as usize];
         let pixels = match &self.image.pixels {
             Pixels::U8(v) => crate::arrays::from_vec(py, v.clone(), &shape)?,
             Pixels::U16(v) => crate::arrays::from_vec(py, v.clone(), &shape)?,
             Pixels::F32(v) => crate::arrays::from_vec(py, v.clone(), &shape)?,
         };
-        let declared = serde_json::to_string(&self.declared).map_err(|e| PyValueError::new_err(e.to_string()))?;
+        let declared = serde_json::to_string(&self.declared)
+            .map_err(|e| PyValueError::new_err(e.to_string()))?;
         Ok((restore, (pixels, self.image.encoding == Encoding::Srgb, declared).into_pyobject(py)?))
     }
 }
 
 /// Makes a texture from what was stored.
 #[pyfunction]
-pub fn _restore_texture(pixels: &Bound<'_, PyAny>, srgb: bool, declared: &str) -> PyResult<Texture> {
+pub fn _restore_texture(
+    pixels: &Bound<'_, PyAny>,
+    srgb: bool,
+    declared: &str,
+) -> PyResult<Texture> {
     let mut image = Arc::unwrap_or_clone(self::image(pixels, "pixels")?);
     image.encoding = if srgb { Encoding::Srgb } else { Encoding::Linear };
-    let declared = serde_json::from_str(declared).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    let declared =
+        serde_json::from_str(declared).map_err(|e| PyValueError::new_err(e.to_string()))?;
     Ok(Texture { image: Arc::new(image), declared })
 }
 

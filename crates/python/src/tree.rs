@@ -1,7 +1,9 @@
-//! Declarations as trees: what a value of the scene graph looks like to those who do not know its type.
+//! Declarations as trees: what a value of the scene graph looks like to those who do not know its
+//! type.
 //!
-//! A tree is what `serde` says of a value, and keeps what JSON loses: which numbers are ids of which table, and which are in single precision.
-//! So the parameters of every material, light and camera can be read, shown and moved between tables without a list of them.
+//! A tree is what `serde` says of a value, and keeps what JSON loses: which numbers are ids of
+//! which table, and which are in single precision. So the parameters of every material, light and
+//! camera can be read, shown and moved between tables without a list of them.
 
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyTuple};
@@ -74,7 +76,8 @@ impl Tree {
             Self::Text(text) => text.into_pyobject(py)?.into_any(),
             Self::Id(_, number) => number.into_pyobject(py)?.into_any(),
             Self::List(items) => {
-                let items: Vec<_> = items.iter().map(|item| item.plain(py)).collect::<PyResult<_>>()?;
+                let items: Vec<_> =
+                    items.iter().map(|item| item.plain(py)).collect::<PyResult<_>>()?;
                 PyTuple::new(py, items)?.into_any()
             }
             Self::Fields(fields) => {
@@ -98,9 +101,12 @@ impl Tree {
             Self::Text(text) => Value::String(text.clone()),
             Self::Id(kind, number) => id(kind, *number).into(),
             Self::List(items) => items.iter().map(|item| item.json(id)).collect(),
-            Self::Fields(fields) => {
-                Value::Object(fields.iter().map(|(key, value)| (key.clone(), value.json(id))).collect::<Map<_, _>>())
-            }
+            Self::Fields(fields) => Value::Object(
+                fields
+                    .iter()
+                    .map(|(key, value)| (key.clone(), value.json(id)))
+                    .collect::<Map<_, _>>(),
+            ),
         }
     }
 }
@@ -194,11 +200,20 @@ impl ser::Serializer for Writer {
         Ok(Tree::Nothing)
     }
 
-    fn serialize_unit_variant(self, _: &'static str, _: u32, variant: &'static str) -> Result<Tree, Unsaid> {
+    fn serialize_unit_variant(
+        self,
+        _: &'static str,
+        _: u32,
+        variant: &'static str,
+    ) -> Result<Tree, Unsaid> {
         Ok(Tree::Text(variant.to_string()))
     }
 
-    fn serialize_newtype_struct<T: Serialize + ?Sized>(self, name: &'static str, value: &T) -> Result<Tree, Unsaid> {
+    fn serialize_newtype_struct<T: Serialize + ?Sized>(
+        self,
+        name: &'static str,
+        value: &T,
+    ) -> Result<Tree, Unsaid> {
         match value.serialize(self)? {
             Tree::Whole(number) if name.ends_with("Id") => {
                 Ok(Tree::Id(name, u32::try_from(number).unwrap_or(u32::MAX)))

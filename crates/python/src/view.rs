@@ -18,7 +18,8 @@ use snell_viewer::explain::{Question, Subject, report, structures};
 use snell_viewer::{Opened, Server, ServerOptions, Source, Which, read_dropped};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Why a pixel looks as it does, as JSON. With `structures`, also the way of the camera ray through those acceleration structures.
+/// Why a pixel looks as it does, as JSON. With `structures`, also the way of the camera ray through
+/// those acceleration structures.
 #[pyfunction]
 pub fn _explain<'py>(
     py: Python<'py>,
@@ -33,7 +34,12 @@ pub fn _explain<'py>(
     let Task { prepared, camera, settings, .. } = Task::new(py, scene, &keywords)?;
     let kinds = followed.iter().map(|name| {
         let names: Vec<_> = AcceleratorKind::ALL.iter().map(|k| k.name()).collect();
-        let unknown = || PyValueError::new_err(format!("structures has {name:?}, expected of {}", names.join(", ")));
+        let unknown = || {
+            PyValueError::new_err(format!(
+                "structures has {name:?}, expected of {}",
+                names.join(", ")
+            ))
+        };
         AcceleratorKind::from_name(name).ok_or_else(unknown)
     });
     let kinds = kinds.collect::<PyResult<Vec<_>>>()?;
@@ -65,8 +71,8 @@ impl View {
         py.detach(|| server.map(Server::stop));
     }
 
-    /// An address that leads to the page once, within a minute, for programs of the same user: for the
-    /// command line of a browser, which other users of the machine can read.
+    /// An address that leads to the page once, within a minute, for programs of the same user: for
+    /// the command line of a browser, which other users of the machine can read.
     fn _url_for_browser(&self) -> PyResult<String> {
         let server = self.server.lock().unwrap_or_else(PoisonError::into_inner);
         let closed = || PyValueError::new_err("the view is closed");
@@ -99,7 +105,8 @@ impl View {
             return "<em>This view is closed.</em>".into();
         }
         format!(
-            "<iframe src=\"{}\" style=\"width:100%;height:600px;border:1px solid #8884;border-radius:6px\" title=\"Snell\"></iframe>",
+            "<iframe src=\"{}\" style=\"width:100%;height:600px;border:1px solid \
+                #8884;border-radius:6px\" title=\"Snell\"></iframe>",
             self.url
         )
     }
@@ -115,7 +122,9 @@ pub fn _view<'py>(
     frames_per_second: f64,
 ) -> PyResult<View> {
     if !(1.0..=240.0).contains(&frames_per_second) {
-        return Err(PyValueError::new_err(format!("fps is {frames_per_second}, expected 1 to 240")));
+        return Err(PyValueError::new_err(format!(
+            "fps is {frames_per_second}, expected 1 to 240"
+        )));
     }
     let keywords = Keywords(options);
     let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
@@ -134,7 +143,8 @@ pub fn _view<'py>(
     // The page shows the whole picture.
     let request = Request { crop: None, ..request };
     let source = Box::new(Shown { prepared, camera, request });
-    let server = py.detach(|| snell_viewer::serve(source, &options)).map_err(PyRuntimeError::new_err)?;
+    let server =
+        py.detach(|| snell_viewer::serve(source, &options)).map_err(PyRuntimeError::new_err)?;
     Ok(View { url: server.url.clone(), server: Mutex::new(Some(server)) })
 }
 
@@ -150,7 +160,8 @@ impl Source for Shown {
         let (name, mut scene) = match which {
             Which::Given => (self.prepared.scene.name.clone(), self.prepared.scene.clone()),
             Which::Builtin(name) => {
-                let scene = snell_scene::builtin::builtin(&name).ok_or("there is no such built-in scene")?;
+                let scene = snell_scene::builtin::builtin(&name)
+                    .ok_or("there is no such built-in scene")?;
                 (name, scene)
             }
             Which::Dropped { name, bytes } => {
@@ -162,7 +173,11 @@ impl Source for Shown {
         let size = self.request.size.unwrap_or(Request::DEFAULT_SIZE);
         let framing = FramingOptions { size, ..FramingOptions::default() };
         prepare(&mut scene, &framing).map_err(|e| e.to_string())?;
-        let camera = if scene.cameras.contains(&self.camera) { Some(&self.camera) } else { scene.cameras.first() };
+        let camera = if scene.cameras.contains(&self.camera) {
+            Some(&self.camera)
+        } else {
+            scene.cameras.first()
+        };
         let camera = camera.cloned().ok_or("the scene has no camera")?;
         let wanted = scene.settings.tonemap.as_deref().unwrap_or("none");
         let display = Display {

@@ -1,7 +1,8 @@
 //! Running work: without the interpreter's lock, on as many threads as asked for, until Ctrl-C.
 //!
-//! A pool of threads is made when it is first needed and stays for the process; a forked child makes its own, for the threads of its
-//! parent are not in it. All locks here are taken only with the interpreter's lock held, so a fork never finds them locked.
+//! A pool of threads is made when it is first needed and stays for the process; a forked child
+//! makes its own, for the threads of its parent are not in it. All locks here are taken only with
+//! the interpreter's lock held, so a fork never finds them locked.
 
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -72,8 +73,9 @@ impl Threads {
         }
         let name = |i| format!("snell-{i}");
         let pool = ThreadPoolBuilder::new().num_threads(self.0).thread_name(name).build();
-        let pool =
-            Arc::new(pool.map_err(|e| PyRuntimeError::new_err(format!("cannot start {} threads: {e}", self.0)))?);
+        let pool = Arc::new(pool.map_err(|e| {
+            PyRuntimeError::new_err(format!("cannot start {} threads: {e}", self.0))
+        })?);
         pools.by_threads.insert(self.0, pool.clone());
         Ok(pool)
     }
@@ -114,7 +116,10 @@ impl<T> Default for Job<T> {
 
 /// The message of a panic.
 fn message(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+    let text = panic
+        .downcast_ref::<String>()
+        .map(String::as_str)
+        .or_else(|| panic.downcast_ref::<&str>().copied());
     format!("internal error: {}", text.unwrap_or("no message"))
 }
 
@@ -132,7 +137,8 @@ impl<T> Job<T> {
         if result.is_some() {
             return true;
         }
-        let (result, _) = self.done.wait_timeout(result, time).unwrap_or_else(PoisonError::into_inner);
+        let (result, _) =
+            self.done.wait_timeout(result, time).unwrap_or_else(PoisonError::into_inner);
         result.is_some()
     }
 
@@ -213,7 +219,10 @@ pub fn begin_alone<T: Send + 'static>(
 }
 
 /// Begins work that cannot be stopped, on the pool of all cores.
-pub fn begin<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<Arc<Job<T>>> {
+pub fn begin<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> PyResult<Arc<Job<T>>> {
     begin_on(py, Threads::new(None)?, work)
 }
 
@@ -231,7 +240,10 @@ fn begin_on<T: Send + 'static>(
 }
 
 /// Does work that cannot be stopped, on all cores. After Ctrl-C nobody waits for it any more.
-pub fn run_to_end<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
+pub fn run_to_end<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> PyResult<T> {
     run_to_end_on(py, Threads::new(None)?, work)
 }
 

@@ -1,4 +1,5 @@
-//! Samples per second of built-in scenes on one thread, and how the time is shared between tracing and everything else.
+//! Samples per second of built-in scenes on one thread, and how the time is shared between tracing
+//! and everything else.
 //!
 //! `cargo bench -p snell-render --bench shading_speed -- [SCENE...]`
 
@@ -22,19 +23,30 @@ fn main() {
     );
     for name in scenes {
         let scene = builtin(&name).expect("the name of a built-in scene");
-        let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("built-in scenes are valid");
+        let compiled = CompiledScene::new(&scene, &BuildOptions::default())
+            .expect("built-in scenes are valid");
         let settings = Settings { size: [128, 128], spp: 16, max_depth: 8, ..Settings::default() };
         let job = Job::new(&compiled, &scene.cameras[0], &settings);
         let samples = f64::from(settings.size[0] * settings.size[1] * settings.spp);
         let image = |seed| {
-            Job::new(&compiled, &scene.cameras[0], &Settings { seed, ..settings.clone() }).run(1, &|_| true).0.image()
+            Job::new(&compiled, &scene.cameras[0], &Settings { seed, ..settings.clone() })
+                .run(1, &|_| true)
+                .0
+                .image()
         };
         let (a, b) = (image(1), image(2));
-        let pairs = || a.layers[0].values.iter().zip(&b.layers[0].values).map(|(&a, &b)| (f64::from(a), f64::from(b)));
+        let pairs = || {
+            a.layers[0]
+                .values
+                .iter()
+                .zip(&b.layers[0].values)
+                .map(|(&a, &b)| (f64::from(a), f64::from(b)))
+        };
         let (count, sum) = (pairs().count() as f64, pairs().map(|(a, b)| a + b).sum::<f64>());
         let mean = sum / (2.0 * count);
         let variance =
-            0.5 * pairs().map(|(a, b)| (a - b).powi(2)).sum::<f64>() / count / (mean * mean) * f64::from(settings.spp);
+            0.5 * pairs().map(|(a, b)| (a - b).powi(2)).sum::<f64>() / count / (mean * mean)
+                * f64::from(settings.spp);
         let mut best: Option<(f64, f64, f64)> = None;
         for _ in 0..REPEATS {
             let start = Instant::now();

@@ -1,8 +1,9 @@
-//! Why a pixel looks as it does: the path tree of each of its samples, with all that was added to it, and how the mean of the samples
-//! came about.
+//! Why a pixel looks as it does: the path tree of each of its samples, with all that was added to
+//! it, and how the mean of the samples came about.
 //!
-//! There is no second integrator here. The renderer itself renders the pixel and keeps a [`Journal`]; this module only puts the
-//! entries together. So the trees add up to the samples, and the samples to the pixel of the picture, bit for bit.
+//! There is no second integrator here. The renderer itself renders the pixel and keeps a
+//! [`Journal`]; this module only puts the entries together. So the trees add up to the samples, and
+//! the samples to the pixel of the picture, bit for bit.
 
 use crate::compile::CompiledScene;
 use crate::film::FilmPart;
@@ -56,7 +57,8 @@ pub struct PathTree {
     pub mode: ColorMode,
     /// The vertices, parents first; the first is what the camera ray met.
     pub vertices: Vec<PathVertex>,
-    /// What was added, in the order of adding: vertex, number of its light ray (none: found on the way or at the vertex), how much.
+    /// What was added, in the order of adding: vertex, number of its light ray (none: found on the
+    /// way or at the vertex), how much.
     pub additions: Vec<Addition>,
 }
 
@@ -162,7 +164,8 @@ pub struct LightRay {
 }
 
 impl PathTree {
-    /// The sum of all additions, in the renderer's own order: what was found and what light rays brought, apart.
+    /// The sum of all additions, in the renderer's own order: what was found and what light rays
+    /// brought, apart.
     pub fn sum(&self) -> SampledSpectrum {
         let of = |is_brought: bool| {
             let parts = self.additions.iter().filter(move |a| a.light_ray.is_some() == is_brought);
@@ -225,7 +228,9 @@ pub fn explain(
                 looks.next();
             }
             if looks.peek() == Some(&count) || count == job.settings().spp {
-                let triple = |image: snell_scene::LayeredImage| std::array::from_fn(|c| image.layers[0].values[c]);
+                let triple = |image: snell_scene::LayeredImage| {
+                    std::array::from_fn(|c| image.layers[0].values[c])
+                };
                 let variance: [f32; 3] = triple(film.variance());
                 let error = variance.map(|v| v.max(0.0).sqrt());
                 convergence.push(Mean { samples: count, value: triple(film.image()), error });
@@ -295,7 +300,8 @@ struct Twig {
     scattering: Option<Scattering>,
 }
 
-/// Which ray leads where while trees grow. Paths have numbers by depth; those of the next depth are the rays that leave, in order.
+/// Which ray leads where while trees grow. Paths have numbers by depth; those of the next depth are
+/// the rays that leave, in order.
 #[derive(Default)]
 struct Planting {
     depth: Option<u32>,
@@ -317,7 +323,11 @@ impl Planting {
         if self.vertices.len() <= path {
             self.vertices.resize(path + 1, None);
         }
-        let twig = self.arriving.get(path).copied().unwrap_or(Twig { parent: None, ray: None, scattering: None });
+        let twig = self.arriving.get(path).copied().unwrap_or(Twig {
+            parent: None,
+            ray: None,
+            scattering: None,
+        });
         *self.vertices[path].get_or_insert_with(|| {
             tree.vertices.push(PathVertex {
                 parent: twig.parent,
@@ -352,7 +362,8 @@ fn add_vertex<'a>(
 ) {
     tree.mode = shaded.state.mode;
     let vertex = &mut tree.vertices[number];
-    let surface = shaded.hit.is_hit().then(|| scene.interaction(&shaded.ray, shaded.state.time, &shaded.hit));
+    let surface =
+        shaded.hit.is_hit().then(|| scene.interaction(&shaded.ray, shaded.state.time, &shaded.hit));
     // Media move the origin of the ray on; what is shown is the whole way.
     vertex.ray = if vertex.parent.is_some() { vertex.ray } else { shaded.ray };
     vertex.kind = match (&surface, &shaded.medium) {
@@ -371,7 +382,8 @@ fn add_vertex<'a>(
         let brought = if is_blocked { SampledSpectrum::ZERO } else { arrived };
         let (source, weight) = (shaded.source, shaded.weights.light);
         let lobe = lobe(scene, shaded, surface.as_ref(), ray.direction.normalize_or_zero(), false);
-        let light_ray = LightRay { ray: *ray, source, value: *value, brought, is_blocked, weight, lobe };
+        let light_ray =
+            LightRay { ray: *ray, source, value: *value, brought, is_blocked, weight, lobe };
         if !is_blocked {
             tree.additions.push(Addition {
                 vertex: number,
@@ -387,7 +399,8 @@ fn add_vertex<'a>(
 /// How a ray was chosen, from what is known of it.
 fn scattering(scene: &CompiledScene, shaded: &Shaded, ray: &Ray, state: &PathState) -> Scattering {
     let is_delta = state.bsdf_pdf == 0.0;
-    let surface = shaded.hit.is_hit().then(|| scene.interaction(&shaded.ray, shaded.state.time, &shaded.hit));
+    let surface =
+        shaded.hit.is_hit().then(|| scene.interaction(&shaded.ray, shaded.state.time, &shaded.hit));
     let lobe = lobe(scene, shaded, surface.as_ref(), ray.direction, is_delta);
     Scattering { lobe, is_delta, pdf: state.bsdf_pdf }
 }
@@ -428,11 +441,13 @@ mod tests {
     use snell_intersect::BuildOptions;
     use snell_scene::builtin::builtin;
 
-    /// Every sample's tree adds up to the sample, and the samples to the pixel of the picture: the same bits.
+    /// Every sample's tree adds up to the sample, and the samples to the pixel of the picture: the
+    /// same bits.
     fn check(name: &str, fog: Option<f32>, settings: &Settings) {
         let mut scene = builtin(name).expect("the scene is built in");
         if let Some(density) = fog {
-            snell_scene::framing::fill_with_fog(&mut scene, density).expect("a scene that can be filled");
+            snell_scene::framing::fill_with_fog(&mut scene, density)
+                .expect("a scene that can be filled");
         }
         let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
         let job = Job::new(&compiled, &scene.cameras[0], settings);
@@ -440,25 +455,38 @@ mod tests {
         let (mut longest, mut blocked, mut light_rays) = (0, 0, 0);
         for (number, pixel) in image.layers[0].values.chunks_exact(4).enumerate() {
             let at = [number as u32 % settings.size[0], number as u32 / settings.size[0]];
-            let explanation = explain(&job, at, 1, Wanted::default(), |_| ()).expect("a pixel of the picture");
+            let explanation =
+                explain(&job, at, 1, Wanted::default(), |_| ()).expect("a pixel of the picture");
             assert_eq!(explanation.value, pixel, "{name} {at:?}");
             assert_eq!(explanation.samples.len(), settings.spp as usize);
             for tree in &explanation.samples {
-                assert_eq!(tree.color_of(tree.sum()), tree.color, "{name} {at:?} sample {}", tree.number);
-                let parts = tree
-                    .vertices
-                    .iter()
-                    .map(|v| v.light_rays.iter().fold(v.glow + v.found, |sum, ray| sum + ray.brought));
+                assert_eq!(
+                    tree.color_of(tree.sum()),
+                    tree.color,
+                    "{name} {at:?} sample {}",
+                    tree.number
+                );
+                let parts = tree.vertices.iter().map(|v| {
+                    v.light_rays.iter().fold(v.glow + v.found, |sum, ray| sum + ray.brought)
+                });
                 let (sum, wanted) = (parts.fold(SampledSpectrum::ZERO, |a, b| a + b), tree.sum());
                 let is_close = |(a, b): (f32, f32)| (a - b).abs() <= 1e-5 * b.abs();
-                assert!(sum.0.into_iter().zip(wanted.0).all(is_close), "{name} {at:?}: {sum:?} {wanted:?}");
+                assert!(
+                    sum.0.into_iter().zip(wanted.0).all(is_close),
+                    "{name} {at:?}: {sum:?} {wanted:?}"
+                );
                 longest = longest.max(tree.vertices.len());
                 let rays = tree.vertices.iter().flat_map(|v| &v.light_rays);
-                rays.for_each(|ray| (light_rays, blocked) = (light_rays + 1, blocked + u32::from(ray.is_blocked)));
+                rays.for_each(|ray| {
+                    (light_rays, blocked) = (light_rays + 1, blocked + u32::from(ray.is_blocked))
+                });
                 for vertex in &tree.vertices[1..] {
                     let parent = &tree.vertices[vertex.parent.expect("only the first has none")];
                     let from = parent.kind.position().expect("paths go on from somewhere");
-                    assert!((vertex.ray.origin - from).length() < 1e-2 * compiled.radius, "{name} {at:?}");
+                    assert!(
+                        (vertex.ray.origin - from).length() < 1e-2 * compiled.radius,
+                        "{name} {at:?}"
+                    );
                     assert_eq!(vertex.depth, parent.depth + 1);
                 }
             }
@@ -487,10 +515,14 @@ mod tests {
         let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
         let settings = Settings { size: [20, 20], spp: 4, ..Settings::default() };
         let job = Job::new(&compiled, &scene.cameras[0], &settings);
-        let explanation = explain(&job, [10, 15], 1, Wanted::default(), |_| ()).expect("a pixel of the picture");
+        let explanation =
+            explain(&job, [10, 15], 1, Wanted::default(), |_| ()).expect("a pixel of the picture");
         let vertices = explanation.samples.iter().flat_map(|tree| &tree.vertices);
         let lobes: Vec<Lobe> = vertices.filter_map(|v| v.scattering).map(|s| s.lobe).collect();
-        assert!(lobes.len() > 4 && lobes.iter().all(|l| *l == Lobe::Diffuse), "all is matt in the box: {lobes:?}");
+        assert!(
+            lobes.len() > 4 && lobes.iter().all(|l| *l == Lobe::Diffuse),
+            "all is matt in the box: {lobes:?}"
+        );
     }
 
     #[test]
@@ -512,7 +544,8 @@ mod tests {
         let job = Job::new(&compiled, &scene.cameras[0], &settings);
         let (last, mut seen) = (KEPT + 500, 0);
         let wanted = Wanted { sample: Some(last), looks: &[1, 7, 40, 5000] };
-        let explanation = explain(&job, [1, 1], 1, wanted, |_| seen += 1).expect("a pixel of the picture");
+        let explanation =
+            explain(&job, [1, 1], 1, wanted, |_| seen += 1).expect("a pixel of the picture");
         assert_eq!((seen, explanation.samples.len()), (spp, KEPT as usize + 1));
         assert_eq!(explanation.samples.last().map(|tree| tree.number), Some(last));
         let looks: Vec<u32> = explanation.convergence.iter().map(|mean| mean.samples).collect();

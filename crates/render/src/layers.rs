@@ -1,4 +1,5 @@
-//! The layers that are asked for by name: which AOVs they need, what lights belong together, and the names of what covers pixels.
+//! The layers that are asked for by name: which AOVs they need, what lights belong together, and
+//! the names of what covers pixels.
 
 use crate::compile::CompiledScene;
 use crate::film::Film;
@@ -16,9 +17,14 @@ const MAX_GROUPS: usize = 100;
 /// The group of all light that is in no other.
 const OTHER: &str = "other";
 
-/// The AOVs that these layers need, each once: with light groups, all light of each, and each part of the light by group; the first
-/// layer of the integrator `aov`; what guides a denoiser.
-pub fn needed_aovs(asked: &[Aov], integrator: IntegratorKind, groups: &[LightGroup], denoise: bool) -> Vec<Aov> {
+/// The AOVs that these layers need, each once: with light groups, all light of each, and each part
+/// of the light by group; the first layer of the integrator `aov`; what guides a denoiser.
+pub fn needed_aovs(
+    asked: &[Aov],
+    integrator: IntegratorKind,
+    groups: &[LightGroup],
+    denoise: bool,
+) -> Vec<Aov> {
     let mut wanted = asked.to_vec();
     if wanted.is_empty() && integrator == IntegratorKind::Aov {
         wanted.push(Aov::Normal);
@@ -26,9 +32,12 @@ pub fn needed_aovs(asked: &[Aov], integrator: IntegratorKind, groups: &[LightGro
     let mut parts: Vec<LightPart> = Vec::new();
     if !groups.is_empty() {
         parts.push(LightPart::default());
-        parts.extend(wanted.iter().filter_map(|a| if let Aov::Light(part) = a { Some(*part) } else { None }));
+        parts.extend(
+            wanted.iter().filter_map(|a| if let Aov::Light(part) = a { Some(*part) } else { None }),
+        );
     }
-    let of_group = |group| parts.iter().map(move |&part| Aov::Light(LightPart { group: Some(group), ..part }));
+    let of_group =
+        |group| parts.iter().map(move |&part| Aov::Light(LightPart { group: Some(group), ..part }));
     wanted.extend((0..=groups.len()).flat_map(|group| of_group(group as u8)));
     if denoise {
         wanted.extend([Aov::Albedo, Aov::Normal]);
@@ -42,7 +51,8 @@ pub fn needed_aovs(asked: &[Aov], integrator: IntegratorKind, groups: &[LightGro
     aovs
 }
 
-/// Adds a group of lights, each named by its number, the name of an emissive material, or `environment`.
+/// Adds a group of lights, each named by its number, the name of an emissive material, or
+/// `environment`.
 pub fn add_light_group(
     groups: &mut Vec<LightGroup>,
     name: &str,
@@ -53,7 +63,9 @@ pub fn add_light_group(
         return Err(format!("there is another group named \"{name}\"; choose another name"));
     }
     if groups.len() == MAX_GROUPS {
-        return Err(format!("there are more than {MAX_GROUPS} light groups; at most {MAX_GROUPS} are allowed"));
+        return Err(format!(
+            "there are more than {MAX_GROUPS} light groups; at most {MAX_GROUPS} are allowed"
+        ));
     }
     let sources = lights.iter().map(|light| source(light, scene)).collect::<Result<_, _>>()?;
     groups.push(LightGroup { name: name.to_string(), sources });
@@ -69,7 +81,8 @@ fn source(item: &str, scene: &Scene) -> Result<LightSource, String> {
     }
     let number = item.parse::<u32>().ok().filter(|&n| (n as usize) < scene.lights.len());
     number.map(LightSource::Light).ok_or_else(|| {
-        let materials: Vec<_> = scene.materials.iter().filter(|m| m.is_emissive()).map(|m| m.name.as_str()).collect();
+        let materials: Vec<_> =
+            scene.materials.iter().filter(|m| m.is_emissive()).map(|m| m.name.as_str()).collect();
         let lights = match scene.lights.len() {
             0 => String::new(),
             1 => "light 0, ".into(),
@@ -83,7 +96,8 @@ fn source(item: &str, scene: &Scene) -> Result<LightSource, String> {
     })
 }
 
-/// Gives the layers of light groups their names, `PART_GROUP`. Layers stand in the order of the AOVs, after the picture.
+/// Gives the layers of light groups their names, `PART_GROUP`. Layers stand in the order of the
+/// AOVs, after the picture.
 pub fn name_groups(picture: &mut LayeredImage, film: &Film, groups: &[LightGroup]) {
     let with_layer = film.aovs().iter().filter(|a| a.kind() != AovKind::Coverage);
     for (layer, aov) in picture.layers[1..].iter_mut().zip(with_layer) {
@@ -104,7 +118,8 @@ pub struct Coverage {
 }
 
 impl Coverage {
-    /// What a film knows for an AOV of kind [`AovKind::Coverage`]; `None` if that was not asked for.
+    /// What a film knows for an AOV of kind [`AovKind::Coverage`]; `None` if that was not asked
+    /// for.
     pub fn of(film: &Film, aov: Aov, scene: &Scene, compiled: &CompiledScene) -> Option<Self> {
         if !film.aovs().contains(&aov) {
             return None;
@@ -124,16 +139,19 @@ impl Coverage {
     }
 }
 
-/// The name of what a key of [`Film::coverage`] stands for: of an object the names of its nodes below the root, joined by `/`.
+/// The name of what a key of [`Film::coverage`] stands for: of an object the names of its nodes
+/// below the root, joined by `/`.
 fn thing_name(aov: Aov, key: u64, scene: &Scene, compiled: &CompiledScene) -> String {
     if aov == Aov::CryptoMaterial {
-        let name = scene.materials.get(key as usize).map(|m| m.name.clone()).filter(|n| !n.is_empty());
+        let name =
+            scene.materials.get(key as usize).map(|m| m.name.clone()).filter(|n| !n.is_empty());
         return name.unwrap_or_else(|| format!("material {key}"));
     }
     let hit = Hit { instance: (key >> 32) as u32, geometry: key as u32, ..Hit::MISS };
     let path: Vec<NodeId> = compiled.node_path(&hit);
-    let named =
-        |id: &NodeId| Some(scene.nodes[id.index()].name.as_str()).filter(|n| !n.is_empty() && *id != scene.root);
+    let named = |id: &NodeId| {
+        Some(scene.nodes[id.index()].name.as_str()).filter(|n| !n.is_empty() && *id != scene.root)
+    };
     let names: Vec<&str> = path.iter().filter_map(named).collect();
     if names.is_empty() { format!("object {}.{}", key >> 32, key as u32) } else { names.join("/") }
 }

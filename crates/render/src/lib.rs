@@ -1,6 +1,7 @@
 //! What happens globally: compile a scene, sample it, transport light, gather it on the film.
 //!
-//! The modules stand in the order of the data. Nothing here does I/O: it takes a [`snell_scene::Scene`] and gives pictures in memory.
+//! The modules stand in the order of the data. Nothing here does I/O: it takes a
+//! [`snell_scene::Scene`] and gives pictures in memory.
 //!
 //! ```
 //! use snell_render::{CompiledScene, Job, Settings};

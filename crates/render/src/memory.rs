@@ -46,8 +46,9 @@ const THREAD: u64 = 2 << 20;
 /// Heap around each of a pixel's shares of small allocations.
 const TILE_BYTES: u64 = 6;
 
-/// What Open Image Denoise takes for itself, measured (2.5, one and two threads): its library and weights, and for each pixel,
-/// as long as it works on the whole picture at once; of larger pictures it works on parts.
+/// What Open Image Denoise takes for itself, measured (2.5, one and two threads): its library and
+/// weights, and for each pixel, as long as it works on the whole picture at once; of larger
+/// pictures it works on parts.
 const DENOISER: u64 = 24 << 20;
 const DENOISER_PIXEL: u64 = 640;
 const DENOISER_WHOLE: u64 = 3_000_000;
@@ -141,7 +142,13 @@ fn film_bytes(settings: &Settings, sampled: u64, covers: u64, is_signed: bool) -
     let decided = if settings.noise.is_some() { 16 + 2 * 4 } else { 0 };
     // The list of a pixel that few things cover, with the heap around it.
     let cover = 24 + 80;
-    sums * (blocks + partial) + 4 + 16 * blocks + decided + 4 * sampled + cover * covers + TILE_BYTES
+    sums * (blocks + partial)
+        + 4
+        + 16 * blocks
+        + decided
+        + 4 * sampled
+        + cover * covers
+        + TILE_BYTES
 }
 
 /// What path guiding learns, and the records of a batch: it grows with the square root of the
@@ -157,7 +164,8 @@ pub fn of_scene(scene: &Scene) -> u64 {
     let mut add = |more: u64| bytes = bytes.saturating_add(more);
     let shapes = |id: NodeId| {
         let surfaces = scene.nodes.get(id.index()).map_or(&[][..], |node| &node.surfaces);
-        surfaces.iter().filter(|surface| matches!(surface.geometry, Geometry::Shape(_))).count() as u64
+        surfaces.iter().filter(|surface| matches!(surface.geometry, Geometry::Shape(_))).count()
+            as u64
     };
     add(NODE + shapes(scene.root) * SHAPE);
     for node in &scene.nodes {
@@ -175,7 +183,10 @@ pub fn of_scene(scene: &Scene) -> u64 {
             });
         }
     }
-    let images = scene.textures.iter().filter_map(|texture| scene.images.get(texture.as_image()?.image.index()));
+    let images = scene
+        .textures
+        .iter()
+        .filter_map(|texture| scene.images.get(texture.as_image()?.image.index()));
     images.for_each(|image| add(pyramid_bytes(image)));
     if let Some(Environment::Image { image, .. }) = &scene.environment {
         add(u64::from(image.width) * u64::from(image.height) * ENVIRONMENT);
@@ -183,8 +194,8 @@ pub fn of_scene(scene: &Scene) -> u64 {
     bytes
 }
 
-/// Of a triangle of a mesh: its share of the structure, and of what builds it. Measured for the builders and layouts that
-/// take most (`--quality high`, `--bvh-compact`).
+/// Of a triangle of a mesh: its share of the structure, and of what builds it. Measured for the
+/// builders and layouts that take most (`--quality high`, `--bvh-compact`).
 const TRIANGLE: u64 = 115;
 /// Pages of the program that nothing but rendering touches. Measured.
 const PROGRAM: u64 = 4 << 20;
@@ -223,7 +234,11 @@ mod tests {
         assert!(size[0] > 600 && size[0].abs_diff(2 * size[1]) <= 10, "{size:?}");
         assert_eq!(estimate.largest(u64::MAX), Some([1000, 500]));
         assert_eq!(estimate.largest(1000), None);
-        assert!(estimate.advice(available).starts_with("a picture of at most 6"), "{}", estimate.advice(available));
+        assert!(
+            estimate.advice(available).starts_with("a picture of at most 6"),
+            "{}",
+            estimate.advice(available)
+        );
     }
 
     #[test]
@@ -233,7 +248,12 @@ mod tests {
         let lobes = estimate(|s| s.filter = crate::Filter::Mitchell, Uses::default()).per_pixel;
         let blocks = estimate(|s| s.spp = 50, Uses::default()).per_pixel;
         let variance = estimate(|_| {}, Uses { variance: true, ..Uses::default() }).per_pixel;
-        assert!(layers > 10 * plain && lobes > plain + 30 && blocks > plain + 70 && variance > plain + 15);
+        assert!(
+            layers > 10 * plain
+                && lobes > plain + 30
+                && blocks > plain + 70
+                && variance > plain + 15
+        );
         // Whole blocks only: no more than one set of sums.
         assert!(estimate(|s| s.spp = 64, Uses::default()).per_pixel < plain + 20);
         let crop = Some(Crop { min: [10, 10], max: [20, 30] });

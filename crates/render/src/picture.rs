@@ -13,8 +13,11 @@ pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> La
         && let (Some(&aov), true) = (film.aovs().first(), picture.layers.len() > 1)
     {
         let channels = picture.layers[1].channels.len();
-        let previews: Vec<_> =
-            picture.layers[1].values.chunks(channels).map(|v| aov.preview(v, compiled.radius)).collect();
+        let previews: Vec<_> = picture.layers[1]
+            .values
+            .chunks(channels)
+            .map(|v| aov.preview(v, compiled.radius))
+            .collect();
         for (pixel, color) in picture.layers[0].values.chunks_mut(4).zip(previews) {
             // Colours are premultiplied.
             let premultiplied = color * pixel[3];

@@ -1,7 +1,8 @@
-//! The textbook renderer: one recursive call per ray, nothing batched, nothing clever. The first file to read, and the oracle that
-//! the tests hold the batched renderer to.
+//! The textbook renderer: one recursive call per ray, nothing batched, nothing clever. The first
+//! file to read, and the oracle that the tests hold the batched renderer to.
 //!
-//! It asks the same questions of the same scene with the same random numbers, so it must give the same pictures up to rounding.
+//! It asks the same questions of the same scene with the same random numbers, so it must give the
+//! same pictures up to rounding.
 
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
@@ -32,12 +33,14 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
                 let (film, weight) = film_point(settings, &filter, [x, y], random.pair(FILM));
                 let (ray, state) = camera_path(&view, settings, scene.moves, &random, film);
                 let mut media = Media::new(&context, camera, state.mode);
-                let color = state.mode.to_rgb(radiance(&context, &ray, &state, random, 0, &mut media));
+                let color =
+                    state.mode.to_rgb(radiance(&context, &ray, &state, random, 0, &mut media));
                 plain = plain + color;
                 sum = sum + color * weight;
                 weights += weight;
             }
-            // The weights of a filter with negative lobes may add up to 0: only what differs from the plain mean is weighted.
+            // The weights of a filter with negative lobes may add up to 0: only what differs from
+            // the plain mean is weighted.
             let n = settings.spp as f32;
             let mean = plain * (1.0 / n);
             image.push(mean + (sum + mean * -weights) * (1.0 / (n * filter.mean_weight() as f32)));
@@ -46,8 +49,8 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
     image
 }
 
-/// Radiance along a ray: what is found where it ends, light rays that reach their lights, and the radiance along all rays that the
-/// integrator sends on.
+/// Radiance along a ray: what is found where it ends, light rays that reach their lights, and the
+/// radiance along all rays that the integrator sends on.
 fn radiance(
     context: &Context,
     ray: &Ray,
@@ -89,10 +92,17 @@ fn radiance(
             Some(media) => {
                 media.go_on(here, &vertex, light_ray);
                 let numbers = Numbers::of_light_ray(numbers, number);
-                let left = media.arriving(scene, *light_ray, state.time, *value, state.mode, numbers);
-                if media.walker.is_in(&media.insides, out.glowing) { left } else { SampledSpectrum::ZERO }
+                let left =
+                    media.arriving(scene, *light_ray, state.time, *value, state.mode, numbers);
+                if media.walker.is_in(&media.insides, out.glowing) {
+                    left
+                } else {
+                    SampledSpectrum::ZERO
+                }
             }
-            None if scene.world.occluded_one(timed(light_ray, state.time), scene) => SampledSpectrum::ZERO,
+            None if scene.world.occluded_one(timed(light_ray, state.time), scene) => {
+                SampledSpectrum::ZERO
+            }
             None => *value,
         };
     }
@@ -126,7 +136,8 @@ impl<'a> Media<'a> {
         Some(Self { walker, own, insides })
     }
 
-    /// From surface to surface that the ray passes, until it meets one that it does not, or a medium scatters it.
+    /// From surface to surface that the ray passes, until it meets one that it does not, or a
+    /// medium scatters it.
     fn travel(
         &mut self,
         scene: &CompiledScene,
@@ -141,7 +152,8 @@ impl<'a> Media<'a> {
             let hit = scene.world.closest_one(timed(ray, state.time), &self.walker);
             let insides = &mut self.insides;
             let path = (&mut carried, &rest);
-            let step = self.walker.step(&mut self.own, ray, path, insides, &hit, &mut numbers, emitted);
+            let step =
+                self.walker.step(&mut self.own, ray, path, insides, &hit, &mut numbers, emitted);
             *state = carried.with(&rest);
             match step {
                 PathStep::Arrived => return (hit, None),
@@ -164,7 +176,16 @@ impl<'a> Media<'a> {
         loop {
             let hit = scene.world.closest_one(timed(&ray, time), &self.walker);
             let insides = &mut self.insides;
-            match self.walker.light_step(&mut self.own, &mut ray, time, &mut value, mode, insides, &hit, &mut numbers) {
+            match self.walker.light_step(
+                &mut self.own,
+                &mut ray,
+                time,
+                &mut value,
+                mode,
+                insides,
+                &hit,
+                &mut numbers,
+            ) {
                 LightStep::Arrived => return value,
                 LightStep::Blocked => return SampledSpectrum::ZERO,
                 LightStep::Passed => {}
@@ -179,8 +200,14 @@ impl<'a> Media<'a> {
         let (normal, direction) = (surface.interaction.geometric_normal, ray.direction);
         if direction.dot(normal) * vertex.ray.direction.dot(normal) > 0.0 {
             let own = &mut self.own;
-            self.insides =
-                self.walker.beyond(own, &self.insides, surface.interaction, surface.hit, direction, surface.mode);
+            self.insides = self.walker.beyond(
+                own,
+                &self.insides,
+                surface.interaction,
+                surface.hit,
+                direction,
+                surface.mode,
+            );
         }
     }
 }
@@ -199,7 +226,9 @@ mod tests {
     fn two_balls() -> (Scene, Camera) {
         let mut scene = Scene::new("two balls");
         let white = scene.add_material(Material::new("white", Diffuse::new(Rgb::splat(0.8))));
-        let lamp = scene.add_material(Material::new("lamp", Diffuse::new(Rgb::BLACK)).emitting(Rgb::splat(5.0)));
+        let lamp = scene.add_material(
+            Material::new("lamp", Diffuse::new(Rgb::BLACK)).emitting(Rgb::splat(5.0)),
+        );
         for (x, material) in [(-1.2, white), (1.2, lamp)] {
             let transform = DAffine3::from_translation(DVec3::new(x, 0.0, 0.0));
             let surfaces = vec![Surface::shape(Sphere { radius: 1.0 }, material)];
@@ -216,14 +245,23 @@ mod tests {
             if integrator == IntegratorKind::Aov {
                 continue;
             }
-            let settings = Settings { size: [24, 18], spp: 5, integrator, max_depth: 4, ..Settings::default() };
+            let settings = Settings {
+                size: [24, 18],
+                spp: 5,
+                integrator,
+                max_depth: 4,
+                ..Settings::default()
+            };
             let compiled = CompiledScene::new(&scene, &settings.build).expect("a valid scene");
             let (film, _) = Job::new(&compiled, &camera, &settings).run(2, &|_| true);
             let batched = film.image();
             for (i, expected) in ray_cast(&compiled, &camera, &settings).iter().enumerate() {
                 for c in 0..3 {
                     let (a, b) = (batched.layers[0].values[i * 4 + c], expected.to_array()[c]);
-                    assert!((a - b).abs() <= 1e-5 * b.abs().max(1.0), "{integrator:?} pixel {i}: {a} {b}");
+                    assert!(
+                        (a - b).abs() <= 1e-5 * b.abs().max(1.0),
+                        "{integrator:?} pixel {i}: {a} {b}"
+                    );
                 }
             }
         }
@@ -235,7 +273,10 @@ mod tests {
         let mut scene = Scene::new("edge");
         let white = scene.add_material(Material::new("white", Diffuse::new(Rgb::WHITE)));
         let half = BoxShape { min: DVec3::new(0.0, -99.0, -1.0), max: DVec3::new(99.0, 99.0, 0.0) };
-        scene.add_child(scene.root, Node { surfaces: vec![Surface::shape(half, white)], ..Node::default() });
+        scene.add_child(
+            scene.root,
+            Node { surfaces: vec![Surface::shape(half, white)], ..Node::default() },
+        );
         scene.background = Background::Color(Rgb::BLACK);
         // The edge runs through the middle of the only column that it touches.
         let camera = Camera::look_at(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, Vec3::Y, 0.5);
@@ -252,7 +293,10 @@ mod tests {
             let (film, _) = Job::new(&compiled, &camera, &settings).run(1, &|_| true);
             let image = film.image();
             let row: Vec<f32> = (0..9).map(|x| image.layers[0].values[x * 4]).collect();
-            assert!((row[4] - 0.5).abs() < 0.06, "{filter:?}: half of the edge's pixel is covered: {row:?}");
+            assert!(
+                (row[4] - 0.5).abs() < 0.06,
+                "{filter:?}: half of the edge's pixel is covered: {row:?}"
+            );
             assert!(row[0].abs() < 1e-3 && (row[8] - 1.0).abs() < 1e-3, "{filter:?}: {row:?}");
         }
     }

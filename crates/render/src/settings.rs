@@ -138,17 +138,21 @@ pub struct Settings {
     pub crop: Option<Crop>,
     /// Samples per pixel.
     pub spp: u32,
-    /// If set, a pixel takes samples only until its error is at most this, see [`crate::film::noise`]; `spp` is the most.
+    /// If set, a pixel takes samples only until its error is at most this, see
+    /// [`crate::film::noise`]; `spp` is the most.
     pub noise: Option<f64>,
-    /// Intensity that is added to a pixel's own before its error is compared with it, see [`crate::film::noise`].
+    /// Intensity that is added to a pixel's own before its error is compared with it, see
+    /// [`crate::film::noise`].
     pub noise_floor: f64,
-    /// Render in passes that grow from one sample, so that stopping early leaves a whole picture. Never changes the bits.
+    /// Render in passes that grow from one sample, so that stopping early leaves a whole picture.
+    /// Never changes the bits.
     pub progressive: bool,
     /// Seed of all random numbers.
     pub seed: u32,
     /// Who gives random numbers.
     pub sampler: SamplerKind,
-    /// Where the camera is while the shutter is open, after where it is when that opens: evenly spread in time. Empty if it stays.
+    /// Where the camera is while the shutter is open, after where it is when that opens: evenly
+    /// spread in time. Empty if it stays.
     pub later_cameras: Vec<Camera>,
     /// Reconstruction filter.
     pub filter: Filter,
@@ -158,8 +162,8 @@ pub struct Settings {
     pub integrator: IntegratorKind,
     /// How it is computed with colours.
     pub color: ColorModel,
-    /// How many bounces after the camera ray's hit are followed at most: 0 shows light that reaches the camera from the first
-    /// surface itself, 1 adds direct light (in `path`), and so on.
+    /// How many bounces after the camera ray's hit are followed at most: 0 shows light that reaches
+    /// the camera from the first surface itself, 1 adds direct light (in `path`), and so on.
     pub max_depth: u32,
     /// How occlusion of lights is treated by the classic integrators.
     pub shadows: Shadows,
@@ -171,11 +175,13 @@ pub struct Settings {
     pub light_sampler: LightSamplerKind,
     /// If set, `path` learns where light comes from before it renders.
     pub guiding: Option<Guiding>,
-    /// Added to the scene's ambient light in `raycast` and `whitted`: a stand-in for indirect light where there is no time for it.
+    /// Added to the scene's ambient light in `raycast` and `whitted`: a stand-in for indirect light
+    /// where there is no time for it.
     pub fill: Rgb,
     /// How far `ao` looks for occluders; `None` is half of the scene's radius.
     pub ao_distance: Option<f32>,
-    /// Light that was scattered more than once and is brighter than this, in any lane, is dimmed to it: no fireflies, but too dark.
+    /// Light that was scattered more than once and is brighter than this, in any lane, is dimmed to
+    /// it: no fireflies, but too dark.
     pub clamp: Option<f32>,
     /// Lights that layers show apart.
     pub light_groups: Vec<LightGroup>,
@@ -188,9 +194,11 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The cap on path length when none is asked for. Russian roulette ends practically all paths long before.
+    /// The cap on path length when none is asked for. Russian roulette ends practically all paths
+    /// long before.
     pub const MAX_DEPTH: u32 = 1000;
-    /// The usual [`Settings::noise_floor`] of a picture whose white is 1: somewhat darker than middle grey.
+    /// The usual [`Settings::noise_floor`] of a picture whose white is 1: somewhat darker than
+    /// middle grey.
     pub const NOISE_FLOOR: f64 = 0.1;
 }
 

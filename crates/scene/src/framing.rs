@@ -27,7 +27,8 @@ pub const DEFAULT_BACKGROUND: Rgb = Rgb::splat(0.82);
 /// What [`prepare`] may assume.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FramingOptions {
-    /// Which way is up, unless the scene's settings say. `+y` for most formats, `+z` is common in STL and CAD.
+    /// Which way is up, unless the scene's settings say. `+y` for most formats, `+z` is common in
+    /// STL and CAD.
     pub up: DVec3,
     /// Size of the picture in pixels, unless the scene's settings say.
     pub size: [u32; 2],
@@ -39,21 +40,28 @@ impl Default for FramingOptions {
     }
 }
 
-/// Adds what a picture needs and the scene lacks: a camera that frames its finite surfaces, and the default sky if nothing in it
-/// gives light (no lights, no environment, no emissive material in use). With the sky comes [`DEFAULT_BACKGROUND`], unless the
-/// scene has a background. Does nothing to a scene that has all of it.
+/// Adds what a picture needs and the scene lacks: a camera that frames its finite surfaces, and the
+/// default sky if nothing in it gives light (no lights, no environment, no emissive material in
+/// use). With the sky comes [`DEFAULT_BACKGROUND`], unless the scene has a background. Does nothing
+/// to a scene that has all of it.
 pub fn prepare(scene: &mut Scene, options: &FramingOptions) -> Result<(), SceneError> {
     prepare_for(scene, &[], options)
 }
 
-/// Like [`prepare`], but a camera that is made shows what is seen in all of these poses, instead of the scene as it stands.
-pub fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &FramingOptions) -> Result<(), SceneError> {
+/// Like [`prepare`], but a camera that is made shows what is seen in all of these poses, instead of
+/// the scene as it stands.
+pub fn prepare_for(
+    scene: &mut Scene,
+    poses: &[Pose],
+    options: &FramingOptions,
+) -> Result<(), SceneError> {
     let order = scene.topological_order()?;
     let up = scene.settings.up.unwrap_or(options.up);
     if scene.cameras.is_empty() {
         let [w, h] = scene.settings.size.unwrap_or(options.size).map(|s| f64::from(s.max(1)));
         let posed: Vec<Scene> = poses.iter().map(|pose| posed(scene, pose)).collect();
-        let shown: Vec<&Scene> = if posed.is_empty() { vec![&*scene] } else { posed.iter().collect() };
+        let shown: Vec<&Scene> =
+            if posed.is_empty() { vec![&*scene] } else { posed.iter().collect() };
         scene.cameras.push(camera_for(&shown, &order, up, w / h));
     }
     if scene.lights.is_empty() && scene.environment.is_none() && !uses_emission(scene, &order) {
@@ -79,12 +87,14 @@ fn camera_for(scenes: &[&Scene], order: &[NodeId], up: DVec3, aspect: f64) -> Ca
     let boxes = all().map(|(scene, bounds)| placed(scene, scene.root, &bounds[&scene.root]));
     let world = boxes.fold(Bounds3d::EMPTY, |a, b| a.union(&b));
     fit::frame_content(&world, up, aspect, |directions| {
-        let extents = all().map(|(scene, bounds)| extent::extent_of_scene(scene, bounds, directions));
+        let extents =
+            all().map(|(scene, bounds)| extent::extent_of_scene(scene, bounds, directions));
         extents.fold(fit::Extent::EMPTY, fit::Extent::union)
     })
 }
 
-/// The boxes around the bounded surfaces of each node, in the node's coordinates. `order` has children before parents.
+/// The boxes around the bounded surfaces of each node, in the node's coordinates. `order` has
+/// children before parents.
 fn finite_bounds(scene: &Scene, order: &[NodeId]) -> BTreeMap<NodeId, Bounds3d> {
     let mut bounds: BTreeMap<NodeId, Bounds3d> = BTreeMap::new();
     for &id in order {
@@ -99,7 +109,8 @@ fn finite_bounds(scene: &Scene, order: &[NodeId]) -> BTreeMap<NodeId, Bounds3d> 
 
 /// A node's box in its parent's coordinates; empty if it is not finite there.
 fn placed(scene: &Scene, id: NodeId, own: &Bounds3d) -> Bounds3d {
-    let bounds = Transform::new(scene.nodes[id.index()].transform).map_or(Bounds3d::EMPTY, |m| m.bounds(own));
+    let bounds = Transform::new(scene.nodes[id.index()].transform)
+        .map_or(Bounds3d::EMPTY, |m| m.bounds(own));
     if bounds.is_finite() { bounds } else { Bounds3d::EMPTY }
 }
 
@@ -127,7 +138,10 @@ mod tests {
         let mut scene = Scene::new("ball");
         let sphere = Geometry::Shape(Arc::new(Sphere { radius: 2.0 }.into()));
         let transform = DAffine3::from_translation(DVec3::new(5.0, 0.0, 0.0));
-        scene.add_child(scene.root, Node { transform, surfaces: vec![Surface::new(sphere)], ..Node::default() });
+        scene.add_child(
+            scene.root,
+            Node { transform, surfaces: vec![Surface::new(sphere)], ..Node::default() },
+        );
         scene
     }
 

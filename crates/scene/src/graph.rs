@@ -1,6 +1,7 @@
 //! The scene graph: a directed acyclic graph of nodes, and the tables that nodes refer to.
 //!
-//! Ids instead of pointers: a node used under two parents is stored once. Transforms compose in double precision.
+//! Ids instead of pointers: a node used under two parents is stored once. Transforms compose in
+//! double precision.
 
 use crate::camera::Camera;
 use crate::image::Image;
@@ -58,7 +59,8 @@ pub enum Geometry {
     Mesh(Arc<TriangleMesh>),
     /// An analytic shape.
     Shape(Arc<AnyShape>),
-    /// Strands of round cross-section, in bulk: hair, fur, grass. Texture coordinates run from root (`u` 0) to tip (1), and around (`v`).
+    /// Strands of round cross-section, in bulk: hair, fur, grass. Texture coordinates run from root
+    /// (`u` 0) to tip (1), and around (`v`).
     Curves(Arc<Curves>),
 }
 
@@ -87,8 +89,9 @@ impl Geometry {
 pub struct Surface {
     /// Mesh, shape or curves, in the coordinates of the node.
     pub geometry: Geometry,
-    /// Material by slot ([`TriangleMesh::material_slots`]; all else has slot 0 only). A slot that is `None` or missing takes the
-    /// material of the node, or of the nearest ancestor that has one.
+    /// Material by slot ([`TriangleMesh::material_slots`]; all else has slot 0 only). A slot that
+    /// is `None` or missing takes the material of the node, or of the nearest ancestor that has
+    /// one.
     pub materials: Vec<Option<MaterialId>>,
 }
 
@@ -154,8 +157,9 @@ pub enum Environment {
         image: Arc<Image>,
         /// Factor on its radiance.
         scale: Rgb,
-        /// Map from the environment's coordinates to the world. In the environment's, `+y` is the zenith and the middle of
-        /// the picture is `-z`, with `+x` to its right (the convention of glTF viewers).
+        /// Map from the environment's coordinates to the world. In the environment's, `+y` is the
+        /// zenith and the middle of the picture is `-z`, with `+x` to its right (the convention of
+        /// glTF viewers).
         world_from_environment: DAffine3,
     },
 }
@@ -181,7 +185,8 @@ pub enum WarningKind {
     Changed,
     /// A file that the scene names is not there, or cannot be read.
     Missing,
-    /// Something that the file leaves open, or that belongs to another program, was decided; nothing is wrong.
+    /// Something that the file leaves open, or that belongs to another program, was decided;
+    /// nothing is wrong.
     Choice,
     /// Numbers that are not finite are in the scene as they were in the file.
     NotFinite,
@@ -202,8 +207,8 @@ impl Warning {
     /// Most different warnings in one list.
     const MAX_DIFFERENT: usize = 1000;
 
-    /// Adds a warning to a list; an equal one is counted instead of repeated, and so are all beyond a thousand different ones,
-    /// which nobody would read.
+    /// Adds a warning to a list; an equal one is counted instead of repeated, and so are all beyond
+    /// a thousand different ones, which nobody would read.
     pub fn note(list: &mut Vec<Self>, message: String, count: u64) {
         Self::note_of(WarningKind::Changed, list, message, count);
     }
@@ -214,9 +219,11 @@ impl Warning {
         match known {
             Some(i) => list[i].count += count,
             None if list.len() < Self::MAX_DIFFERENT => list.push(Self { message, count, kind }),
-            None if list.len() == Self::MAX_DIFFERENT => {
-                list.push(Self { message: "there are more warnings than are shown".into(), count, kind })
-            }
+            None if list.len() == Self::MAX_DIFFERENT => list.push(Self {
+                message: "there are more warnings than are shown".into(),
+                count,
+                kind,
+            }),
             None => list[Self::MAX_DIFFERENT].count += count,
         }
     }
@@ -237,20 +244,24 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Images by id, shared by textures.
     pub images: Vec<Arc<Image>>,
-    /// Media by id, in world coordinates. They fill the insides of surfaces ([`crate::material::Interior`]).
+    /// Media by id, in world coordinates. They fill the insides of surfaces
+    /// ([`crate::material::Interior`]).
     pub media: Vec<Medium>,
-    /// The medium that is everywhere where no inside of a surface is, such as the fog of a landscape.
+    /// The medium that is everywhere where no inside of a surface is, such as the fog of a
+    /// landscape.
     pub medium: Option<MediumId>,
     /// Lights that are not surfaces, in world coordinates.
     pub lights: Vec<Light>,
-    /// Cameras in world coordinates; the first is used unless another is asked for. A scene may have none.
+    /// Cameras in world coordinates; the first is used unless another is asked for. A scene may
+    /// have none.
     pub cameras: Vec<Camera>,
     /// Light from all directions, if any.
     pub environment: Option<Environment>,
     /// What camera rays that leave the scene show.
     pub background: Background,
-    /// Ambient light of local illumination: the radiance that a surface of ambient reflectance 1 shows. Only the integrators
-    /// `raycast` and `whitted` use it; the others compute indirect light instead.
+    /// Ambient light of local illumination: the radiance that a surface of ambient reflectance 1
+    /// shows. Only the integrators `raycast` and `whitted` use it; the others compute indirect
+    /// light instead.
     pub ambient: Rgb,
     /// What the file asks of the renderer; options override it.
     pub settings: SceneSettings,
@@ -258,13 +269,16 @@ pub struct Scene {
     pub parameters: Vec<(String, String)>,
     /// What the reader had to say.
     pub warnings: Vec<Warning>,
-    /// How the reader translated what the file says, where that is not obvious: for those who ask, not warnings.
+    /// How the reader translated what the file says, where that is not obvious: for those who ask,
+    /// not warnings.
     pub notes: Vec<Warning>,
-    /// Names of the file's sets of materials, of which one is shown; empty for files that have only one.
+    /// Names of the file's sets of materials, of which one is shown; empty for files that have only
+    /// one.
     pub variants: Vec<String>,
     /// Names of the file's scenes, of which this is one; empty for formats that have only one.
     pub scenes: Vec<String>,
-    /// What moves, if anything does: [`Scene::apply`]. All else is the scene as it stands while nothing is played.
+    /// What moves, if anything does: [`Scene::apply`]. All else is the scene as it stands while
+    /// nothing is played.
     pub motion: Option<Arc<Motion>>,
 }
 
@@ -412,8 +426,8 @@ impl Scene {
         Warning::note(&mut self.notes, message.into(), 1);
     }
 
-    /// Checks that all ids are in range and that no node is its own descendant; gives the reachable nodes, each once, children
-    /// before parents.
+    /// Checks that all ids are in range and that no node is its own descendant; gives the reachable
+    /// nodes, each once, children before parents.
     pub fn topological_order(&self) -> Result<Vec<NodeId>, SceneError> {
         #[derive(Clone, Copy, PartialEq)]
         enum Mark {
@@ -469,27 +483,43 @@ impl Scene {
     fn check_ids(&self, id: NodeId) -> Result<(), SceneError> {
         let Some(node) = self.nodes.get(id.index()) else {
             let name = String::new();
-            return Err(SceneError::DanglingId { node: id.0, name, what: "node", id: id.0, count: self.nodes.len() });
+            return Err(SceneError::DanglingId {
+                node: id.0,
+                name,
+                what: "node",
+                id: id.0,
+                count: self.nodes.len(),
+            });
         };
         let dangling = |what, dangling: u32, count| {
-            Err(SceneError::DanglingId { node: id.0, name: node.name.clone(), what, id: dangling, count })
+            Err(SceneError::DanglingId {
+                node: id.0,
+                name: node.name.clone(),
+                what,
+                id: dangling,
+                count,
+            })
         };
         if let Some(child) = node.children.iter().find(|c| c.index() >= self.nodes.len()) {
             return dangling("child node", child.0, self.nodes.len());
         }
         let of_surfaces = node.surfaces.iter().flat_map(|s| s.materials.iter().flatten());
-        if let Some(m) = of_surfaces.chain(&node.material).find(|m| m.index() >= self.materials.len()) {
+        if let Some(m) =
+            of_surfaces.chain(&node.material).find(|m| m.index() >= self.materials.len())
+        {
             return dangling("material", m.0, self.materials.len());
         }
         Ok(())
     }
 
-    /// Bounding box of each reachable node in its own coordinates (children included, by their transforms).
+    /// Bounding box of each reachable node in its own coordinates (children included, by their
+    /// transforms).
     pub fn node_bounds(&self) -> Result<BTreeMap<NodeId, Bounds3d>, SceneError> {
         let mut bounds = BTreeMap::new();
         for id in self.topological_order()? {
             let node = &self.nodes[id.index()];
-            let own = node.surfaces.iter().fold(Bounds3d::EMPTY, |b, s| b.union(&s.geometry.bounds()));
+            let own =
+                node.surfaces.iter().fold(Bounds3d::EMPTY, |b, s| b.union(&s.geometry.bounds()));
             let all = node.children.iter().fold(own, |b, child| {
                 // A singular transform flattens its subtree, which then has no surface to hit.
                 let placed = Transform::new(self.nodes[child.index()].transform);
@@ -500,10 +530,12 @@ impl Scene {
         Ok(bounds)
     }
 
-    /// The box around all surfaces in world coordinates; sides may be infinite, and it is empty for a scene without surfaces.
+    /// The box around all surfaces in world coordinates; sides may be infinite, and it is empty for
+    /// a scene without surfaces.
     pub fn bounds(&self) -> Result<Bounds3d, SceneError> {
         let root = self.node_bounds()?[&self.root];
-        Ok(Transform::new(self.nodes[self.root.index()].transform).map_or(Bounds3d::EMPTY, |m| m.bounds(&root)))
+        Ok(Transform::new(self.nodes[self.root.index()].transform)
+            .map_or(Bounds3d::EMPTY, |m| m.bounds(&root)))
     }
 }
 
@@ -530,9 +562,15 @@ mod tests {
     #[test]
     fn a_shared_subtree_is_visited_once_and_bounds_every_use() {
         let (scene, ball) = two_balls_shared();
-        assert_eq!(scene.topological_order().expect("no cycle").iter().filter(|&&n| n == ball).count(), 1);
+        assert_eq!(
+            scene.topological_order().expect("no cycle").iter().filter(|&&n| n == ball).count(),
+            1
+        );
         let bounds = scene.bounds().expect("no cycle");
-        assert_eq!((bounds.min, bounds.max), (DVec3::new(-3.0, -1.0, -1.0), DVec3::new(3.0, 1.0, 1.0)));
+        assert_eq!(
+            (bounds.min, bounds.max),
+            (DVec3::new(-3.0, -1.0, -1.0), DVec3::new(3.0, 1.0, 1.0))
+        );
     }
 
     #[test]

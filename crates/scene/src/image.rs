@@ -1,4 +1,5 @@
-//! Pixels in memory: images that come from files ([`Image`]) and pictures that go to files ([`LayeredImage`]).
+//! Pixels in memory: images that come from files ([`Image`]) and pictures that go to files
+//! ([`LayeredImage`]).
 
 use serde::{Deserialize, Serialize};
 
@@ -23,7 +24,8 @@ pub enum Pixels {
     F32(Vec<f32>),
 }
 
-/// An image with 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 (RGBA) channels; alpha is not premultiplied.
+/// An image with 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 (RGBA) channels; alpha is not
+/// premultiplied.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Width in pixels, at least 1.
@@ -54,7 +56,8 @@ impl Image {
 
     /// Stored value of a channel, 0 to 1 for integer pixels, as encoded.
     pub fn value(&self, x: u32, y: u32, channel: u32) -> f32 {
-        let i = (y as usize * self.width as usize + x as usize) * self.channels as usize + channel as usize;
+        let i = (y as usize * self.width as usize + x as usize) * self.channels as usize
+            + channel as usize;
         match &self.pixels {
             Pixels::U8(v) => f32::from(v[i]) / 255.0,
             Pixels::U16(v) => f32::from(v[i]) / 65535.0,
@@ -62,7 +65,8 @@ impl Image {
         }
     }
 
-    /// Linear RGB and alpha of a pixel, colour values decoded as `encoding` says. Grey spreads to all three; alpha is 1 if absent.
+    /// Linear RGB and alpha of a pixel, colour values decoded as `encoding` says. Grey spreads to
+    /// all three; alpha is 1 if absent.
     pub fn rgba_as(&self, x: u32, y: u32, encoding: Encoding) -> [f32; 4] {
         let c = |i| self.value(x, y, i);
         let [r, g, b, a] = match self.channels {
@@ -97,8 +101,8 @@ pub struct Layer {
     pub values: Vec<f32>,
 }
 
-/// A picture with any number of layers. The first is the picture itself: `R G B` or `R G B A` (premultiplied alpha), scene-linear
-/// Rec. 709.
+/// A picture with any number of layers. The first is the picture itself: `R G B` or `R G B A`
+/// (premultiplied alpha), scene-linear Rec. 709.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LayeredImage {
     /// Width in pixels.

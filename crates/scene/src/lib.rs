@@ -1,8 +1,9 @@
-//! What a scene is made of, and what each thing answers locally: a camera gives a ray, a texture a colour, a material a BSDF, a
-//! light its radiance.
+//! What a scene is made of, and what each thing answers locally: a camera gives a ray, a texture a
+//! colour, a material a BSDF, a light its radiance.
 //!
-//! Everything here is a function of its arguments. There are no files, threads, samplers or acceleration structures in this crate:
-//! random numbers come in as numbers, so each piece can be tested alone.
+//! Everything here is a function of its arguments. There are no files, threads, samplers or
+//! acceleration structures in this crate: random numbers come in as numbers, so each piece can be
+//! tested alone.
 
 #![forbid(unsafe_code)]
 
@@ -25,8 +26,8 @@ pub mod texture;
 
 pub use camera::{Camera, CameraRay, CameraRays, CameraSample, CameraView, Projection};
 pub use graph::{
-    Background, Environment, Geometry, MaterialId, MediumId, Node, NodeId, Scene, SceneError, Surface, TextureId,
-    Warning, WarningKind,
+    Background, Environment, Geometry, MaterialId, MediumId, Node, NodeId, Scene, SceneError,
+    Surface, TextureId, Warning, WarningKind,
 };
 pub use image::{Encoding, Image, Layer, LayeredImage, Pixels};
 pub use light::Light;

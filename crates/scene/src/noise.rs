@@ -1,9 +1,10 @@
-//! Smooth random numbers over space: for things that have no shape, and for the patterns of stone, waves and wrinkles.
+//! Smooth random numbers over space: for things that have no shape, and for the patterns of stone,
+//! waves and wrinkles.
 
 use snell_math::{Vec3, rng};
 
-/// Gradient noise (Perlin, Improving Noise, SIGGRAPH 2002) with hashed gradients: 0 at whole coordinates, smooth, within about
-/// `[-1, 1]`.
+/// Gradient noise (Perlin, Improving Noise, SIGGRAPH 2002) with hashed gradients: 0 at whole
+/// coordinates, smooth, within about `[-1, 1]`.
 pub fn gradient_noise(p: Vec3, seed: u32) -> f32 {
     let whole = |c: f32| c as i32;
     let gradient = |[x, y, z]: [i32; 3], f: Vec3| {
@@ -13,8 +14,9 @@ pub fn gradient_noise(p: Vec3, seed: u32) -> f32 {
     lattice(p, whole, gradient) * 1.2
 }
 
-/// Interpolates between the eight corners of a cell of the integer lattice. `gradient` gives the value of a corner's linear function
-/// at an offset from it, `whole` a corner's number of its rounded coordinate.
+/// Interpolates between the eight corners of a cell of the integer lattice. `gradient` gives the
+/// value of a corner's linear function at an offset from it, `whole` a corner's number of its
+/// rounded coordinate.
 fn lattice(p: Vec3, whole: impl Fn(f32) -> i32, gradient: impl Fn([i32; 3], Vec3) -> f32) -> f32 {
     let cell = p.floor();
     let f = p - cell;
@@ -30,7 +32,8 @@ fn lattice(p: Vec3, whole: impl Fn(f32) -> i32, gradient: impl Fn([i32; 3], Vec3
     lerp(plane(0), plane(1), fade.z)
 }
 
-/// Fractal noise: `octaves` of gradient noise, each of twice the frequency and half the height of the one before.
+/// Fractal noise: `octaves` of gradient noise, each of twice the frequency and half the height of
+/// the one before.
 pub fn fractal_noise(p: Vec3, octaves: u32, seed: u32) -> f32 {
     let (mut sum, mut scale, mut height) = (0.0, 1.0, 1.0);
     for octave in 0..octaves {
@@ -41,24 +44,31 @@ pub fn fractal_noise(p: Vec3, octaves: u32, seed: u32) -> f32 {
     sum
 }
 
-/// Perlin's permutation of the numbers from 0 to 255, by which renderers agree on one noise (Perlin, Improving Noise, SIGGRAPH 2002).
+/// Perlin's permutation of the numbers from 0 to 255, by which renderers agree on one noise
+/// (Perlin, Improving Noise, SIGGRAPH 2002).
 #[rustfmt::skip]
 const PERMUTATION: [u8; 256] = [
-    151, 160, 137, 91, 90, 15, 131, 13, 201, 95, 96, 53, 194, 233, 7, 225, 140, 36, 103, 30, 69, 142, 8, 99, 37, 240, 21, 10, 23, 190, 6, 148,
-    247, 120, 234, 75, 0, 26, 197, 62, 94, 252, 219, 203, 117, 35, 11, 32, 57, 177, 33, 88, 237, 149, 56, 87, 174, 20, 125, 136, 171, 168, 68, 175,
-    74, 165, 71, 134, 139, 48, 27, 166, 77, 146, 158, 231, 83, 111, 229, 122, 60, 211, 133, 230, 220, 105, 92, 41, 55, 46, 245, 40, 244, 102, 143, 54,
-    65, 25, 63, 161, 1, 216, 80, 73, 209, 76, 132, 187, 208, 89, 18, 169, 200, 196, 135, 130, 116, 188, 159, 86, 164, 100, 109, 198, 173, 186, 3, 64,
-    52, 217, 226, 250, 124, 123, 5, 202, 38, 147, 118, 126, 255, 82, 85, 212, 207, 206, 59, 227, 47, 16, 58, 17, 182, 189, 28, 42, 223, 183, 170, 213,
-    119, 248, 152, 2, 44, 154, 163, 70, 221, 153, 101, 155, 167, 43, 172, 9, 129, 22, 39, 253, 19, 98, 108, 110, 79, 113, 224, 232, 178, 185, 112, 104,
-    218, 246, 97, 228, 251, 34, 242, 193, 238, 210, 144, 12, 191, 179, 162, 241, 81, 51, 145, 235, 249, 14, 239, 107, 49, 192, 214, 31, 181, 199, 106, 157,
-    184, 84, 204, 176, 115, 121, 50, 45, 127, 4, 150, 254, 138, 236, 205, 93, 222, 114, 67, 29, 24, 72, 243, 141, 128, 195, 78, 66, 215, 61, 156, 180,
+    151, 160, 137, 91, 90, 15, 131, 13, 201, 95, 96, 53, 194, 233, 7, 225, 140, 36, 103, 30, 69,
+    142, 8, 99, 37, 240, 21, 10, 23, 190, 6, 148, 247, 120, 234, 75, 0, 26, 197, 62, 94, 252, 219,
+    203, 117, 35, 11, 32, 57, 177, 33, 88, 237, 149, 56, 87, 174, 20, 125, 136, 171, 168, 68, 175,
+    74, 165, 71, 134, 139, 48, 27, 166, 77, 146, 158, 231, 83, 111, 229, 122, 60, 211, 133, 230,
+    220, 105, 92, 41, 55, 46, 245, 40, 244, 102, 143, 54, 65, 25, 63, 161, 1, 216, 80, 73, 209, 76,
+    132, 187, 208, 89, 18, 169, 200, 196, 135, 130, 116, 188, 159, 86, 164, 100, 109, 198, 173, 186,
+    3, 64, 52, 217, 226, 250, 124, 123, 5, 202, 38, 147, 118, 126, 255, 82, 85, 212, 207, 206, 59,
+    227, 47, 16, 58, 17, 182, 189, 28, 42, 223, 183, 170, 213, 119, 248, 152, 2, 44, 154, 163, 70,
+    221, 153, 101, 155, 167, 43, 172, 9, 129, 22, 39, 253, 19, 98, 108, 110, 79, 113, 224, 232, 178,
+    185, 112, 104, 218, 246, 97, 228, 251, 34, 242, 193, 238, 210, 144, 12, 191, 179, 162, 241, 81,
+    51, 145, 235, 249, 14, 239, 107, 49, 192, 214, 31, 181, 199, 106, 157, 184, 84, 204, 176, 115,
+    121, 50, 45, 127, 4, 150, 254, 138, 236, 205, 93, 222, 114, 67, 29, 24, 72, 243, 141, 128, 195,
+    78, 66, 215, 61, 156, 180,
 ];
 
-/// Perlin's improved noise with his own permutation, which repeats every 256 units: 0 at whole coordinates, within about `[-1, 1]`. 0
-/// where the coordinates are not finite.
+/// Perlin's improved noise with his own permutation, which repeats every 256 units: 0 at whole
+/// coordinates, within about `[-1, 1]`. 0 where the coordinates are not finite.
 ///
-/// The gradients are the twelve directions to the middles of a cube's edges. Four of them count twice, to make sixteen; they are those
-/// of pbrt (section 10.6.1 of its book's 3rd edition), of which two are others than Perlin's.
+/// The gradients are the twelve directions to the middles of a cube's edges. Four of them count
+/// twice, to make sixteen; they are those of pbrt (section 10.6.1 of its book's 3rd edition), of
+/// which two are others than Perlin's.
 pub fn perlin_noise(p: Vec3) -> f32 {
     if !p.is_finite() {
         return 0.0;
@@ -79,13 +89,14 @@ pub fn perlin_noise(p: Vec3) -> f32 {
     )
 }
 
-/// A sum of octaves of [`perlin_noise`]: fractional Brownian motion and turbulence (Pharr, Jakob, Humphreys, Physically Based Rendering,
-/// 3rd edition, section 10.6.3).
+/// A sum of octaves of [`perlin_noise`]: fractional Brownian motion and turbulence (Pharr, Jakob,
+/// Humphreys, Physically Based Rendering, 3rd edition, section 10.6.3).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Octaves {
     /// How many at most: more than 32 are 32, for they are finer than numbers tell.
     pub count: u32,
-    /// Height of an octave over that of the one before, `[0, 4]`; what is outside is brought in, and NaN is 0.
+    /// Height of an octave over that of the one before, `[0, 4]`; what is outside is brought in,
+    /// and NaN is 0.
     pub omega: f32,
 }
 
@@ -95,18 +106,20 @@ const LACUNARITY: f32 = 1.99;
 const MEAN_ABSOLUTE: f32 = 0.217;
 
 impl Octaves {
-    /// Fractional Brownian motion: the sum of the octaves. `width` is that of what is seen at once; octaves too fine for it fade out,
-    /// since their mean is 0. A width of 0 leaves all in.
+    /// Fractional Brownian motion: the sum of the octaves. `width` is that of what is seen at once;
+    /// octaves too fine for it fade out, since their mean is 0. A width of 0 leaves all in.
     pub fn fbm(self, p: Vec3, width: f32) -> f32 {
         self.sum(p, width, 0.0, |noise| noise)
     }
 
-    /// Turbulence: the sum of the absolute values of the octaves. Those too fine for `width` are replaced by their mean.
+    /// Turbulence: the sum of the absolute values of the octaves. Those too fine for `width` are
+    /// replaced by their mean.
     pub fn turbulence(self, p: Vec3, width: f32) -> f32 {
         self.sum(p, width, MEAN_ABSOLUTE, f32::abs)
     }
 
-    /// The sum of a function of the octaves, whose mean takes their place as far as they are too fine.
+    /// The sum of a function of the octaves, whose mean takes their place as far as they are too
+    /// fine.
     fn sum(self, p: Vec3, width: f32, mean: f32, value: impl Fn(f32) -> f32) -> f32 {
         let count = self.count.min(32);
         let omega = crate::bsdf::bounded(self.omega, 4.0);
@@ -155,7 +168,8 @@ mod tests {
         assert_eq!(gradient_noise(Vec3::new(3.0, -2.0, 8.0), 1), 0.0);
     }
 
-    /// Values by another way: each corner's gradient from a list of the sixteen directions, in double precision.
+    /// Values by another way: each corner's gradient from a list of the sixteen directions, in
+    /// double precision.
     fn perlin_by_list(p: [f64; 3]) -> f64 {
         const DIRECTIONS: [[f64; 3]; 16] = [
             [1.0, 1.0, 0.0],
@@ -181,9 +195,12 @@ mod tests {
             let offset = [corner & 1, corner >> 1 & 1, corner >> 2 & 1];
             let lattice: [i64; 3] = std::array::from_fn(|i| p[i].floor() as i64 + offset[i]);
             let from: [f64; 3] = std::array::from_fn(|i| p[i] - lattice[i] as f64);
-            let weight: f64 =
-                from.iter().map(|d| 1.0 - d.abs().powi(3) * (d.abs() * (d.abs() * 6.0 - 15.0) + 10.0)).product();
-            let direction = DIRECTIONS[(at(at(at(lattice[0]) + lattice[1]) + lattice[2]) & 15) as usize];
+            let weight: f64 = from
+                .iter()
+                .map(|d| 1.0 - d.abs().powi(3) * (d.abs() * (d.abs() * 6.0 - 15.0) + 10.0))
+                .product();
+            let direction =
+                DIRECTIONS[(at(at(at(lattice[0]) + lattice[1]) + lattice[2]) & 15) as usize];
             sum += weight * (0..3).map(|i| direction[i] * from[i]).sum::<f64>();
         }
         sum
@@ -197,7 +214,11 @@ mod tests {
         assert!(seen.iter().enumerate().all(|(i, &p)| i == usize::from(p)));
         for p in points(3000) {
             let wanted = perlin_by_list(p.to_array().map(f64::from));
-            assert!((f64::from(perlin_noise(p)) - wanted).abs() < 1e-5, "{p}: {} {wanted}", perlin_noise(p));
+            assert!(
+                (f64::from(perlin_noise(p)) - wanted).abs() < 1e-5,
+                "{p}: {} {wanted}",
+                perlin_noise(p)
+            );
             assert_eq!(perlin_noise(p.floor()), 0.0);
             assert!((perlin_noise(p) - perlin_noise(p + 256.0)).abs() < 1e-3, "the period is 256");
         }
@@ -222,15 +243,23 @@ mod tests {
     #[test]
     fn octaves_too_fine_for_what_is_seen_leave_their_mean() {
         let octaves = Octaves { count: 8, omega: 0.5 };
-        let mean = |f: &dyn Fn(Vec3) -> f32| points(20_000).map(|p| f64::from(f(p))).sum::<f64>() / 20_000.0;
-        let variance =
-            |f: &dyn Fn(Vec3) -> f32| points(20_000).map(|p| f64::from(f(p)).powi(2)).sum::<f64>() / 20_000.0;
-        let (fine, coarse) = (mean(&|p| octaves.turbulence(p, 0.0)), mean(&|p| octaves.turbulence(p, 0.1)));
+        let mean = |f: &dyn Fn(Vec3) -> f32| {
+            points(20_000).map(|p| f64::from(f(p))).sum::<f64>() / 20_000.0
+        };
+        let variance = |f: &dyn Fn(Vec3) -> f32| {
+            points(20_000).map(|p| f64::from(f(p)).powi(2)).sum::<f64>() / 20_000.0
+        };
+        let (fine, coarse) =
+            (mean(&|p| octaves.turbulence(p, 0.0)), mean(&|p| octaves.turbulence(p, 0.1)));
         assert!(
-            (fine - coarse).abs() < 0.02 && (octaves.turbulence(Vec3::ONE, 9.0) - fine as f32).abs() < 0.1,
+            (fine - coarse).abs() < 0.02
+                && (octaves.turbulence(Vec3::ONE, 9.0) - fine as f32).abs() < 0.1,
             "{fine} {coarse}"
         );
-        assert!(mean(&|p| octaves.fbm(p, 0.0)).abs() < 0.01 && octaves.fbm(Vec3::splat(0.3), 9.0) == 0.0);
+        assert!(
+            mean(&|p| octaves.fbm(p, 0.0)).abs() < 0.01
+                && octaves.fbm(Vec3::splat(0.3), 9.0) == 0.0
+        );
         // Octaves are independent: the variance of the sum is the geometric sum of that of one.
         let one = variance(&perlin_noise);
         let all = one * (1.0 - 0.25f64.powi(8)) / (1.0 - 0.25);
@@ -240,7 +269,8 @@ mod tests {
         assert!(halved < found && halved > 0.9 * one, "{halved}");
         // What is seen fades without a step.
         for i in 1..200 {
-            let [a, b] = [i, i + 1].map(|i| octaves.fbm(Vec3::new(0.3, 1.7, 2.2), 0.5f32.powf(i as f32 / 20.0)));
+            let [a, b] = [i, i + 1]
+                .map(|i| octaves.fbm(Vec3::new(0.3, 1.7, 2.2), 0.5f32.powf(i as f32 / 20.0)));
             assert!((a - b).abs() < 0.12, "{i}: {a} {b}");
         }
     }

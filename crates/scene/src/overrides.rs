@@ -1,9 +1,10 @@
 //! Changes to a scene by name: `-D key=value` of the command line, edits in the viewer.
 //!
-//! A key is a path into the scene: `material.NAME.PARAMETER`, `camera.NAME.PARAMETER`, `light.NUMBER.PARAMETER`,
-//! `medium.NUMBER.PARAMETER`, `node.NAME.visible`, `environment.rotation` (degrees about the scene's up, as seen from above against
-//! the clock), `environment.scale`, `ambient`. The parameters are those of the scene's own declarations; the value is JSON, or plain text
-//! where JSON is not given.
+//! A key is a path into the scene: `material.NAME.PARAMETER`, `camera.NAME.PARAMETER`,
+//! `light.NUMBER.PARAMETER`, `medium.NUMBER.PARAMETER`, `node.NAME.visible`, `environment.rotation`
+//! (degrees about the scene's up, as seen from above against the clock), `environment.scale`,
+//! `ambient`. The parameters are those of the scene's own declarations; the value is JSON, or plain
+//! text where JSON is not given.
 
 use crate::material::MaterialKind;
 use crate::ranges::{BRIGHTEST, problem_at};
@@ -33,7 +34,8 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
         let problem = "expected key=value, such as material.floor.reflectance.factor=[1,0,0]";
         return Err(error(definition, problem));
     };
-    let value: Value = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_string()));
+    let value: Value =
+        serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_string()));
     let (family, rest) = key.split_once('.').unwrap_or((key, ""));
     match family {
         "ambient" => {
@@ -51,7 +53,10 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
             edit_material(&mut material, key, path, value, edit_checked)?;
             if let Some(texture) = scene.missing_texture(&material) {
                 let count = scene.textures.len();
-                return Err(error(key, format!("there is no texture {}: the scene has {count}", texture.0)));
+                return Err(error(
+                    key,
+                    format!("there is no texture {}: the scene has {count}", texture.0),
+                ));
             }
             scene.materials[index] = material;
             Ok(())
@@ -79,13 +84,18 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
         "node" => {
             let names: Vec<String> = scene.nodes.iter().map(|n| n.name.clone()).collect();
             // Numbers first: nodes of many files have numbers for names.
-            let numbered = rest.split_once('.').and_then(|(number, path)| Some((number.parse::<usize>().ok()?, path)));
+            let numbered = rest
+                .split_once('.')
+                .and_then(|(number, path)| Some((number.parse::<usize>().ok()?, path)));
             let (index, path) = match numbered.filter(|(index, _)| *index < names.len()) {
                 Some(numbered) => numbered,
                 None => find(key, "node", &names, rest)?,
             };
             if path != "visible" {
-                return Err(error(key, format!("there is no parameter \"{path}\" (known: visible)")));
+                return Err(error(
+                    key,
+                    format!("there is no parameter \"{path}\" (known: visible)"),
+                ));
             }
             if !from_value::<bool>(key, value)? {
                 let node = &mut scene.nodes[index];
@@ -95,9 +105,11 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
         }
         "environment" => edit_environment(scene, key, rest, value),
         _ => {
-            let known = "material.NAME, camera.NAME, light.NUMBER, medium.NUMBER, node.NAME, environment";
+            let known =
+                "material.NAME, camera.NAME, light.NUMBER, medium.NUMBER, node.NAME, environment";
             let names: Vec<_> = scene.parameters.iter().map(|(name, _)| name.as_str()).collect();
-            let own = if names.is_empty() { String::new() } else { format!(", or {}", names.join(", ")) };
+            let own =
+                if names.is_empty() { String::new() } else { format!(", or {}", names.join(", ")) };
             Err(error(key, format!("unknown key; keys begin with {known}, or are ambient{own}")))
         }
     }
@@ -122,22 +134,37 @@ fn entry<'a, T>(table: &'a mut [T], number: usize, path: &str) -> Result<&'a mut
 }
 
 /// Changes a parameter of a material by its position in the scene's table.
-pub fn set_material(scene: &mut Scene, number: usize, path: &str, value: Value) -> Result<(), OverrideError> {
+pub fn set_material(
+    scene: &mut Scene,
+    number: usize,
+    path: &str,
+    value: Value,
+) -> Result<(), OverrideError> {
     edit_material(entry(&mut scene.materials, number, path)?, path, path, value, edit)
 }
 
 /// Changes a parameter of a light by its position in the scene's table.
-pub fn set_light(scene: &mut Scene, number: usize, path: &str, value: Value) -> Result<(), OverrideError> {
+pub fn set_light(
+    scene: &mut Scene,
+    number: usize,
+    path: &str,
+    value: Value,
+) -> Result<(), OverrideError> {
     edit(entry(&mut scene.lights, number, path)?, path, path, value)
 }
 
 /// Changes a parameter of a camera by its position in the scene's table.
-pub fn set_camera(scene: &mut Scene, number: usize, path: &str, value: Value) -> Result<(), OverrideError> {
+pub fn set_camera(
+    scene: &mut Scene,
+    number: usize,
+    path: &str,
+    value: Value,
+) -> Result<(), OverrideError> {
     edit(entry(&mut scene.cameras, number, path)?, path, path, value)
 }
 
-/// The kind of material of this name as it is by itself: with the defaults of its parameters, or as its first example where it has
-/// none.
+/// The kind of material of this name as it is by itself: with the defaults of its parameters, or as
+/// its first example where it has none.
 fn kind_named(key: &str, name: &str) -> Result<Value, OverrideError> {
     let plain = json!({ "material": name });
     if serde_json::from_value::<MaterialKind>(plain.clone()).is_ok() {
@@ -147,14 +174,27 @@ fn kind_named(key: &str, name: &str) -> Result<Value, OverrideError> {
     match example {
         Some(example) => serde_json::to_value(example).map_err(|e| error(key, e.to_string())),
         None => {
-            let hint = nearest(name, MaterialKind::NAMES).map(|n| format!("; did you mean {n}?")).unwrap_or_default();
-            Err(error(key, format!("there is no kind \"{name}\"{hint} (known: {})", MaterialKind::NAMES.join(", "))))
+            let hint = nearest(name, MaterialKind::NAMES)
+                .map(|n| format!("; did you mean {n}?"))
+                .unwrap_or_default();
+            Err(error(
+                key,
+                format!(
+                    "there is no kind \"{name}\"{hint} (known: {})",
+                    MaterialKind::NAMES.join(", ")
+                ),
+            ))
         }
     }
 }
 
 /// Turns the environment, or makes it brighter.
-fn edit_environment(scene: &mut Scene, key: &str, path: &str, value: Value) -> Result<(), OverrideError> {
+fn edit_environment(
+    scene: &mut Scene,
+    key: &str,
+    path: &str,
+    value: Value,
+) -> Result<(), OverrideError> {
     let up = scene.settings.up.unwrap_or(DVec3::Y);
     match (path, &mut scene.environment) {
         (_, None) => Err(error(key, "the scene has no environment")),
@@ -168,8 +208,8 @@ fn edit_environment(scene: &mut Scene, key: &str, path: &str, value: Value) -> R
                 return Err(error(key, "a number of degrees"));
             }
             let turn = (wanted - rotation(world_from_environment, up)).to_radians();
-            *world_from_environment =
-                DAffine3::from_axis_angle(up.normalize_or(DVec3::Y), turn) * *world_from_environment;
+            *world_from_environment = DAffine3::from_axis_angle(up.normalize_or(DVec3::Y), turn)
+                * *world_from_environment;
             Ok(())
         }
         ("rotation", Some(Environment::Constant(_))) => Ok(()),
@@ -180,8 +220,8 @@ fn edit_environment(scene: &mut Scene, key: &str, path: &str, value: Value) -> R
     }
 }
 
-/// How far an environment is turned about a direction, in degrees from -180 to 180: where the middle of its picture is, from `-z` (from
-/// `+y` if up is along `z`).
+/// How far an environment is turned about a direction, in degrees from -180 to 180: where the
+/// middle of its picture is, from `-z` (from `+y` if up is along `z`).
 pub fn rotation(world_from_environment: &DAffine3, up: DVec3) -> f64 {
     let up = up.normalize_or(DVec3::Y);
     let level = |v: DVec3| (v - up * v.dot(up)).normalize_or_zero();
@@ -191,7 +231,12 @@ pub fn rotation(world_from_environment: &DAffine3, up: DVec3) -> f64 {
 }
 
 /// The thing that a key names, by name or number, and the rest of the key. Names may contain dots.
-fn find<'a>(key: &str, what: &str, names: &[String], rest: &'a str) -> Result<(usize, &'a str), OverrideError> {
+fn find<'a>(
+    key: &str,
+    what: &str,
+    names: &[String],
+    rest: &'a str,
+) -> Result<(usize, &'a str), OverrideError> {
     for (index, name) in names.iter().enumerate() {
         if let Some(path) = rest.strip_prefix(name.as_str()).and_then(|r| r.strip_prefix('.'))
             && !name.is_empty()
@@ -203,14 +248,24 @@ fn find<'a>(key: &str, what: &str, names: &[String], rest: &'a str) -> Result<(u
     let numbered = first.parse::<usize>().ok().filter(|index| *index < names.len());
     let named = !rest.is_empty() && names.iter().any(|name| name == rest);
     if path.is_empty() && (numbered.is_some() || named) {
-        return Err(error(key, format!("which parameter of {what} {rest}? Give {key}.PARAMETER=VALUE")));
+        return Err(error(
+            key,
+            format!("which parameter of {what} {rest}? Give {key}.PARAMETER=VALUE"),
+        ));
     }
     if let Some(index) = numbered {
         return Ok((index, path));
     }
-    let known: Vec<_> =
-        names.iter().enumerate().map(|(i, n)| if n.is_empty() { i.to_string() } else { n.clone() }).collect();
-    let list = if known.is_empty() { "the scene has none".to_string() } else { format!("known: {}", known.join(", ")) };
+    let known: Vec<_> = names
+        .iter()
+        .enumerate()
+        .map(|(i, n)| if n.is_empty() { i.to_string() } else { n.clone() })
+        .collect();
+    let list = if known.is_empty() {
+        "the scene has none".to_string()
+    } else {
+        format!("known: {}", known.join(", "))
+    };
     Err(error(key, format!("there is no {what} \"{first}\" ({list})")))
 }
 
@@ -232,7 +287,10 @@ fn edit_checked<T: Serialize + DeserializeOwned>(
     value: Value,
 ) -> Result<(), OverrideError> {
     if let Some(number) = too_large(&value) {
-        return Err(error(key, format!("{number:e} is larger than any number that is computed with")));
+        return Err(error(
+            key,
+            format!("{number:e} is larger than any number that is computed with"),
+        ));
     }
     let after = edited(target, key, path, value)?;
     let tree = serde_json::to_value(&after).map_err(|e| error(key, e.to_string()))?;
@@ -275,13 +333,20 @@ fn edited<T: Serialize + DeserializeOwned>(
 /// What `serde` says of a value that does not fit, without the names of Rust's types.
 fn in_words(message: &str, before: &Value) -> String {
     let (found, expected) = message.split_once(", expected ").unwrap_or((message, ""));
-    let of_numbers = |n: usize| format!("a list of {n} numbers, such as [{}]", vec!["1"; n].join(","));
+    let of_numbers =
+        |n: usize| format!("a list of {n} numbers, such as [{}]", vec!["1"; n].join(","));
     let expected = match (expected, before) {
         ("", _) => return message.to_string(),
         (_, Value::Array(items)) if items.iter().all(Value::is_number) => of_numbers(items.len()),
         (e, _) if e.starts_with("an array of length 3") => of_numbers(3),
-        ("struct ColorParam", _) => "a colour, such as [1,0.5,0], or {\"factor\":[1,1,1],\"texture\":0}".into(),
-        (e, _) if e.starts_with("struct ") || e.starts_with("internally tagged enum ") || e == "string or map" => {
+        ("struct ColorParam", _) => {
+            "a colour, such as [1,0.5,0], or {\"factor\":[1,1,1],\"texture\":0}".into()
+        }
+        (e, _)
+            if e.starts_with("struct ")
+                || e.starts_with("internally tagged enum ")
+                || e == "string or map" =>
+        {
             match before {
                 Value::Null => "null, or an object with its parameters".into(),
                 _ => "something of the form that it has now".into(),
@@ -292,16 +357,18 @@ fn in_words(message: &str, before: &Value) -> String {
     format!("{}, expected {expected}", found.strip_prefix("invalid type: ").unwrap_or(found))
 }
 
-/// One step into a tree. Materials hold their parameters one level down (`kind`), which keys may leave out.
+/// One step into a tree. Materials hold their parameters one level down (`kind`), which keys may
+/// leave out.
 fn descend<'a>(tree: &'a mut Value, key: &str, step: &str) -> Result<&'a mut Value, OverrideError> {
     let shown = tree.clone();
     if let Value::Array(items) = tree {
         let length = items.len();
-        return step
-            .parse::<usize>()
-            .ok()
-            .and_then(|i| items.get_mut(i))
-            .ok_or_else(|| error(key, format!("\"{step}\" is not a position from 0 to {}", length.saturating_sub(1))));
+        return step.parse::<usize>().ok().and_then(|i| items.get_mut(i)).ok_or_else(|| {
+            error(
+                key,
+                format!("\"{step}\" is not a position from 0 to {}", length.saturating_sub(1)),
+            )
+        });
     }
     let inner = tree.get("kind").is_some_and(|k| k.get(step).is_some()) && tree.get(step).is_none();
     let tree = if inner { &mut tree["kind"] } else { tree };
@@ -309,10 +376,12 @@ fn descend<'a>(tree: &'a mut Value, key: &str, step: &str) -> Result<&'a mut Val
         return Ok(&mut tree[step]);
     }
     if !shown.is_object() {
-        let problem = format!("there is no \"{step}\" in it: now it is {shown}; give all of it at once");
+        let problem =
+            format!("there is no \"{step}\" in it: now it is {shown}; give all of it at once");
         return Err(error(key, problem));
     }
-    let mut names: Vec<&str> = shown.as_object().map(|o| o.keys().map(String::as_str).collect()).unwrap_or_default();
+    let mut names: Vec<&str> =
+        shown.as_object().map(|o| o.keys().map(String::as_str).collect()).unwrap_or_default();
     if let Some(kind) = shown.get("kind").and_then(Value::as_object) {
         names.extend(kind.keys().map(String::as_str));
     }
@@ -381,7 +450,8 @@ mod tests {
         apply(&mut scene, "material.the.floor.coat_weight=0.75").expect("a plain number");
         let MaterialKind::OpenPbr(p) = &scene.materials[0].kind else { panic!("not open-pbr") };
         assert_eq!((p.base_color.factor, p.coat_weight.factor), (Rgb::new(0.5, 0.25, 0.0), 0.75));
-        let wrong = apply(&mut scene, "material.the.floor.coat_weight=much").expect_err("no number");
+        let wrong =
+            apply(&mut scene, "material.the.floor.coat_weight=much").expect_err("no number");
         assert!(wrong.to_string().contains("expected a number"), "{wrong}");
         let wrong = apply(&mut scene, "material.the.floor.kind=dielectrik").expect_err("no kind");
         assert!(wrong.to_string().contains("did you mean dielectric?"), "{wrong}");
@@ -390,9 +460,12 @@ mod tests {
     #[test]
     fn a_parameter_is_changed_by_its_path() {
         let mut scene = scene();
-        apply(&mut scene, "material.the.floor.reflectance.factor=[0.5,0,0]").expect("the path exists");
+        apply(&mut scene, "material.the.floor.reflectance.factor=[0.5,0,0]")
+            .expect("the path exists");
         apply(&mut scene, "material.0.double_sided=false").expect("the path exists");
-        let MaterialKind::Diffuse(diffuse) = &scene.materials[0].kind else { panic!("still diffuse") };
+        let MaterialKind::Diffuse(diffuse) = &scene.materials[0].kind else {
+            panic!("still diffuse")
+        };
         assert_eq!(diffuse.reflectance.factor, Rgb::new(0.5, 0.0, 0.0));
         assert!(!scene.materials[0].double_sided);
     }
@@ -401,7 +474,8 @@ mod tests {
     fn what_an_open_pbr_says_of_emission_and_opacity_counts_and_what_is_unknown_is_an_error() {
         let mut scene = scene();
         apply(&mut scene, "material.0.alpha=0.5").expect("the path exists");
-        apply(&mut scene, r#"material.0.kind={"material":"open-pbr","emission_luminance":2}"#).expect("a kind");
+        apply(&mut scene, r#"material.0.kind={"material":"open-pbr","emission_luminance":2}"#)
+            .expect("a kind");
         assert_eq!(scene.materials[0].emission.factor, Rgb::splat(2.0));
         assert_eq!(scene.materials[0].alpha.factor, 0.5, "of opacity nothing was said");
         apply(&mut scene, "material.0.emission_color.factor=[0.5,1,0]").expect("the path exists");
@@ -411,7 +485,8 @@ mod tests {
             (scene.materials[0].alpha.factor, scene.materials[0].alpha_mode),
             (0.25, crate::material::AlphaMode::Blend)
         );
-        let wrong = apply(&mut scene, r#"material.0.kind={"material":"open-pbr","emision":2}"#).expect_err("misspelt");
+        let wrong = apply(&mut scene, r#"material.0.kind={"material":"open-pbr","emision":2}"#)
+            .expect_err("misspelt");
         assert!(wrong.to_string().contains("emision"), "{wrong}");
     }
 
@@ -421,7 +496,9 @@ mod tests {
         apply(&mut scene, "material.0.emission.spectrum=blackbody:3000").expect("a spectrum");
         let red = scene.materials[0].emission.spectrum.expect("it was set").light_rgb();
         assert!(red.r > red.g && red.g > red.b);
-        let error = apply(&mut scene, "material.0.reflectance.spectrum=nonsense").expect_err("no spectrum").to_string();
+        let error = apply(&mut scene, "material.0.reflectance.spectrum=nonsense")
+            .expect_err("no spectrum")
+            .to_string();
         assert!(error.contains("blackbody:KELVIN"), "{error}");
     }
 
@@ -430,18 +507,27 @@ mod tests {
         let mut scene = crate::builtin::builtin("smoke").expect("the scene is built in");
         let before = scene.media[0].clone();
         apply(&mut scene, "medium.0.g=0.5").expect("the path exists");
-        let (Medium::Grid(before), Medium::Grid(after)) = (&before, &scene.media[0]) else { panic!("a grid") };
+        let (Medium::Grid(before), Medium::Grid(after)) = (&before, &scene.media[0]) else {
+            panic!("a grid")
+        };
         assert_eq!(after.g, 0.5);
         assert_eq!(*after, crate::medium::Grid { g: 0.5, ..before.clone() });
     }
 
     #[test]
     fn a_wrong_path_names_what_there_is() {
-        let error = apply(&mut scene(), "material.0.reflectence=1").expect_err("misspelt").to_string();
+        let error =
+            apply(&mut scene(), "material.0.reflectence=1").expect_err("misspelt").to_string();
         assert!(error.contains("did you mean reflectance?"), "{error}");
-        let error = apply(&mut scene(), "material.0.reflectance.factor=red").expect_err("no colour").to_string();
-        assert!(error.contains("a list of 3 numbers, such as [1,1,1]; now it is [1.0,1.0,1.0]"), "{error}");
-        let error = apply(&mut scene(), "material.wall.x=1").expect_err("no such material").to_string();
+        let error = apply(&mut scene(), "material.0.reflectance.factor=red")
+            .expect_err("no colour")
+            .to_string();
+        assert!(
+            error.contains("a list of 3 numbers, such as [1,1,1]; now it is [1.0,1.0,1.0]"),
+            "{error}"
+        );
+        let error =
+            apply(&mut scene(), "material.wall.x=1").expect_err("no such material").to_string();
         assert!(error.contains("known: the.floor"), "{error}");
     }
 
@@ -450,8 +536,14 @@ mod tests {
         let mut scene = crate::builtin::builtin("cornell-box").expect("the scene is built in");
         let before = (scene.materials.clone(), scene.cameras.clone(), scene.ambient);
         for (definition, part) in [
-            ("material.red.reflectance.factor=[0.5,-1,0]", "reflectance.factor.1: -1 is not possible, expected 0 to 1"),
-            ("material.lamp.emission.factor=[3e38,0,0]", "3e38 is not possible, expected 0 to 1e24"),
+            (
+                "material.red.reflectance.factor=[0.5,-1,0]",
+                "reflectance.factor.1: -1 is not possible, expected 0 to 1",
+            ),
+            (
+                "material.lamp.emission.factor=[3e38,0,0]",
+                "3e38 is not possible, expected 0 to 1e24",
+            ),
             ("material.lamp.emission.factor=[1e39,0,0]", "1e39 is larger than any number"),
             ("material.red.reflectance.texture=7", "there is no texture 7: the scene has 0"),
             ("material.red=1", "Give material.red.PARAMETER=VALUE"),
@@ -461,7 +553,10 @@ mod tests {
             ("camera.0.towards=[0,0,0]", "expected a direction, not all zeros"),
             ("camera.0.focus_distance=-5", "-5 is not possible, expected more than 0"),
             ("camera.0.eye.0=1e30", "1e30 is not possible, expected -1e18 to 1e18"),
-            ("camera.0.projection.tan_half_fov=[0,null]", "0 is not possible, expected more than 0"),
+            (
+                "camera.0.projection.tan_half_fov=[0,null]",
+                "0 is not possible, expected more than 0",
+            ),
             ("camera.0.projection.tan_half_fov=[null,null]", "expected at least one number"),
         ] {
             let error = apply(&mut scene, definition).expect_err(definition).to_string();
@@ -470,7 +565,10 @@ mod tests {
         assert_eq!((scene.materials.clone(), scene.cameras.clone(), scene.ambient), before);
         apply(&mut scene, "camera.0.towards=[0,0.2,2]").expect("a direction of another length");
         let camera = &scene.cameras[0];
-        assert!((camera.towards.length() - 1.0).abs() < 1e-12 && camera.up.dot(camera.towards).abs() < 1e-12);
+        assert!(
+            (camera.towards.length() - 1.0).abs() < 1e-12
+                && camera.up.dot(camera.towards).abs() < 1e-12
+        );
     }
 
     #[test]
@@ -497,18 +595,26 @@ mod tests {
             assert!((rotation(world_from_environment, DVec3::Y) - angle).abs() < 1e-9);
         }
         assert!(
-            apply(&mut scene, "environment.rotation=true").is_err() && apply(&mut scene, "environment.tilt=1").is_err()
+            apply(&mut scene, "environment.rotation=true").is_err()
+                && apply(&mut scene, "environment.tilt=1").is_err()
         );
     }
 
     #[test]
     fn a_hidden_node_holds_nothing() {
         let mut scene = crate::builtin::builtin("spheres").expect("the scene is built in");
-        let node = scene.nodes.iter().position(|n| !n.surfaces.is_empty()).expect("some node has surfaces");
+        let node = scene
+            .nodes
+            .iter()
+            .position(|n| !n.surfaces.is_empty())
+            .expect("some node has surfaces");
         apply(&mut scene, &format!("node.{node}.visible=true")).expect("there is such a node");
         assert!(!scene.nodes[node].surfaces.is_empty());
         apply(&mut scene, &format!("node.{node}.visible=false")).expect("there is such a node");
         assert!(scene.nodes[node].surfaces.is_empty());
-        assert!(apply(&mut scene, "node.0.name=x").is_err() && apply(&mut scene, "node.99999.visible=false").is_err());
+        assert!(
+            apply(&mut scene, "node.0.name=x").is_err()
+                && apply(&mut scene, "node.99999.visible=false").is_err()
+        );
     }
 }

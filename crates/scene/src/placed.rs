@@ -64,23 +64,30 @@ pub fn total(scene: &Scene, of_node: impl Fn(&Node) -> u64) -> Result<u64, Strin
     let mut counts = vec![0u64; scene.nodes.len()];
     for id in scene.topological_order().map_err(|error| error.to_string())? {
         let node = &scene.nodes[id.index()];
-        let below = node.children.iter().fold(0u64, |sum, child| sum.saturating_add(counts[child.index()]));
+        let below =
+            node.children.iter().fold(0u64, |sum, child| sum.saturating_add(counts[child.index()]));
         counts[id.index()] = below.saturating_add(of_node(node));
     }
     Ok(counts[scene.root.index()])
 }
 
-/// All surfaces, in the order of the graph. Those flattened by a singular transform are left out, as when the scene is rendered. An error
-/// for cycles, ids out of range, and more than [`MAX_PLACED`] nodes and surfaces.
+/// All surfaces, in the order of the graph. Those flattened by a singular transform are left out,
+/// as when the scene is rendered. An error for cycles, ids out of range, and more than
+/// [`MAX_PLACED`] nodes and surfaces.
 pub fn placed(scene: &Scene) -> Result<Vec<Placed<'_>>, String> {
     let count = placement_count(scene)?;
     if count > MAX_PLACED {
-        return Err(format!("it is {count} nodes and surfaces, instances counted each; the limit is {MAX_PLACED}"));
+        return Err(format!(
+            "it is {count} nodes and surfaces, instances counted each; the limit is {MAX_PLACED}"
+        ));
     }
     let surfaces = total(scene, |node| node.surfaces.len() as u64)?;
     let mut all = Vec::new();
     all.try_reserve_exact(usize::try_from(surfaces).unwrap_or(usize::MAX)).map_err(|_| {
-        format!("it is {surfaces} surfaces, instances counted each, and there is no memory for a list of them")
+        format!(
+            "it is {surfaces} surfaces, instances counted each, and there is no memory for a \
+            list of them"
+        )
     })?;
     // Of each node on the way: the children that are left, and what they inherit.
     let mut stack = vec![(std::slice::from_ref(&scene.root).iter(), DAffine3::IDENTITY, None, "")];
@@ -124,12 +131,23 @@ mod tests {
             let material = Some(MaterialId(i));
             let root = scene.root;
             scene.materials.push(crate::Material::new("", crate::material::Black {}));
-            scene.add_child(root, Node { transform, material, children: vec![ball], ..Node::named(format!("{i}")) });
+            scene.add_child(
+                root,
+                Node { transform, material, children: vec![ball], ..Node::named(format!("{i}")) },
+            );
         }
         let all = placed(&scene).expect("a small scene");
-        let shown: Vec<_> =
-            all.iter().map(|p| (p.name, p.slots(), p.world_from_surface.point(DVec3::ZERO).x)).collect();
-        assert_eq!(shown, [("0", vec![(0, Some(MaterialId(0)))], 0.0), ("1", vec![(0, Some(MaterialId(1)))], 1.0)]);
+        let shown: Vec<_> = all
+            .iter()
+            .map(|p| (p.name, p.slots(), p.world_from_surface.point(DVec3::ZERO).x))
+            .collect();
+        assert_eq!(
+            shown,
+            [
+                ("0", vec![(0, Some(MaterialId(0)))], 0.0),
+                ("1", vec![(0, Some(MaterialId(1)))], 1.0)
+            ]
+        );
     }
 
     #[test]

@@ -1,7 +1,8 @@
-//! What numbers of a scene's declarations mean something: the table behind the errors for `-D` and edits, and behind the warnings of
-//! readers ([`Scene::check_ranges`]).
+//! What numbers of a scene's declarations mean something: the table behind the errors for `-D` and
+//! edits, and behind the warnings of readers ([`Scene::check_ranges`]).
 //!
-//! A declaration is looked at as `serde` writes it, so the table is about names: a new parameter is one row.
+//! A declaration is looked at as `serde` writes it, so the table is about names: a new parameter is
+//! one row.
 
 use crate::graph::{Environment, Scene, WarningKind};
 use crate::{Light, Material, Medium};
@@ -9,8 +10,9 @@ use serde::Serialize;
 use serde_json::Value;
 use snell_math::Rgb;
 
-/// The most that a light may send, whatever its unit: brighter ones leave no room for what single precision has to multiply it with,
-/// such as one over the density of a sample. (The sun's disk has 2e7 W / (m² sr).)
+/// The most that a light may send, whatever its unit: brighter ones leave no room for what single
+/// precision has to multiply it with, such as one over the density of a sample. (The sun's disk has
+/// 2e7 W / (m² sr).)
 pub const BRIGHTEST: f32 = 1e24;
 
 /// The farthest that a camera may be from the origin: squares of distances have to be finite.
@@ -40,8 +42,9 @@ pub const AMOUNT: Range = Within(0.0, f64::INFINITY);
 /// Radiance, irradiance, intensity, emission.
 pub const LIGHT: Range = Within(0.0, BRIGHTEST as f64);
 
-/// The range of each parameter, by its name, after the name of its kind where others have the same name for something else. What
-/// stands inside of a parameter (`factor`, places of lists) has its range. Those of lights stand with each light.
+/// The range of each parameter, by its name, after the name of its kind where others have the same
+/// name for something else. What stands inside of a parameter (`factor`, places of lists) has its
+/// range. Those of lights stand with each light.
 const RANGES: &[(&str, Range)] = &[
     // Surfaces.
     ("emission", LIGHT),
@@ -153,7 +156,11 @@ impl Range {
             return Light::ranges_of(kind.name).iter().find(|row| row.0 == name).map(|row| row.1);
         }
         let mine = |row: &&(&str, Self)| row.0.split_once('.') == Some((kind.name, name));
-        RANGES.iter().find(mine).or_else(|| RANGES.iter().find(|row| row.0 == name)).map(|row| row.1)
+        RANGES
+            .iter()
+            .find(mine)
+            .or_else(|| RANGES.iter().find(|row| row.0 == name))
+            .map(|row| row.1)
     }
 
     /// With a texture on it a factor may exceed what a constant may.
@@ -179,7 +186,9 @@ impl Range {
             Any => "any number".into(),
             Within(0.0, f64::INFINITY) => "0 or more".into(),
             Within(f64::MIN_POSITIVE, most) => format!("more than 0, and at most {most:.4}"),
-            Within(least, most) if most == std::f64::consts::PI => format!("{least} to {most:.4}, in radians"),
+            Within(least, most) if most == std::f64::consts::PI => {
+                format!("{least} to {most:.4}, in radians")
+            }
             Within(least, most) => format!("{} to {}", shown(least), shown(most)),
             Between(least, most) => format!("more than {least} and less than {most}"),
             Positive => "more than 0".into(),
@@ -196,7 +205,8 @@ fn shown(x: f64) -> String {
     if is_plain { format!("{short}") } else { format!("{short:e}") }
 }
 
-/// The first number at or below `path` in a declaration, as `serde` writes it, that means nothing: what is wrong, in words.
+/// The first number at or below `path` in a declaration, as `serde` writes it, that means nothing:
+/// what is wrong, in words.
 pub fn problem_at(declaration: &Value, path: &[&str]) -> Option<String> {
     let mut search = Search { wanted: path, problem: None, unknown: Vec::new() };
     search.walk(declaration, Kind::default(), Any, &mut Vec::new());
@@ -214,7 +224,9 @@ impl<'a> Kind<'a> {
     /// The kind that a declaration says it is.
     fn of(fields: &'a serde_json::Map<String, Value>) -> Option<Self> {
         let families = ["material", "medium", "light", "projection"];
-        families.into_iter().find_map(|family| Some(Self { family, name: fields.get(family)?.as_str()? }))
+        families
+            .into_iter()
+            .find_map(|family| Some(Self { family, name: fields.get(family)?.as_str()? }))
     }
 }
 
@@ -232,7 +244,10 @@ impl Search<'_> {
             Value::Number(number) => {
                 let x = number.as_f64().unwrap_or(f64::NAN);
                 if !range.contains(x) {
-                    self.report(place, &format!("{} is not possible, expected {}", shown(x), range.expected()));
+                    self.report(
+                        place,
+                        &format!("{} is not possible, expected {}", shown(x), range.expected()),
+                    );
                 }
             }
             Value::Array(items) => {
@@ -253,9 +268,15 @@ impl Search<'_> {
                 // The name of the kind stands beside its parameters.
                 let kind = Kind::of(fields).unwrap_or(kind);
                 let textured = fields.get("texture").is_some_and(|t| !t.is_null());
-                for (name, item) in fields.iter().filter(|(name, _)| !TABLES.contains(&name.as_str())) {
+                for (name, item) in
+                    fields.iter().filter(|(name, _)| !TABLES.contains(&name.as_str()))
+                {
                     let inner = match name.as_str() {
-                        "texture" | "spectrum" if !item.is_object() || fields.contains_key("factor") => Any,
+                        "texture" | "spectrum"
+                            if !item.is_object() || fields.contains_key("factor") =>
+                        {
+                            Any
+                        }
                         "factor" if textured => range.of_factor(),
                         "factor" | "kind" | "spectrum" | "interior" | "medium" => range,
                         _ => Range::of(kind, name).unwrap_or_else(|| {
@@ -286,12 +307,18 @@ impl Search<'_> {
 }
 
 impl Scene {
-    /// Warns of numbers of materials, lights, media and cameras that mean nothing, such as a roughness of 7, which counts as the
-    /// nearest that means something, or as nothing.
+    /// Warns of numbers of materials, lights, media and cameras that mean nothing, such as a
+    /// roughness of 7, which counts as the nearest that means something, or as nothing.
     pub fn check_ranges(&mut self) {
-        fn look<T: Serialize>(what: &str, items: &[T], name: impl Fn(&T) -> &str, problems: &mut Vec<String>) {
+        fn look<T: Serialize>(
+            what: &str,
+            items: &[T],
+            name: impl Fn(&T) -> &str,
+            problems: &mut Vec<String>,
+        ) {
             for (i, item) in items.iter().enumerate() {
-                let problem = serde_json::to_value(item).ok().and_then(|tree| problem_at(&tree, &[]));
+                let problem =
+                    serde_json::to_value(item).ok().and_then(|tree| problem_at(&tree, &[]));
                 let name = name(item);
                 let called = if name.is_empty() { String::new() } else { format!(" (\"{name}\")") };
                 problems.extend(problem.map(|problem| format!("{what} {i}{called}: {problem}")));
@@ -312,8 +339,8 @@ impl Scene {
         }
     }
 
-    /// Brings light that is too bright to be computed with ([`BRIGHTEST`]), and light below nothing, to what can be: with a warning for
-    /// each. What readers do with every scene.
+    /// Brings light that is too bright to be computed with ([`BRIGHTEST`]), and light below
+    /// nothing, to what can be: with a warning for each. What readers do with every scene.
     pub fn limit_light(&mut self) {
         let mut told = Vec::new();
         let mut limit = |what: &dyn Fn() -> String, light: &mut Rgb| {
@@ -321,7 +348,10 @@ impl Scene {
             *light = light.map(|x| if x.is_nan() { x } else { x.clamp(0.0, BRIGHTEST) });
             let largest = before.r.max(before.g).max(before.b);
             if largest > BRIGHTEST {
-                told.push(format!("{} is {largest:e}, and {BRIGHTEST:e} is the most that is computed with", what()));
+                told.push(format!(
+                    "{} is {largest:e}, and {BRIGHTEST:e} is the most that is computed with",
+                    what()
+                ));
             }
             let smallest = before.r.min(before.g).min(before.b);
             if smallest < 0.0 {
@@ -335,8 +365,12 @@ impl Scene {
             limit(&|| format!("the brightness of light {i}"), light.color_mut());
         }
         match &mut self.environment {
-            Some(Environment::Constant(radiance)) => limit(&|| "the environment's radiance".into(), radiance),
-            Some(Environment::Image { scale, .. }) => limit(&|| "the factor on the environment".into(), scale),
+            Some(Environment::Constant(radiance)) => {
+                limit(&|| "the environment's radiance".into(), radiance)
+            }
+            Some(Environment::Image { scale, .. }) => {
+                limit(&|| "the factor on the environment".into(), scale)
+            }
             None => {}
         }
         limit(&|| "the ambient light".into(), &mut self.ambient);
@@ -364,10 +398,13 @@ mod tests {
     #[test]
     fn every_number_of_every_declaration_has_a_range_and_the_examples_are_within_theirs() {
         let mut names: Vec<String> = Vec::new();
-        names.extend(MaterialKind::examples().into_iter().flat_map(|kind| unknown(&Material::new("", kind))));
+        names.extend(
+            MaterialKind::examples().into_iter().flat_map(|kind| unknown(&Material::new("", kind))),
+        );
         names.extend(Light::examples().iter().flat_map(unknown));
         names.extend(Medium::examples().iter().flat_map(unknown));
-        let camera = |projection| Camera::from_direction(DVec3::ZERO, DVec3::X, DVec3::Y, projection);
+        let camera =
+            |projection| Camera::from_direction(DVec3::ZERO, DVec3::X, DVec3::Y, projection);
         names.extend(Projection::examples().into_iter().flat_map(|p| unknown(&camera(p))));
         names.sort();
         names.dedup();
@@ -377,20 +414,40 @@ mod tests {
     #[test]
     fn every_row_of_the_table_is_the_range_of_something() {
         let mut text = String::new();
-        let mut add = |item: serde_json::Result<String>| text += &item.expect("declarations are JSON");
-        MaterialKind::examples().iter().for_each(|kind| add(serde_json::to_string(&Material::new("", kind.clone()))));
+        let mut add =
+            |item: serde_json::Result<String>| text += &item.expect("declarations are JSON");
+        MaterialKind::examples()
+            .iter()
+            .for_each(|kind| add(serde_json::to_string(&Material::new("", kind.clone()))));
         Medium::examples().iter().for_each(|medium| add(serde_json::to_string(medium)));
         Projection::examples().into_iter().for_each(|projection| {
-            add(serde_json::to_string(&Camera::from_direction(DVec3::ZERO, DVec3::X, DVec3::Y, projection)));
+            add(serde_json::to_string(&Camera::from_direction(
+                DVec3::ZERO,
+                DVec3::X,
+                DVec3::Y,
+                projection,
+            )));
         });
         for (row, _) in RANGES {
             let name = row.split_once('.').map_or(*row, |(_, name)| name);
-            let inside =
-                ["scale", "height", "channel", "mask", "rotation", "priority", "emission_luminance", "emission_color"];
-            assert!(text.contains(&format!("\"{name}\"")) || inside.contains(&name), "nothing is called {name}");
+            let inside = [
+                "scale",
+                "height",
+                "channel",
+                "mask",
+                "rotation",
+                "priority",
+                "emission_luminance",
+                "emission_color",
+            ];
+            assert!(
+                text.contains(&format!("\"{name}\"")) || inside.contains(&name),
+                "nothing is called {name}"
+            );
         }
         for kind in Light::NAMES {
-            let of_kind: Vec<_> = Light::examples().into_iter().filter(|light| light.name() == *kind).collect();
+            let of_kind: Vec<_> =
+                Light::examples().into_iter().filter(|light| light.name() == *kind).collect();
             let text = serde_json::to_string(&of_kind).expect("declarations are JSON");
             for (name, _) in Light::ranges_of(kind) {
                 assert!(text.contains(&format!("\"{name}\"")), "no {kind} light has a {name}");
@@ -407,7 +464,9 @@ mod tests {
         scene.environment = Some(Environment::Constant(Rgb::splat(f32::INFINITY)));
         scene.limit_light();
         assert_eq!(scene.materials[0].emission.factor, Rgb::new(BRIGHTEST, 0.0, 1.0));
-        assert!(matches!(scene.environment, Some(Environment::Constant(c)) if c == Rgb::splat(BRIGHTEST)));
+        assert!(
+            matches!(scene.environment, Some(Environment::Constant(c)) if c == Rgb::splat(BRIGHTEST))
+        );
         let told: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
         assert_eq!(told.len(), 3, "{told:?}");
         assert!(told[0].contains("material 0 (\"lamp\")"), "{told:?}");

@@ -21,15 +21,17 @@ pub struct SceneSettings {
     pub sampler: Option<String>,
     /// Reconstruction filter by name.
     pub filter: Option<String>,
-    /// If set, every sample of a pixel is taken at exactly this position in it (`[0, 0]` is its upper left corner), instead of
-    /// being spread by the filter.
+    /// If set, every sample of a pixel is taken at exactly this position in it (`[0, 0]` is its
+    /// upper left corner), instead of being spread by the filter.
     pub pixel_position: Option<[f64; 2]>,
     /// Tone map by name.
     pub tonemap: Option<String>,
     /// Exposure in stops.
     pub exposure: Option<f64>,
-    /// When the shutter opens and closes, in seconds from the time of the picture. What moves in between is blurred.
+    /// When the shutter opens and closes, in seconds from the time of the picture. What moves in
+    /// between is blurred.
     pub shutter: Option<[f64; 2]>,
-    /// Display values are the linear ones clamped to `[0, 1]`, without the sRGB curve, as old programs wrote them.
+    /// Display values are the linear ones clamped to `[0, 1]`, without the sRGB curve, as old
+    /// programs wrote them.
     pub raw_display: bool,
 }

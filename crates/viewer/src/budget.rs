@@ -14,8 +14,8 @@ pub struct Budget {
 const LEAST: f64 = 0.0875;
 /// Share of a frame's time that rendering may take: some frames take longer than those before.
 const SHARE: f64 = 0.85;
-/// Sizes change only by more than this, because each change of size is seen: a frame that is late is seen sooner than one that could
-/// be larger.
+/// Sizes change only by more than this, because each change of size is seen: a frame that is late
+/// is seen sooner than one that could be larger.
 const TOLERANCE: [f64; 2] = [0.95, 1.2];
 
 impl Budget {

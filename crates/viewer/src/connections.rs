@@ -76,7 +76,8 @@ impl Visitor {
 
 /// Accepts connections for ever. Requests have their [`Visitor`] as an extension.
 pub async fn accept(listener: TcpListener, app: Router) {
-    let hall = Arc::new(Hall { strangers: Mutex::default(), known: Arc::new(Semaphore::new(MAX_KNOWN)) });
+    let hall =
+        Arc::new(Hall { strangers: Mutex::default(), known: Arc::new(Semaphore::new(MAX_KNOWN)) });
     for number in 0.. {
         let stream = listener.accept().await;
         let visitor = stream.and_then(|(stream, peer)| {

@@ -8,7 +8,8 @@ use snell_scene::CameraSample;
 /// Pixels of a map at most.
 const MAX_PIXELS: u32 = 512 * 512;
 
-/// Nodes, cells and primitives of all rays of a map, about: where each ray meets very many, pixels are larger.
+/// Nodes, cells and primitives of all rays of a map, about: where each ray meets very many, pixels
+/// are larger.
 const MAX_WORK: f64 = 4e8;
 /// Rays along each side of the picture that tell how much work a ray is.
 const PROBES: u32 = 4;
@@ -21,8 +22,8 @@ fn size_of(subject: &Subject, width: u32, most: f64) -> [u32; 2] {
     [width * scale, width * scale * h / w].map(|side| (side.round() as u32).max(1))
 }
 
-/// Nodes and cells gone through, and primitives tested, of the camera ray through the middle of each pixel of a picture of this size,
-/// row by row.
+/// Nodes and cells gone through, and primitives tested, of the camera ray through the middle of
+/// each pixel of a picture of this size, row by row.
 fn costs(subject: &Subject, size: [u32; 2]) -> Vec<[u32; 2]> {
     let Subject { compiled, camera, settings, .. } = subject;
     let filter = snell_render::job::hit_filter(compiled);
@@ -37,7 +38,8 @@ fn costs(subject: &Subject, size: [u32; 2]) -> Vec<[u32; 2]> {
     (0..size[0] * size[1]).into_par_iter().map(cost).collect()
 }
 
-/// What [`costs`] says of a map of at most this width, little endian, after width and height, all 32 bits each.
+/// What [`costs`] says of a map of at most this width, little endian, after width and height, all
+/// 32 bits each.
 pub fn map(subject: Subject, width: u32) -> Vec<u8> {
     let probes = costs(&subject, [PROBES; 2]);
     let work: f64 = probes.iter().map(|&[nodes, tests]| f64::from(nodes) + f64::from(tests)).sum();
@@ -62,14 +64,21 @@ mod tests {
             let options = BuildOptions { accelerator, ..BuildOptions::default() };
             let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
             let camera = &scene.cameras[0];
-            let bytes = map(Subject { scene: &scene, compiled: &compiled, camera, settings: &settings }, 40);
+            let bytes = map(
+                Subject { scene: &scene, compiled: &compiled, camera, settings: &settings },
+                40,
+            );
             let word = |b: &[u8]| u32::from_le_bytes(b.try_into().expect("four bytes"));
             bytes.chunks_exact(4).map(word).collect::<Vec<u32>>()
         };
         let none = words(AcceleratorKind::None);
         assert_eq!(none[..2], [40, 20]);
-        assert!(none.len() == 2 + 2 * 800 && none[2..].chunks(2).all(|c| c[0] == 0 && c[1] == none[3]));
+        assert!(
+            none.len() == 2 + 2 * 800 && none[2..].chunks(2).all(|c| c[0] == 0 && c[1] == none[3])
+        );
         let tree = words(AcceleratorKind::KdTree);
-        assert!(tree[2..].chunks(2).any(|c| c[0] > 0) && tree[2..].chunks(2).all(|c| c[1] <= none[3]));
+        assert!(
+            tree[2..].chunks(2).any(|c| c[0] > 0) && tree[2..].chunks(2).all(|c| c[1] <= none[3])
+        );
     }
 }

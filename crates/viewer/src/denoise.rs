@@ -1,6 +1,8 @@
-//! Smoothing of pictures of one sample a pixel, for moving views: an edge-avoiding wavelet filter (Dammertz, Sewtz, Hanika, Lensch
-//! 2010, "Edge-Avoiding À-Trous Wavelet Transform for fast Global Illumination Filtering"), on light without the surface's colour,
-//! as in Schied et al. 2017 ("Spatiotemporal Variance-Guided Filtering", section 4), with edges from normals, depth and material.
+//! Smoothing of pictures of one sample a pixel, for moving views: an edge-avoiding wavelet filter
+//! (Dammertz, Sewtz, Hanika, Lensch 2010, "Edge-Avoiding À-Trous Wavelet Transform for fast Global
+//! Illumination Filtering"), on light without the surface's colour, as in Schied et al. 2017
+//! ("Spatiotemporal Variance-Guided Filtering", section 4), with edges from normals, depth and
+//! material.
 
 use rayon::prelude::*;
 use snell_math::Rgb;
@@ -13,12 +15,14 @@ const PASSES: u32 = 5;
 const TAPS: [f32; 3] = [0.25, 0.5, 0.25];
 /// Colours below this are not divided out: there is no light to find under them.
 const LEAST_ALBEDO: f32 = 0.02;
-/// Light beyond this weighs less and less, so that bright dots do not spread: what is smoothed is `light / (1 + light / KNEE)`.
+/// Light beyond this weighs less and less, so that bright dots do not spread: what is smoothed is
+/// `light / (1 + light / KNEE)`.
 const KNEE: f32 = 4.0;
 /// Relative difference of depth between neighbours that still is one surface.
 const DEPTH_TOLERANCE: f32 = 0.02;
 
-/// Rows that are worked on at least by one thread: to wake others for less takes longer than the work.
+/// Rows that are worked on at least by one thread: to wake others for less takes longer than the
+/// work.
 const ROWS: usize = 64;
 
 /// A value of every pixel, row by row.
@@ -33,8 +37,8 @@ struct Surfaces {
     sharp: Plane,
 }
 
-/// Smooths linear RGB values of a picture whose layers are its colours, albedo, normal, depth and material. `fill` is light that
-/// surfaces reflect besides.
+/// Smooths linear RGB values of a picture whose layers are its colours, albedo, normal, depth and
+/// material. `fill` is light that surfaces reflect besides.
 pub fn denoise(image: &LayeredImage, materials: &[Material], fill: Rgb, rgb: &mut [f32]) {
     let [_, albedo, normal, depth, material, ..] = &image.layers[..] else { return };
     let (width, pixels) = (image.width as usize, (image.width * image.height) as usize);
@@ -58,7 +62,8 @@ pub fn denoise(image: &LayeredImage, materials: &[Material], fill: Rgb, rgb: &mu
     let mut next = light.clone();
     for pass in 0..PASSES {
         let [r, g, b] = &mut next;
-        let rows = r.par_chunks_mut(width).zip(g.par_chunks_mut(width)).zip(b.par_chunks_mut(width));
+        let rows =
+            r.par_chunks_mut(width).zip(g.par_chunks_mut(width)).zip(b.par_chunks_mut(width));
         let step = 1 << pass;
         rows.enumerate()
             .with_min_len(ROWS)
@@ -66,15 +71,17 @@ pub fn denoise(image: &LayeredImage, materials: &[Material], fill: Rgb, rgb: &mu
         std::mem::swap(&mut light, &mut next);
     }
     let fill = fill.to_array();
-    rgb.par_chunks_exact_mut(3).with_min_len(1 << 14).enumerate().filter(|(i, _)| surfaces.sharp[*i] == 0.0).for_each(
-        |(i, pixel)| {
+    rgb.par_chunks_exact_mut(3)
+        .with_min_len(1 << 14)
+        .enumerate()
+        .filter(|(i, _)| surfaces.sharp[*i] == 0.0)
+        .for_each(|(i, pixel)| {
             let light = [0, 1, 2].map(|c| light[c][i]);
             let scale = 1.0 / (1.0 - brightest(light) / KNEE).max(1e-3);
             for (c, value) in pixel.iter_mut().enumerate() {
                 *value = (light[c] * scale + fill[c]) * color(i, c);
             }
-        },
-    );
+        });
 }
 
 fn brightest(light: [f32; 3]) -> f32 {
@@ -92,14 +99,22 @@ fn smooth_row(to: [&mut [f32]; 3], light: &[Plane; 3], surfaces: &Surfaces, y: u
     let mut sums = [0, 1, 2].map(|_| vec![0.0; width]);
     let mut weights = vec![0.0; width];
     for (j, tap_y) in TAPS.iter().enumerate() {
-        let Some(row) = (y + j * step).checked_sub(step).filter(|row| row * width < pixels) else { continue };
+        let Some(row) = (y + j * step).checked_sub(step).filter(|row| row * width < pixels) else {
+            continue;
+        };
         for (i, tap_x) in TAPS.iter().enumerate() {
             // Columns whose neighbour is in the picture.
             let first = step.saturating_sub(i * step).min(width);
             let last = (width + step).saturating_sub(i * step).clamp(first, width);
-            let (here, there) = (y * width + first, (row * width + first + i * step).saturating_sub(step));
+            let (here, there) =
+                (y * width + first, (row * width + first + i * step).saturating_sub(step));
             let count = last - first;
-            let taps = Taps { here: here..here + count, there: there..there + count, weight: tap_x * tap_y, step };
+            let taps = Taps {
+                here: here..here + count,
+                there: there..there + count,
+                weight: tap_x * tap_y,
+                step,
+            };
             let [r, g, b] = &mut sums;
             let sums = [&mut r[first..last], &mut g[first..last], &mut b[first..last]];
             taps.add(light, surfaces, sums, &mut weights[first..last]);
@@ -124,10 +139,17 @@ struct Taps {
 }
 
 impl Taps {
-    fn add(self, light: &[Plane; 3], surfaces: &Surfaces, sums: [&mut [f32]; 3], weights: &mut [f32]) {
+    fn add(
+        self,
+        light: &[Plane; 3],
+        surfaces: &Surfaces,
+        sums: [&mut [f32]; 3],
+        weights: &mut [f32],
+    ) {
         let Self { here, there, weight, step } = self;
         let count = here.len();
-        let [nx, ny, nz] = [0, 1, 2].map(|c| (&surfaces.normal[c][here.clone()], &surfaces.normal[c][there.clone()]));
+        let [nx, ny, nz] = [0, 1, 2]
+            .map(|c| (&surfaces.normal[c][here.clone()], &surfaces.normal[c][there.clone()]));
         let depth = (&surfaces.depth[here.clone()], &surfaces.depth[there.clone()]);
         let material = (&surfaces.material[here], &surfaces.material[there.clone()]);
         let [r, g, b] = [0, 1, 2].map(|c| &light[c][there.clone()]);
@@ -142,7 +164,8 @@ impl Taps {
             // Where there is no normal, all are alike.
             let has_normal = nx.0[i] != 0.0 || ny.0[i] != 0.0 || nz.0[i] != 0.0;
             let flat = if has_normal { c16 * c16 } else { 1.0 };
-            let difference = (depth.0[i] - depth.1[i]).abs() / (depth.0[i].abs() * tolerance + 1e-20);
+            let difference =
+                (depth.0[i] - depth.1[i]).abs() / (depth.0[i].abs() * tolerance + 1e-20);
             // Close to exp(-difference), and 0 from 4 on.
             let near = 1.0 - 0.25 * difference;
             let near = if near > 0.0 { near } else { 0.0 };
@@ -174,7 +197,10 @@ mod tests {
         let layer = |name: &str, channels: usize, value: &dyn Fn(usize, usize) -> f32| Layer {
             name: name.into(),
             channels: vec!["V".into(); channels],
-            values: (0..pixels).flat_map(|i| (0..channels).map(move |c| (i, c))).map(|(i, c)| value(i, c)).collect(),
+            values: (0..pixels)
+                .flat_map(|i| (0..channels).map(move |c| (i, c)))
+                .map(|(i, c)| value(i, c))
+                .collect(),
         };
         let noise = |i: usize| 2.0 * rng::to_unit(rng::hash32(i as u32)) * (1.0 + 2.0 * side(i));
         let colors = layer("", 3, &|i, _| noise(i) * 0.5);
@@ -192,14 +218,17 @@ mod tests {
     #[test]
     fn noise_goes_and_edges_between_materials_stay() {
         let (image, mut rgb) = walls();
-        let materials =
-            [Material::new("a", Diffuse::new(Rgb::splat(0.5))), Material::new("b", Diffuse::new(Rgb::splat(0.5)))];
+        let materials = [
+            Material::new("a", Diffuse::new(Rgb::splat(0.5))),
+            Material::new("b", Diffuse::new(Rgb::splat(0.5))),
+        ];
         denoise(&image, &materials, Rgb::BLACK, &mut rgb);
         let column = |x: usize| (0..64).map(|y| rgb[(y * 64 + x) * 3]).sum::<f32>() / 64.0;
         let (left, right) = (column(31), column(32));
         // The compression of bright dots makes both a little darker.
         assert!((0.42..0.55).contains(&left) && (1.1..1.6).contains(&right), "{left} {right}");
-        let spread = (0..64).map(|y| (rgb[(y * 64 + 10) * 3] - column(10)).powi(2)).sum::<f32>() / 64.0;
+        let spread =
+            (0..64).map(|y| (rgb[(y * 64 + 10) * 3] - column(10)).powi(2)).sum::<f32>() / 64.0;
         assert!(spread.sqrt() < 0.06, "{}", spread.sqrt());
     }
 

@@ -12,10 +12,16 @@ const MAX_NODES: usize = 5000;
 const MAX_LISTED: usize = 2000;
 
 /// Describes a scene. `base` is the scene before nodes were hidden.
-pub fn scene_info(base: &Scene, scene: &Scene, hidden: &BTreeSet<u32>, generation: u32) -> SceneInfo {
+pub fn scene_info(
+    base: &Scene,
+    scene: &Scene,
+    hidden: &BTreeSet<u32>,
+    generation: u32,
+) -> SceneInfo {
     let (nodes, nodes_left_out) = nodes(base, hidden);
-    let values =
-        |list: Vec<Result<Value, serde_json::Error>>| list.into_iter().map(Result::unwrap_or_default).collect();
+    let values = |list: Vec<Result<Value, serde_json::Error>>| {
+        list.into_iter().map(Result::unwrap_or_default).collect()
+    };
     let bounds = base.bounds().unwrap_or(Bounds3d::EMPTY);
     let bounds = if bounds.is_empty() || !bounds.is_finite() {
         [[-1.0; 3], [1.0; 3]]
@@ -27,7 +33,9 @@ pub fn scene_info(base: &Scene, scene: &Scene, hidden: &BTreeSet<u32>, generatio
         generation,
         nodes,
         nodes_left_out,
-        materials: values(scene.materials.iter().take(MAX_LISTED).map(serde_json::to_value).collect()),
+        materials: values(
+            scene.materials.iter().take(MAX_LISTED).map(serde_json::to_value).collect(),
+        ),
         lights: values(scene.lights.iter().take(MAX_LISTED).map(serde_json::to_value).collect()),
         cameras: values(scene.cameras.iter().take(MAX_LISTED).map(serde_json::to_value).collect()),
         environment_rotation: environment_rotation(scene),
@@ -41,7 +49,9 @@ pub fn scene_info(base: &Scene, scene: &Scene, hidden: &BTreeSet<u32>, generatio
 
 /// How far the environment is turned.
 fn environment_rotation(scene: &Scene) -> Option<f64> {
-    let Some(Environment::Image { world_from_environment, .. }) = &scene.environment else { return None };
+    let Some(Environment::Image { world_from_environment, .. }) = &scene.environment else {
+        return None;
+    };
     Some(overrides::rotation(world_from_environment, scene.settings.up.unwrap_or(DVec3::Y)))
 }
 

@@ -1,4 +1,5 @@
-//! Pictures to bytes: JPEG while something moves, 16-bit floats at rest. One thread does it while the next picture is rendered.
+//! Pictures to bytes: JPEG while something moves, 16-bit floats at rest. One thread does it while
+//! the next picture is rendered.
 
 use crate::protocol::{FrameHeader, ToPage};
 use crate::session::{Frame, Session};
@@ -20,11 +21,13 @@ pub struct Picture {
     pub header: FrameHeader,
     /// Linear, three a pixel.
     pub rgb: Vec<f32>,
-    /// How its values are shown, if it goes out as JPEG; without, it goes out as half floats, which pages turn into colours themselves.
+    /// How its values are shown, if it goes out as JPEG; without, it goes out as half floats, which
+    /// pages turn into colours themselves.
     pub display: Option<Display>,
 }
 
-/// Encodes pictures and publishes them, in the order in which they come. Its thread ends when it is dropped.
+/// Encodes pictures and publishes them, in the order in which they come. Its thread ends when it is
+/// dropped.
 pub struct Encoder {
     pictures: SyncSender<Picture>,
 }
@@ -32,7 +35,8 @@ pub struct Encoder {
 impl Encoder {
     /// For the pages of a session.
     pub fn new<'scope, 'env>(scope: &'scope Scope<'scope, 'env>, session: &'env Session) -> Self {
-        // No queue: whoever renders faster than this encodes waits, so that what is shown is never old.
+        // No queue: whoever renders faster than this encodes waits, so that what is shown is never
+        // old.
         let (pictures, incoming) = sync_channel::<Picture>(0);
         scope.spawn(move || {
             let mut table = DisplayTable::new(Display::default());
@@ -40,7 +44,9 @@ impl Encoder {
                 let number = picture.header.frame;
                 match catch_unwind(AssertUnwindSafe(|| bytes_of(picture, &mut table))) {
                     Ok(Some(bytes)) => {
-                        session.frames.send_replace(Some(Arc::new(Frame { number, bytes: bytes.into() })));
+                        session
+                            .frames
+                            .send_replace(Some(Arc::new(Frame { number, bytes: bytes.into() })));
                     }
                     Ok(None) | Err(_) => {
                         let message = "a fault in the encoder: this picture is not shown".into();
@@ -52,14 +58,18 @@ impl Encoder {
         Self { pictures }
     }
 
-    /// Hands over a picture, as soon as the one before is encoded. An error if the thread is gone, by a fault.
+    /// Hands over a picture, as soon as the one before is encoded. An error if the thread is gone,
+    /// by a fault.
     pub fn send(&self, picture: Picture) -> Result<(), String> {
         self.pictures.send(picture).map_err(|_| "a fault in the encoder; please start again".into())
     }
 }
 
 /// The bytes that pages get. `None` for sizes that JPEG does not have.
-fn bytes_of(Picture { header, rgb, display }: Picture, table: &mut DisplayTable) -> Option<Vec<u8>> {
+fn bytes_of(
+    Picture { header, rgb, display }: Picture,
+    table: &mut DisplayTable,
+) -> Option<Vec<u8>> {
     let Some(display) = display else { return Some(half_floats(header, &rgb)) };
     if *table.display() != display {
         *table = DisplayTable::new(display);
@@ -77,9 +87,14 @@ pub struct DisplayTable {
 impl DisplayTable {
     /// For these display settings.
     pub fn new(display: Display) -> Self {
-        let byte = |bits: u16| to_byte(display_value([f16::from_bits(bits).to_f32(); 3], &display)[0]);
+        let byte =
+            |bits: u16| to_byte(display_value([f16::from_bits(bits).to_f32(); 3], &display)[0]);
         let is_separable = display.tonemap == Tonemap::None;
-        let table = if is_separable { (0..=u16::MAX).into_par_iter().map(byte).collect() } else { Vec::new() };
+        let table = if is_separable {
+            (0..=u16::MAX).into_par_iter().map(byte).collect()
+        } else {
+            Vec::new()
+        };
         Self { display, table }
     }
 
@@ -100,16 +115,19 @@ fn to_byte(value: f32) -> u8 {
     (value * 255.0 + 0.5) as u8
 }
 
-/// A JPEG of linear RGB values (three a pixel), behind its header. `None` for sizes that JPEG does not have.
+/// A JPEG of linear RGB values (three a pixel), behind its header. `None` for sizes that JPEG does
+/// not have.
 pub fn jpeg(header: FrameHeader, rgb: &[f32], table: &DisplayTable) -> Option<Vec<u8>> {
     let [width, height] = header.size;
     let row = width as usize * 3;
     let mut bytes = vec![0; rgb.len()];
-    bytes.par_chunks_mut(row.max(1)).zip(rgb.par_chunks(row.max(1))).with_min_len(64).for_each(|(to, from)| {
-        for (to, from) in to.chunks_exact_mut(3).zip(from.chunks_exact(3)) {
-            to.copy_from_slice(&table.pixel([from[0], from[1], from[2]]));
-        }
-    });
+    bytes.par_chunks_mut(row.max(1)).zip(rgb.par_chunks(row.max(1))).with_min_len(64).for_each(
+        |(to, from)| {
+            for (to, from) in to.chunks_exact_mut(3).zip(from.chunks_exact(3)) {
+                to.copy_from_slice(&table.pixel([from[0], from[1], from[2]]));
+            }
+        },
+    );
     let mut out = header.to_bytes().to_vec();
     let (width, height) = (u16::try_from(width).ok()?, u16::try_from(height).ok()?);
     let encoder = jpeg_encoder::Encoder::new(&mut out, JPEG_QUALITY);
@@ -120,7 +138,10 @@ pub fn jpeg(header: FrameHeader, rgb: &[f32], table: &DisplayTable) -> Option<Ve
 /// Linear RGB values as half floats, behind their header.
 pub fn half_floats(header: FrameHeader, rgb: &[f32]) -> Vec<u8> {
     let mut halves = vec![f16::ZERO; rgb.len()];
-    halves.par_chunks_mut(1 << 15).zip(rgb.par_chunks(1 << 15)).for_each(|(to, from)| to.convert_from_f32_slice(from));
+    halves
+        .par_chunks_mut(1 << 15)
+        .zip(rgb.par_chunks(1 << 15))
+        .for_each(|(to, from)| to.convert_from_f32_slice(from));
     let mut out = Vec::with_capacity(FrameHeader::SIZE + rgb.len() * 2);
     out.extend_from_slice(&header.to_bytes());
     out.extend(halves.iter().flat_map(|h| h.to_le_bytes()));
@@ -160,8 +181,10 @@ mod tests {
         let bytes = half_floats(header([1, 1]), &[0.5, 1.0, 1e9]);
         assert_eq!(bytes.len(), FrameHeader::SIZE + 6);
         assert_eq!(bytes[4..8], 1_u32.to_le_bytes());
-        let values: Vec<f32> =
-            bytes[FrameHeader::SIZE..].chunks(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect();
+        let values: Vec<f32> = bytes[FrameHeader::SIZE..]
+            .chunks(2)
+            .map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32())
+            .collect();
         assert_eq!(values, [0.5, 1.0, f32::INFINITY]);
     }
 

@@ -1,7 +1,8 @@
 //! `snell view`: a local server that shows a scene and its live picture in the browser.
 //!
-//! [`serve`] binds a port, prints nothing, and gives a handle. The page (`web/`, built into the binary) talks to it over one
-//! WebSocket: see [`protocol`]. The picture at rest is the one of `snell render` with the same settings, bit for bit.
+//! [`serve`] binds a port, prints nothing, and gives a handle. The page (`web/`, built into the
+//! binary) talks to it over one WebSocket: see [`protocol`]. The picture at rest is the one of
+//! `snell render` with the same settings, bit for bit.
 
 #![forbid(unsafe_code)]
 
@@ -47,13 +48,15 @@ pub struct Opened {
     pub camera: Camera,
     /// Its position among the scene's.
     pub camera_number: usize,
-    /// True if it was made to show the whole scene in a picture of this shape: in another shape, the command makes another one.
+    /// True if it was made to show the whole scene in a picture of this shape: in another shape,
+    /// the command makes another one.
     pub is_camera_made: bool,
     /// How it is rendered at rest.
     pub settings: Settings,
     /// How values are shown.
     pub display: Display,
-    /// The words of a command that renders the same, without size, samples, integrator, camera and changes.
+    /// The words of a command that renders the same, without size, samples, integrator, camera and
+    /// changes.
     pub command: Vec<String>,
 }
 
@@ -79,24 +82,32 @@ pub trait Source: Send + Sync {
     fn open(&self, which: Which) -> Result<Opened, String>;
 }
 
-/// Reads a file that was dropped on the page. It can name no other file, whatever the options allow:
-/// who sends it may be another than who chose them.
+/// Reads a file that was dropped on the page. It can name no other file, whatever the options
+/// allow: who sends it may be another than who chose them.
 pub fn read_dropped(name: &str, bytes: Vec<u8>, options: &ReadOptions) -> Result<Scene, String> {
     // A folder that cannot exist, because what it would lie in is no folder.
     let nowhere = Path::new(if cfg!(windows) { "NUL\\dropped" } else { "/dev/null/dropped" });
     let confined = ReadOptions { allow_outside: false, ..options.clone() };
     read_scene_bytes(name, bytes, nowhere, &confined).map_err(|mut error| {
         if error.remedy.contains("--allow-outside") {
-            error.remedy = "a dropped file can name no others: open it with `snell view FILE`".into();
+            error.remedy =
+                "a dropped file can name no others: open it with `snell view FILE`".into();
         }
         error.to_string()
     })
 }
 
 /// The one of this name. The error is for people.
-fn by_name<T: Copy>(what: &str, all: &[T], name_of: impl Fn(T) -> &'static str, name: &str) -> Result<T, String> {
+fn by_name<T: Copy>(
+    what: &str,
+    all: &[T],
+    name_of: impl Fn(T) -> &'static str,
+    name: &str,
+) -> Result<T, String> {
     let known = all.iter().copied().find(|&x| name_of(x) == name);
-    known.ok_or_else(|| format!("there is no {what} {:?}", name.chars().take(80).collect::<String>()))
+    known.ok_or_else(|| {
+        format!("there is no {what} {:?}", name.chars().take(80).collect::<String>())
+    })
 }
 
 #[cfg(test)]
@@ -110,15 +121,26 @@ mod tests {
             for (file, text) in [
                 ("a.obj", format!("mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")),
                 ("a.pbrt", format!("WorldBegin\nInclude \"{name}\"\n")),
-                ("a.xml", format!("<scene version=\"3.0.0\"><include filename=\"{name}\"/></scene>")),
+                (
+                    "a.xml",
+                    format!("<scene version=\"3.0.0\"><include filename=\"{name}\"/></scene>"),
+                ),
             ] {
                 let read = read_dropped(file, text.into_bytes(), &options);
                 let said = match &read {
-                    Ok(scene) => scene.warnings.iter().map(|w| w.message.clone()).collect::<Vec<_>>().join("\n"),
+                    Ok(scene) => scene
+                        .warnings
+                        .iter()
+                        .map(|w| w.message.clone())
+                        .collect::<Vec<_>>()
+                        .join("\n"),
                     Err(message) => message.clone(),
                 };
                 // It is neither opened, nor is it said that it could be.
-                assert!(said.contains("passwd") && !said.contains("root:"), "{file} {name}: {said}");
+                assert!(
+                    said.contains("passwd") && !said.contains("root:"),
+                    "{file} {name}: {said}"
+                );
                 assert!(!said.contains("give --allow-outside"), "{file} {name}: {said}");
             }
         }

@@ -30,7 +30,11 @@ impl Pace {
     pub fn wait_for(&self, number: u32, most: Duration) {
         let shown = lock(&self.shown);
         let is_late = |shown: &mut u32| is_before(*shown, number);
-        drop(self.changed.wait_timeout_while(shown, most, is_late).unwrap_or_else(PoisonError::into_inner));
+        drop(
+            self.changed
+                .wait_timeout_while(shown, most, is_late)
+                .unwrap_or_else(PoisonError::into_inner),
+        );
     }
 }
 

@@ -12,9 +12,21 @@ pub struct PageFile {
 
 /// All files.
 pub const FILES: &[PageFile] = &[
-    PageFile { name: "", media_type: "text/html; charset=utf-8", bytes: include_bytes!("../page/index.html") },
-    PageFile { name: "app.js", media_type: "text/javascript; charset=utf-8", bytes: include_bytes!("../page/app.js") },
-    PageFile { name: "app.css", media_type: "text/css; charset=utf-8", bytes: include_bytes!("../page/app.css") },
+    PageFile {
+        name: "",
+        media_type: "text/html; charset=utf-8",
+        bytes: include_bytes!("../page/index.html"),
+    },
+    PageFile {
+        name: "app.js",
+        media_type: "text/javascript; charset=utf-8",
+        bytes: include_bytes!("../page/app.js"),
+    },
+    PageFile {
+        name: "app.css",
+        media_type: "text/css; charset=utf-8",
+        bytes: include_bytes!("../page/app.css"),
+    },
 ];
 
 /// The file of this name.

@@ -7,7 +7,8 @@ use std::net::SocketAddr;
 #[cfg(target_os = "linux")]
 pub fn is_same_user(own: SocketAddr, peer: SocketAddr) -> bool {
     // Both ends of the connection stand in the table of sockets, each with its user.
-    let tables = ["/proc/self/net/tcp", "/proc/self/net/tcp6"].map(|p| std::fs::read_to_string(p).unwrap_or_default());
+    let tables = ["/proc/self/net/tcp", "/proc/self/net/tcp6"]
+        .map(|p| std::fs::read_to_string(p).unwrap_or_default());
     let user_of = |local, remote| tables.iter().find_map(|table| user_in(table, local, remote));
     let user = user_of(own, peer);
     user.is_some() && user == user_of(peer, own)
@@ -37,8 +38,12 @@ fn user_in(table: &str, local: SocketAddr, remote: SocketAddr) -> Option<u32> {
 fn parsed(text: &str) -> Option<(std::net::IpAddr, u16)> {
     use std::net::{Ipv4Addr, Ipv6Addr};
     let (address, port) = text.split_once(':')?;
-    let words = address.as_bytes().chunks(8).map(|w| u32::from_str_radix(std::str::from_utf8(w).ok()?, 16).ok());
-    let bytes: Vec<u8> = words.collect::<Option<Vec<u32>>>()?.into_iter().flat_map(u32::to_ne_bytes).collect();
+    let words = address
+        .as_bytes()
+        .chunks(8)
+        .map(|w| u32::from_str_radix(std::str::from_utf8(w).ok()?, 16).ok());
+    let bytes: Vec<u8> =
+        words.collect::<Option<Vec<u32>>>()?.into_iter().flat_map(u32::to_ne_bytes).collect();
     let address = match bytes.len() {
         4 => Ipv4Addr::from(<[u8; 4]>::try_from(bytes).ok()?).into(),
         _ => Ipv6Addr::from(<[u8; 16]>::try_from(bytes).ok()?).to_canonical(),
@@ -65,12 +70,19 @@ mod tests {
 
     #[test]
     fn a_socket_of_another_user_and_one_that_is_not_there_are_not_ours() {
-        let table = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode\n   \
-                     0: 0100007F:1F90 0100007F:C001 01 00000000:00000000 00:00000000 00000000  1000        0 1\n   \
-                     1: 0100007F:C001 0100007F:1F90 01 00000000:00000000 00:00000000 00000000  1001        0 2\n";
-        let [own, peer] = ["127.0.0.1:8080", "127.0.0.1:49153"].map(|a| a.parse::<SocketAddr>().expect("an address"));
+        let table = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   \
+            uid  timeout inode\n   \
+                     0: 0100007F:1F90 0100007F:C001 01 00000000:00000000 00:00000000 00000000  \
+                     1000        0 1\n   \
+                     1: 0100007F:C001 0100007F:1F90 01 00000000:00000000 00:00000000 00000000  \
+                     1001        0 2\n";
+        let [own, peer] = ["127.0.0.1:8080", "127.0.0.1:49153"]
+            .map(|a| a.parse::<SocketAddr>().expect("an address"));
         if cfg!(target_endian = "little") {
-            assert_eq!((user_in(table, own, peer), user_in(table, peer, own)), (Some(1000), Some(1001)));
+            assert_eq!(
+                (user_in(table, own, peer), user_in(table, peer, own)),
+                (Some(1000), Some(1001))
+            );
         }
         assert_eq!(user_in(table, own, own), None);
         assert!(!is_same_user(own, own));

@@ -23,7 +23,8 @@ pub fn pick(snapshot: &Snapshot, compiled: &CompiledScene, pixel: [f64; 2]) -> O
     let material = compiled.material_id(&hit);
     let path = compiled.node_path(&hit);
     let nodes = &snapshot.scene.nodes;
-    let name = |id: &snell_scene::NodeId| nodes.get(id.index()).map_or(String::new(), |n| n.name.clone());
+    let name =
+        |id: &snell_scene::NodeId| nodes.get(id.index()).map_or(String::new(), |n| n.name.clone());
     Some(PickedHit {
         position: surface.position.as_dvec3().to_array(),
         normal: surface.shading_normal.as_dvec3().to_array(),

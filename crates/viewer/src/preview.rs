@@ -1,13 +1,17 @@
-//! What is shown while something moves: one sample in the middle of each pixel, and no light that needs many.
+//! What is shown while something moves: one sample in the middle of each pixel, and no light that
+//! needs many.
 //!
-//! Scenes with few lights are ray-cast, or ray-traced where mirrors and glass show others; edges and shadows are sharp and nothing
-//! flickers. Many lights or an environment would cost too much or need chance; there, one light sample a pixel is smoothed (see
-//! [`crate::denoise`]). In the place of indirect light is a constant that is measured when the view rests.
+//! Scenes with few lights are ray-cast, or ray-traced where mirrors and glass show others; edges
+//! and shadows are sharp and nothing flickers. Many lights or an environment would cost too much or
+//! need chance; there, one light sample a pixel is smoothed (see [`crate::denoise`]). In the place
+//! of indirect light is a constant that is measured when the view rests.
 
 use crate::denoise::{denoise, is_sharp};
 use crate::temporal::{self, Fresh, History};
 use snell_math::Rgb;
-use snell_render::{Aov, CompiledScene, Filter, IntegratorKind, Job, LightStrategy, Settings, picture};
+use snell_render::{
+    Aov, CompiledScene, Filter, IntegratorKind, Job, LightStrategy, Settings, picture,
+};
 use snell_scene::{Camera, LayeredImage};
 
 /// Most lights that are all asked at every pixel.
@@ -15,7 +19,8 @@ const FEW_LIGHTS: usize = 8;
 /// Bounces, where mirrors and glass show others.
 const MIRROR_DEPTH: u32 = 4;
 
-/// Bounces by chance where there is glass: into a bowl and its inside, out again, and what is there.
+/// Bounces by chance where there is glass: into a bowl and its inside, out again, and what is
+/// there.
 const GLASS_DEPTH: u32 = 5;
 
 /// How a moving picture is made.
@@ -33,7 +38,8 @@ impl Preview {
     /// Pictures of this size of a scene that is rendered by `settings` at rest.
     pub fn new(settings: &Settings, compiled: &CompiledScene, size: [u32; 2], fill: Rgb) -> Self {
         let is_lit = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct);
-        let by_chance = compiled.lights().len() > FEW_LIGHTS || compiled.environment_light().is_some();
+        let by_chance =
+            compiled.lights().len() > FEW_LIGHTS || compiled.environment_light().is_some();
         let has_mirrors = compiled.materials.iter().any(|m| is_sharp(m) && !m.is_emissive());
         let is_noisy = is_lit && by_chance;
         let integrator = match settings.integrator {
@@ -45,7 +51,9 @@ impl Preview {
         let most = match (is_noisy, has_mirrors) {
             (false, _) => MIRROR_DEPTH,
             (true, false) => 1,
-            (true, true) if compiled.materials.iter().any(|m| m.kind.name() == "dielectric") => GLASS_DEPTH,
+            (true, true) if compiled.materials.iter().any(|m| m.kind.name() == "dielectric") => {
+                GLASS_DEPTH
+            }
             (true, true) => 2,
         };
         let settings = Settings {
@@ -71,7 +79,8 @@ impl Preview {
         Self { settings, is_noisy, has_fill: is_lit, phase: None }
     }
 
-    /// The same with samples at another place of each pixel, for pictures that are put together from several.
+    /// The same with samples at another place of each pixel, for pictures that are put together
+    /// from several.
     pub fn at_phase(mut self, phase: [usize; 2]) -> Self {
         self.phase = Some(phase);
         self.settings.pixel_position = Some(temporal::pixel_position(phase));
@@ -96,13 +105,23 @@ impl Preview {
         threads: usize,
     ) -> Option<History> {
         let (image, rgb) = self.image(camera, compiled, threads);
-        let layer = |aov: Aov| image.layers.iter().find(|layer| layer.name == aov.name()).map(|l| &l.values[..]);
+        let layer = |aov: Aov| {
+            image.layers.iter().find(|layer| layer.name == aov.name()).map(|l| &l.values[..])
+        };
         let (positions, ids) = (layer(Aov::Position)?, layer(Aov::MaterialId)?);
         let (size, is_noisy) = (self.settings.size, self.is_noisy || camera.has_lens());
-        Some(History::next(before, &Fresh { camera, size, phase: self.phase?, rgb: &rgb, positions, ids, is_noisy }))
+        Some(History::next(
+            before,
+            &Fresh { camera, size, phase: self.phase?, rgb: &rgb, positions, ids, is_noisy },
+        ))
     }
 
-    fn image(&self, camera: &Camera, compiled: &CompiledScene, threads: usize) -> (LayeredImage, Vec<f32>) {
+    fn image(
+        &self,
+        camera: &Camera,
+        compiled: &CompiledScene,
+        threads: usize,
+    ) -> (LayeredImage, Vec<f32>) {
         let (film, _) = Job::new(compiled, camera, &self.settings).run(threads, &|_| true);
         let image = picture(&film, &self.settings, compiled);
         let mut rgb = rgb_of(&image);
@@ -127,25 +146,39 @@ const GUESS_WIDTH: u32 = 48;
 const GUESS_SPP: u32 = 4;
 const GUESS_DEPTH: u32 = 5;
 
-/// A first [`fill`] of a scene that has not rested yet, from two tiny pictures. Black where none is needed.
-pub fn first_fill(settings: &Settings, camera: &Camera, compiled: &CompiledScene, threads: usize) -> Rgb {
+/// A first [`fill`] of a scene that has not rested yet, from two tiny pictures. Black where none is
+/// needed.
+pub fn first_fill(
+    settings: &Settings,
+    camera: &Camera,
+    compiled: &CompiledScene,
+    threads: usize,
+) -> Rgb {
     let [width, height] = settings.size;
-    let small = [GUESS_WIDTH.min(width), (GUESS_WIDTH * height / width.max(1)).clamp(1, height.max(1))];
+    let small =
+        [GUESS_WIDTH.min(width), (GUESS_WIDTH * height / width.max(1)).clamp(1, height.max(1))];
     let quick = Preview::new(settings, compiled, small, Rgb::BLACK);
     if !quick.has_fill || settings.integrator != IntegratorKind::Path {
         return Rgb::BLACK;
     }
     let (integrator, max_depth) = (IntegratorKind::Path, settings.max_depth.min(GUESS_DEPTH));
-    let whole = Settings { integrator, max_depth, spp: GUESS_SPP, aovs: Vec::new(), ..quick.settings.clone() };
+    let whole = Settings {
+        integrator,
+        max_depth,
+        spp: GUESS_SPP,
+        aovs: Vec::new(),
+        ..quick.settings.clone()
+    };
     let whole = rgb_of(&Job::new(compiled, camera, &whole).run(threads, &|_| true).0.image());
     fill(&whole, &quick.render(camera, compiled, threads), Rgb::BLACK)
 }
 
-/// The constant that makes a moving picture as bright as the one at rest: what it lacks, over the share that surfaces reflect. Pictures
-/// are linear RGB values.
+/// The constant that makes a moving picture as bright as the one at rest: what it lacks, over the
+/// share that surfaces reflect. Pictures are linear RGB values.
 pub fn fill(rest: &[f32], preview: &[f32], before: Rgb) -> Rgb {
     let (rest, preview, before) = (mean(rest), mean(preview), before.to_array());
-    // Most surfaces reflect about half; bright spots of the picture at rest must not flood everything.
+    // Most surfaces reflect about half; bright spots of the picture at rest must not flood
+    // everything.
     let [r, g, b] = [0, 1, 2].map(|c| {
         let wanted = before[c] + 2.0 * (rest[c] - preview[c]);
         if wanted.is_finite() { wanted.clamp(0.0, 2.0) } else { 0.0 }
@@ -153,7 +186,8 @@ pub fn fill(rest: &[f32], preview: &[f32], before: Rgb) -> Rgb {
     Rgb::new(r, g, b)
 }
 
-/// The mean of a picture with each value cut at 1: what lamps and highlights add beyond is no measure of indirect light.
+/// The mean of a picture with each value cut at 1: what lamps and highlights add beyond is no
+/// measure of indirect light.
 fn mean(rgb: &[f32]) -> [f32; 3] {
     let mut sums = [0.0_f64; 3];
     for pixel in rgb.chunks_exact(3) {

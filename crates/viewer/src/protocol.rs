@@ -1,5 +1,6 @@
-//! What page and server say to each other over the WebSocket: JSON text both ways, and pictures as binary messages to the page.
-//! The TypeScript types in `web/src/protocol.gen.ts` are generated from these; a test proves them fresh.
+//! What page and server say to each other over the WebSocket: JSON text both ways, and pictures as
+//! binary messages to the page. The TypeScript types in `web/src/protocol.gen.ts` are generated
+//! from these; a test proves them fresh.
 
 use crate::explain::Report;
 use serde::{Deserialize, Serialize};
@@ -214,7 +215,8 @@ pub struct SceneInfo {
     /// Cameras.
     #[cfg_attr(test, ts(type = "Camera[]"))]
     pub cameras: Vec<Value>,
-    /// How far its environment is turned about up, in degrees; none if there is none, or one that is the same all around.
+    /// How far its environment is turned about up, in degrees; none if there is none, or one that
+    /// is the same all around.
     pub environment_rotation: Option<f64>,
     /// Corners of the box around all that is finite.
     pub bounds: [[f64; 3]; 2],
@@ -315,7 +317,8 @@ pub struct FrameHeader {
     pub wanted: u32,
     /// Milliseconds spent on the picture: on this frame while moving, on all samples at rest.
     pub milliseconds: f32,
-    /// Estimated relative noise: the root of the mean variance over the mean. Not a number where unknown.
+    /// Estimated relative noise: the root of the mean variance over the mean. Not a number where
+    /// unknown.
     pub noise: f32,
 }
 
@@ -355,10 +358,14 @@ mod tests {
     fn typescript() -> String {
         let config = ts_rs::Config::default();
         let mut text = String::from(
-            "// Generated from crates/viewer/src/protocol.rs by `SNELL_PROTOCOL=accept cargo test -p snell-viewer protocol`.\n\
+            "// Generated from crates/viewer/src/protocol.rs by `SNELL_PROTOCOL=accept cargo test \
+                -p snell-viewer protocol`.\n\
              import type { Camera } from \"./camera\";\n\n",
         );
-        text += &format!("export const VERSION = {VERSION};\nexport const HEADER_SIZE = {};\n", FrameHeader::SIZE);
+        text += &format!(
+            "export const VERSION = {VERSION};\nexport const HEADER_SIZE = {};\n",
+            FrameHeader::SIZE
+        );
         let declarations = [
             ToServer::decl(&config),
             ToPage::decl(&config),
@@ -393,13 +400,15 @@ mod tests {
         let there = std::fs::read_to_string(path).unwrap_or_default();
         assert!(
             there == text,
-            "web/src/protocol.gen.ts is out of date: run with SNELL_PROTOCOL=accept, then build the page"
+            "web/src/protocol.gen.ts is out of date: run with SNELL_PROTOCOL=accept, then build \
+                the page"
         );
     }
 
     #[test]
     fn messages_are_understood_and_unknown_parameters_refused() {
-        let message: ToServer = serde_json::from_str(r#"{"type":"render","spp":5}"#).expect("a message");
+        let message: ToServer =
+            serde_json::from_str(r#"{"type":"render","spp":5}"#).expect("a message");
         assert!(matches!(message, ToServer::Render { spp: Some(5), integrator: None, .. }));
         assert!(serde_json::from_str::<ToServer>(r#"{"type":"render","sp":5}"#).is_err());
         assert!(serde_json::from_str::<ToServer>(r#"{"type":"nonsense"}"#).is_err());

@@ -1,4 +1,5 @@
-//! What is asked by HTTP. Every path begins with the token; see [`crate::security`] for who is let in.
+//! What is asked by HTTP. Every path begins with the token; see [`crate::security`] for who is let
+//! in.
 
 use crate::connections::Visitor;
 use crate::peer::is_same_user;
@@ -28,7 +29,8 @@ pub struct Shared {
     pub session: Arc<Session>,
     /// Places for pages.
     pub pages: Arc<Semaphore>,
-    /// One picture is made into a file at a time, and one file is taken in, because of their memory.
+    /// One picture is made into a file at a time, and one file is taken in, because of their
+    /// memory.
     saving: Arc<Semaphore>,
     receiving: Arc<Semaphore>,
 }
@@ -60,7 +62,8 @@ pub fn router(shared: Shared) -> Router {
 fn refused() -> Response {
     closing(
         StatusCode::FORBIDDEN,
-        "Not the address of a scene: open the one that `snell view` has printed, with all of its letters.\n",
+        "Not the address of a scene: open the one that `snell view` has printed, with all of its \
+            letters.\n",
     )
 }
 
@@ -87,18 +90,28 @@ async fn check(
     let (first, second) = (steps.next().unwrap_or(""), steps.next().unwrap_or(""));
     if first == ONCE && is_same_user(visitor.own, visitor.peer) && guard.takes_code(second) {
         let place = format!("/{}/", guard.token());
-        return (StatusCode::SEE_OTHER, [(header::LOCATION, place)], [(header::CACHE_CONTROL, "no-store")])
+        return (
+            StatusCode::SEE_OTHER,
+            [(header::LOCATION, place)],
+            [(header::CACHE_CONTROL, "no-store")],
+        )
             .into_response();
     }
     if !guard.knows(first) {
         return refused();
     }
     if !visitor.admit() {
-        return closing(StatusCode::SERVICE_UNAVAILABLE, "too many connections; close some pages\n");
+        return closing(
+            StatusCode::SERVICE_UNAVAILABLE,
+            "too many connections; close some pages\n",
+        );
     }
     let mut response = next.run(request).await;
-    const FRAMED: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; base-uri 'none'; form-action 'none'; object-src 'none'";
-    const ALONE: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'self'; base-uri 'none'; form-action 'none'; object-src 'none'";
+    const FRAMED: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self' \
+        'unsafe-inline'; base-uri 'none'; form-action 'none'; object-src 'none'";
+    const ALONE: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self' \
+        'unsafe-inline'; frame-ancestors 'self'; base-uri 'none'; form-action 'none'; object-src \
+        'none'";
     let rules = [
         (header::CONTENT_SECURITY_POLICY, if shared.may_be_framed { FRAMED } else { ALONE }),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
@@ -120,30 +133,43 @@ async fn serve_page(Path(parts): Path<HashMap<String, String>>) -> Response {
 }
 
 /// The picture at rest as a file: `?format=png`, `exr` or any other that is written.
-async fn save(State(shared): State<Shared>, Query(query): Query<HashMap<String, String>>) -> Response {
+async fn save(
+    State(shared): State<Shared>,
+    Query(query): Query<HashMap<String, String>>,
+) -> Response {
     let format = query.get("format").cloned().unwrap_or_else(|| "png".into());
     let Some(finished) = lock(&shared.session.finished).clone() else {
-        return (StatusCode::CONFLICT, "there is no picture yet; wait until the view rests\n").into_response();
+        return (StatusCode::CONFLICT, "there is no picture yet; wait until the view rests\n")
+            .into_response();
     };
     let display = shared.session.now().display;
     let name = finished.name.replace(|c: char| !c.is_ascii_alphanumeric(), "-");
     let Ok(_turn) = shared.saving.acquire().await else { return refused() };
-    let encoded = tokio::task::spawn_blocking(move || encode(&finished.picture, &format, display)).await;
+    let encoded =
+        tokio::task::spawn_blocking(move || encode(&finished.picture, &format, display)).await;
     match encoded {
         Ok(Ok((bytes, extension))) => {
             let place = format!("attachment; filename=\"{name}.{extension}\"");
             (
-                [(header::CONTENT_TYPE, "application/octet-stream".to_string()), (header::CONTENT_DISPOSITION, place)],
+                [
+                    (header::CONTENT_TYPE, "application/octet-stream".to_string()),
+                    (header::CONTENT_DISPOSITION, place),
+                ],
                 bytes,
             )
                 .into_response()
         }
         Ok(Err(message)) => (StatusCode::BAD_REQUEST, message + "\n").into_response(),
-        Err(_) => (StatusCode::INTERNAL_SERVER_ERROR, "the picture could not be written\n").into_response(),
+        Err(_) => (StatusCode::INTERNAL_SERVER_ERROR, "the picture could not be written\n")
+            .into_response(),
     }
 }
 
-fn encode(picture: &LayeredImage, format: &str, display: Display) -> Result<(Vec<u8>, String), String> {
+fn encode(
+    picture: &LayeredImage,
+    format: &str,
+    display: Display,
+) -> Result<(Vec<u8>, String), String> {
     let options = WriteOptions { display, ..WriteOptions::default() };
     let bytes = encode_image_as(format, picture, &options).map_err(|e| e.to_string())?;
     // A format that is known is a word, and can stand in a name.
@@ -151,27 +177,39 @@ fn encode(picture: &LayeredImage, format: &str, display: Display) -> Result<(Vec
 }
 
 /// What each pixel costs in a structure: `?structure=kdtree&width=320`.
-async fn cost(State(shared): State<Shared>, Query(query): Query<HashMap<String, String>>) -> Response {
+async fn cost(
+    State(shared): State<Shared>,
+    Query(query): Query<HashMap<String, String>>,
+) -> Response {
     let structure = query.get("structure").cloned().unwrap_or_default();
     let width = query.get("width").and_then(|w| w.parse().ok()).unwrap_or(320);
     let session = shared.session;
     let Ok(_turn) = session.examining.clone().acquire_owned().await else { return refused() };
     match tokio::task::spawn_blocking(move || session.cost(&structure, width)).await {
-        Ok(Ok(bytes)) => ([(header::CONTENT_TYPE, "application/octet-stream")], bytes).into_response(),
+        Ok(Ok(bytes)) => {
+            ([(header::CONTENT_TYPE, "application/octet-stream")], bytes).into_response()
+        }
         Ok(Err(message)) => (StatusCode::BAD_REQUEST, message + "\n").into_response(),
-        Err(_) => (StatusCode::INTERNAL_SERVER_ERROR, "a fault; please report it\n").into_response(),
+        Err(_) => {
+            (StatusCode::INTERNAL_SERVER_ERROR, "a fault; please report it\n").into_response()
+        }
     }
 }
 
 /// A small picture of a built-in scene: `?scene=teapot`.
-async fn thumbnail(State(shared): State<Shared>, Query(query): Query<HashMap<String, String>>) -> Response {
+async fn thumbnail(
+    State(shared): State<Shared>,
+    Query(query): Query<HashMap<String, String>>,
+) -> Response {
     let name = query.get("scene").cloned().unwrap_or_default();
     let session = shared.session;
     let Ok(_turn) = shared.saving.acquire().await else { return refused() };
     match tokio::task::spawn_blocking(move || session.thumbnail(&name)).await {
         Ok(Ok(bytes)) => ([(header::CONTENT_TYPE, "image/png")], bytes.to_vec()).into_response(),
         Ok(Err(message)) => (StatusCode::NOT_FOUND, message + "\n").into_response(),
-        Err(_) => (StatusCode::INTERNAL_SERVER_ERROR, "a fault; please report it\n").into_response(),
+        Err(_) => {
+            (StatusCode::INTERNAL_SERVER_ERROR, "a fault; please report it\n").into_response()
+        }
     }
 }
 
@@ -182,7 +220,10 @@ async fn open(
     request: Request,
 ) -> Response {
     let Ok(_turn) = shared.receiving.try_acquire() else {
-        return closing(StatusCode::SERVICE_UNAVAILABLE, "another scene is being opened; try again\n");
+        return closing(
+            StatusCode::SERVICE_UNAVAILABLE,
+            "another scene is being opened; try again\n",
+        );
     };
     let which = match (query.get("builtin"), query.get("name")) {
         (Some(name), _) => Which::Builtin(name.clone()),
@@ -193,14 +234,17 @@ async fn open(
                 Err((status, text)) => return closing(status, text),
             }
         }
-        (None, None) => return closing(StatusCode::BAD_REQUEST, "name the file: ?name=scene.glb\n"),
+        (None, None) => {
+            return closing(StatusCode::BAD_REQUEST, "name the file: ?name=scene.glb\n");
+        }
     };
     let session = shared.session.clone();
     match tokio::task::spawn_blocking(move || session.open(which)).await {
         Ok(Ok(())) => StatusCode::NO_CONTENT.into_response(),
         Ok(Err(message)) => (StatusCode::UNPROCESSABLE_ENTITY, message + "\n").into_response(),
         Err(_) => {
-            (StatusCode::INTERNAL_SERVER_ERROR, "a fault in the reader; please report the file\n").into_response()
+            (StatusCode::INTERNAL_SERVER_ERROR, "a fault in the reader; please report the file\n")
+                .into_response()
         }
     }
 }

@@ -1,7 +1,9 @@
-//! Who may talk to the server: whoever has the token, from a page of this server, asking for one of its names.
+//! Who may talk to the server: whoever has the token, from a page of this server, asking for one of
+//! its names.
 //!
-//! The token keeps other users of the machine out. The check of `Host` keeps out pages of other sites whose name has been pointed
-//! at this machine (DNS rebinding), the check of `Origin` those that open sockets across sites.
+//! The token keeps other users of the machine out. The check of `Host` keeps out pages of other
+//! sites whose name has been pointed at this machine (DNS rebinding), the check of `Origin` those
+//! that open sockets across sites.
 //!
 //! A browser that is started gets a code in the place of the token, because its command line can be
 //! read by other users. The code becomes the address with the token once, soon, and only for a
@@ -27,8 +29,8 @@ pub struct Guard {
     /// The code that was given last, until it is used, and when it was given.
     code: Mutex<Option<(String, Instant)>>,
     address: SocketAddr,
-    /// Names by which the server may be called besides its address and, on loopback, `localhost`. Empty: any, because the user has
-    /// asked to listen on all addresses.
+    /// Names by which the server may be called besides its address and, on loopback, `localhost`.
+    /// Empty: any, because the user has asked to listen on all addresses.
     any_host: bool,
 }
 
@@ -61,7 +63,9 @@ impl Guard {
 
     /// Whether this is the code and can still be used. It is used then.
     pub fn takes_code(&self, code: &str) -> bool {
-        let is_it = |(known, given): &mut (String, Instant)| given.elapsed() < CODE_TIME && is_same(code, known);
+        let is_it = |(known, given): &mut (String, Instant)| {
+            given.elapsed() < CODE_TIME && is_same(code, known)
+        };
         lock(&self.code).take_if(is_it).is_some()
     }
 
@@ -80,7 +84,9 @@ impl Guard {
         if headers.get_all(ORIGIN).iter().count() > 1 {
             return Err("a request has one Origin at most".into());
         }
-        if uri.authority().is_some_and(|a| a.as_str() != host) || uri.scheme_str().is_some_and(|s| s != "http") {
+        if uri.authority().is_some_and(|a| a.as_str() != host)
+            || uri.scheme_str().is_some_and(|s| s != "http")
+        {
             return Err("the address asked for is not that of Host".into());
         }
         Ok(())
@@ -105,7 +111,8 @@ impl Guard {
     }
 
     fn is_our_name(&self, host: &str) -> bool {
-        let (name, port) = host.rsplit_once(':').filter(|(n, _)| !n.ends_with(':')).unwrap_or((host, "80"));
+        let (name, port) =
+            host.rsplit_once(':').filter(|(n, _)| !n.ends_with(':')).unwrap_or((host, "80"));
         if port.parse() != Ok(self.address.port()) {
             return false;
         }
@@ -113,7 +120,8 @@ impl Guard {
         let ip = name.parse::<IpAddr>().ok();
         self.any_host
             || ip == Some(self.address.ip())
-            || (self.address.ip().is_loopback() && (name == "localhost" || ip.is_some_and(|ip| ip.is_loopback())))
+            || (self.address.ip().is_loopback()
+                && (name == "localhost" || ip.is_some_and(|ip| ip.is_loopback())))
     }
 }
 
@@ -153,7 +161,9 @@ mod tests {
         for good in ["127.0.0.1:8080", "localhost:8080", "[::1]:8080"] {
             assert!(guard.is_for_us(&headers(good, None)), "{good}");
         }
-        for bad in ["127.0.0.1:8081", "evil.example:8080", "localhost", "localhost:8080.evil.example", ""] {
+        for bad in
+            ["127.0.0.1:8081", "evil.example:8080", "localhost", "localhost:8080.evil.example", ""]
+        {
             assert!(!guard.is_for_us(&headers(bad, None)), "{bad}");
         }
         assert!(!guard.is_for_us(&HeaderMap::new()));
@@ -164,7 +174,9 @@ mod tests {
         let guard = guard("127.0.0.1:8080");
         assert!(guard.is_from_us(&headers("localhost:8080", Some("http://localhost:8080"))));
         assert!(guard.is_from_us(&headers("localhost:8080", None)));
-        for bad in ["http://evil.example", "https://localhost:8080", "null", "http://127.0.0.1:8080"] {
+        for bad in
+            ["http://evil.example", "https://localhost:8080", "null", "http://127.0.0.1:8080"]
+        {
             assert!(!guard.is_from_us(&headers("localhost:8080", Some(bad))), "{bad}");
         }
     }
@@ -172,7 +184,9 @@ mod tests {
     #[test]
     fn tokens_differ_and_only_the_whole_one_is_known() {
         let (a, b) = (guard("127.0.0.1:1"), guard("127.0.0.1:1"));
-        assert!(a.knows(a.token()) && !a.knows(b.token()) && !a.knows("") && !a.knows(&a.token()[1..]));
+        assert!(
+            a.knows(a.token()) && !a.knows(b.token()) && !a.knows("") && !a.knows(&a.token()[1..])
+        );
     }
 
     #[test]
@@ -189,7 +203,9 @@ mod tests {
     fn what_can_be_read_in_two_ways_is_refused() {
         let guard = guard("127.0.0.1:8080");
         let is_fine = |uri: &str, headers: &[(&str, &str)]| {
-            let request = headers.iter().fold(Request::builder().uri(uri), |r, (name, value)| r.header(*name, *value));
+            let request = headers
+                .iter()
+                .fold(Request::builder().uri(uri), |r, (name, value)| r.header(*name, *value));
             guard.check_form(&request.body(axum::body::Body::empty()).expect("a request")).is_ok()
         };
         let host = ("host", "localhost:8080");

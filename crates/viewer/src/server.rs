@@ -26,7 +26,8 @@ pub struct ServerOptions {
     pub threads: usize,
     /// True if nobody has named a scene: pages begin with a choice of built-in ones.
     pub is_gallery: bool,
-    /// Whether pages of others may show this one in a frame, such as notebooks: who knows the token lets them.
+    /// Whether pages of others may show this one in a frame, such as notebooks: who knows the token
+    /// lets them.
     pub may_be_framed: bool,
     /// In the place of a random one: letters and digits.
     pub token: Option<String>,
@@ -52,8 +53,8 @@ impl Server {
         }
     }
 
-    /// An address for a browser's command line, which other users of the machine can read: it leads to
-    /// the page once, soon, and only a program of the same user.
+    /// An address for a browser's command line, which other users of the machine can read: it leads
+    /// to the page once, soon, and only a program of the same user.
     pub fn url_for_browser(&self) -> Result<String, String> {
         let (place, code) = (self.url.trim_end_matches('/'), self.guard.new_code()?);
         let place = place.rsplit_once('/').map_or(place, |(place, _token)| place);
@@ -91,11 +92,16 @@ pub fn serve(source: Box<dyn Source>, options: &ServerOptions) -> Result<Server,
     let place = SocketAddr::new(options.host, options.port);
     let listener = std::net::TcpListener::bind(place)
         .and_then(|l| l.set_nonblocking(true).map(|()| l))
-        .map_err(|e| format!("cannot listen on {place}: {e}; choose another --port, or leave it out for any"))?;
+        .map_err(|e| {
+            format!("cannot listen on {place}: {e}; choose another --port, or leave it out for any")
+        })?;
     let address = listener.local_addr().map_err(|e| e.to_string())?;
     let guard = Arc::new(Guard::new(address, options.token.clone())?);
-    let shown =
-        if address.ip().is_unspecified() { SocketAddr::new([127, 0, 0, 1].into(), address.port()) } else { address };
+    let shown = if address.ip().is_unspecified() {
+        SocketAddr::new([127, 0, 0, 1].into(), address.port())
+    } else {
+        address
+    };
     let url = format!("http://{shown}/{}/", guard.token());
 
     let runtime = tokio::runtime::Builder::new_multi_thread()

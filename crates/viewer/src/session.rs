@@ -1,7 +1,7 @@
 //! One scene being looked at: what everybody who watches shares.
 //!
-//! Pages change the state; the worker (see [`crate::worker`]) sees that its version has changed and renders. Nothing here waits for
-//! a picture.
+//! Pages change the state; the worker (see [`crate::worker`]) sees that its version has changed and
+//! renders. Nothing here waits for a picture.
 
 use crate::describe::scene_info;
 use crate::explain::{self, Question, Report, Structure, Subject};
@@ -119,7 +119,8 @@ impl Session {
     pub fn new(source: Box<dyn Source>, is_gallery: bool) -> Result<Self, String> {
         let opened = source.open(Which::Given)?;
         let state = State::new(opened)?;
-        let viewing = Viewing { state, shown: None, watching: 0, steering: 0, is_stopped: false, is_gallery };
+        let viewing =
+            Viewing { state, shown: None, watching: 0, steering: 0, is_stopped: false, is_gallery };
         Ok(Self {
             source,
             viewing: Mutex::new(viewing),
@@ -143,7 +144,8 @@ impl Session {
         self.version.load(Ordering::Acquire)
     }
 
-    /// Waits until the state is newer than `seen`, or until `until` if that comes first. `None` if the session ends.
+    /// Waits until the state is newer than `seen`, or until `until` if that comes first. `None` if
+    /// the session ends.
     pub fn wait(&self, seen: u64, until: Option<Instant>) -> Option<Snapshot> {
         let mut viewing = lock(&self.viewing);
         loop {
@@ -157,7 +159,10 @@ impl Session {
             }
             viewing = match until.filter(|u| *u > now && viewing.watching > 0) {
                 Some(until) => {
-                    self.changed.wait_timeout(viewing, until - now).unwrap_or_else(PoisonError::into_inner).0
+                    self.changed
+                        .wait_timeout(viewing, until - now)
+                        .unwrap_or_else(PoisonError::into_inner)
+                        .0
                 }
                 None => self.changed.wait(viewing).unwrap_or_else(PoisonError::into_inner),
             };
@@ -243,11 +248,12 @@ impl Session {
         self.tell(ToPage::Steering { client: steering, watching });
     }
 
-    /// Does what a page asks, all of it or, with an error for that page, nothing. What is asked only of one page's own connection
-    /// (acknowledgements, picks) does not come here.
+    /// Does what a page asks, all of it or, with an error for that page, nothing. What is asked
+    /// only of one page's own connection (acknowledgements, picks) does not come here.
     pub fn handle(&self, client: u32, message: ToServer) -> Result<(), String> {
         let mut viewing = lock(&self.viewing);
-        let takes_over = viewing.steering != client && (viewing.steering == 0 || matches!(message, ToServer::Steer));
+        let takes_over = viewing.steering != client
+            && (viewing.steering == 0 || matches!(message, ToServer::Steer));
         if viewing.steering != client && !takes_over {
             // A page says its size when it opens, whether it steers or not.
             if matches!(message, ToServer::Size { .. } | ToServer::Display { .. }) {
@@ -274,14 +280,16 @@ impl Session {
         if is_reload { self.open(Which::Given) } else { Ok(()) }
     }
 
-    /// Opens another scene, or the same again. The camera stays if it is the same. Scenes are read one after another.
+    /// Opens another scene, or the same again. The camera stays if it is the same. Scenes are read
+    /// one after another.
     pub fn open(&self, which: Which) -> Result<(), String> {
         let is_same = matches!(which, Which::Given);
         let _turn = lock(&self.reading);
         self.tell(ToPage::Busy { message: "reading the scene".into() });
         let opened = catch_unwind(AssertUnwindSafe(|| self.source.open(which)));
         self.tell(ToPage::Busy { message: String::new() });
-        let opened = opened.unwrap_or_else(|_| Err("a fault in the reader; please report the file".into()))?;
+        let opened = opened
+            .unwrap_or_else(|_| Err("a fault in the reader; please report the file".into()))?;
         let mut viewing = lock(&self.viewing);
         viewing.state = viewing.state.reopened(opened, is_same)?;
         viewing.is_gallery = false;
@@ -304,7 +312,8 @@ impl Session {
         }
     }
 
-    /// No picture of a version can be made: pages are told why, and what was shown before comes back.
+    /// No picture of a version can be made: pages are told why, and what was shown before comes
+    /// back.
     pub fn has_failed(&self, version: u64, message: String) {
         self.tell(ToPage::Error { message });
         let mut viewing = lock(&self.viewing);
@@ -312,7 +321,9 @@ impl Session {
             return;
         }
         // What was shown and fails later stays: there is nothing better.
-        let Some((_, before)) = viewing.shown.take_if(|(shown, _)| *shown != version) else { return };
+        let Some((_, before)) = viewing.shown.take_if(|(shown, _)| *shown != version) else {
+            return;
+        };
         viewing.state = viewing.state.taken_back_to(&before);
         self.after_change(viewing);
         self.tell_view();
@@ -348,7 +359,11 @@ impl Session {
         } else {
             vec![(settings.build.accelerator, compiled.clone())]
         };
-        explain::report(Subject { scene, compiled: &compiled, camera, settings }, question, &structures)
+        explain::report(
+            Subject { scene, compiled: &compiled, camera, settings },
+            question,
+            &structures,
+        )
     }
 
     /// What each pixel costs in a structure, see [`cost::map`].
@@ -376,8 +391,12 @@ impl Session {
     /// What is looked at now, and compiled.
     fn prepared(&self) -> Result<(Snapshot, Arc<CompiledScene>), String> {
         let snapshot = self.now();
-        let compiled = lock(&self.compiled).clone().filter(|(generation, _)| *generation == snapshot.generation);
-        compiled.map(|(_, compiled)| (snapshot, compiled)).ok_or_else(|| "the scene is still being prepared".into())
+        let compiled = lock(&self.compiled)
+            .clone()
+            .filter(|(generation, _)| *generation == snapshot.generation);
+        compiled
+            .map(|(_, compiled)| (snapshot, compiled))
+            .ok_or_else(|| "the scene is still being prepared".into())
     }
 
     /// The scene in another structure, built when it is first asked for.
@@ -460,7 +479,10 @@ mod tests {
 
     impl Source for OneScene {
         fn open(&self, which: Which) -> Result<Opened, String> {
-            assert!(!matches!(which, Which::Builtin(name) if name == "panic"), "a fault in a reader");
+            assert!(
+                !matches!(which, Which::Builtin(name) if name == "panic"),
+                "a fault in a reader"
+            );
             let scene = snell_scene::builtin::builtin("cornell-box").ok_or("it is built in")?;
             let settings = Settings { size: [8, 6], spp: 1, ..Settings::default() };
             Ok(Opened {
@@ -518,10 +540,13 @@ mod tests {
         let mut places = Vec::new();
         fn walk(value: &Value, place: String, places: &mut Vec<String>) {
             match value {
-                Value::Object(fields) => fields.iter().for_each(|(k, v)| walk(v, format!("{place}/{k}"), places)),
-                Value::Array(items) => {
-                    items.iter().enumerate().for_each(|(i, v)| walk(v, format!("{place}/{i}"), places))
+                Value::Object(fields) => {
+                    fields.iter().for_each(|(k, v)| walk(v, format!("{place}/{k}"), places))
                 }
+                Value::Array(items) => items
+                    .iter()
+                    .enumerate()
+                    .for_each(|(i, v)| walk(v, format!("{place}/{i}"), places)),
                 _ => {}
             }
             places.push(place);
@@ -533,7 +558,10 @@ mod tests {
             message
         };
         let values = bad.as_array().expect("a list");
-        places.iter().flat_map(|place| values.iter().map(move |value| replaced(place, value))).collect()
+        places
+            .iter()
+            .flat_map(|place| values.iter().map(move |value| replaced(place, value)))
+            .collect()
     }
 
     #[test]
@@ -553,8 +581,15 @@ mod tests {
                     assert_eq!(facts(&session), before, "{bad}");
                 }
                 let now = session.now();
-                assert!(fits(&now.settings).is_ok() && now.camera.eye.as_vec3().is_finite(), "{bad}");
-                assert_eq!(now.settings.integrator == IntegratorKind::Aov, !now.settings.aovs.is_empty(), "{bad}");
+                assert!(
+                    fits(&now.settings).is_ok() && now.camera.eye.as_vec3().is_finite(),
+                    "{bad}"
+                );
+                assert_eq!(
+                    now.settings.integrator == IntegratorKind::Aov,
+                    !now.settings.aovs.is_empty(),
+                    "{bad}"
+                );
             }
         }
         assert!(done >= 13 && refused > 200, "{done} {refused}");
@@ -591,7 +626,9 @@ mod tests {
         session.has_failed(failed, "no memory".into());
         let now = session.now();
         assert!(
-            now.settings.size == before.settings.size && now.version > failed && now.generation > before.generation
+            now.settings.size == before.settings.size
+                && now.version > failed
+                && now.generation > before.generation
         );
         // Of what was shown and fails later, only a message comes.
         session.has_shown(now.version);
@@ -616,7 +653,8 @@ mod tests {
         };
         let ends = (0..1200).find(|&n| session.handle(client, ask(n)).is_err());
         assert_eq!(ends, Some(1000));
-        let huge = ToServer::Edit { key: "ambient".into(), value: Value::String("1".repeat(5 << 20)) };
+        let huge =
+            ToServer::Edit { key: "ambient".into(), value: Value::String("1".repeat(5 << 20)) };
         assert!(session.handle(client, huge).is_err());
     }
 }

@@ -14,7 +14,8 @@ pub fn fits(settings: &Settings) -> Result<(), String> {
     let pixels = u64::from(width) * u64::from(height);
     if width.min(height) == 0 || width.max(height) > MAX_SIDE || pixels > MAX_PIXELS {
         return Err(format!(
-            "a picture of {width}x{height} pixels; the viewer shows sides of 1 to {MAX_SIDE} pixels, \
+            "a picture of {width}x{height} pixels; the viewer shows sides of 1 to {MAX_SIDE} \
+                pixels, \
              and {MAX_PIXELS} pixels in all"
         ));
     }
@@ -32,7 +33,10 @@ mod tests {
             assert_eq!(of(good), Ok(()));
         }
         for bad in [[0, 1], [1, 0], [16385, 1], [1, 16385], [8192, 8193], [u32::MAX, u32::MAX]] {
-            assert!(of(bad).is_err_and(|e| e.contains(&format!("{}x{}", bad[0], bad[1]))), "{bad:?}");
+            assert!(
+                of(bad).is_err_and(|e| e.contains(&format!("{}x{}", bad[0], bad[1]))),
+                "{bad:?}"
+            );
         }
     }
 }

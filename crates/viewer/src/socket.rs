@@ -29,18 +29,25 @@ const SILENCE: Duration = Duration::from_secs(120);
 const MAX_ERROR: usize = 500;
 
 /// Opens the WebSocket of a page.
-pub async fn socket(State(shared): State<Shared>, headers: HeaderMap, upgrade: WebSocketUpgrade) -> Response {
+pub async fn socket(
+    State(shared): State<Shared>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
     let Ok(place) = shared.pages.clone().try_acquire_owned() else {
-        return (StatusCode::SERVICE_UNAVAILABLE, "too many pages watch this scene\n").into_response();
+        return (StatusCode::SERVICE_UNAVAILABLE, "too many pages watch this scene\n")
+            .into_response();
     };
     // Browsers always say where a page comes from; without it, anything could be behind the socket.
     if !headers.contains_key(header::ORIGIN) && headers.contains_key(header::COOKIE) {
         return (StatusCode::FORBIDDEN, "a page must say where it comes from\n").into_response();
     }
-    upgrade.max_message_size(MAX_MESSAGE).max_frame_size(MAX_MESSAGE).on_upgrade(async move |socket| {
-        talk(socket, shared.session).await;
-        drop(place);
-    })
+    upgrade.max_message_size(MAX_MESSAGE).max_frame_size(MAX_MESSAGE).on_upgrade(
+        async move |socket| {
+            talk(socket, shared.session).await;
+            drop(place);
+        },
+    )
 }
 
 /// A page that watches, until this is dropped.
@@ -125,7 +132,13 @@ impl Connection {
         }
     }
 
-    async fn received(&mut self, socket: &mut WebSocket, session: &Arc<Session>, client: u32, text: &str) -> bool {
+    async fn received(
+        &mut self,
+        socket: &mut WebSocket,
+        session: &Arc<Session>,
+        client: u32,
+        text: &str,
+    ) -> bool {
         let message = match serde_json::from_str::<ToServer>(text) {
             Ok(message) => message,
             Err(error) => return send_error(socket, format!("not understood: {error}")).await,
@@ -150,9 +163,13 @@ impl Connection {
             ToServer::Explain { id, pixel, sample, all } => {
                 let session = session.clone();
                 let question = Question { pixel, sample };
-                let Ok(_turn) = session.examining.clone().acquire_owned().await else { return false };
-                let told = tokio::task::spawn_blocking(move || session.explain(&question, all)).await;
-                let report = match told.unwrap_or_else(|_| Err("a fault; please report it".into())) {
+                let Ok(_turn) = session.examining.clone().acquire_owned().await else {
+                    return false;
+                };
+                let told =
+                    tokio::task::spawn_blocking(move || session.explain(&question, all)).await;
+                let report = match told.unwrap_or_else(|_| Err("a fault; please report it".into()))
+                {
                     Ok(report) => Some(Box::new(report)),
                     Err(message) => {
                         if !send_error(socket, message).await {

@@ -96,7 +96,8 @@ impl State {
     /// and settings stay.
     pub fn reopened(&self, opened: Opened, is_same: bool) -> Result<Self, String> {
         let mut new = Self::with_size(opened, self.settings.size)?;
-        (new.generation, new.geometry, new.seq) = (self.generation + 1, self.geometry + 1, self.seq);
+        (new.generation, new.geometry, new.seq) =
+            (self.generation + 1, self.geometry + 1, self.seq);
         if is_same {
             (new.camera, new.display) = (self.camera.clone(), self.display);
             new.settings = Settings { build: new.settings.build.clone(), ..self.settings.clone() };
@@ -185,8 +186,21 @@ impl State {
     /// All of it that messages change, to be compared.
     #[cfg(test)]
     pub fn facts(&self) -> String {
-        let Self { edits, applied, hidden, generation, geometry, camera, seq, settings, display, moved, .. } = self;
-        let scene = serde_json::to_string(&(&self.scene.materials, &self.scene.lights)).expect("plain data");
+        let Self {
+            edits,
+            applied,
+            hidden,
+            generation,
+            geometry,
+            camera,
+            seq,
+            settings,
+            display,
+            moved,
+            ..
+        } = self;
+        let scene = serde_json::to_string(&(&self.scene.materials, &self.scene.lights))
+            .expect("plain data");
         let numbers = (applied, hidden, generation, geometry, seq, moved);
         format!("{edits:?} {numbers:?} {camera:?} {settings:?} {display:?} {scene}")
     }
@@ -202,7 +216,8 @@ impl State {
         let bytes: usize = self.edits.iter().map(String::len).sum();
         if self.edits.len() > MAX_EDITS || bytes > MAX_EDIT_BYTES {
             return Err(format!(
-                "more than {MAX_EDITS} changes of the scene, or {} MB of them; undo some, or copy the \
+                "more than {MAX_EDITS} changes of the scene, or {} MB of them; undo some, or copy \
+                    the \
                  command and begin with it",
                 MAX_EDIT_BYTES >> 20
             ));
@@ -216,7 +231,8 @@ impl State {
         for edit in standing(&self.edits[..applied]) {
             overrides::apply(&mut scene, edit).map_err(|e| e.to_string())?;
         }
-        let hidden = standing(&self.edits[..applied]).filter_map(|edit| hidden_node(edit)).collect();
+        let hidden =
+            standing(&self.edits[..applied]).filter_map(|edit| hidden_node(edit)).collect();
         self.geometry += u32::from(hidden != self.hidden);
         self.scene = Arc::new(scene);
         (self.hidden, self.applied) = (hidden, applied);
@@ -234,7 +250,8 @@ impl State {
     ) -> Result<(), String> {
         let settings = &mut self.settings;
         if let Some(name) = integrator {
-            settings.integrator = by_name("integrator", &IntegratorKind::ALL, IntegratorKind::name, &name)?;
+            settings.integrator =
+                by_name("integrator", &IntegratorKind::ALL, IntegratorKind::name, &name)?;
             settings.aovs.clear();
             settings.max_depth = settings.integrator.default_max_depth();
             if settings.integrator == IntegratorKind::Aov {
@@ -312,7 +329,8 @@ impl State {
     }
 }
 
-/// The integrator that shows light, and its bounces, in a scene that was opened with these settings.
+/// The integrator that shows light, and its bounces, in a scene that was opened with these
+/// settings.
 fn light_of(settings: &Settings) -> (IntegratorKind, u32) {
     match settings.integrator {
         IntegratorKind::Aov => (IntegratorKind::Path, IntegratorKind::Path.default_max_depth()),
@@ -327,7 +345,9 @@ fn key(edit: &str) -> &str {
 
 /// The edits that count: of those of one key the last, and nothing is said of nodes that are shown.
 fn standing(edits: &[String]) -> impl Iterator<Item = &String> {
-    let is_last = move |(i, edit): &(usize, &String)| !edits[i + 1..].iter().any(|later| key(later) == key(edit));
+    let is_last = move |(i, edit): &(usize, &String)| {
+        !edits[i + 1..].iter().any(|later| key(later) == key(edit))
+    };
     let says = |edit: &&String| !(edit.starts_with("node.") && edit.ends_with(".visible=true"));
     edits.iter().enumerate().filter(is_last).map(|(_, edit)| edit).filter(says)
 }
@@ -381,9 +401,19 @@ mod tests {
 
     #[test]
     fn of_several_changes_of_one_thing_the_last_counts() {
-        let edits = ["a=1", "node.3.visible=false", "b=2", "a=3", "node.3.visible=true", "node.4.visible=false"];
+        let edits = [
+            "a=1",
+            "node.3.visible=false",
+            "b=2",
+            "a=3",
+            "node.3.visible=true",
+            "node.4.visible=false",
+        ];
         let edits: Vec<String> = edits.map(String::from).to_vec();
         assert_eq!(standing(&edits).collect::<Vec<_>>(), ["b=2", "a=3", "node.4.visible=false"]);
-        assert_eq!(standing(&edits[..3]).filter_map(|edit| hidden_node(edit)).collect::<Vec<_>>(), [3]);
+        assert_eq!(
+            standing(&edits[..3]).filter_map(|edit| hidden_node(edit)).collect::<Vec<_>>(),
+            [3]
+        );
     }
 }

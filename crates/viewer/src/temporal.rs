@@ -1,6 +1,8 @@
-//! Moving pictures of four times as many pixels as are rendered: each picture has new samples at one of four places of every pixel, and
-//! the other three come from the picture before, from where their surface was seen then (temporal antialiasing and upsampling: Karis
-//! 2014, "High Quality Temporal Supersampling"; Yang, Liu and Salvi 2020, "A Survey of Temporal Antialiasing Techniques").
+//! Moving pictures of four times as many pixels as are rendered: each picture has new samples at
+//! one of four places of every pixel, and the other three come from the picture before, from where
+//! their surface was seen then (temporal antialiasing and upsampling: Karis 2014, "High Quality
+//! Temporal Supersampling"; Yang, Liu and Salvi 2020, "A Survey of Temporal Antialiasing
+//! Techniques").
 
 use rayon::prelude::*;
 use snell_math::{DVec2, DVec3, Vec2};
@@ -37,7 +39,8 @@ pub struct History {
 struct Motion {
     /// From the eye, squared.
     distance: f64,
-    /// The place in the picture before of the middle of pixel `[0, 0]` of the new one, if all moved as this surface did.
+    /// The place in the picture before of the middle of pixel `[0, 0]` of the new one, if all moved
+    /// as this surface did.
     place: Option<DVec2>,
 }
 
@@ -75,11 +78,19 @@ impl History {
         rows.with_min_len(ROWS).for_each(|(y, rows)| {
             for x in 0..size[0] / 2 {
                 // Edges move with what is in front.
-                let place = |motions: &Vec<Motion>| fresh.around([x, y]).map(|i| motions[i]).reduce(Motion::nearer);
-                let old = before.zip(motions.as_ref().and_then(place)).map(|(before, motion)| (before, motion.place));
+                let place = |motions: &Vec<Motion>| {
+                    fresh.around([x, y]).map(|i| motions[i]).reduce(Motion::nearer)
+                };
+                let old = before
+                    .zip(motions.as_ref().and_then(place))
+                    .map(|(before, motion)| (before, motion.place));
                 for (dy, dx) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
                     let at = [2 * x + dx, 2 * y + dy];
-                    let color = fresh.resolved([x, y], at, old.and_then(|(b, place)| Some(b.sample(place?, at, size))));
+                    let color = fresh.resolved(
+                        [x, y],
+                        at,
+                        old.and_then(|(b, place)| Some(b.sample(place?, at, size))),
+                    );
                     let i = (dy * size[0] + at[0]) * 3;
                     rows[i..i + 3].copy_from_slice(&color);
                 }
@@ -106,7 +117,10 @@ impl History {
 
     fn motion(&self, fresh: &Fresh, [x, y]: [usize; 2], size: [usize; 2]) -> Motion {
         let i = y * (size[0] / 2) + x;
-        let film = DVec2::new((2 * x + fresh.phase[0]) as f64 + 0.5, (2 * y + fresh.phase[1]) as f64 + 0.5);
+        let film = DVec2::new(
+            (2 * x + fresh.phase[0]) as f64 + 0.5,
+            (2 * y + fresh.phase[1]) as f64 + 0.5,
+        );
         let seen = if fresh.ids[i] < 0.0 {
             // Far away.
             let sample = CameraSample { film, lens: Vec2::splat(0.5) };
@@ -115,7 +129,10 @@ impl History {
         } else {
             DVec3::from([0, 1, 2].map(|axis| f64::from(fresh.positions[i * 3 + axis])))
         };
-        let place = self.camera.project(seen, self.size()).map(|before| before - (film - 0.5) * self.scale(size));
+        let place = self
+            .camera
+            .project(seen, self.size())
+            .map(|before| before - (film - 0.5) * self.scale(size));
         Motion { distance: (seen - fresh.camera.eye).length_squared(), place }
     }
 
@@ -128,7 +145,8 @@ impl History {
     fn sample(&self, place: DVec2, at: [usize; 2], size: [usize; 2]) -> Option<[f32; 3]> {
         let p = place + DVec2::new(at[0] as f64, at[1] as f64) * self.scale(size) - 0.5;
         let [width, height] = self.size;
-        let is_inside = p.x >= -0.5 && p.y >= -0.5 && p.x <= width as f64 - 0.5 && p.y <= height as f64 - 0.5;
+        let is_inside =
+            p.x >= -0.5 && p.y >= -0.5 && p.x <= width as f64 - 0.5 && p.y <= height as f64 - 0.5;
         if !is_inside {
             return None;
         }
@@ -147,7 +165,12 @@ impl History {
 
 impl Fresh<'_> {
     /// The colour of a pixel of the large picture, which lies in pixel `[x, y]` of this one.
-    fn resolved(&self, [x, y]: [usize; 2], at: [usize; 2], old: Option<Option<[f32; 3]>>) -> [f32; 3] {
+    fn resolved(
+        &self,
+        [x, y]: [usize; 2],
+        at: [usize; 2],
+        old: Option<Option<[f32; 3]>>,
+    ) -> [f32; 3] {
         let own = self.color(x, y);
         let is_new = [at[0] % 2, at[1] % 2] == self.phase;
         if is_new && !self.is_noisy {
@@ -163,7 +186,8 @@ impl Fresh<'_> {
     /// A pixel and its neighbours, by number.
     fn around(&self, [x, y]: [usize; 2]) -> impl Iterator<Item = usize> {
         let [width, height] = self.size.map(|side| side as usize);
-        let (rows, columns) = (y.saturating_sub(1)..(y + 2).min(height), x.saturating_sub(1)..(x + 2).min(width));
+        let (rows, columns) =
+            (y.saturating_sub(1)..(y + 2).min(height), x.saturating_sub(1)..(x + 2).min(width));
         rows.flat_map(move |row| columns.clone().map(move |column| row * width + column))
     }
 
@@ -226,8 +250,15 @@ mod tests {
             let phase = phase(frame);
             let (rgb, positions) = picture(&last, phase);
             let ids = vec![0.0; rgb.len() / 3];
-            let fresh =
-                Fresh { camera: &last, size: SIZE, phase, rgb: &rgb, positions: &positions, ids: &ids, is_noisy };
+            let fresh = Fresh {
+                camera: &last,
+                size: SIZE,
+                phase,
+                rgb: &rgb,
+                positions: &positions,
+                ids: &ids,
+                is_noisy,
+            };
             history = Some(History::next(history.as_ref(), &fresh));
         }
         let history = history.expect("there were frames");
@@ -237,7 +268,8 @@ mod tests {
             for x in 0..size[0] {
                 let film = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
                 let ray = last.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, size).ray;
-                let wanted = stripe((ray.origin - ray.direction * (ray.origin.z / ray.direction.z)).x);
+                let wanted =
+                    stripe((ray.origin - ray.direction * (ray.origin.z / ray.direction.z)).x);
                 sum += (history.rgb()[((y * size[0] + x) * 3) as usize] - wanted).abs();
             }
         }

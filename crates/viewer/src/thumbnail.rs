@@ -27,12 +27,14 @@ pub fn png(opened: &Opened) -> Result<Vec<u8>, String> {
     let (film, _) = job.run(rayon::current_num_threads(), &|_| true);
     let mut image = picture(&film, &settings, &compiled);
     let stride = image.layers[0].channels.len();
-    let mut rgb: Vec<f32> = image.layers[0].values.chunks(stride).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    let mut rgb: Vec<f32> =
+        image.layers[0].values.chunks(stride).flat_map(|p| [p[0], p[1], p[2]]).collect();
     denoise(&image, &compiled.materials, Rgb::BLACK, &mut rgb);
     image.layers.truncate(1);
     for (pixel, smooth) in image.layers[0].values.chunks_mut(stride).zip(rgb.chunks(3)) {
         pixel[..3].copy_from_slice(smooth);
     }
     let display: Display = opened.display;
-    encode_image_as("png", &image, &WriteOptions { display, ..WriteOptions::default() }).map_err(|e| e.to_string())
+    encode_image_as("png", &image, &WriteOptions { display, ..WriteOptions::default() })
+        .map_err(|e| e.to_string())
 }

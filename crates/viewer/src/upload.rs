@@ -16,8 +16,8 @@ const WHOLE_TIME: Duration = Duration::from_secs(10 * 60);
 /// Why a file was not taken: a status, and a line for people.
 pub type Refusal = (StatusCode, String);
 
-/// The file in the body of a request. One that says that it is too large is refused before any of it
-/// is read, one that turns out to be as soon as it does.
+/// The file in the body of a request. One that says that it is too large is refused before any of
+/// it is read, one that turns out to be as soon as it does.
 pub async fn receive(headers: &HeaderMap, body: Body) -> Result<Vec<u8>, Refusal> {
     let length = headers.get(header::CONTENT_LENGTH).and_then(|l| l.to_str().ok());
     if length.is_some_and(|l| l.parse::<usize>().is_ok_and(|l| l > MAX_BYTES)) {
@@ -38,7 +38,8 @@ async fn pieces(mut body: Body) -> Result<Vec<u8>, Refusal> {
         if bytes.len() + piece.len() > MAX_BYTES {
             return Err(too_large());
         }
-        let lacking = |_| (StatusCode::INSUFFICIENT_STORAGE, "not enough memory for the file\n".to_string());
+        let lacking =
+            |_| (StatusCode::INSUFFICIENT_STORAGE, "not enough memory for the file\n".to_string());
         bytes.try_reserve(piece.len()).map_err(lacking)?;
         bytes.extend_from_slice(&piece);
     }
@@ -46,6 +47,8 @@ async fn pieces(mut body: Body) -> Result<Vec<u8>, Refusal> {
 
 fn too_large() -> Refusal {
     let most = MAX_BYTES >> 20;
-    let text = format!("larger than {most} MB; open it with `snell view FILE`, which reads it where it is\n");
+    let text = format!(
+        "larger than {most} MB; open it with `snell view FILE`, which reads it where it is\n"
+    );
     (StatusCode::PAYLOAD_TOO_LARGE, text)
 }

@@ -1,4 +1,5 @@
-//! The thread that renders: small pictures while something moves, the picture of `snell render` when it rests.
+//! The thread that renders: small pictures while something moves, the picture of `snell render`
+//! when it rests.
 
 use crate::budget::Budget;
 use crate::encode::{Encoder, Picture};
@@ -20,7 +21,8 @@ const QUICK: u32 = 16;
 /// Pictures at rest are sent at most this often.
 const REST_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Moving pictures that nobody sees yet when the next one is begun: one on its way and one that is encoded.
+/// Moving pictures that nobody sees yet when the next one is begun: one on its way and one that is
+/// encoded.
 const UNSEEN: u32 = 2;
 /// How long the next one waits for a page that is slower.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -35,7 +37,8 @@ pub struct Worker<'a> {
     frame: u32,
     /// The last picture, if it was of something that moves.
     moving: Option<u32>,
-    /// In the place of indirect light while something moves; none for a scene that is not known yet.
+    /// In the place of indirect light while something moves; none for a scene that is not known
+    /// yet.
     fill: Option<Rgb>,
     /// The last moving picture, and the version of what it shows.
     last_preview: Option<(u64, Vec<f32>)>,
@@ -89,7 +92,8 @@ impl<'a> Worker<'a> {
 
     /// A fault in a picture is told to the pages, and the next change is rendered again.
     fn work(mut self) {
-        // Nobody looks yet; who comes shall not wait for this. What fails here fails again, and is told, when somebody looks.
+        // Nobody looks yet; who comes shall not wait for this. What fails here fails again, and is
+        // told, when somebody looks.
         let _ = catch_unwind(AssertUnwindSafe(|| self.compile(&self.session.now())));
         let mut seen = 0;
         let mut due = None;
@@ -105,7 +109,9 @@ impl<'a> Worker<'a> {
                 }
                 Err(_) => {
                     self.forget();
-                    let message = "a fault in the renderer; the scene can still be changed or reloaded".into();
+                    let message =
+                        "a fault in the renderer; the scene can still be changed or reloaded"
+                            .into();
                     self.session.has_failed(snapshot.version, message);
                     None
                 }
@@ -148,7 +154,9 @@ impl<'a> Worker<'a> {
         }
         let before = self.compiled.take();
         let changed = match before.filter(|known| known.geometry == geometry) {
-            Some(known) => known.compiled.changed(&known.scene, scene).map_err(|e| e.to_string())?,
+            Some(known) => {
+                known.compiled.changed(&known.scene, scene).map_err(|e| e.to_string())?
+            }
             None => None,
         };
         let compiled = match changed {
@@ -160,15 +168,25 @@ impl<'a> Worker<'a> {
             }
         };
         let compiled = Arc::new(compiled);
-        self.compiled = Some(Compiled { generation, geometry, scene: scene.clone(), compiled: compiled.clone() });
+        self.compiled = Some(Compiled {
+            generation,
+            geometry,
+            scene: scene.clone(),
+            compiled: compiled.clone(),
+        });
         self.session.set_compiled(generation, &compiled);
         Ok(compiled)
     }
 
-    fn preview(&mut self, snapshot: &Snapshot, compiled: &Arc<CompiledScene>) -> Result<(), String> {
+    fn preview(
+        &mut self,
+        snapshot: &Snapshot,
+        compiled: &Arc<CompiledScene>,
+    ) -> Result<(), String> {
         let start = Instant::now();
         let size = self.budget.size(snapshot.settings.size);
-        // One is left to what encodes and shows the picture before; it makes the next one late otherwise.
+        // One is left to what encodes and shows the picture before; it makes the next one late
+        // otherwise.
         let threads = (self.threads - 1).max(1);
         let guess = || preview::first_fill(&snapshot.settings, &snapshot.camera, compiled, threads);
         let fill = *self.fill.get_or_insert_with(guess);
@@ -179,7 +197,9 @@ impl<'a> Worker<'a> {
             let before = history.filter(|(of, _)| *of == what);
             preview = preview.at_phase(temporal::phase(self.frame));
             let before = before.as_ref().map(|(_, history)| history);
-            let next = preview.follow(before, &snapshot.camera, compiled, threads).ok_or("a fault in the renderer")?;
+            let next = preview
+                .follow(before, &snapshot.camera, compiled, threads)
+                .ok_or("a fault in the renderer")?;
             let shown = (next.size(), next.rgb().to_vec());
             self.history = Some((what, next));
             shown
@@ -196,7 +216,11 @@ impl<'a> Worker<'a> {
     }
 
     /// One step of the picture at rest; true if there is more to do.
-    fn refine(&mut self, snapshot: &Snapshot, compiled: &Arc<CompiledScene>) -> Result<bool, String> {
+    fn refine(
+        &mut self,
+        snapshot: &Snapshot,
+        compiled: &Arc<CompiledScene>,
+    ) -> Result<bool, String> {
         let (settings, version) = (&snapshot.settings, snapshot.version);
         let (threads, keep_going) = (self.threads, |_: &_| self.session.version() == version);
         let unguided = Settings { guiding: None, noise: None, ..settings.clone() };
@@ -204,8 +228,11 @@ impl<'a> Worker<'a> {
         let whole = Job::new(compiled, &snapshot.camera, settings);
         let start = Instant::now();
         let mut refinement = match self.refinement.take().filter(|r| r.version == version) {
-            Some(known) if known.is_quick && known.underway.samples() >= QUICK.min(settings.spp) => {
-                self.session.tell(ToPage::Busy { message: "learning where light comes from".into() });
+            Some(known)
+                if known.is_quick && known.underway.samples() >= QUICK.min(settings.spp) =>
+            {
+                self.session
+                    .tell(ToPage::Busy { message: "learning where light comes from".into() });
                 let underway = whole.begin(threads, &keep_going);
                 self.session.tell(ToPage::Busy { message: String::new() });
                 Refinement { underway, is_quick: false, ..known }
@@ -217,7 +244,14 @@ impl<'a> Worker<'a> {
                 self.session.tell_view();
                 let is_quick = settings.guiding.is_some();
                 let underway = if is_quick { &quick } else { &whole }.begin(threads, &keep_going);
-                Refinement { version, underway, is_quick, spent: Duration::ZERO, sent: None, is_complete: false }
+                Refinement {
+                    version,
+                    underway,
+                    is_quick,
+                    spent: Duration::ZERO,
+                    sent: None,
+                    is_complete: false,
+                }
             }
         };
         if refinement.is_complete {
@@ -226,15 +260,19 @@ impl<'a> Worker<'a> {
         }
         let job = if refinement.is_quick { &quick } else { &whole };
         let until = next_pass(refinement.underway.samples());
-        let has_more = job.go_on(&mut refinement.underway, until, threads, &keep_going) || refinement.is_quick;
+        let has_more =
+            job.go_on(&mut refinement.underway, until, threads, &keep_going) || refinement.is_quick;
         refinement.spent += start.elapsed();
         if self.session.version() != version {
             return Ok(false);
         }
         refinement.is_complete = !has_more;
         // Until then the quick one is better.
-        let is_worse = settings.guiding.is_some() && !refinement.is_quick && refinement.underway.samples() < QUICK;
-        let is_due = !is_worse && refinement.sent.is_none_or(|sent| sent.elapsed() >= REST_INTERVAL);
+        let is_worse = settings.guiding.is_some()
+            && !refinement.is_quick
+            && refinement.underway.samples() < QUICK;
+        let is_due =
+            !is_worse && refinement.sent.is_none_or(|sent| sent.elapsed() >= REST_INTERVAL);
         if !has_more || is_due {
             self.publish(snapshot, compiled, &refinement)?;
             refinement.sent = Some(Instant::now());
@@ -250,12 +288,15 @@ impl<'a> Worker<'a> {
         compiled: &CompiledScene,
         refinement: &Refinement,
     ) -> Result<(), String> {
-        let Refinement { version, underway: Underway { film, .. }, is_complete, spent, .. } = refinement;
+        let Refinement { version, underway: Underway { film, .. }, is_complete, spent, .. } =
+            refinement;
         let settings = &snapshot.settings;
         let samples = film.mean_samples() as u32;
         let image = picture(film, settings, compiled);
         let rgb = rgb_of(&image);
-        if let Some((_, preview)) = self.last_preview.take_if(|(of, _)| of == version && samples >= 4) {
+        if let Some((_, preview)) =
+            self.last_preview.take_if(|(of, _)| of == version && samples >= 4)
+        {
             self.fill = Some(preview::fill(&rgb, &preview, self.fill.unwrap_or(Rgb::BLACK)));
         }
         let header = FrameHeader {

@@ -1,5 +1,5 @@
-//! A server among programs and pages that mean no good: what they send is refused, costs little, and
-//! keeps nobody else out.
+//! A server among programs and pages that mean no good: what they send is refused, costs little,
+//! and keeps nobody else out.
 
 use serde_json::{Value, json};
 use snell_formats::ReadOptions;
@@ -66,7 +66,8 @@ fn exchange(server: &Server, sent: &str) -> String {
 /// The status of a request.
 fn status(server: &Server, first_line: &str, headers: &str) -> u32 {
     let host = server.address;
-    let sent = format!("{first_line} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{headers}\r\n");
+    let sent =
+        format!("{first_line} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{headers}\r\n");
     status_of(&exchange(server, &sent))
 }
 
@@ -96,7 +97,8 @@ fn say(page: &mut Page, message: &Value) {
     page.send(Message::text(message.to_string())).expect("the server listens");
 }
 
-/// Reads on, confirming pictures, until a message or picture is the one; gives the errors on the way.
+/// Reads on, confirming pictures, until a message or picture is the one; gives the errors on the
+/// way.
 fn until(page: &mut Page, is_it: impl Fn(&Message) -> bool) -> Vec<String> {
     let mut errors = Vec::new();
     loop {
@@ -118,7 +120,8 @@ fn until(page: &mut Page, is_it: impl Fn(&Message) -> bool) -> Vec<String> {
 /// A picture at rest of this size.
 fn is_picture(message: &Message, size: [u32; 2]) -> bool {
     let Message::Binary(bytes) = message else { return false };
-    let word = |i: usize| u32::from_le_bytes(bytes[4 * i..4 * i + 4].try_into().expect("four bytes"));
+    let word =
+        |i: usize| u32::from_le_bytes(bytes[4 * i..4 * i + 4].try_into().expect("four bytes"));
     word(0) == 1 && [word(4), word(5)] == size
 }
 
@@ -128,7 +131,9 @@ fn connections_that_say_nothing_are_closed_and_keep_nobody_out() {
     let start = Instant::now();
     let begun = |n: usize| {
         let mut stream = connect(&server);
-        let some = ["", "GET / HTTP/1.1\r\n", "GET / HTTP/1.1\r\nHost: a\r\nUpgrade: websocket\r\n"][n % 3];
+        let some =
+            ["", "GET / HTTP/1.1\r\n", "GET / HTTP/1.1\r\nHost: a\r\nUpgrade: websocket\r\n"]
+                [n % 3];
         stream.write_all(some.as_bytes()).map(|()| stream)
     };
     let idle: Vec<TcpStream> = (0..300).filter_map(|n| begun(n).ok()).collect();
@@ -137,7 +142,10 @@ fn connections_that_say_nothing_are_closed_and_keep_nobody_out() {
     assert!(start.elapsed() < Duration::from_secs(4), "{:?}", start.elapsed());
     for mut stream in idle {
         // The end, or a reset.
-        assert!(matches!(stream.read(&mut [0]), Ok(0) | Err(_)), "nothing is said to strangers who say nothing");
+        assert!(
+            matches!(stream.read(&mut [0]), Ok(0) | Err(_)),
+            "nothing is said to strangers who say nothing"
+        );
     }
     assert!(start.elapsed() < Duration::from_secs(15), "{:?}", start.elapsed());
     assert_eq!(status(&server, &format!("GET {path}"), ""), 200);
@@ -148,7 +156,10 @@ fn what_can_be_read_in_two_ways_is_a_bad_request() {
     let server = start();
     let (path, host) = (path(&server), server.address);
     let ask = |target: &str, headers: &str| {
-        status_of(&exchange(&server, &format!("GET {target} HTTP/1.1\r\n{headers}Connection: close\r\n\r\n")))
+        status_of(&exchange(
+            &server,
+            &format!("GET {target} HTTP/1.1\r\n{headers}Connection: close\r\n\r\n"),
+        ))
     };
     assert_eq!(ask(&path, &format!("Host: {host}\r\n")), 200);
     assert_eq!(ask(&format!("http://{host}{path}"), &format!("Host: {host}\r\n")), 200);
@@ -156,10 +167,15 @@ fn what_can_be_read_in_two_ways_is_a_bad_request() {
     assert_eq!(ask(&path, &format!("{own}{own}")), 400);
     assert_eq!(ask(&path, &format!("{own}Host: evil.example\r\n")), 400);
     assert_eq!(ask(&path, ""), 400);
-    assert_eq!(ask(&path, &format!("{own}Origin: http://{host}\r\nOrigin: http://evil.example\r\n")), 400);
+    assert_eq!(
+        ask(&path, &format!("{own}Origin: http://{host}\r\nOrigin: http://evil.example\r\n")),
+        400
+    );
     assert_eq!(ask(&format!("http://evil.example{path}"), &own), 400);
     assert_eq!(ask(&path, "Host: evil.example\r\n"), 403);
-    for place in ["/", "//", "/..", "/once/", "/once/x", &path[..path.len() - 2], &format!("/%2e{path}")] {
+    for place in
+        ["/", "//", "/..", "/once/", "/once/x", &path[..path.len() - 2], &format!("/%2e{path}")]
+    {
         assert_eq!(ask(place, &own), 403, "{place}");
     }
     for place in ["..%2fapp.js", "%00", "app.js%00", "..", "nothing"] {
@@ -172,12 +188,15 @@ fn files_over_the_limit_are_refused_before_they_are_sent_or_as_soon_as_they_pass
     let server = start();
     let (path, host) = (path(&server), server.address);
     let start = Instant::now();
-    let said = status(&server, &format!("POST {path}open?name=a.obj"), "Content-Length: 300000000\r\n");
+    let said =
+        status(&server, &format!("POST {path}open?name=a.obj"), "Content-Length: 300000000\r\n");
     assert_eq!(said, 413);
     assert!(start.elapsed() < Duration::from_secs(3));
 
     let mut stream = connect(&server);
-    let head = format!("POST {path}open?name=a.obj HTTP/1.1\r\nHost: {host}\r\nTransfer-Encoding: chunked\r\n\r\n");
+    let head = format!(
+        "POST {path}open?name=a.obj HTTP/1.1\r\nHost: {host}\r\nTransfer-Encoding: chunked\r\n\r\n"
+    );
     stream.write_all(head.as_bytes()).expect("the server reads");
     let mut piece = b"100000\r\n".to_vec();
     piece.resize(piece.len() + (1 << 20), b'#');
@@ -186,9 +205,12 @@ fn files_over_the_limit_are_refused_before_they_are_sent_or_as_soon_as_they_pass
     assert!((256..320).contains(&sent), "{sent} MB were taken");
 
     // Two at a time would take twice the memory.
-    let head = format!("POST {path}open?name=a.obj HTTP/1.1\r\nHost: {host}\r\nContent-Length: 100\r\n\r\nv");
+    let head = format!(
+        "POST {path}open?name=a.obj HTTP/1.1\r\nHost: {host}\r\nContent-Length: 100\r\n\r\nv"
+    );
     let end = Instant::now() + PATIENCE;
-    let second = || status(&server, &format!("POST {path}open?name=a.obj"), "Content-Length: 0\r\n");
+    let second =
+        || status(&server, &format!("POST {path}open?name=a.obj"), "Content-Length: 0\r\n");
     loop {
         // It is sent again until it comes before the second, which would else refuse it.
         let mut first = connect(&server);
@@ -209,13 +231,22 @@ fn a_code_leads_to_the_page_once_and_tells_a_second_time_nothing() {
     let server = start();
     let url = server.url_for_browser().expect("random numbers");
     let code = url.splitn(4, '/').nth(3).expect("a path");
-    assert!(url.starts_with(&format!("http://{}/once/", server.address)) && !url.contains(&path(&server)));
+    assert!(
+        url.starts_with(&format!("http://{}/once/", server.address))
+            && !url.contains(&path(&server))
+    );
     let ask = || {
         let host = server.address;
-        exchange(&server, &format!("GET /{code} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n"))
+        exchange(
+            &server,
+            &format!("GET /{code} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n"),
+        )
     };
     let (first, second) = (ask(), ask());
-    assert!(status_of(&first) == 303 && first.contains(&format!("location: {}\r\n", path(&server))), "{first}");
+    assert!(
+        status_of(&first) == 303 && first.contains(&format!("location: {}\r\n", path(&server))),
+        "{first}"
+    );
     assert!(status_of(&second) == 403 && !second.contains(&path(&server)), "{second}");
 }
 
@@ -272,12 +303,17 @@ fn the_renderer_lives_whatever_a_page_asks() {
     ];
     for text in bad.iter().chain(&cameras).map(String::as_str).chain(rest) {
         page.send(Message::text(text)).expect("the server listens");
-        let errors = until(&mut page, |m| m.to_text().is_ok_and(|t| t.starts_with("{\"type\":\"error\"")));
+        let errors =
+            until(&mut page, |m| m.to_text().is_ok_and(|t| t.starts_with("{\"type\":\"error\"")));
         assert!(!errors.concat().contains("fault"), "{text}: {errors:?}");
     }
     // Up beside the view is made upright, and layers go as they came.
     page.send(Message::text(camera("up", json!([0, 0, -1])))).expect("the server listens");
-    for render in [json!({"integrator": "aov", "aov": ""}), json!({"aov": "depth"}), json!({"integrator": "ao"})] {
+    for render in [
+        json!({"integrator": "aov", "aov": ""}),
+        json!({"aov": "depth"}),
+        json!({"integrator": "ao"}),
+    ] {
         let mut render = render;
         render["type"] = json!("render");
         say(&mut page, &render);
@@ -295,14 +331,20 @@ fn messages_over_the_limit_and_floods_end_one_page_and_no_other() {
     let mut bad = page(&server).expect("there is room");
     let _ = bad.send(Message::text("x".repeat(2 << 20)));
     while bad.read().is_ok() {}
-    let mut bad = page(&server).expect("there is room").get_ref().try_clone().expect("one more handle");
-    let piece = |first: bool| [&[u8::from(first), 0xfe, 0xff, 0xff, 0, 0, 0, 0][..], &[b'x'; 65535]].concat();
+    let mut bad =
+        page(&server).expect("there is room").get_ref().try_clone().expect("one more handle");
+    let piece = |first: bool| {
+        [&[u8::from(first), 0xfe, 0xff, 0xff, 0, 0, 0, 0][..], &[b'x'; 65535]].concat()
+    };
     let sent = (0..2000).take_while(|n| bad.write_all(&piece(*n == 0)).is_ok()).count();
     assert!(sent < 1000, "{sent} pieces were taken");
     // A page that asks and never reads.
     let mut deaf = page(&server).expect("there is room");
-    deaf.get_ref().set_write_timeout(Some(Duration::from_millis(200))).expect("a timeout can be set");
-    let flood = (0..20_000).take_while(|_| deaf.send(Message::Ping(vec![7; 100].into())).is_ok()).count();
+    deaf.get_ref()
+        .set_write_timeout(Some(Duration::from_millis(200)))
+        .expect("a timeout can be set");
+    let flood =
+        (0..20_000).take_while(|_| deaf.send(Message::Ping(vec![7; 100].into())).is_ok()).count();
     assert!(flood > 0);
     say(&mut good, &json!({"type": "steer"}));
     say(&mut good, &json!({"type": "size", "size": [20, 10]}));

@@ -30,7 +30,8 @@ pub struct Options {
     /// Exit with 1 if the mean FLIP error is over this
     #[arg(long, value_name = "X", value_parser = parse_limit, allow_negative_numbers = true)]
     max_flip: Option<f64>,
-    /// Exit with 1 if more than this share of the pixels (0 to 1) differs by more than the threshold
+    /// Exit with 1 if more than this share of the pixels (0 to 1) differs by more than the
+    /// threshold
     #[arg(long, value_name = "X", value_parser = parse_limit, allow_negative_numbers = true)]
     max_different: Option<f64>,
     /// A pixel counts as different if it differs by more than this many levels of 255
@@ -39,7 +40,10 @@ pub struct Options {
 }
 
 fn parse_limit(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|limit| *limit >= 0.0).ok_or_else(|| "expected a number of at least 0".into())
+    text.parse()
+        .ok()
+        .filter(|limit| *limit >= 0.0)
+        .ok_or_else(|| "expected a number of at least 0".into())
 }
 
 /// Compares and prints.
@@ -48,10 +52,16 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let needed = reference.pixels.len() as u64 * BYTES_PER_PIXEL as u64;
     let what = format!("comparing pictures of {}x{} pixels", reference.width, reference.height);
     let admitted = Available::now().admit(&what, needed);
-    admitted.map_err(|problem| Failure::Other(format!("{problem}; compare smaller parts of them")))?;
+    admitted
+        .map_err(|problem| Failure::Other(format!("{problem}; compare smaller parts of them")))?;
     let settings = CompareOptions { threshold: options.threshold, ..CompareOptions::default() };
-    let compared = compare(&reference, &test, &settings)
-        .map_err(|e| Failure::Other(format!("{} and {}: {e}", options.reference.display(), options.test.display())))?;
+    let compared = compare(&reference, &test, &settings).map_err(|e| {
+        Failure::Other(format!(
+            "{} and {}: {e}",
+            options.reference.display(),
+            options.test.display()
+        ))
+    })?;
     if let Some(path) = &options.output {
         write_image(path, &difference_picture(&compared), &WriteOptions::default())?;
     }
@@ -71,7 +81,10 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     for (what, value, limit) in limits {
         // Also a NaN is over.
         if let Some(limit) = limit
-            && !matches!(value.partial_cmp(&limit), Some(std::cmp::Ordering::Less | std::cmp::Ordering::Equal))
+            && !matches!(
+                value.partial_cmp(&limit),
+                Some(std::cmp::Ordering::Less | std::cmp::Ordering::Equal)
+            )
         {
             eprintln!("over the limit: {what} is {value:.6}, at most {limit} was allowed");
             within = false;

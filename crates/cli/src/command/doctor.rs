@@ -26,7 +26,8 @@ pub struct Options {
     allow_outside: bool,
 }
 
-/// Prints the findings. The exit code is 1 if there are errors or warnings, or if the scene cannot be read; notes are not counted.
+/// Prints the findings. The exit code is 1 if there are errors or warnings, or if the scene cannot
+/// be read; notes are not counted.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
     let shown = options.scene.display().to_string();
@@ -64,7 +65,10 @@ fn check_memory(scene: &Scene) -> Result<(), String> {
     // Of a triangle: how it hangs together with others, and a structure for rays. Measured.
     const BYTES: u64 = 260;
     let triangles = distinct_triangles(scene);
-    admit(&format!("to examine the scene ({triangles} triangles)"), triangles * BYTES + of_scene(scene))
+    admit(
+        &format!("to examine the scene ({triangles} triangles)"),
+        triangles * BYTES + of_scene(scene),
+    )
 }
 
 fn as_json(scene: &str, findings: &[Finding], [errors, warnings, notes]: [usize; 3]) -> Value {
@@ -94,7 +98,13 @@ fn as_text(scene: &str, findings: &[Finding], [errors, warnings, notes]: [usize;
     let mut text = String::new();
     for f in findings {
         let object = if f.object.is_empty() { String::new() } else { format!("{}: ", f.object) };
-        text += &format!("{} ({}): {}{}\n", f.severity.name(), f.check, one_line(&object), one_line(&f.message));
+        text += &format!(
+            "{} ({}): {}{}\n",
+            f.severity.name(),
+            f.check,
+            one_line(&object),
+            one_line(&f.message)
+        );
         let mut place = Vec::new();
         if let Some(face) = f.face {
             place.push(format!("face {face}"));
@@ -107,7 +117,8 @@ fn as_text(scene: &str, findings: &[Finding], [errors, warnings, notes]: [usize;
         }
         text += &format!("    to do: {}\n", f.remedy);
     }
-    let plural = |n: usize, what: &str| if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") };
+    let plural =
+        |n: usize, what: &str| if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") };
     let verdict = match (errors, warnings) {
         (0, 0) => "nothing is wrong".to_string(),
         _ => format!("{}, {}", plural(errors, "error"), plural(warnings, "warning")),

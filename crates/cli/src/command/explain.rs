@@ -11,7 +11,8 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// With more triangles, only the ray's way through the structure in use is shown unless the user asks: some take long to build.
+/// With more triangles, only the ray's way through the structure in use is shown unless the user
+/// asks: some take long to build.
 const MANY_TRIANGLES: u64 = 300_000;
 
 /// Options of `snell explain`.
@@ -23,11 +24,12 @@ pub struct Options {
     /// The pixel: column and row from the upper left corner, from 0
     #[arg(long, value_name = "X,Y", value_parser = parse_pixel, allow_hyphen_values = true)]
     pixel: [u32; 2],
-    /// The sample whose path is shown, from 0. Default: the one whose colour is nearest to that of the pixel
+    /// The sample whose path is shown, from 0. Default: the one whose colour is nearest to that of
+    /// the pixel
     #[arg(long, value_name = "N")]
     sample: Option<u32>,
-    /// Structures through which the camera ray is followed: names, `all` or `none`. Default: all; in scenes of more than 300000
-    /// triangles only the one in use
+    /// Structures through which the camera ray is followed: names, `all` or `none`. Default: all;
+    /// in scenes of more than 300000 triangles only the one in use
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     structures: Option<Vec<String>>,
     /// Print JSON
@@ -36,7 +38,8 @@ pub struct Options {
     /// Write a drawing to this file
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Options of `snell render`, after `--`: those of the picture that the pixel is of, such as `-- --size 800x600 --spp 256`
+    /// Options of `snell render`, after `--`: those of the picture that the pixel is of, such as
+    /// `-- --size 800x600 --spp 256`
     #[arg(last = true, value_name = "RENDER OPTIONS")]
     render: Vec<OsString>,
 }
@@ -50,7 +53,9 @@ impl Options {
 
 fn parse_pixel(text: &str) -> Result<[u32; 2], String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
-    numbers.and_then(|n| n.try_into().ok()).ok_or_else(|| "a pixel is a column and a row, such as 320,240".into())
+    numbers
+        .and_then(|n| n.try_into().ok())
+        .ok_or_else(|| "a pixel is a column and a row, such as 320,240".into())
 }
 
 /// Renders the pixel and tells how.
@@ -80,7 +85,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
 }
 
 /// The structures to follow the ray through.
-fn kinds(options: &Options, triangles: u64, used: AcceleratorKind) -> Result<Vec<AcceleratorKind>, Failure> {
+fn kinds(
+    options: &Options,
+    triangles: u64,
+    used: AcceleratorKind,
+) -> Result<Vec<AcceleratorKind>, Failure> {
     let words: Vec<&str> = match &options.structures {
         Some(words) => words.iter().map(String::as_str).collect(),
         None if triangles > MANY_TRIANGLES => return Ok(vec![used]),
@@ -88,13 +97,18 @@ fn kinds(options: &Options, triangles: u64, used: AcceleratorKind) -> Result<Vec
     };
     match words[..] {
         ["all"] => return Ok(AcceleratorKind::ALL.to_vec()),
-        ["none"] if options.structures.as_ref().is_some_and(|w| w.len() == 1) => return Ok(Vec::new()),
+        ["none"] if options.structures.as_ref().is_some_and(|w| w.len() == 1) => {
+            return Ok(Vec::new());
+        }
         _ => {}
     }
     let kind = |name: &&str| {
         AcceleratorKind::from_name(name).ok_or_else(|| {
             let names: Vec<_> = AcceleratorKind::ALL.iter().map(|k| k.name()).collect();
-            Failure::Usage(format!("--structures {name}: there are {}, and `all`", names.join(", ")))
+            Failure::Usage(format!(
+                "--structures {name}: there are {}, and `all`",
+                names.join(", ")
+            ))
         })
     };
     words.iter().map(kind).collect()

@@ -30,8 +30,13 @@ pub fn run() -> Result<ExitCode, Failure> {
             (true, false) => "reads",
             _ => "writes",
         };
-        text +=
-            &format!("  {:8} {:20} {:14} {}\n", format.name, extensions(format.extensions), use_, format.description);
+        text += &format!(
+            "  {:8} {:20} {:14} {}\n",
+            format.name,
+            extensions(format.extensions),
+            use_,
+            format.description
+        );
     }
     standard_output::write(text.as_bytes())?;
     Ok(ExitCode::SUCCESS)

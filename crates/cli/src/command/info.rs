@@ -32,9 +32,12 @@ pub struct Options {
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
     let scene = scene_source::load(&options.scene, &read)?;
-    let bounds = scene.node_bounds().map_err(|e| Failure::Scene(format!("{}: {e}", options.scene.display())))?;
+    let bounds = scene
+        .node_bounds()
+        .map_err(|e| Failure::Scene(format!("{}: {e}", options.scene.display())))?;
     let facts = Facts { counts: Counts::of(&scene, &bounds), scene: &scene, bounds };
-    let text = if options.json { format!("{:#}\n", facts.json()) } else { facts.text(options.nodes) };
+    let text =
+        if options.json { format!("{:#}\n", facts.json()) } else { facts.text(options.nodes) };
     standard_output::write(text.as_bytes())?;
     Ok(ExitCode::SUCCESS)
 }
@@ -63,9 +66,12 @@ impl Counts {
                         counts.meshes += 1;
                         counts.triangles += mesh.indices.len();
                         counts.vertices += mesh.positions.len();
-                        counts.degenerate += if mesh.validate().is_ok() { mesh.degenerate_triangles() } else { 0 };
+                        counts.degenerate +=
+                            if mesh.validate().is_ok() { mesh.degenerate_triangles() } else { 0 };
                     }
-                    Geometry::Curves(curves) if seen_curves.insert(std::sync::Arc::as_ptr(curves)) => {
+                    Geometry::Curves(curves)
+                        if seen_curves.insert(std::sync::Arc::as_ptr(curves)) =>
+                    {
                         counts.strands += curves.strands().len();
                         counts.curve_segments += curves.segment_count();
                     }
@@ -114,7 +120,8 @@ impl Facts<'_> {
         })
     }
 
-    /// The tree; a node that several nodes share is written out once, because a small file may use one node billions of times.
+    /// The tree; a node that several nodes share is written out once, because a small file may use
+    /// one node billions of times.
     fn tree_json(&self, id: NodeId, depth: usize, shown: &mut HashSet<NodeId>) -> Value {
         let node = &self.scene.nodes[id.index()];
         if !shown.insert(id) {

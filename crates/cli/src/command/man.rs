@@ -16,5 +16,7 @@ pub fn run() -> Result<ExitCode, Failure> {
 /// The pages of a command and of all that are below it.
 fn append(command: &clap::Command, title: &str, out: &mut Vec<u8>) -> std::io::Result<()> {
     clap_mangen::Man::new(command.clone()).title(title).render(out)?;
-    command.get_subcommands().try_for_each(|sub| append(sub, &format!("{title}-{}", sub.get_name()), out))
+    command
+        .get_subcommands()
+        .try_for_each(|sub| append(sub, &format!("{title}-{}", sub.get_name()), out))
 }

@@ -55,9 +55,11 @@ impl Command {
             Self::View(options) => Some(options.threads()),
             Self::Explain(options) => Some(options.threads()),
             Self::Scenes | Self::Formats | Self::Completions(_) | Self::Man => None,
-            Self::Info(_) | Self::Compare(_) | Self::Convert(_) | Self::Doctor(_) | Self::Bench(_) => {
-                Some(threads::cores())
-            }
+            Self::Info(_)
+            | Self::Compare(_)
+            | Self::Convert(_)
+            | Self::Doctor(_)
+            | Self::Bench(_) => Some(threads::cores()),
         }
     }
 }

@@ -22,7 +22,8 @@ use output::Target;
 use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
 use snell_render::{
-    CompiledScene, FilmTile, Guiding, GuidingPasses, IntegratorKind, Job, Request, Settings, Statistics, with_patience,
+    CompiledScene, FilmTile, Guiding, GuidingPasses, IntegratorKind, Job, Request, Settings,
+    Statistics, with_patience,
 };
 use snell_scene::{Camera, Pose, Scene, Warning};
 use stage::{Shot, Stage};
@@ -78,7 +79,8 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let outcome = session.take(&stage.scene, shot, target)?;
     let mut is_in_place = !matches!(outcome.fate, Fate::Elsewhere);
     if let Some(path) = &options.stats {
-        let text = serde_json::to_string_pretty(&outcome.statistics).map_err(|e| Failure::Other(e.to_string()))?;
+        let text = serde_json::to_string_pretty(&outcome.statistics)
+            .map_err(|e| Failure::Other(e.to_string()))?;
         is_in_place &= output::write_text(path, "the JSON", &(text + "\n"))?;
     }
     if interrupt::is_requested() {
@@ -100,11 +102,16 @@ fn say_what_is_there(outcome: &Outcome, path: &Path, spp: u32) {
             let partial = rescue::partial(path);
             let (partial, path) = (partial.display(), path.display());
             eprintln!(
-                "interrupted in the first pass: {partial} holds what was rendered, with holes; {path} is as it was"
+                "interrupted in the first pass: {partial} holds what was rendered, with holes; \
+                    {path} is as it was"
             );
         }
-        Fate::Noisy => eprintln!("interrupted while noise was removed: the picture holds it ({least} samples)"),
-        _ => eprintln!("interrupted: the picture holds what was rendered ({least} of {spp} samples)"),
+        Fate::Noisy => {
+            eprintln!("interrupted while noise was removed: the picture holds it ({least} samples)")
+        }
+        _ => {
+            eprintln!("interrupted: the picture holds what was rendered ({least} of {spp} samples)")
+        }
     }
 }
 
@@ -112,7 +119,8 @@ fn say_what_is_there(outcome: &Outcome, path: &Path, spp: u32) {
 fn load(options: &Options) -> Result<Scene, Failure> {
     let scene = scene_source::load(&options.scene, &options.read_options())?;
     let shown = options.scene.display();
-    let lacks = |what: &str| Err(Failure::Usage(format!("{shown}: the file has no {what} to choose from")));
+    let lacks =
+        |what: &str| Err(Failure::Usage(format!("{shown}: the file has no {what} to choose from")));
     if options.variant.is_some() && scene.variants.is_empty() {
         return lacks("variants");
     }
@@ -164,7 +172,8 @@ enum Fate {
 }
 
 impl Session<'_> {
-    /// Renders a picture and writes it to a file, or to standard output. A frame of many that is interrupted is not written.
+    /// Renders a picture and writes it to a file, or to standard output. A frame of many that is
+    /// interrupted is not written.
     fn take(&mut self, scene: &Scene, shot: Shot, target: Target) -> Result<Outcome, Failure> {
         let options = self.options;
         let Shot { camera, later_cameras, compiled, build_seconds, .. } = shot;
@@ -194,7 +203,9 @@ impl Session<'_> {
         }
         let is_cut = interrupt::is_requested() && !statistics.is_complete;
         let has_holes = is_cut && film.least_samples() == 0;
-        if is_cut && film.crop.size().iter().map(|&side| u64::from(side)).product::<u64>() > QUICKLY_SAVED {
+        if is_cut
+            && film.crop.size().iter().map(|&side| u64::from(side)).product::<u64>() > QUICKLY_SAVED
+        {
             eprintln!("interrupted: saving what was rendered; a second signal gives it up");
         }
 
@@ -225,7 +236,8 @@ impl Session<'_> {
             };
             let is_interrupted = matches!(denoised, Ok(Denoised::Interrupted));
             let beside = rescue::partial(target.path());
-            let target = if has_holes || denoised.is_err() { Target::File(&beside) } else { target };
+            let target =
+                if has_holes || denoised.is_err() { Target::File(&beside) } else { target };
             if !(is_interrupted && options.has_frames()) {
                 let written = self.output.write(target, picture, &film, &summary, scene)?;
                 if !options.quiet && !options.has_frames() && written.is_in_place {
@@ -239,7 +251,10 @@ impl Session<'_> {
                 };
             }
             if let Err(failure) = denoised {
-                let problem = format!("{failure}; {} holds the picture with its noise", target.path().display());
+                let problem = format!(
+                    "{failure}; {} holds the picture with its noise",
+                    target.path().display()
+                );
                 return Err(Failure::Other(problem));
             }
         }
@@ -249,15 +264,23 @@ impl Session<'_> {
     }
 }
 
-/// What there is to say before a picture is rendered. What the readers warn of names the place in a file; what is found
-/// later is about the whole of the scene.
-fn warnings(options: &Options, scene: &Scene, compiled: &CompiledScene, settings: &Settings) -> Vec<Warning> {
+/// What there is to say before a picture is rendered. What the readers warn of names the place in a
+/// file; what is found later is about the whole of the scene.
+fn warnings(
+    options: &Options,
+    scene: &Scene,
+    compiled: &CompiledScene,
+    settings: &Settings,
+) -> Vec<Warning> {
     let mut warnings = scene.warnings.clone();
     let name = options.scene.display();
     let found_later = compiled.warnings.iter();
-    warnings.extend(found_later.map(|w| Warning { message: format!("{name}: {}", w.message), ..w.clone() }));
+    warnings.extend(
+        found_later.map(|w| Warning { message: format!("{name}: {}", w.message), ..w.clone() }),
+    );
     if loses_layers(options, settings) {
-        let message = "only OpenEXR holds layers and variance; write the picture to a file.exr to have them";
+        let message =
+            "only OpenEXR holds layers and variance; write the picture to a file.exr to have them";
         Warning::note(&mut warnings, message.into(), 1);
     }
     warnings
@@ -267,7 +290,8 @@ fn warnings(options: &Options, scene: &Scene, compiled: &CompiledScene, settings
 fn loses_layers(options: &Options, settings: &Settings) -> bool {
     let extension = options.output.as_ref().and_then(|path| path.extension());
     let shown = usize::from(settings.integrator == IntegratorKind::Aov);
-    let asked = options.aov.len().max(shown) > shown || !options.light_group.is_empty() || options.variance;
+    let asked =
+        options.aov.len().max(shown) > shown || !options.light_group.is_empty() || options.variance;
     asked && !extension.is_some_and(|e| e.eq_ignore_ascii_case("exr"))
 }
 
@@ -276,13 +300,15 @@ pub(super) fn prepare_scene(scene: Scene, options: &Options) -> Result<Scene, Fa
     Ok(Stage::new(scene, options)?.into_scene(options.at))
 }
 
-/// Adds what the scene lacks and changes what the options say. A camera that is made shows all of the poses.
+/// Adds what the scene lacks and changes what the options say. A camera that is made shows all of
+/// the poses.
 fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &Options) -> Result<(), Failure> {
     options.apply_environment(scene)?;
     let size = options.size.unwrap_or(Request::DEFAULT_SIZE);
     let framing = snell_scene::framing::FramingOptions { size, ..Default::default() };
     let prepared = snell_scene::framing::prepare_for(scene, poses, &framing);
-    let failed = |e: &dyn std::fmt::Display| Failure::Scene(format!("{}: {e}", options.scene.display()));
+    let failed =
+        |e: &dyn std::fmt::Display| Failure::Scene(format!("{}: {e}", options.scene.display()));
     prepared.map_err(|e| failed(&e))?;
     options.apply_background(scene)?;
     if let Some(density) = options.fog {
@@ -300,27 +326,43 @@ fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &Options) -> Result<(
 
 pub(super) fn choose_camera(scene: &Scene, options: &Options) -> Result<Camera, Failure> {
     let Some(wanted) = &options.camera else {
-        return scene.cameras.first().cloned().ok_or_else(|| Failure::Scene("the scene has no camera".into()));
+        return scene
+            .cameras
+            .first()
+            .cloned()
+            .ok_or_else(|| Failure::Scene("the scene has no camera".into()));
     };
     let by_name = scene.cameras.iter().find(|c| c.name == *wanted);
     let by_number = || wanted.parse::<usize>().ok().and_then(|i| scene.cameras.get(i));
     by_name.or_else(by_number).cloned().ok_or_else(|| {
-        let names: Vec<_> = scene.cameras.iter().enumerate().map(|(i, c)| format!("{i} \"{}\"", c.name)).collect();
-        Failure::Usage(format!("there is no camera \"{wanted}\"; the scene has: {}", names.join(", ")))
+        let names: Vec<_> =
+            scene.cameras.iter().enumerate().map(|(i, c)| format!("{i} \"{}\"", c.name)).collect();
+        Failure::Usage(format!(
+            "there is no camera \"{wanted}\"; the scene has: {}",
+            names.join(", ")
+        ))
     })
 }
 
-fn render(job: &Job, options: &Options, threads: usize, name: &str) -> (snell_render::Film, Statistics) {
+fn render(
+    job: &Job,
+    options: &Options,
+    threads: usize,
+    name: &str,
+) -> (snell_render::Film, Statistics) {
     let reporter = Reporter::new(options.progress, options.quiet, name);
     let limit: Option<Duration> = options.time;
     let start = Instant::now();
     let result = job.run(threads, &|progress| {
         if let Some(training) = progress.training {
             reporter.update_training(&training);
-            // A pass takes as long as all before it. Where passes are counted, the clock has no say: bits must repeat.
-            let share =
-                limit.filter(|_| options.guiding == Some(GuidingPasses::Auto)).map(|l| l.mul_f64(Guiding::SHARE));
-            let late = training.begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
+            // A pass takes as long as all before it. Where passes are counted, the clock has no
+            // say: bits must repeat.
+            let share = limit
+                .filter(|_| options.guiding == Some(GuidingPasses::Auto))
+                .map(|l| l.mul_f64(Guiding::SHARE));
+            let late =
+                training.begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
             return !late && !interrupt::is_requested();
         }
         reporter.update(progress, limit);

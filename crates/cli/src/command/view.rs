@@ -28,12 +28,14 @@ const TOKEN_VARIABLE: &str = "SNELL_VIEW_TOKEN";
 #[derive(Clone, Debug, clap::Args)]
 #[command(args_override_self = true)]
 pub struct Options {
-    /// Scene or mesh file, or the name of a built-in scene. Without one, the page offers the built-in scenes
+    /// Scene or mesh file, or the name of a built-in scene. Without one, the page offers the
+    /// built-in scenes
     scene: Option<PathBuf>,
     /// Port to listen on. Default: any that is free
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     port: u16,
-    /// Address to listen on. Others than this machine see the scene only if you name one of its addresses here, or 0.0.0.0
+    /// Address to listen on. Others than this machine see the scene only if you name one of its
+    /// addresses here, or 0.0.0.0
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1")]
     host: IpAddr,
     /// Open the page in the browser (the default where there is a display)
@@ -42,8 +44,9 @@ pub struct Options {
     /// Only print the address of the page
     #[arg(long)]
     no_open: bool,
-    /// Token of the page's address, 16 to 64 letters and digits, so that the address stays the same. Other users of the machine can
-    /// read it here; the environment variable SNELL_VIEW_TOKEN keeps it private. Default: a random one
+    /// Token of the page's address, 16 to 64 letters and digits, so that the address stays the
+    /// same. Other users of the machine can read it here; the environment variable SNELL_VIEW_TOKEN
+    /// keeps it private. Default: a random one
     #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
     token: Option<String>,
     /// Frames per second while something moves
@@ -55,7 +58,8 @@ pub struct Options {
     /// Threads. Default: one per core
     #[arg(short, long, value_name = "N", value_parser = threads::number())]
     threads: Option<u32>,
-    /// More options of `snell render`, after `--`: how the picture at rest is made, such as `-- --spp 256 --environment sky`
+    /// More options of `snell render`, after `--`: how the picture at rest is made, such as
+    /// `-- --spp 256 --environment sky`
     #[arg(last = true, value_name = "RENDER OPTIONS")]
     render: Vec<OsString>,
 }
@@ -69,8 +73,13 @@ struct RenderLine {
 }
 
 fn parse_token(text: &str) -> Result<String, String> {
-    let is_safe = (16..=64).contains(&text.len()) && text.chars().all(|c| c.is_ascii_alphanumeric());
-    if is_safe { Ok(text.to_string()) } else { Err("a token has 16 to 64 letters and digits".into()) }
+    let is_safe =
+        (16..=64).contains(&text.len()) && text.chars().all(|c| c.is_ascii_alphanumeric());
+    if is_safe {
+        Ok(text.to_string())
+    } else {
+        Err("a token has 16 to 64 letters and digits".into())
+    }
 }
 
 impl Options {
@@ -83,14 +92,17 @@ impl Options {
 /// The threads that options of `snell render` ask for. What is wrong with them is found out later.
 pub(super) fn threads_of(render: &[OsString]) -> usize {
     let words = std::iter::once("scene".as_ref()).chain(render.iter().map(OsString::as_os_str));
-    RenderLine::try_parse_from(words).map_or_else(|_| threads::cores(), |line| line.options.threads())
+    RenderLine::try_parse_from(words)
+        .map_or_else(|_| threads::cores(), |line| line.options.threads())
 }
 
 /// The token that is asked for: by the option, or else by the environment, which other users of the
 /// machine cannot read.
 fn chosen_token(options: &Options) -> Result<Option<String>, Failure> {
     let given = std::env::var_os(TOKEN_VARIABLE).filter(|_| options.token.is_none());
-    let Some(given) = given.filter(|value| !value.is_empty()) else { return Ok(options.token.clone()) };
+    let Some(given) = given.filter(|value| !value.is_empty()) else {
+        return Ok(options.token.clone());
+    };
     let token = parse_token(&given.to_string_lossy());
     token.map(Some).map_err(|problem| Failure::Usage(format!("{TOKEN_VARIABLE}: {problem}")))
 }
@@ -103,7 +115,8 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let scene = options.scene.as_deref().unwrap_or(Path::new(FIRST_SCENE));
     let files = Files::new(scene, &options.render)?;
     if files.line(scene).is_ok_and(|line| line.crop.is_some()) {
-        let problem = "--crop belongs to `snell render`: the viewer shows the whole picture; leave it out";
+        let problem =
+            "--crop belongs to `snell render`: the viewer shows the whole picture; leave it out";
         return Err(Failure::Usage(problem.into()));
     }
     let server_options = ServerOptions {
@@ -118,7 +131,10 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let server = snell_viewer::serve(Box::new(files), &server_options).map_err(Failure::Other)?;
     interrupt::save_first();
     if !options.host.is_loopback() {
-        eprintln!("warning: others can reach this address; whoever knows it sees the scene and can change the view");
+        eprintln!(
+            "warning: others can reach this address; whoever knows it sees the scene and can \
+                change the view"
+        );
     }
     println!("{}", server.url);
     eprintln!("Open this address in a browser; Ctrl-C ends.");
@@ -143,8 +159,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
 fn modified(path: &Path) -> Option<SystemTime> {
     let own = path.metadata().ok()?.modified().ok()?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let beside =
-        std::fs::read_dir(folder).ok()?.flatten().take(1000).filter_map(|entry| entry.metadata().ok()?.modified().ok());
+    let beside = std::fs::read_dir(folder)
+        .ok()?
+        .flatten()
+        .take(1000)
+        .filter_map(|entry| entry.metadata().ok()?.modified().ok());
     Some(beside.fold(own, SystemTime::max))
 }
 
@@ -155,7 +174,9 @@ fn has_display() -> bool {
 
 /// Other users of the machine can read the browser's command line, so it has no token in it.
 fn open_browser(server: &Server) {
-    let opened = server.url_for_browser().and_then(|url| open::that_detached(url).map_err(|e| e.to_string()));
+    let opened = server
+        .url_for_browser()
+        .and_then(|url| open::that_detached(url).map_err(|e| e.to_string()));
     if let Err(error) = opened {
         eprintln!("warning: no browser could be opened ({error}); open the address yourself");
     }
@@ -174,7 +195,8 @@ impl Files {
         let options = files.line(scene).map_err(Failure::Usage)?;
         let unused = [("--output", options.output.is_some()), ("--stats", options.stats.is_some())];
         if let Some((name, _)) = unused.iter().find(|(_, given)| *given) {
-            let problem = format!("{name} belongs to `snell render`: nothing is written here; leave it out");
+            let problem =
+                format!("{name} belongs to `snell render`: nothing is written here; leave it out");
             return Err(Failure::Usage(problem));
         }
         Ok(files)
@@ -182,17 +204,20 @@ impl Files {
 
     fn line(&self, scene: &Path) -> Result<render::Options, String> {
         let words = std::iter::once(scene.into()).chain(self.render.iter().cloned());
-        let line = RenderLine::try_parse_from(words).map_err(|e| e.to_string().trim().replace("error: ", ""))?;
+        let line = RenderLine::try_parse_from(words)
+            .map_err(|e| e.to_string().trim().replace("error: ", ""))?;
         Ok(line.options)
     }
 
-    /// `name` is for messages and the command: it may come from a page, and is never read as an option.
+    /// `name` is for messages and the command: it may come from a page, and is never read as an
+    /// option.
     fn opened(&self, name: &Path, scene: Scene) -> Result<Opened, Failure> {
         let options = self.line(&self.scene).map_err(Failure::Usage)?;
         let options = render::Options { scene: name.into(), ..options };
         let simd = Level::from_env().map_err(Failure::Usage)?;
         if options.has_frames() {
-            let problem = "the viewer shows one moment: leave out --frames and --turntable, and choose it with --at";
+            let problem = "the viewer shows one moment: leave out --frames and --turntable, and \
+                choose it with --at";
             return Err(Failure::Usage(problem.into()));
         }
         let is_camera_made = scene.cameras.is_empty();

@@ -26,15 +26,17 @@ const MODULES: [(&str, &str); 15] = modules![
 ];
 /// What Python runs first: the rest comes from standard input, which stays open after it.
 pub const BOOT: &str = "import sys; exec(sys.stdin.buffer.read(int(sys.argv[1])))";
-/// Sets limits, makes modules of their texts, and runs the last: a finder, so that a module is run when it is imported.
+/// Sets limits, makes modules of their texts, and runs the last: a finder, so that a module is run
+/// when it is imported.
 const START: &str = include_str!("start.py");
 
-/// The text of the program. Its arguments are its own length in bytes, the name of the stage in messages, and those of
-/// `python3 -m snell.usd`.
+/// The text of the program. Its arguments are its own length in bytes, the name of the stage in
+/// messages, and those of `python3 -m snell.usd`.
 pub fn program() -> String {
     let mut text = String::from("TEXTS = {\n");
     for (name, source) in MODULES {
-        let module = if name == "__init__" { "snell_usd".into() } else { format!("snell_usd.{name}") };
+        let module =
+            if name == "__init__" { "snell_usd".into() } else { format!("snell_usd.{name}") };
         // What JSON writes of a text is a literal of Python.
         text += &format!("{module:?}: {},\n", serde_json::Value::from(source));
     }
@@ -53,7 +55,9 @@ mod tests {
             .expect("the folder is there")
             .filter_map(|entry| Some(entry.ok()?.path()))
             .filter(|path| path.extension().is_some_and(|e| e == "py"))
-            .map(|path| path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default())
+            .map(|path| {
+                path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
+            })
             .collect();
         found.sort();
         let mut carried: Vec<String> = MODULES.iter().map(|(name, _)| (*name).to_owned()).collect();

@@ -1,5 +1,5 @@
-//! The Python that reads a stage: one that imports nothing from the current folder or that of the scene, with limits of time, memory
-//! and output, that ends when this program does.
+//! The Python that reads a stage: one that imports nothing from the current folder or that of the
+//! scene, with limits of time, memory and output, that ends when this program does.
 
 use super::converter;
 use snell_formats::ReadOptions;
@@ -39,14 +39,18 @@ pub struct Answer {
     pub said: String,
 }
 
-/// The programs `python3` and `python` of the search path, but for entries that depend on where one is: relative ones, and the
-/// current folder and that of the scene.
+/// The programs `python3` and `python` of the search path, but for entries that depend on where one
+/// is: relative ones, and the current folder and that of the scene.
 pub fn interpreters(scene: &Path) -> Vec<PathBuf> {
     let here = [std::env::current_dir().ok(), absolute(scene).parent().map(Path::to_path_buf)];
-    let here: Vec<_> = here.into_iter().flatten().filter_map(|folder| folder.canonicalize().ok()).collect();
+    let here: Vec<_> =
+        here.into_iter().flatten().filter_map(|folder| folder.canonicalize().ok()).collect();
     let path = std::env::var_os("PATH").unwrap_or_default();
     let folders: Vec<_> = std::env::split_paths(&path)
-        .filter(|folder| folder.is_absolute() && folder.canonicalize().is_ok_and(|folder| !here.contains(&folder)))
+        .filter(|folder| {
+            folder.is_absolute()
+                && folder.canonicalize().is_ok_and(|folder| !here.contains(&folder))
+        })
         .collect();
     let find = |name: &str| {
         let name = format!("{name}{}", std::env::consts::EXE_SUFFIX);
@@ -72,12 +76,14 @@ fn absolute(path: &Path) -> PathBuf {
 pub fn run(python: &Path, scene: &Path, options: &ReadOptions) -> Result<Answer> {
     let program = converter::program();
     let mut process = Process(command(python, scene, options, program.len()).spawn()?);
-    let (stdin, stdout, stderr) = (process.0.stdin.take(), process.0.stdout.take(), process.0.stderr.take());
+    let (stdin, stdout, stderr) =
+        (process.0.stdin.take(), process.0.stdout.take(), process.0.stderr.take());
     let limit = options.limits.file_bytes;
     std::thread::scope(|threads| {
-        // Threads, so that neither side waits for the other for ever. The pipe of the program stays open: the process ends when it
-        // closes. One that ends early says why by itself.
-        let input = threads.spawn(move || stdin.map(|mut pipe| pipe.write_all(program.as_bytes()).map(|()| pipe)));
+        // Threads, so that neither side waits for the other for ever. The pipe of the program stays
+        // open: the process ends when it closes. One that ends early says why by itself.
+        let input = threads
+            .spawn(move || stdin.map(|mut pipe| pipe.write_all(program.as_bytes()).map(|()| pipe)));
         let output = threads.spawn(move || read(stdout, limit));
         let said = threads.spawn(move || read(stderr, MOST_SAID));
         let status = process.wait(Instant::now() + TIME);
@@ -96,21 +102,26 @@ pub fn run(python: &Path, scene: &Path, options: &ReadOptions) -> Result<Answer>
 fn command(python: &Path, scene: &Path, options: &ReadOptions, length: usize) -> Command {
     let path = absolute(scene);
     let mut command = Command::new(python);
-    command.args(["-I", "-B", "-X", "utf8", "-c", converter::BOOT]).arg(length.to_string()).arg(scene);
+    command
+        .args(["-I", "-B", "-X", "utf8", "-c", converter::BOOT])
+        .arg(length.to_string())
+        .arg(scene);
     if options.allow_outside {
         command.arg("--allow-outside");
     }
     command.arg(&path).arg("-").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     // Nothing that is looked for in the current folder is found there, libraries included.
     command.current_dir(path.ancestors().last().unwrap_or(&path));
-    let is_foreign = |name: &OsStr| FOREIGN.iter().any(|start| name.to_string_lossy().starts_with(start));
+    let is_foreign =
+        |name: &OsStr| FOREIGN.iter().any(|start| name.to_string_lossy().starts_with(start));
     for (name, _) in std::env::vars_os().filter(|(name, _)| is_foreign(name)) {
         command.env_remove(name);
     }
     command
 }
 
-/// What comes from a pipe, and one byte more than the limit if there is more. The other side cannot write on then.
+/// What comes from a pipe, and one byte more than the limit if there is more. The other side cannot
+/// write on then.
 fn read(pipe: Option<impl Read>, limit: u64) -> Vec<u8> {
     let mut bytes = Vec::new();
     // What was read before an error is what there is; how the process ended says the rest.
@@ -167,14 +178,22 @@ mod tests {
         let brief = script(&folder, "echo scene; echo 'warning: odd' >&2");
         let answer = run(&brief, Path::new("a.usda"), &options).expect("it starts");
         assert!(matches!(answer.end, End::Exit(0)));
-        assert_eq!((answer.scene.as_slice(), answer.said.as_str()), (&b"scene\n"[..], "warning: odd\n"));
+        assert_eq!(
+            (answer.scene.as_slice(), answer.said.as_str()),
+            (&b"scene\n"[..], "warning: odd\n")
+        );
     }
 
     #[test]
     fn what_takes_too_long_is_ended() {
         let child = Command::new("sleep").arg("600").spawn().expect("it starts");
         let (id, mut process) = (child.id(), Process(child));
-        assert!(process.wait(Instant::now() + Duration::from_millis(20)).expect("it can be asked").is_none());
+        assert!(
+            process
+                .wait(Instant::now() + Duration::from_millis(20))
+                .expect("it can be asked")
+                .is_none()
+        );
         drop(process);
         assert!(!Path::new(&format!("/proc/{id}")).exists());
     }

@@ -34,7 +34,8 @@ fn a_wrong_name_suggests_the_nearest() {
     "#);
     insta::assert_snapshot!(failure(&place, "render cornel-box"), @"
     1
-    error: cornel-box: neither a file nor a built-in scene; did you mean cornell-box? `snell scenes` lists the built-in ones
+    error: cornel-box: neither a file nor a built-in scene; did you mean cornell-box? `snell \
+    scenes` lists the built-in ones
     ");
     insta::assert_snapshot!(failure(&place, "rendr"), @"
     2
@@ -85,11 +86,13 @@ fn a_wrong_value_says_what_is_expected() {
     ");
     insta::assert_snapshot!(failure(&place, "render --background blue"), @"
     2
-    error: --background blue: expected environment, transparent (or none), white, black, #rrggbb or r,g,b
+    error: --background blue: expected environment, transparent (or none), white, black, #rrggbb \
+    or r,g,b
     ");
     insta::assert_snapshot!(failure(&place, "render --environment nan,0,0"), @"
     2
-    error: --environment nan,0,0: not a color; expected white, black, #rrggbb or r,g,b (finite and not negative), none, sky, sky:…, or the name of a picture
+    error: --environment nan,0,0: not a color; expected white, black, #rrggbb or r,g,b (finite and \
+    not negative), none, sky, sky:…, or the name of a picture
     ");
     insta::assert_snapshot!(failure(&place, "render -o a.png --stats ./a.png"), @"
     2
@@ -105,7 +108,8 @@ fn a_wrong_value_says_what_is_expected() {
     ");
     insta::assert_snapshot!(failure(&place, "render --size 60000x60000"), @"
     2
-    error: a picture of 60000x60000 pixels is larger than the limit of 268435456 pixels; make it smaller with --size, or render parts of it with --crop
+    error: a picture of 60000x60000 pixels is larger than the limit of 268435456 pixels; make it \
+    smaller with --size, or render parts of it with --crop
     ");
     insta::assert_snapshot!(failure(&place, "render --exposure nan"), @r#"
     2
@@ -133,8 +137,10 @@ fn a_broken_file_names_place_problem_and_remedy() {
         ("cut.glb", b"glTF\x02\0\0\0\xff\0\0\0"),
         ("index.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"),
         ("number.obj", b"v 0 0 zero\n"),
-        ("count.ply", b"ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\nproperty float y\nproperty float z\nend_header\n"),
-        ("short.ply", b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n"),
+        ("count.ply", b"ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float \
+            x\nproperty float y\nproperty float z\nend_header\n"),
+        ("short.ply", b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float \
+            y\nproperty float z\nend_header\n0 0 0\n"),
         ("short.stl", b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0"),
         ("short.off", b"OFF\n3 1 0\n0 0 0\n"),
         ("word.scn", b"material 0 0 0 1 1 1 0 0 0 0 0 0 0 0 0 1 1 0\nsphere 0 0 0 0 big\n"),
@@ -147,7 +153,8 @@ fn a_broken_file_names_place_problem_and_remedy() {
     for (name, content) in files {
         place.write(name, content);
         let run = place.run(&format!("render {name} --size 8x8 --spp 1 -t 1 -q"));
-        found += &format!("{} {}", run.code, if run.err.is_empty() { "rendered\n" } else { &run.err });
+        found +=
+            &format!("{} {}", run.code, if run.err.is_empty() { "rendered\n" } else { &run.err });
     }
     insta::assert_snapshot!(found, @r#"
     1 error: syntax.gltf:1:30: not valid JSON: EOF while parsing a value; export the file again, or see what the glTF validator says about it
@@ -181,11 +188,13 @@ fn files_that_are_no_files_are_errors() {
     ");
     insta::assert_snapshot!(failure(&place, "render missing.glb"), @"
     1
-    error: missing.glb: cannot open: No such file or directory (os error 2); check the name and that you may read it
+    error: missing.glb: cannot open: No such file or directory (os error 2); check the name and \
+    that you may read it
     ");
     insta::assert_snapshot!(failure(&place, "compare a.exr a.png"), @"
     1
-    error: a.exr: the OpenEXR file is damaged or of an unsupported kind: not supported: too new file feature flags; render or export it again as scan lines with ZIP compression
+    error: a.exr: the OpenEXR file is damaged or of an unsupported kind: not supported: too new \
+    file feature flags; render or export it again as scan lines with ZIP compression
     ");
     insta::assert_snapshot!(failure(&place, "compare a.png missing.png"), @"
     1
@@ -193,7 +202,8 @@ fn files_that_are_no_files_are_errors() {
     ");
     insta::assert_snapshot!(failure(&place, "render --environment a.exr"), @"
     1
-    error: a.exr: the OpenEXR file is damaged or of an unsupported kind: not supported: too new file feature flags; render or export it again as scan lines with ZIP compression
+    error: a.exr: the OpenEXR file is damaged or of an unsupported kind: not supported: too new \
+    file feature flags; render or export it again as scan lines with ZIP compression
     ");
 }
 
@@ -204,8 +214,17 @@ fn the_viewer_refuses_what_it_cannot_serve() {
         let text = failure(&place, words);
         text.lines().take(2).collect::<Vec<_>>().join(" ")
     };
-    assert!(first("view cornel-box").starts_with("1 error: cornel-box: neither a file nor a built-in scene"));
+    assert!(
+        first("view cornel-box")
+            .starts_with("1 error: cornel-box: neither a file nor a built-in scene")
+    );
     assert!(first("view --fps 0").starts_with("2 error: --fps 0: from 1 to 240"));
-    assert!(first("view --token short").starts_with("2 error: invalid value 'short' for '--token <TOKEN>'"));
-    assert!(first("view cornell-box -- --spp none").starts_with("2 error: invalid value 'none' for '--spp <N>'"));
+    assert!(
+        first("view --token short")
+            .starts_with("2 error: invalid value 'short' for '--token <TOKEN>'")
+    );
+    assert!(
+        first("view cornell-box -- --spp none")
+            .starts_with("2 error: invalid value 'none' for '--spp <N>'")
+    );
 }

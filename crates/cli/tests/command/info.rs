@@ -26,10 +26,20 @@ fn info_in_json_has_the_same_facts() {
     let place = Place::new();
     for scene in ["cornell-box", "minray", "night-town", "spheres", "teapot"] {
         let info: serde_json::Value =
-            serde_json::from_slice(&place.run(&format!("info {scene} --json")).done().out).expect("it is JSON");
+            serde_json::from_slice(&place.run(&format!("info {scene} --json")).done().out)
+                .expect("it is JSON");
         assert_eq!(info["name"], scene);
-        for key in ["nodes", "triangles", "bounds", "materials", "lights", "cameras", "warnings", "tree", "environment"]
-        {
+        for key in [
+            "nodes",
+            "triangles",
+            "bounds",
+            "materials",
+            "lights",
+            "cameras",
+            "warnings",
+            "tree",
+            "environment",
+        ] {
             assert!(!info[key].is_null(), "{scene}: {key}");
         }
     }
@@ -51,13 +61,16 @@ fn comparing_tells_how_far_pictures_are_apart() {
     assert_eq!(place.image("d.png").width, 16);
     let run = place.run("compare a.exr small.exr");
     assert_eq!(run.code, 1);
-    insta::assert_snapshot!(run.err, @"error: a.exr and small.exr: the sizes differ: the reference has 16 x 12 pixels, the other picture 12 x 12; render or scale one of them to the size of the other");
+    insta::assert_snapshot!(run.err, @"error: a.exr and small.exr: the sizes differ: the reference \
+        has 16 x 12 pixels, the other picture 12 x 12; render or scale one of them to the size of \
+        the other");
 }
 
 #[test]
 fn the_lists_name_what_there_is() {
     let place = Place::new();
-    for (words, expected) in [("scenes", ["cornell-box", "teapot"]), ("formats", [".gltf", ".exr"])] {
+    for (words, expected) in [("scenes", ["cornell-box", "teapot"]), ("formats", [".gltf", ".exr"])]
+    {
         let run = place.run(words).done();
         assert!(expected.iter().all(|e| run.text().contains(e)), "{}", run.text());
     }
@@ -79,7 +92,8 @@ fn no_command_shows_the_help_and_is_wrong_usage() {
     let run = Place::new().run("");
     assert_eq!(run.code, 2);
     assert!(
-        run.err.contains("Usage: snell <COMMAND>") && run.err.contains("Render a scene to a picture"),
+        run.err.contains("Usage: snell <COMMAND>")
+            && run.err.contains("Render a scene to a picture"),
         "{}",
         run.err
     );
@@ -88,7 +102,9 @@ fn no_command_shows_the_help_and_is_wrong_usage() {
 #[test]
 fn help_is_help_and_not_an_error() {
     let place = Place::new();
-    for words in ["--help", "help render", "render --help", "info -h", "compare --help", "--version"] {
+    for words in
+        ["--help", "help render", "render --help", "info -h", "compare --help", "--version"]
+    {
         let run = place.run(words).done();
         assert!(!run.out.is_empty() && run.err.is_empty(), "{words}");
         assert!(run.text().lines().all(|l| l.chars().count() <= 110), "{words}");

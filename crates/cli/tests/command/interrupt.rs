@@ -19,7 +19,9 @@ fn a_time_limit_ends_the_render() {
 #[test]
 fn the_first_pass_is_finished_whatever_the_time_limit() {
     let place = Place::new();
-    place.run("render cornell-box --size 200x150 --time 0.001s -t 1 -q --stats s.json -o a.png").done();
+    place
+        .run("render cornell-box --size 200x150 --time 0.001s -t 1 -q --stats s.json -o a.png")
+        .done();
     assert!(place.json("s.json")["spp"].as_u64().is_some_and(|n| n >= 1));
 }
 
@@ -27,11 +29,14 @@ fn the_first_pass_is_finished_whatever_the_time_limit() {
 fn a_time_limit_needs_no_memory_for_samples_that_are_never_taken() {
     let place = Place::new();
     let start = Instant::now();
-    place.run("render cornell-box --size 1024x1024 --spp 16777216 --time 0.1s -t 2 -q -o a.png").done();
+    place
+        .run("render cornell-box --size 1024x1024 --spp 16777216 --time 0.1s -t 2 -q -o a.png")
+        .done();
     assert!(start.elapsed() < Duration::from_secs(60), "{:?}", start.elapsed());
 }
 
-/// Sends Ctrl-C once the command has told of some progress, or after some seconds; returns how it ended, and what it said since.
+/// Sends Ctrl-C once the command has told of some progress, or after some seconds; returns how it
+/// ended, and what it said since.
 #[cfg(unix)]
 fn interrupted(place: &Place, words: &str, seconds: Option<u64>) -> (Option<i32>, String) {
     use nix::sys::signal::{Signal, kill};
@@ -75,7 +80,8 @@ fn ctrl_c_before_anything_is_rendered_leaves_the_picture_that_is_there() {
     let place = Place::new();
     place.run("render cornell-box --size 20x15 --spp 1 -q -o a.png").done();
     // Guided paths are learnt first, for minutes.
-    let words = "render door-ajar --guiding --size 400x300 --spp 1000000 -t 1 --progress none -o a.png";
+    let words =
+        "render door-ajar --guiding --size 400x300 --spp 1000000 -t 1 --progress none -o a.png";
     let (code, rest) = interrupted(&place, words, Some(4));
     assert_eq!(code, Some(130), "{rest}");
     assert!(rest.contains("interrupted before anything was rendered"), "{rest}");
@@ -90,11 +96,15 @@ fn ctrl_c_ends_a_render_whose_first_ray_takes_hours() {
     let children = |i: usize| format!("{{\"children\": {:?}}}, ", [i + 1; 10]);
     let nodes: String = (0..9).map(children).collect();
     let sphere = r#"{"surfaces": [{"shape": {"shape": "sphere", "radius": 1}}]}"#;
-    let scene = format!(r#"{{"format": "snell scene", "version": 1, "root": 0, "nodes": [{nodes}{sphere}]}}"#);
+    let scene = format!(
+        r#"{{"format": "snell scene", "version": 1, "root": 0, "nodes": [{nodes}{sphere}]}}"#
+    );
     place.write("a.snell", &scene);
     for integrator in ["path", "whitted"] {
         let start = Instant::now();
-        let words = format!("render a.snell --size 16x12 --spp 1 -i {integrator} -t 2 --progress none -o a.png");
+        let words = format!(
+            "render a.snell --size 16x12 --spp 1 -i {integrator} -t 2 --progress none -o a.png"
+        );
         let (code, rest) = interrupted(&place, &words, Some(5));
         assert_eq!(code, Some(130), "{rest}");
         assert!(start.elapsed() < Duration::from_secs(15), "{:?}", start.elapsed());

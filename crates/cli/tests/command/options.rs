@@ -24,7 +24,8 @@ fn a_crop_has_the_pixels_of_the_whole() {
 #[test]
 fn the_seed_changes_the_noise() {
     let place = Place::new();
-    let [a, b] = [0, 1].map(|seed| pixels(&place, &format!("cornell-box --size 16x12 --spp 1 --seed {seed}")));
+    let [a, b] = [0, 1]
+        .map(|seed| pixels(&place, &format!("cornell-box --size 16x12 --spp 1 --seed {seed}")));
     assert_ne!(a, b);
 }
 
@@ -32,14 +33,16 @@ fn the_seed_changes_the_noise() {
 fn a_definition_changes_the_scene() {
     let place = Place::new();
     let info: serde_json::Value =
-        serde_json::from_slice(&place.run("info cornell-box --json").done().out).expect("it is JSON");
+        serde_json::from_slice(&place.run("info cornell-box --json").done().out)
+            .expect("it is JSON");
     let light = info["materials"]
         .as_array()
         .expect("a list")
         .iter()
         .position(|m| m["emission"]["factor"] != serde_json::json!([0.0, 0.0, 0.0]))
         .expect("the Cornell box has a lamp");
-    let dark = format!("cornell-box --size 8x6 --spp 2 -D material.{light}.emission.factor=[0,0,0]");
+    let dark =
+        format!("cornell-box --size 8x6 --spp 2 -D material.{light}.emission.factor=[0,0,0]");
     assert!(pixels(&place, &dark).iter().all(|&x| x == 0.0), "without a lamp the box is black");
     assert!(pixels(&place, "cornell-box --size 8x6 --spp 2").iter().any(|&x| x > 0.0));
 }
@@ -67,7 +70,12 @@ fn an_environment_file_lights_the_scene() {
     let white = pixels(&place, "a.ply --size 4x4 --spp 1 --environment 1,1,1");
     assert_eq!(white[..3], [1.0; 3]);
     let run = place.run("render a.ply --environment nothere.hdr -o b.png");
-    assert_eq!((run.code, run.err.starts_with("error: nothere.hdr: cannot open")), (1, true), "{}", run.err);
+    assert_eq!(
+        (run.code, run.err.starts_with("error: nothere.hdr: cannot open")),
+        (1, true),
+        "{}",
+        run.err
+    );
 }
 
 #[test]
@@ -75,10 +83,17 @@ fn exposure_and_tone_map_change_display_formats_only() {
     let place = Place::new();
     let words = "render cornell-box --size 16x12 --spp 2 -t 1 -q";
     let mut pictures = Vec::new();
-    for (i, options) in ["", "--exposure 1", "--exposure -2.5", "--tonemap aces", "--tonemap agx"].iter().enumerate() {
+    for (i, options) in ["", "--exposure 1", "--exposure -2.5", "--tonemap aces", "--tonemap agx"]
+        .iter()
+        .enumerate()
+    {
         place.run(&format!("{words} {options} -o {i}.png --stats {i}.json")).done();
-        pictures.push(std::fs::read(place.path(&format!("{i}.png"))).expect("the picture was written"));
-        assert_eq!(place.json(&format!("{i}.json"))["image_sha256"], place.json("0.json")["image_sha256"]);
+        pictures
+            .push(std::fs::read(place.path(&format!("{i}.png"))).expect("the picture was written"));
+        assert_eq!(
+            place.json(&format!("{i}.json"))["image_sha256"],
+            place.json("0.json")["image_sha256"]
+        );
     }
     pictures.sort();
     pictures.dedup();
@@ -92,18 +107,24 @@ fn a_camera_is_chosen_by_name_or_number() {
     assert_eq!(pixels(&place, "cornell-box --size 8x6 --spp 1 --camera 0"), default);
     let run = place.run("render cornell-box --camera nothere");
     assert_eq!(run.code, 2);
-    assert!(run.err.starts_with("error: there is no camera \"nothere\"; the scene has: 0 "), "{}", run.err);
+    assert!(
+        run.err.starts_with("error: there is no camera \"nothere\"; the scene has: 0 "),
+        "{}",
+        run.err
+    );
 }
 
 #[test]
 fn progress_in_json_is_one_object_a_line() {
     let place = Place::new();
-    let run = place.run("render cornell-box --size 64x48 --time 1s -t 1 --progress json -o a.png").done();
+    let run =
+        place.run("render cornell-box --size 64x48 --time 1s -t 1 --progress json -o a.png").done();
     let lines: Vec<_> = run.err.lines().filter(|l| l.starts_with('{')).collect();
     assert!(lines.len() >= 2, "{}", run.err);
     let mut last = 0.0;
     for line in lines {
-        let object: serde_json::Value = serde_json::from_str(line).expect("each line is one object");
+        let object: serde_json::Value =
+            serde_json::from_str(line).expect("each line is one object");
         let done = object["done"].as_f64().expect("a share");
         assert!((last..=1.0).contains(&done), "{line}");
         last = done;
@@ -127,9 +148,15 @@ fn values_that_mean_nothing_are_wrong_usage_and_the_message_says_what_would() {
         ("render --frames 0..1e9@24", "1e9 seconds are too many"),
         ("render --frames 0..1@5000", "rates are from 0.001 to 1000"),
         ("render --turntable 99999999999", "a turn has 1 to 100000"),
-        ("render --light-group a=99 -o a.exr", "there is environment, and emissive materials: lamp"),
+        (
+            "render --light-group a=99 -o a.exr",
+            "there is environment, and emissive materials: lamp",
+        ),
         ("render --display tev://localhost:99999", "expected tev://HOST:PORT"),
-        ("render -D material.lamp.emission.factor=[1e30,0,0]", "1e30 is not possible, expected 0 to 1e24"),
+        (
+            "render -D material.lamp.emission.factor=[1e30,0,0]",
+            "1e30 is not possible, expected 0 to 1e24",
+        ),
         ("compare a.png b.png --max-relmse nan", "expected a number of at least 0"),
         ("explain cornell-box --pixel -1,0", "a pixel is a column and a row"),
         ("explain cornell-box --pixel 1,1 -- -o a.png", "--output belongs to `snell render`"),
@@ -138,6 +165,13 @@ fn values_that_mean_nothing_are_wrong_usage_and_the_message_says_what_would() {
         assert_eq!(run.code, 2, "{words}: {}", run.err);
         assert!(run.err.contains(part), "{words}: {}", run.err);
     }
-    let run = place.run("explain cornell-box --pixel 1,1 --structures none --svg nowhere/a.svg -- --size 4x4 --spp 1");
-    assert!(run.code == 1 && !run.err.contains(".tmp"), "a temporary name says nothing: {}", run.err);
+    let run = place.run(
+        "explain cornell-box --pixel 1,1 --structures none --svg nowhere/a.svg -- \
+        --size 4x4 --spp 1",
+    );
+    assert!(
+        run.code == 1 && !run.err.contains(".tmp"),
+        "a temporary name says nothing: {}",
+        run.err
+    );
 }

@@ -7,8 +7,15 @@ fn a_render_without_anything_writes_the_cornell_box_and_says_what_is_next() {
     let place = Place::new();
     let run = place.run("render --size 24x18 --spp 2 -t 1").done();
     assert_eq!(place.files(), ["cornell-box.png"]);
-    assert_eq!((place.image("cornell-box.png").width, place.image("cornell-box.png").height), (24, 18));
-    assert!(run.err.starts_with("cornell-box.png: 24x18, 2 samples per pixel, path in "), "{}", run.err);
+    assert_eq!(
+        (place.image("cornell-box.png").width, place.image("cornell-box.png").height),
+        (24, 18)
+    );
+    assert!(
+        run.err.starts_with("cornell-box.png: 24x18, 2 samples per pixel, path in "),
+        "{}",
+        run.err
+    );
     assert!(run.err.contains("Next: `snell render FILE`"), "{}", run.err);
     assert!(run.out.is_empty());
 }
@@ -66,12 +73,16 @@ fn the_order_of_options_does_not_matter() {
 fn a_picture_carries_its_settings() {
     let place = Place::new();
     for name in ["a.png", "a.exr"] {
-        place.run(&format!("render minray -i direct --size 8x6 --spp 3 --seed 7 -t 1 -q -o {name}")).done();
+        place
+            .run(&format!("render minray -i direct --size 8x6 --spp 3 --seed 7 -t 1 -q -o {name}"))
+            .done();
     }
     let found = place.layers("a.exr").metadata;
     let png = std::fs::read(place.path("a.png")).expect("the picture was written");
     let has = |text: &str| png.windows(text.len()).any(|w| w == text.as_bytes());
-    for (key, value) in [("Integrator", "direct"), ("Samples", "3"), ("Seed", "7"), ("Scene", "minray")] {
+    for (key, value) in
+        [("Integrator", "direct"), ("Samples", "3"), ("Seed", "7"), ("Scene", "minray")]
+    {
         assert!(has(&format!("{key}\0{value}")), "{key} in the PNG");
         assert!(found.iter().any(|(k, v)| k == key && v == value), "{key} in {found:?}");
     }
@@ -81,9 +92,14 @@ fn a_picture_carries_its_settings() {
 #[test]
 fn layers_are_named_in_openexr() {
     let place = Place::new();
-    place.run("render cornell-box --size 8x6 --spp 2 -t 1 -q --aov depth,normal --variance -o a.exr").done();
+    place
+        .run("render cornell-box --size 8x6 --spp 2 -t 1 -q --aov depth,normal --variance -o a.exr")
+        .done();
     let names: Vec<_> = place.layers("a.exr").layers.into_iter().map(|l| l.name).collect();
-    assert!(["", "depth", "normal", "variance"].iter().all(|n| names.iter().any(|m| m == n)), "{names:?}");
+    assert!(
+        ["", "depth", "normal", "variance"].iter().all(|n| names.iter().any(|m| m == n)),
+        "{names:?}"
+    );
 }
 
 #[test]
@@ -111,11 +127,13 @@ fn what_cannot_be_written_is_known_before_the_render() {
     for (options, message) in [
         (
             "-o a.gif",
-            "error: a.gif: \"gif\" is not an image format that Snell writes; use one of: .exr .png .jpg .hdr .pfm .ppm\n",
+            "error: a.gif: \"gif\" is not an image format that Snell writes; use one of: .exr .png \
+                .jpg .hdr .pfm .ppm\n",
         ),
         (
             "-o picture",
-            "error: picture: the name has no extension that says which image format to write; use one of: .exr .png .jpg .hdr .pfm .ppm\n",
+            "error: picture: the name has no extension that says which image format to write; use \
+                one of: .exr .png .jpg .hdr .pfm .ppm\n",
         ),
         ("-o no/a.png", "error: no/a.png: the folder no does not exist; make it first\n"),
         ("-o folder.png", "error: folder.png: this is a folder; name a file in it\n"),
@@ -138,9 +156,14 @@ fn what_cannot_be_written_is_known_before_the_render() {
 #[test]
 fn a_reader_that_stops_reading_is_no_fault() {
     let place = Place::new();
-    for words in
-        ["info cornell-box", "formats", "scenes", "man", "completions bash", "render minray --size 8x8 --spp 1 -q -o -"]
-    {
+    for words in [
+        "info cornell-box",
+        "formats",
+        "scenes",
+        "man",
+        "completions bash",
+        "render minray --size 8x8 --spp 1 -q -o -",
+    ] {
         let mut child = place.command(words).spawn().expect("the command exists");
         drop(child.stdout.take());
         let output = child.wait_with_output().expect("the command was started");
@@ -151,7 +174,8 @@ fn a_reader_that_stops_reading_is_no_fault() {
 #[test]
 fn light_groups_and_cryptomatte_have_their_names_in_openexr() {
     let place = Place::new();
-    let words = "render cornell-box --size 16x12 --spp 4 -t 1 -q --aov direct,crypto-object,crypto-material --variance \
+    let words = "render cornell-box --size 16x12 --spp 4 -t 1 -q --aov \
+        direct,crypto-object,crypto-material --variance \
                  --light-group lamp=lamp -o a.exr";
     place.run(words).done();
     let picture = place.layers("a.exr");
@@ -169,15 +193,23 @@ fn light_groups_and_cryptomatte_have_their_names_in_openexr() {
     }
     let values = |name: &str| picture.layer(name).expect("the layer is there").values.clone();
     assert!(values("light_other").iter().all(|&v| v == 0.0), "there is one lamp");
-    let manifest = picture.metadata.iter().find(|(k, v)| k.ends_with("/manifest") && v.contains("\"white\":"));
+    let manifest =
+        picture.metadata.iter().find(|(k, v)| k.ends_with("/manifest") && v.contains("\"white\":"));
     assert!(manifest.is_some_and(|(k, _)| k.starts_with("cryptomatte/")), "{:?}", picture.metadata);
     // The largest share of a pixel is known to the manifest, bit for bit.
     let material = picture.layer("CryptoMaterial00").expect("the layer is there");
-    let red = material.channels.iter().position(|c| c.eq_ignore_ascii_case("R")).expect("the first rank is in R and G");
+    let red = material
+        .channels
+        .iter()
+        .position(|c| c.eq_ignore_ascii_case("R"))
+        .expect("the first rank is in R and G");
     let pixels = material.values.chunks(material.channels.len());
     let found = pixels.map(|ranks| ranks[red].to_bits()).find(|hash| *hash != 0);
     let hash = format!("{:08x}", found.expect("some pixel shows a surface"));
-    assert!(picture.metadata.iter().any(|(k, v)| k.ends_with("/manifest") && v.contains(&hash)), "{hash}");
+    assert!(
+        picture.metadata.iter().any(|(k, v)| k.ends_with("/manifest") && v.contains(&hash)),
+        "{hash}"
+    );
 }
 
 #[test]
@@ -199,13 +231,19 @@ fn a_light_group_or_a_denoiser_that_is_not_there_is_an_error_that_tells_what_to_
 #[test]
 fn a_render_to_a_stated_error_says_how_far_it_came() {
     let place = Place::new();
-    let words = "render cornell-box --size 12x8 --noise 0.5 --spp 512 --max-depth 2 -t 2 --aov noise,samples --stats s.json -o a.exr";
+    let words = "render cornell-box --size 12x8 --noise 0.5 --spp 512 --max-depth 2 -t 2 --aov \
+        noise,samples --stats s.json -o a.exr";
     let run = place.run(words).done();
     assert!(run.err.contains("% of the pixels within 0.5"), "{}", run.err);
     let s = place.json("s.json");
     assert_eq!(s["noise"], 0.5);
     let number = |key: &str| s[key].as_f64().unwrap_or(-1.0);
-    assert!(number("spp") >= 128.0 && number("spp_most") <= 512.0 && number("spp_mean") >= number("spp"), "{s}");
+    assert!(
+        number("spp") >= 128.0
+            && number("spp_most") <= 512.0
+            && number("spp_mean") >= number("spp"),
+        "{s}"
+    );
     assert!(number("converged") > 0.5, "{s}");
     let picture = place.layers("a.exr");
     let samples = &picture.layer("samples").expect("the layer is there").values;

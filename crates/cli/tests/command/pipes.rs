@@ -4,11 +4,18 @@ use super::support::{BALL, Place};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// A folder with a pipe of each name. Nobody writes to them, so that to open one is to wait for ever.
+/// A folder with a pipe of each name. Nobody writes to them, so that to open one is to wait for
+/// ever.
 fn with_pipes(names: &[&str]) -> Place {
     let place = Place::new();
     for name in names {
-        assert!(Command::new("mkfifo").arg(place.path(name)).status().expect("it is part of Unix").success());
+        assert!(
+            Command::new("mkfifo")
+                .arg(place.path(name))
+                .status()
+                .expect("it is part of Unix")
+                .success()
+        );
     }
     place
 }
@@ -54,10 +61,17 @@ fn pipes_in_place_of_the_files_that_a_scene_or_an_option_names_are_refused() {
     place.write("good.mtl", "newmtl a\nmap_Kd tex.png\n");
     place.write("tex.obj", "mtllib good.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     place.write("ball.ply", BALL);
-    place.write("b.gltf", "{\"asset\": {\"version\": \"2.0\"}, \"buffers\": [{\"uri\": \"b.bin\", \"byteLength\": 36}], \
-        \"bufferViews\": [{\"buffer\": 0, \"byteLength\": 36}], \"accessors\": [{\"bufferView\": 0, \"componentType\": 5126, \
-        \"count\": 3, \"type\": \"VEC3\", \"min\": [0, 0, 0], \"max\": [1, 1, 0]}], \"meshes\": [{\"primitives\": \
-        [{\"attributes\": {\"POSITION\": 0}}]}], \"nodes\": [{\"mesh\": 0}], \"scenes\": [{\"nodes\": [0]}]}");
+    place.write(
+        "b.gltf",
+        "{\"asset\": {\"version\": \"2.0\"}, \"buffers\": [{\"uri\": \"b.bin\", \
+        \"byteLength\": 36}], \
+        \"bufferViews\": [{\"buffer\": 0, \"byteLength\": 36}], \"accessors\": [{\"bufferView\": \
+        0, \"componentType\": 5126, \
+        \"count\": 3, \"type\": \"VEC3\", \"min\": [0, 0, 0], \"max\": [1, 1, 0]}], \"meshes\": \
+        [{\"primitives\": \
+        [{\"attributes\": {\"POSITION\": 0}}]}], \"nodes\": [{\"mesh\": 0}], \"scenes\": \
+        [{\"nodes\": [0]}]}",
+    );
     for words in [
         "info lib.obj",
         "info tex.obj",

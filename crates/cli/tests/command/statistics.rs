@@ -12,8 +12,14 @@ fn the_statistics_have_all_their_keys() {
     let place = Place::new();
     place.run("render cornell-box --size 16x12 --spp 4 -t 2 -q --stats s.json -o a.png").done();
     let s = place.json("s.json");
-    assert_eq!((&s["scene"], &s["triangles"], &s["shapes"]), (&"cornell-box".into(), &32.into(), &0.into()));
-    assert_eq!((&s["spp"], &s["threads"], &s["rays"]["camera"]), (&4.into(), &2.into(), &(16 * 12 * 4).into()));
+    assert_eq!(
+        (&s["scene"], &s["triangles"], &s["shapes"]),
+        (&"cornell-box".into(), &32.into(), &0.into())
+    );
+    assert_eq!(
+        (&s["spp"], &s["threads"], &s["rays"]["camera"]),
+        (&4.into(), &2.into(), &(16 * 12 * 4).into())
+    );
     for key in ["instances", "peak_memory_bytes"] {
         assert!(s[key].as_u64().is_some_and(|n| n > 0), "{key}: {}", s[key]);
     }
@@ -39,7 +45,10 @@ fn the_statistics_have_the_warnings_that_are_not_shown() {
     let listed = place.json("s.json")["warnings"].clone();
     let listed = listed.as_array().expect("a list");
     let messages: Vec<_> = listed.iter().map(|w| w["message"].as_str().expect("text")).collect();
-    assert!(messages.iter().any(|m| m.contains("none.mtl")) && messages.iter().any(|m| m.contains("OpenEXR")));
+    assert!(
+        messages.iter().any(|m| m.contains("none.mtl"))
+            && messages.iter().any(|m| m.contains("OpenEXR"))
+    );
     for message in messages {
         assert!(shown.contains(&format!("warning: {message}")), "{message}\n{shown}");
     }
@@ -58,7 +67,10 @@ fn the_hash_is_that_of_the_linear_floats_from_the_top_row() {
     let rows: Vec<_> = bytes[bytes.len() - 20 * 14 * 12..].chunks(20 * 12).rev().collect();
     hasher.update(rows.concat());
     let expected: String = hasher.finalize().iter().map(|b| format!("{b:02x}")).collect();
-    assert_eq!([hash(&place, "s.json"), hash(&place, "e.json")], [expected.clone(), expected.clone()]);
+    assert_eq!(
+        [hash(&place, "s.json"), hash(&place, "e.json")],
+        [expected.clone(), expected.clone()]
+    );
 
     let mut hasher = Sha256::new();
     for value in &place.layers("a.exr").layers[0].values {
@@ -93,7 +105,8 @@ fn the_hash_does_not_depend_on_threads_or_instruction_sets() {
 #[test]
 fn a_level_that_does_not_exist_is_wrong_usage() {
     let place = Place::new();
-    let run = place.finish(place.command("render --size 8x8 --spp 1").env("SNELL_SIMD", "sse9"), b"");
+    let run =
+        place.finish(place.command("render --size 8x8 --spp 1").env("SNELL_SIMD", "sse9"), b"");
     assert_eq!(
         (run.code, run.err.as_str()),
         (2, "error: SNELL_SIMD=sse9 is not a level; use scalar, avx2 or avx512, or unset it\n")

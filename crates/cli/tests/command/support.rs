@@ -8,8 +8,10 @@ use std::process::{Command, Stdio};
 use tempfile::TempDir;
 
 /// A small red ball, seen from the front, in the light of its own sky.
-pub const BALL: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
-    element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+pub const BALL: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float \
+    y\nproperty float z\n\
+    element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 \
+    2\n";
 
 /// A fresh folder to run in.
 pub struct Place {
@@ -53,7 +55,10 @@ impl Place {
 
     pub fn command(&self, words: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_snell"));
-        command.args(words.split_whitespace()).current_dir(self.folder.path()).env_remove("SNELL_SIMD");
+        command
+            .args(words.split_whitespace())
+            .current_dir(self.folder.path())
+            .env_remove("SNELL_SIMD");
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }
@@ -82,7 +87,8 @@ impl Place {
     /// Names of the files in the folder.
     pub fn files(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.folder.path()).expect("the folder is there");
-        let mut names: Vec<_> = entries.flatten().map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+        let mut names: Vec<_> =
+            entries.flatten().map(|e| e.file_name().to_string_lossy().into_owned()).collect();
         names.sort();
         names
     }
@@ -92,7 +98,8 @@ impl Place {
     }
 
     pub fn layers(&self, name: &str) -> LayeredImage {
-        let input = Input::open(&self.path(name), &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let input = Input::open(&self.path(name), &ReadOptions::default())
+            .unwrap_or_else(|e| panic!("{e}"));
         image::read_layers(&input).unwrap_or_else(|e| panic!("{e}"))
     }
 

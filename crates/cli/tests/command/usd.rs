@@ -1,4 +1,5 @@
-//! USD in a hostile folder. These tests hold where there is no Python and where it has no `usd-core`.
+//! USD in a hostile folder. These tests hold where there is no Python and where it has no
+//! `usd-core`.
 
 use super::support::Place;
 use std::path::Path;
@@ -9,7 +10,17 @@ const STAGE: &str = "#usda 1.0\ndef Sphere \"s\"\n{\n    double radius = 1\n}\n"
 fn evil() -> Place {
     let place = Place::new();
     place.write("a.usda", STAGE);
-    for name in ["pxr", "numpy", "sitecustomize", "usercustomize", "os", "json", "site", "signal", "snell_usd"] {
+    for name in [
+        "pxr",
+        "numpy",
+        "sitecustomize",
+        "usercustomize",
+        "os",
+        "json",
+        "site",
+        "signal",
+        "snell_usd",
+    ] {
         let marker = place.path("marker");
         place.write(&format!("{name}.py"), format!("open({marker:?}, 'w').write('{name}')\n"));
     }
@@ -18,7 +29,11 @@ fn evil() -> Place {
 
 fn nothing_was_run(place: &Place, how: &str) {
     let marker = std::fs::read_to_string(place.path("marker"));
-    assert!(marker.is_err(), "{how}: the module {} of the scene's folder was run", marker.unwrap_or_default());
+    assert!(
+        marker.is_err(),
+        "{how}: the module {} of the scene's folder was run",
+        marker.unwrap_or_default()
+    );
 }
 
 #[test]
@@ -34,9 +49,12 @@ fn python_modules_in_the_current_folder_are_not_run() {
 #[test]
 fn python_modules_that_variables_lead_to_are_not_run() {
     let place = evil();
-    for (name, value) in
-        [("PYTHONPATH", "."), ("PYTHONSTARTUP", "pxr.py"), ("PYTHONUSERBASE", "."), ("PYTHONHOME", ".")]
-    {
+    for (name, value) in [
+        ("PYTHONPATH", "."),
+        ("PYTHONSTARTUP", "pxr.py"),
+        ("PYTHONUSERBASE", "."),
+        ("PYTHONHOME", "."),
+    ] {
         place.finish(place.command("info a.usda").env(name, value), b"");
         nothing_was_run(&place, name);
     }
@@ -50,13 +68,18 @@ fn a_python_in_the_current_folder_is_not_run() {
     let marker = place.path("marker");
     for name in ["python3", "python"] {
         place.write(name, format!("#!/bin/sh\necho {name} > {}\n", marker.display()));
-        std::fs::set_permissions(place.path(name), std::fs::Permissions::from_mode(0o755)).expect("it is ours");
+        std::fs::set_permissions(place.path(name), std::fs::Permissions::from_mode(0o755))
+            .expect("it is ours");
     }
     let here = place.path("");
     for path in [Path::new("."), Path::new(""), &here] {
         let run = place.finish(place.command("info a.usda").env("PATH", path), b"");
         nothing_was_run(&place, "PATH");
-        assert!(run.code == 1 && run.err.contains("a.usda: reading USD needs Python; install"), "{}", run.err);
+        assert!(
+            run.code == 1 && run.err.contains("a.usda: reading USD needs Python; install"),
+            "{}",
+            run.err
+        );
     }
 }
 
@@ -75,6 +98,10 @@ fn a_python_that_gives_messages_or_dies_ends_in_one_line() {
     let refused = run("echo 'error: a.usda: at /s: odd; mend it' >&2; exit 1");
     assert_eq!((refused.code, refused.err.as_str()), (1, "error: a.usda: at /s: odd; mend it\n"));
     let killed = run("kill -9 $$");
-    assert!(killed.err.starts_with("error: a.usda: its reader was ended (signal: 9"), "{}", killed.err);
+    assert!(
+        killed.err.starts_with("error: a.usda: its reader was ended (signal: 9"),
+        "{}",
+        killed.err
+    );
     assert_eq!(killed.err.lines().count(), 1);
 }

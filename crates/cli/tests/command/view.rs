@@ -24,7 +24,8 @@ impl Drop for Viewer {
 impl Viewer {
     /// Waits for the address that a command prints.
     fn of(mut command: Command) -> Self {
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("it starts");
+        let mut child =
+            command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("it starts");
         let mut url = String::new();
         let out = child.stdout.take().expect("it has one");
         BufReader::new(out).read_line(&mut url).expect("it prints an address");
@@ -43,7 +44,8 @@ impl Viewer {
         let (host, token, length) = (&self.host, &self.token, body.len());
         let mut stream = self.connect().expect("it listens");
         let head = format!(
-            "{method} /{token}/{rest} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\nContent-Length: {length}\r\n\r\n"
+            "{method} /{token}/{rest} HTTP/1.1\r\nHost: {host}\r\nConnection: \
+                close\r\nContent-Length: {length}\r\n\r\n"
         );
         stream.write_all((head + body).as_bytes()).expect("it reads");
         let mut answer = Vec::new();
@@ -62,11 +64,18 @@ fn a_dropped_file_names_no_file_even_with_allow_outside() {
     place.write("secret.mtl", "newmtl secret\nKd 1 0 0\n");
     let viewer = Viewer::of(view(&place, "cornell-box -- --allow-outside --size 16x12 --spp 1"));
     let named = place.path("secret.mtl");
-    let names = [named.display().to_string(), "/etc/passwd".into(), "../../../../etc/passwd".into()];
+    let names =
+        [named.display().to_string(), "/etc/passwd".into(), "../../../../etc/passwd".into()];
     for name in names {
-        let answer =
-            viewer.ask("POST", "open?name=a.obj", &format!("mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"));
-        assert!(answer.starts_with("HTTP/1.1 422") && answer.contains("can name no others"), "{answer}");
+        let answer = viewer.ask(
+            "POST",
+            "open?name=a.obj",
+            &format!("mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+        );
+        assert!(
+            answer.starts_with("HTTP/1.1 422") && answer.contains("can name no others"),
+            "{answer}"
+        );
     }
     // A name is no option either.
     let answer = viewer.ask("POST", "open?name=--environment=/etc/passwd", "");
@@ -84,7 +93,10 @@ fn the_token_may_come_from_the_environment() {
     let mut command = view(&place, "cornell-box");
     let run = command.env("SNELL_VIEW_TOKEN", "short").output().expect("it runs");
     let said = String::from_utf8_lossy(&run.stderr).into_owned();
-    assert!(run.status.code() == Some(2) && said.contains("SNELL_VIEW_TOKEN: a token has 16 to 64"), "{said}");
+    assert!(
+        run.status.code() == Some(2) && said.contains("SNELL_VIEW_TOKEN: a token has 16 to 64"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -93,7 +105,10 @@ fn what_the_viewer_does_not_show_is_refused() {
     let refused = |words: &str, part: &str| {
         let run = view(&place, words).output().expect("it runs");
         let said = String::from_utf8_lossy(&run.stderr).into_owned();
-        assert!(run.status.code().is_some_and(|c| c == 1 || c == 2) && said.contains(part), "{words}: {said}");
+        assert!(
+            run.status.code().is_some_and(|c| c == 1 || c == 2) && said.contains(part),
+            "{words}: {said}"
+        );
     };
     refused("cornell-box -- --crop 0,0,10,10", "--crop");
     refused("cornell-box -- --size 16385x1 --spp 1", "16384");
@@ -104,7 +119,10 @@ fn what_the_viewer_does_not_show_is_refused() {
 fn limited(place: &Place, limit: &str, words: &str) -> Command {
     let mut command = Command::new("sh");
     let program = env!("CARGO_BIN_EXE_snell");
-    command.args(["-c", &format!("ulimit {limit} && exec '{program}' view --no-open --threads 1 {words}")]);
+    command.args([
+        "-c",
+        &format!("ulimit {limit} && exec '{program}' view --no-open --threads 1 {words}"),
+    ]);
     command.current_dir(place.path("."));
     command
 }

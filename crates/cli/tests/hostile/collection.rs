@@ -25,7 +25,9 @@ fn files_below(folder: &str) -> Vec<PathBuf> {
 #[test]
 fn broken_scenes_end_in_pictures_or_errors() {
     let mut report = Report::default();
-    for path in files_below("malformed").into_iter().filter(|p| !p.to_string_lossy().contains("openexr")) {
+    for path in
+        files_below("malformed").into_iter().filter(|p| !p.to_string_lossy().contains("openexr"))
+    {
         let bytes = std::fs::read(&path).expect("the file is readable");
         let folder = path.parent().expect("the file is in a folder");
         let name = path.display().to_string();

@@ -1,4 +1,5 @@
-//! Small files of large cost: what they stand for is refused before it fills the memory or takes minutes.
+//! Small files of large cost: what they stand for is refused before it fills the memory or takes
+//! minutes.
 
 use super::limits::{folder_with, survive};
 use flate2::Compression;
@@ -19,8 +20,12 @@ fn packed(byte: u8, count: usize) -> Vec<u8> {
 /// A black PNG of one byte a pixel.
 fn black(width: usize, height: usize) -> Vec<u8> {
     let mut bytes = b"\x89PNG\r\n\x1a\n".to_vec();
-    let header = [&(width as u32).to_be_bytes()[..], &(height as u32).to_be_bytes(), &[8, 0, 0, 0, 0]].concat();
-    for (kind, data) in [(b"IHDR", header), (b"IDAT", packed(0, (width + 1) * height)), (b"IEND", Vec::new())] {
+    let header =
+        [&(width as u32).to_be_bytes()[..], &(height as u32).to_be_bytes(), &[8, 0, 0, 0, 0]]
+            .concat();
+    for (kind, data) in
+        [(b"IHDR", header), (b"IDAT", packed(0, (width + 1) * height)), (b"IEND", Vec::new())]
+    {
         bytes.extend((data.len() as u32).to_be_bytes());
         let content = [&kind[..], &data].concat();
         bytes.extend(&content);
@@ -49,7 +54,10 @@ fn an_environment_of_one_colour_does_not_fill_the_memory() {
 fn an_image_whose_decoder_panics_is_one_line() {
     // Its palette has four bytes, which is no number of colours.
     let hex = "89504e470d0a1a0a0000000d49484452000000020000000208030000004568fd1600000004504c5445ff0000011da1981d0000000174524e5380ad5e5b460000000b49444154789c636000010000060001fe8c67c80000000049454e44ae426082";
-    let image = (0..hex.len()).step_by(2).map(|i| u8::from_str_radix(&hex[i..i + 2], 16).expect("hex")).collect();
+    let image = (0..hex.len())
+        .step_by(2)
+        .map(|i| u8::from_str_radix(&hex[i..i + 2], 16).expect("hex"))
+        .collect();
     let words = "render cornell-box --environment a.png --size 8x8 --spp 1 -t 1 -q -o out.png";
     is_refused("palette", &[("a.png", image)], words, "error: a.png: ");
 }
@@ -72,5 +80,10 @@ fn a_compressed_mesh_that_unpacks_to_a_thousand_times_its_size_is_refused() {
     mesh.extend(0u64.to_le_bytes());
     mesh.extend(1u32.to_le_bytes());
     let files = [("a.xml", scene.as_bytes().to_vec()), ("a.serialized", mesh)];
-    is_refused("serialized", &files, "render a.xml --size 8x8 --spp 1 -t 1 -q -o out.png", "unpacks to more than");
+    is_refused(
+        "serialized",
+        &files,
+        "render a.xml --size 8x8 --spp 1 -t 1 -q -o out.png",
+        "unpacks to more than",
+    );
 }

@@ -1,4 +1,5 @@
-//! Scene graphs that no file format can express, but the library can: very deep ones, and small ones that unfold to billions.
+//! Scene graphs that no file format can express, but the library can: very deep ones, and small
+//! ones that unfold to billions.
 
 use super::render::{End, render};
 use super::watch::Report;
@@ -9,7 +10,11 @@ use snell_scene::{Geometry, Material, Node, NodeId, Scene, Surface};
 use std::sync::Arc;
 
 fn moved(x: f64, child: NodeId) -> Node {
-    Node { transform: DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)), children: vec![child], ..Node::default() }
+    Node {
+        transform: DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)),
+        children: vec![child],
+        ..Node::default()
+    }
 }
 
 /// `levels` times two copies of what is below, and at the bottom this surface.

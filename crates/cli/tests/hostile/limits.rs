@@ -1,5 +1,6 @@
-//! Small files that ask for much: huge counts, deep nesting, files that name files. The real command, with limits on its address
-//! space: an allocation from a declared count, or a stack that overflows, would end it by a signal.
+//! Small files that ask for much: huge counts, deep nesting, files that name files. The real
+//! command, with limits on its address space: an allocation from a declared count, or a stack that
+//! overflows, would end it by a signal.
 
 use super::mutate::crc32;
 use super::promise::{self, Ended};
@@ -13,7 +14,8 @@ use tempfile::TempDir;
 pub fn survive(folder: &Path, words: &str) -> Ended {
     let words: Vec<_> = words.split_whitespace().map(String::from).collect();
     let scratch = TempDir::new().expect("temporary folders can be made");
-    let ended = promise::run(Path::new(env!("CARGO_BIN_EXE_snell")), &words, folder, scratch.path());
+    let ended =
+        promise::run(Path::new(env!("CARGO_BIN_EXE_snell")), &words, folder, scratch.path());
     assert_eq!(ended.fault(&words), None, "{words:?}");
     let message: String = ended.messages.trim_end().chars().take(300).collect();
     eprintln!("{words:?}: {:?} in {:?}: {message}", ended.code, ended.time);
@@ -23,7 +25,8 @@ pub fn survive(folder: &Path, words: &str) -> Ended {
 /// Renders the file, and shows what is in it.
 fn survive_scene(folder: &Path, name: &str) -> [bool; 3] {
     let render = format!("render {name} --size 8x8 --spp 1 -t 1 -q -o {name}.png");
-    [render, format!("info {name}"), format!("info {name} --json")].map(|w| survive(folder, &w).code == Some(0))
+    [render, format!("info {name}"), format!("info {name} --json")]
+        .map(|w| survive(folder, &w).code == Some(0))
 }
 
 pub fn folder_with(files: &[(&str, Vec<u8>)]) -> TempDir {
@@ -38,12 +41,14 @@ pub fn folder_with(files: &[(&str, Vec<u8>)]) -> TempDir {
 fn huge_counts_are_refused() {
     let ply = |format: &str, vertices: &str, rest: &str| {
         format!(
-            "ply\nformat {format} 1.0\nelement vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n{rest}end_header\n"
+            "ply\nformat {format} 1.0\nelement vertex {vertices}\nproperty float x\nproperty float \
+                y\nproperty float z\n{rest}end_header\n"
         )
     };
     let faces = "element face 4000000000\nproperty list uint int vertex_indices\n";
     let mut list =
-        ply("binary_little_endian", "1", "element face 1\nproperty list uint int vertex_indices\n").into_bytes();
+        ply("binary_little_endian", "1", "element face 1\nproperty list uint int vertex_indices\n")
+            .into_bytes();
     list.extend([0; 12]);
     list.extend([0xff, 0xff, 0xff, 0x7f, 1, 2, 3]);
     let mut stl = vec![b' '; 80];
@@ -70,8 +75,18 @@ fn huge_counts_are_refused() {
         ("b.gltf", gltf(r#""count": 333333333, "bufferView": 0"#)),
         ("c.gltf", gltf(r#""count": 18446744073709551615"#)),
         ("a.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff\xff\xff\xff\xffJSON{}".to_vec()),
-        ("p.nff", b"v\nfrom 0 0 1\nat 0 0 0\nup 0 1 0\nangle 40\nhither 1\nresolution 20 20\np 2000000000\n0 0 0\n".to_vec()),
-        ("a.nff", b"v\nfrom 0 0 1\nat 0 0 0\nup 0 1 0\nangle 40\nhither 1\nresolution 2000000000 2000000000\np 2000000000\n0 0 0\n".to_vec()),
+        (
+            "p.nff",
+            b"v\nfrom 0 0 1\nat 0 0 0\nup 0 1 0\nangle 40\nhither 1\nresolution 20 20\np \
+            2000000000\n0 0 0\n"
+                .to_vec(),
+        ),
+        (
+            "a.nff",
+            b"v\nfrom 0 0 1\nat 0 0 0\nup 0 1 0\nangle 40\nhither 1\nresolution 2000000000 \
+            2000000000\np 2000000000\n0 0 0\n"
+                .to_vec(),
+        ),
     ];
     let folder = folder_with(&files);
     for (name, _) in files {
@@ -81,17 +96,25 @@ fn huge_counts_are_refused() {
 
 #[test]
 fn huge_pictures_are_refused() {
-    let layer =
-        Layer { name: String::new(), channels: ["R", "G", "B"].map(String::from).to_vec(), values: vec![0.5; 12] };
+    let layer = Layer {
+        name: String::new(),
+        channels: ["R", "G", "B"].map(String::from).to_vec(),
+        values: vec![0.5; 12],
+    };
     let picture = LayeredImage { width: 2, height: 2, layers: vec![layer], metadata: Vec::new() };
-    let encode = |f: &str| encode_image_as(f, &picture, &WriteOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+    let encode = |f: &str| {
+        encode_image_as(f, &picture, &WriteOptions::default()).unwrap_or_else(|e| panic!("{e}"))
+    };
     let mut jpeg = encode("jpg");
     let frame = jpeg.windows(2).position(|w| w == [0xff, 0xc0]).expect("a JPEG has a frame");
     jpeg[frame + 5..frame + 9].copy_from_slice(&[0xff; 4]);
     let mut exr = encode("exr");
     for window in ["dataWindow\0box2i\0\x10\0\0\0", "displayWindow\0box2i\0\x10\0\0\0"] {
-        let at =
-            exr.windows(window.len()).position(|w| w == window.as_bytes()).expect("an EXR has windows") + window.len();
+        let at = exr
+            .windows(window.len())
+            .position(|w| w == window.as_bytes())
+            .expect("an EXR has windows")
+            + window.len();
         exr[at + 8..at + 16].copy_from_slice(&[0x3f, 0xff, 0, 0, 0x3f, 0xff, 0, 0]);
     }
     let files = [
@@ -99,12 +122,19 @@ fn huge_pictures_are_refused() {
         ("b.png", png(16_384, 16_384)),
         ("a.jpg", jpeg),
         ("a.exr", exr),
-        ("a.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16000 +X 16000\n\x02\x02\x3e\x80".to_vec()),
+        (
+            "a.hdr",
+            b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16000 +X \
+            16000\n\x02\x02\x3e\x80"
+                .to_vec(),
+        ),
         ("a.pfm", b"PF\n16000 16000\n-1\n\0\0\0\0".to_vec()),
         ("a.ppm", b"P6\n16000 16000\n255\n\0\0\0\0".to_vec()),
         (
             "a.pam",
-            b"P7\nWIDTH 4000000000\nHEIGHT 4000000000\nDEPTH 4\nMAXVAL 65535\nTUPLTYPE RGB_ALPHA\nENDHDR\n".to_vec(),
+            b"P7\nWIDTH 4000000000\nHEIGHT 4000000000\nDEPTH 4\nMAXVAL 65535\nTUPLTYPE \
+                RGB_ALPHA\nENDHDR\n"
+                .to_vec(),
         ),
     ];
     let folder = folder_with(&files);
@@ -145,7 +175,11 @@ fn deep_nesting_is_no_overflow() {
         ("groups.scn", format!("{}{}", begin.repeat(depth), "end\n".repeat(depth)).into_bytes()),
         ("open.scn", begin.repeat(depth).into_bytes()),
         ("nodes.gltf", gltf(&nodes.join(",")).into_bytes()),
-        ("array.gltf", format!("{{\"asset\": {{\"version\": \"2.0\", \"extras\": {open}{close}}}}}").into_bytes()),
+        (
+            "array.gltf",
+            format!("{{\"asset\": {{\"version\": \"2.0\", \"extras\": {open}{close}}}}}")
+                .into_bytes(),
+        ),
         ("array.json", format!("{{\"name\": {open}{close}}}").into_bytes()),
         ("open.json", open.clone().into_bytes()),
     ];
@@ -159,11 +193,15 @@ fn deep_nesting_is_no_overflow() {
 fn as_deep_as_allowed_is_rendered() {
     let begin = "begin -1 1 0 0 0.001 0 1 0 0 0 0 1 0 0 0 0 1\n";
     let material = "material .1 .1 .1 .5 .5 .5 0 0 0 0 0 0 0 0 0 1 1 0\n";
-    let groups = format!("{material}{}sphere 0 0 0 0 1\n{}", begin.repeat(500), "end\n".repeat(500));
+    let groups =
+        format!("{material}{}sphere 0 0 0 0 1\n{}", begin.repeat(500), "end\n".repeat(500));
     let mut files: Vec<(String, Vec<u8>)> = vec![("groups.scn".into(), groups.into_bytes())];
     for i in 0..500 {
-        let content =
-            if i == 499 { format!("{material}sphere 0 0 0 0 1\n") } else { format!("include i{}.scn\n", i + 1) };
+        let content = if i == 499 {
+            format!("{material}sphere 0 0 0 0 1\n")
+        } else {
+            format!("include i{}.scn\n", i + 1)
+        };
         files.push((format!("i{i}.scn"), content.into_bytes()));
     }
     let files: Vec<_> = files.iter().map(|(n, c)| (n.as_str(), c.clone())).collect();
@@ -196,8 +234,9 @@ fn files_that_name_files_without_end_are_refused() {
 
 #[test]
 fn many_different_warnings_are_no_flood() {
-    let nodes: Vec<_> =
-        (1..=50_000).map(|i| format!("{{\"name\": \"n{i}\", \"scale\": [0, 1, 1], \"mesh\": 0}}")).collect();
+    let nodes: Vec<_> = (1..=50_000)
+        .map(|i| format!("{{\"name\": \"n{i}\", \"scale\": [0, 1, 1], \"mesh\": 0}}"))
+        .collect();
     let children: Vec<_> = (1..=50_000).map(|i| i.to_string()).collect();
     let gltf = format!(
         r#"{{"asset": {{"version": "2.0"}}, "scene": 0, "scenes": [{{"nodes": [0]}}], "nodes": [{{"children": [{}]}}, {}],

@@ -91,11 +91,16 @@ pub fn mutate(seed: &[u8], number: u32) -> Vec<u8> {
     bytes
 }
 
-/// The seed with one to four changes, mostly one, of bytes or of words, some of which are those of another file.
+/// The seed with one to four changes, mostly one, of bytes or of words, some of which are those of
+/// another file.
 pub fn mutate_words(seed: &[u8], other: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = seed.to_vec();
     for _ in 0..1 + random.below(4) * random.below(2) {
-        if random.below(3) == 0 { change_bytes(&mut bytes, random) } else { change_words(&mut bytes, other, random) }
+        if random.below(3) == 0 {
+            change_bytes(&mut bytes, random)
+        } else {
+            change_words(&mut bytes, other, random)
+        }
     }
     bytes
 }
@@ -134,7 +139,8 @@ fn change_words(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
     let copy = bytes[from].to_vec();
     let (range, by) = match random.below(12) {
         0..4 => {
-            let numbers: Vec<_> = words.into_iter().filter(|w| is_number(&bytes[w.clone()])).collect();
+            let numbers: Vec<_> =
+                words.into_iter().filter(|w| is_number(&bytes[w.clone()])).collect();
             (pick(&numbers, random).unwrap_or(range), random.choose(&NUMBERS).as_bytes().to_vec())
         }
         4..6 => (range, copy),
@@ -165,7 +171,8 @@ fn pick(of: &[Range<usize>], random: &mut Random) -> Option<Range<usize>> {
 }
 
 fn is_number(word: &[u8]) -> bool {
-    word.iter().any(u8::is_ascii_digit) && word.iter().all(|b| b.is_ascii_digit() || b"+-.eE".contains(b))
+    word.iter().any(u8::is_ascii_digit)
+        && word.iter().all(|b| b.is_ascii_digit() || b"+-.eE".contains(b))
 }
 
 /// Where the names and numbers of a text are.
@@ -194,15 +201,19 @@ fn replace_digit(bytes: &mut [u8], at: usize, digit: u8) {
 /// Replaces the rest of the next number by a word.
 fn replace_number(bytes: &mut Vec<u8>, at: usize, word: &[u8]) {
     if let Some(start) = next_digit(bytes, at) {
-        let length = bytes[start..].iter().take_while(|b| b.is_ascii_digit() || **b == b'.').count();
+        let length =
+            bytes[start..].iter().take_while(|b| b.is_ascii_digit() || **b == b'.').count();
         drop(bytes.splice(start..start + length, word.iter().copied()));
     }
 }
 
-/// Changes one chunk of a PNG: its length, its order, or whether it is there at all. Checksums and lengths stay right.
+/// Changes one chunk of a PNG: its length, its order, or whether it is there at all. Checksums and
+/// lengths stay right.
 pub fn change_png_chunk(bytes: &mut Vec<u8>, random: &mut Random) {
     let (mut chunks, mut at) = (Vec::new(), 8);
-    while let Some(length) = bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_be_bytes) {
+    while let Some(length) =
+        bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_be_bytes)
+    {
         let end = (at + 12).saturating_add(length as usize);
         let Some(chunk) = bytes.get(at + 4..end - 4) else { return };
         chunks.push(chunk.to_vec());
@@ -247,6 +258,7 @@ pub fn correct_png_checksums(bytes: &mut [u8]) {
 /// The checksum of PNG chunks (ISO 3309).
 pub fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(u32::MAX, |crc, &b| {
-        (0..8).fold(crc ^ u32::from(b), |c, _| if c & 1 == 1 { c >> 1 ^ 0xedb8_8320 } else { c >> 1 })
+        (0..8)
+            .fold(crc ^ u32::from(b), |c, _| if c & 1 == 1 { c >> 1 ^ 0xedb8_8320 } else { c >> 1 })
     })
 }

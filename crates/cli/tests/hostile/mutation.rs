@@ -1,4 +1,5 @@
-//! Thousands of damaged variants of small good files. `SNELL_MUTATIONS` is their number for each format.
+//! Thousands of damaged variants of small good files. `SNELL_MUTATIONS` is their number for each
+//! format.
 
 use super::mutate::{correct_png_checksums, mutate};
 use super::seeds::{MESH_WITH_MATERIALS, Seed, images, materials, scenes};
@@ -29,7 +30,12 @@ fn run(seeds: Vec<Seed>, case: impl Fn(&Seed, &str, Vec<u8>, &mut Report) + Sync
         });
         parts.into_iter().for_each(|part| report.add(part));
         // Otherwise nothing behind the first lines was tested.
-        assert!(report.pictures * 50 > report.files, "{format}: only {} of {} rendered", report.pictures, report.files);
+        assert!(
+            report.pictures * 50 > report.files,
+            "{format}: only {} of {} rendered",
+            report.pictures,
+            report.files
+        );
         failures.extend(report.conclude(format));
     }
     assert!(failures.is_empty(), "{failures:#?}");
@@ -38,7 +44,12 @@ fn run(seeds: Vec<Seed>, case: impl Fn(&Seed, &str, Vec<u8>, &mut Report) + Sync
 fn one_seed(seed: &Seed, count: u32, case: impl Fn(&Seed, &str, Vec<u8>, &mut Report)) -> Report {
     let mut report = Report::default();
     case(seed, &format!("{} as it is", seed.name), seed.bytes.clone(), &mut report);
-    assert_eq!((report.pictures, report.invalid_samples), (1, 0), "{}: the seed is good", seed.name);
+    assert_eq!(
+        (report.pictures, report.invalid_samples),
+        (1, 0),
+        "{}: the seed is good",
+        seed.name
+    );
     for number in 0..count {
         case(seed, &format!("{} {number}", seed.name), mutate(&seed.bytes, number), &mut report);
     }
@@ -57,7 +68,9 @@ fn damaged_materials_end_in_pictures_or_errors() {
     let folder = tempfile::TempDir::new().expect("temporary folders can be made");
     run(vec![materials()], |seed, what, bytes, report| {
         std::fs::write(folder.path().join(&seed.name), bytes).expect("the folder is writable");
-        report.case(what, || render::scene("a.obj", seeds::MESH_WITH_MATERIALS.into(), folder.path()));
+        report.case(what, || {
+            render::scene("a.obj", seeds::MESH_WITH_MATERIALS.into(), folder.path())
+        });
     });
     assert!(MESH_WITH_MATERIALS.contains("damaged.mtl"));
 }

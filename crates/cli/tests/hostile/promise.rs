@@ -1,5 +1,6 @@
-//! What the program promises, whatever its files and options are: it ends by itself, soon, in bounded memory, with exit code 0, 1 or 2;
-//! a failure is one clean line and leaves the folder as it was; pixels are finite.
+//! What the program promises, whatever its files and options are: it ends by itself, soon, in
+//! bounded memory, with exit code 0, 1 or 2; a failure is one clean line and leaves the folder as
+//! it was; pixels are finite.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -9,7 +10,8 @@ use std::time::{Duration, Instant};
 
 /// Address space of the program, in KiB: an allocation beyond it ends the program by a signal.
 const MEMORY_KIB: u64 = 2_000_000;
-/// Processor time, in seconds: no file of a few kilobytes may take longer. Independent of what else the machine does.
+/// Processor time, in seconds: no file of a few kilobytes may take longer. Independent of what else
+/// the machine does.
 const PROCESSOR_SECONDS: u32 = 20;
 /// Time, in seconds: for what waits for ever.
 const SECONDS: u64 = 120;
@@ -28,7 +30,8 @@ pub struct Ended {
     status: String,
 }
 
-/// Runs the program in a folder. What it prints goes through files in `scratch`, which lies elsewhere.
+/// Runs the program in a folder. What it prints goes through files in `scratch`, which lies
+/// elsewhere.
 pub fn run(program: &Path, words: &[String], folder: &Path, scratch: &Path) -> Ended {
     let [output, messages] = ["output", "messages"].map(|name| scratch.join(name));
     let file = |path: &Path| File::create(path).expect("the temporary folder is writable");
@@ -66,7 +69,8 @@ pub fn run(program: &Path, words: &[String], folder: &Path, scratch: &Path) -> E
 }
 
 impl Ended {
-    /// What this end breaks of the promise. `doctor` and `compare` also answer by exit code 1: that is no failure.
+    /// What this end breaks of the promise. `doctor` and `compare` also answer by exit code 1: that
+    /// is no failure.
     pub fn fault(&self, words: &[String]) -> Option<String> {
         let answers = matches!(words[0].as_str(), "doctor" | "compare");
         let panic = self.messages.lines().find(|line| line.contains("panicked at"));
@@ -79,12 +83,18 @@ impl Ended {
             None => return Some(format!("ended by {}: {}", self.status, said())),
             Some(0) if errors > 0 => return Some(format!("done, with an error: {}", said())),
             Some(1) if errors == 0 && answers => {}
-            Some(1 | 2) if errors != 1 => return Some(format!("{errors} errors, expected one: {}", said())),
+            Some(1 | 2) if errors != 1 => {
+                return Some(format!("{errors} errors, expected one: {}", said()));
+            }
             Some(0..=2) => {}
             Some(code) => return Some(format!("exit code {code}: {}", said())),
         }
         if self.messages.len() > FLOOD {
-            return Some(format!("a flood of {} bytes of messages: {}", self.messages.len(), said()));
+            return Some(format!(
+                "a flood of {} bytes of messages: {}",
+                self.messages.len(),
+                said()
+            ));
         }
         let is_unclean = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
         let unclean = self.messages.lines().find(|line| line.contains(is_unclean));
@@ -109,7 +119,8 @@ impl Case {
         Self { files, words, writes }
     }
 
-    /// Runs the case in a fresh folder below `scratch`: true if the program did it, false if it refused; else what is wrong.
+    /// Runs the case in a fresh folder below `scratch`: true if the program did it, false if it
+    /// refused; else what is wrong.
     pub fn try_in(&self, program: &Path, scratch: &Path) -> Result<bool, String> {
         let folder = scratch.join("case");
         _ = fs::remove_dir_all(&folder);
@@ -117,10 +128,15 @@ impl Case {
         let mut before = self.files.clone();
         // Without leave, `convert` replaces no file: that is tried elsewhere.
         let is_replaced = self.words[0] != "convert" || self.words.iter().any(|w| w == "--force");
-        before.extend(self.writes.iter().filter(|_| is_replaced).map(|name| (name.clone(), BEFORE.to_vec())));
+        before.extend(
+            self.writes.iter().filter(|_| is_replaced).map(|name| (name.clone(), BEFORE.to_vec())),
+        );
         write_files(&folder, &before);
         let ended = run(program, &self.words, &folder, scratch);
-        match ended.fault(&self.words).or_else(|| self.fault_of_files(&before, &folder, ended.code == Some(0))) {
+        match ended
+            .fault(&self.words)
+            .or_else(|| self.fault_of_files(&before, &folder, ended.code == Some(0)))
+        {
             Some(fault) => Err(fault),
             None if self.words.iter().any(|w| w == "--json") && ended.code == Some(0) => {
                 let json = serde_json::from_slice::<serde_json::Value>(&ended.output);
@@ -130,11 +146,17 @@ impl Case {
         }
     }
 
-    fn fault_of_files(&self, before: &BTreeMap<String, Vec<u8>>, folder: &Path, is_done: bool) -> Option<String> {
+    fn fault_of_files(
+        &self,
+        before: &BTreeMap<String, Vec<u8>>,
+        folder: &Path,
+        is_done: bool,
+    ) -> Option<String> {
         let stem = self.writes.as_deref().map(|name| name.split('.').next().unwrap_or(name));
         let may_write = |name: &str| is_done && stem.is_some_and(|stem| name.starts_with(stem));
         let after = files_in(folder);
-        let changed = after.iter().find(|(name, bytes)| before.get(*name) != Some(bytes) && !may_write(name));
+        let changed =
+            after.iter().find(|(name, bytes)| before.get(*name) != Some(bytes) && !may_write(name));
         if let Some((name, _)) = changed {
             return Some(format!("writes {name}, done: {is_done}"));
         }
@@ -151,12 +173,18 @@ impl Case {
 
     /// The command line that repeats the case in a folder of its files.
     pub fn command_line(&self, program: &Path) -> String {
-        let quoted: Vec<_> = self.words.iter().map(|w| format!("'{}'", w.replace('\'', r"'\''"))).collect();
-        format!("(ulimit -v {MEMORY_KIB} -t {PROCESSOR_SECONDS}; {} {})", program.display(), quoted.join(" "))
+        let quoted: Vec<_> =
+            self.words.iter().map(|w| format!("'{}'", w.replace('\'', r"'\''"))).collect();
+        format!(
+            "(ulimit -v {MEMORY_KIB} -t {PROCESSOR_SECONDS}; {} {})",
+            program.display(),
+            quoted.join(" ")
+        )
     }
 }
 
-/// The files below a folder, by their path from there; a folder has no entry of its own, unless it is empty.
+/// The files below a folder, by their path from there; a folder has no entry of its own, unless it
+/// is empty.
 pub fn files_in(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     for entry in fs::read_dir(folder).expect("the folder is readable").flatten() {
@@ -165,7 +193,9 @@ pub fn files_in(folder: &Path) -> BTreeMap<String, Vec<u8>> {
         if inside.is_empty() {
             found.insert(name, fs::read(&path).unwrap_or_default());
         } else {
-            found.extend(inside.into_iter().map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
+            found.extend(
+                inside.into_iter().map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)),
+            );
         }
     }
     found
@@ -175,7 +205,8 @@ pub fn files_in(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 pub fn write_files(folder: &Path, files: &BTreeMap<String, Vec<u8>>) {
     for (name, bytes) in files {
         let path = folder.join(name);
-        fs::create_dir_all(path.parent().expect("a file is in a folder")).expect("the folder is writable");
+        fs::create_dir_all(path.parent().expect("a file is in a folder"))
+            .expect("the folder is writable");
         fs::write(path, bytes).expect("the folder is writable");
     }
 }
@@ -189,13 +220,20 @@ fn fault_of_picture(name: &str, bytes: &[u8]) -> Option<String> {
     if name.ends_with(".pfm") {
         // Not by our reader, which makes values finite.
         let header = bytes.iter().enumerate().filter(|(_, b)| **b == b'\n').nth(2)?.0 + 1;
-        let mut values = bytes[header..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+        let mut values =
+            bytes[header..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
         return values.any(|v| !v.is_finite()).then(|| "a pixel that is not finite".into());
     }
-    match image::read_layers(&Input::from_bytes(name, bytes.to_vec(), Path::new("."), &ReadOptions::default())) {
+    match image::read_layers(&Input::from_bytes(
+        name,
+        bytes.to_vec(),
+        Path::new("."),
+        &ReadOptions::default(),
+    )) {
         Err(error) => Some(format!("its picture cannot be read: {error}")),
         Ok(picture) => {
-            let layer = picture.layers.iter().find(|layer| layer.values.iter().any(|v| !v.is_finite()))?;
+            let layer =
+                picture.layers.iter().find(|layer| layer.values.iter().any(|v| !v.is_finite()))?;
             Some(format!("a pixel of layer {:?} that is not finite", layer.name))
         }
     }

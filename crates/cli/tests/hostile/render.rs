@@ -29,14 +29,19 @@ pub fn scene(name: &str, bytes: Vec<u8>, folder: &Path) -> End {
 pub fn environment(name: &str, bytes: Vec<u8>, folder: &Path) -> End {
     let input = Input::from_bytes(name, bytes, folder, &ReadOptions::default());
     if let Ok(picture) = image::read_layers(&input) {
-        assert_eq!(picture.layers[0].values.len() % (picture.width as usize * picture.height as usize).max(1), 0);
+        assert_eq!(
+            picture.layers[0].values.len()
+                % (picture.width as usize * picture.height as usize).max(1),
+            0
+        );
     }
     match image::read_image(&input) {
         Ok(image) => {
             let mut scene = builtin("minray").expect("the scene is built in");
             let world_from_environment = DAffine3::IDENTITY;
             let image = Arc::new(image);
-            scene.environment = Some(Environment::Image { image, scale: Rgb::WHITE, world_from_environment });
+            scene.environment =
+                Some(Environment::Image { image, scale: Rgb::WHITE, world_from_environment });
             render(scene)
         }
         Err(error) => refused(&error),
@@ -55,7 +60,13 @@ pub fn render(mut scene: Scene) -> End {
     if let Err(error) = snell_scene::framing::prepare(&mut scene, &framing) {
         return End::Refused(error.to_string());
     }
-    let settings = Settings { size: SIZE, spp: 1, max_depth: 4, aovs: Aov::ALL.to_vec(), ..Settings::default() };
+    let settings = Settings {
+        size: SIZE,
+        spp: 1,
+        max_depth: 4,
+        aovs: Aov::ALL.to_vec(),
+        ..Settings::default()
+    };
     let compiled = match CompiledScene::new(&scene, &settings.build) {
         Ok(compiled) => compiled,
         Err(error) => return End::Refused(error.to_string()),
@@ -63,7 +74,8 @@ pub fn render(mut scene: Scene) -> End {
     let mut invalid_samples = 0;
     for integrator in [IntegratorKind::Path, IntegratorKind::Whitted] {
         let settings = Settings { integrator, ..settings.clone() };
-        let (film, statistics) = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true);
+        let (film, statistics) =
+            Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true);
         let picture = film.image();
         let mut values = picture.layers.iter().flat_map(|l| &l.values);
         assert!(values.all(|v| v.is_finite()), "a pixel that is not finite");

@@ -1,6 +1,7 @@
-//! Damaged files and odd options, given to the real program until the time is over: five seconds as an ordinary test, longer by
-//! `cargo xtask fuzz-smoke`. A case is a function of the seed and its number. What breaks a promise is saved in `target/fuzz-smoke/`,
-//! made small, with the command that repeats it.
+//! Damaged files and odd options, given to the real program until the time is over: five seconds as
+//! an ordinary test, longer by `cargo xtask fuzz-smoke`. A case is a function of the seed and its
+//! number. What breaks a promise is saved in `target/fuzz-smoke/`, made small, with the command
+//! that repeats it.
 
 use super::mutate::Random;
 use super::promise::{Case, write_files};
@@ -148,7 +149,9 @@ impl Plan {
     fn of_the_environment() -> Self {
         let variable = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
         let number = |name: &str, otherwise: u32| {
-            variable(name).map_or(otherwise, |n| n.parse().unwrap_or_else(|_| panic!("{name} is a whole number")))
+            variable(name).map_or(otherwise, |n| {
+                n.parse().unwrap_or_else(|_| panic!("{name} is a whole number"))
+            })
         };
         let only = match variable("SNELL_FUZZ_ONLY").as_deref() {
             None => Only::All,
@@ -156,7 +159,8 @@ impl Plan {
             Some("commands") => Only::Commands,
             Some(other) => panic!("--only is render or commands, not {other}"),
         };
-        let program = variable("SNELL_FUZZ_PROGRAM").map_or(env!("CARGO_BIN_EXE_snell").into(), PathBuf::from);
+        let program = variable("SNELL_FUZZ_PROGRAM")
+            .map_or(env!("CARGO_BIN_EXE_snell").into(), PathBuf::from);
         let time = Duration::from_secs(number("SNELL_FUZZ_SECONDS", 5).into());
         Self { program, time, seed: number("SNELL_FUZZ_SEED", 0), only }
     }
@@ -167,7 +171,10 @@ impl Plan {
         // Often of the same kind, whose words mean something there.
         let other = random.choose(subjects);
         let subject = random.choose(subjects);
-        let alike: Vec<_> = subjects.iter().filter(|s| extension(&s.damaged) == extension(&subject.damaged)).collect();
+        let alike: Vec<_> = subjects
+            .iter()
+            .filter(|s| extension(&s.damaged) == extension(&subject.damaged))
+            .collect();
         let other = if random.below(3) > 0 { random.choose(&alike) } else { other };
         let is_render = match self.only {
             Only::All => random.below(2) == 0,
@@ -186,7 +193,9 @@ impl Plan {
             line += if random.below(4) == 0 { " -t 2" } else { " -t 1" };
             if random.below(2) == 0 {
                 let option = random.choose(&RENDER_OPTIONS);
-                line = if option.contains(" -o ") { line.replace(" -o out.pfm", "") } else { line } + " " + option;
+                line = if option.contains(" -o ") { line.replace(" -o out.pfm", "") } else { line }
+                    + " "
+                    + option;
             }
         }
         subject.damaged_case(&line, other, &mut random)
@@ -199,7 +208,8 @@ fn extension(name: &str) -> &str {
 
 /// A good scene with an odd value of one or two options.
 fn odd_options(random: &mut Random) -> Case {
-    let mut case = Case::new(BTreeMap::new(), "", "render minray --spp 1 -q -t 1 --size 8x6 -o out.pfm");
+    let mut case =
+        Case::new(BTreeMap::new(), "", "render minray --spp 1 -q -t 1 --size 8x6 -o out.pfm");
     for _ in 0..1 + random.below(2) {
         let option = random.choose(&VALUED);
         if *option == "--size" {
@@ -238,7 +248,8 @@ fn kind_of(fault: &str) -> String {
 /// Removes parts of the damaged files as long as the case fails in the same way, for a while.
 fn minimised(mut case: Case, kind: &str, program: &Path, scratch: &Path) -> Case {
     let end = Instant::now() + Duration::from_secs(20);
-    let fails = |case: &Case| case.try_in(program, scratch).is_err_and(|fault| kind_of(&fault) == kind);
+    let fails =
+        |case: &Case| case.try_in(program, scratch).is_err_and(|fault| kind_of(&fault) == kind);
     for name in case.files.keys().cloned().collect::<Vec<_>>() {
         let mut size = case.files[&name].len() / 2;
         while size > 0 {
@@ -272,13 +283,18 @@ fn whatever_the_files_are_the_program_keeps_its_promises() {
     let scratch = tempfile::TempDir::new().expect("temporary folders can be made");
     let mut subjects = subjects();
     let all = subjects.len();
-    // Otherwise nothing behind the first lines is tried. Some of the collection need files that are not beside them here.
+    // Otherwise nothing behind the first lines is tried. Some of the collection need files that are
+    // not beside them here.
     subjects.retain(|subject| {
         let line = if subject.kind == Kind::Scene { RENDER } else { RENDER_IN_LIGHT };
         let end = subject.case(line).try_in(&plan.program, scratch.path());
-        let is_done = end.unwrap_or_else(|fault| panic!("{} (with {}): {fault}", subject.name, subject.damaged));
+        let is_done = end
+            .unwrap_or_else(|fault| panic!("{} (with {}): {fault}", subject.name, subject.damaged));
         if !is_done {
-            eprintln!("left out: {} (with {}), which is refused as it is", subject.name, subject.damaged);
+            eprintln!(
+                "left out: {} (with {}), which is refused as it is",
+                subject.name, subject.damaged
+            );
         }
         is_done
     });
@@ -297,14 +313,17 @@ fn whatever_the_files_are_the_program_keeps_its_promises() {
                 Ok(false) => known.refused += 1,
                 Err(fault) => {
                     let kind = kind_of(&fault);
-                    let (count, _, _) =
-                        known.findings.entry(kind.clone()).or_insert_with(|| (0, number, fault.clone()));
+                    let (count, _, _) = known
+                        .findings
+                        .entry(kind.clone())
+                        .or_insert_with(|| (0, number, fault.clone()));
                     *count += 1;
                     let is_new = *count == 1;
                     drop(known);
                     if is_new {
                         let case = minimised(case, &kind, &plan.program, scratch.path());
-                        let folder = save(&case, &fault, &plan.program, &format!("{}-{number}", plan.seed));
+                        let folder =
+                            save(&case, &fault, &plan.program, &format!("{}-{number}", plan.seed));
                         eprintln!("finding: {fault}\n    {}", folder.display());
                     }
                 }
@@ -319,7 +338,8 @@ fn whatever_the_files_are_the_program_keeps_its_promises() {
     let tally = tally.into_inner().expect("no worker panics");
     let executions = tally.done + tally.refused + tally.findings.values().map(|f| f.0).sum::<u32>();
     println!(
-        "fuzz-smoke: {executions} executions in {} s from seed {} ({} subjects): {} done, {} refused, {} findings",
+        "fuzz-smoke: {executions} executions in {} s from seed {} ({} subjects): {} done, {} \
+            refused, {} findings",
         start.elapsed().as_secs(),
         plan.seed,
         subjects.len(),
@@ -327,8 +347,15 @@ fn whatever_the_files_are_the_program_keeps_its_promises() {
         tally.refused,
         tally.findings.len()
     );
-    let list: Vec<_> =
-        tally.findings.values().map(|(n, number, fault)| format!("{number}: {fault} ({n} times)")).collect();
+    let list: Vec<_> = tally
+        .findings
+        .values()
+        .map(|(n, number, fault)| format!("{number}: {fault} ({n} times)"))
+        .collect();
     assert!(list.is_empty(), "{list:#?}");
-    assert!(tally.done * 20 > executions, "only {} of {executions} got past the first lines", tally.done);
+    assert!(
+        tally.done * 20 > executions,
+        "only {} of {executions} got past the first lines",
+        tally.done
+    );
 }

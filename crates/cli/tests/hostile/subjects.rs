@@ -63,8 +63,10 @@ impl Subject {
 
 /// All subjects.
 pub fn subjects() -> Vec<Subject> {
-    let mut all: Vec<_> =
-        seeds::scenes().iter().map(|seed| Subject::alone(Kind::Scene, &seed.name, &seed.bytes)).collect();
+    let mut all: Vec<_> = seeds::scenes()
+        .iter()
+        .map(|seed| Subject::alone(Kind::Scene, &seed.name, &seed.bytes))
+        .collect();
     all.extend(of_the_repository());
     all.extend(written());
     let pictures = seeds::images();
@@ -72,12 +74,20 @@ pub fn subjects() -> Vec<Subject> {
         all.push(Subject::alone(Kind::Picture, &seed.name, &seed.bytes));
         let material = format!("newmtl m\nKd 1 1 1\nmap_Kd {0}\nmap_d {0}\nnewmtl n\n", seed.name);
         let mesh = seeds::MESH_WITH_MATERIALS;
-        let files = [("own.obj", mesh.as_bytes()), ("damaged.mtl", material.as_bytes()), (&seed.name, &seed.bytes)];
+        let files = [
+            ("own.obj", mesh.as_bytes()),
+            ("damaged.mtl", material.as_bytes()),
+            (&seed.name, &seed.bytes),
+        ];
         all.push(Subject::new(Kind::Scene, "own.obj", &seed.name, &files));
     }
     let material = seeds::materials();
     let picture = ("picture.png", &pictures[0].bytes[..]);
-    let files = [("own.obj", seeds::MESH_WITH_MATERIALS.as_bytes()), (&material.name, &material.bytes), picture];
+    let files = [
+        ("own.obj", seeds::MESH_WITH_MATERIALS.as_bytes()),
+        (&material.name, &material.bytes),
+        picture,
+    ];
     all.push(Subject::new(Kind::Scene, "own.obj", &material.name, &files));
     let files = [("own.xml", SERIALIZED_SCENE.as_bytes()), ("a.serialized", &serialized())];
     all.push(Subject::new(Kind::Scene, "own.xml", "a.serialized", &files));
@@ -92,17 +102,30 @@ pub fn subjects() -> Vec<Subject> {
 /// The scenes of this repository, each with all small files of its folder that it could name.
 fn of_the_repository() -> Vec<Subject> {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let folders = ["scenes", "tests/golden/aov", "tests/golden/direct", "tests/golden/path", "tests/golden/whitted"];
+    let folders = [
+        "scenes",
+        "tests/golden/aov",
+        "tests/golden/direct",
+        "tests/golden/path",
+        "tests/golden/whitted",
+    ];
     let mut all = Vec::new();
     for folder in folders.map(|folder| repository.join(folder)) {
-        let named = |path: &PathBuf| path.file_name().expect("it is a file").to_string_lossy().into_owned();
-        let entries = std::fs::read_dir(&folder).expect("the folder is there").flatten().map(|e| e.path());
+        let named =
+            |path: &PathBuf| path.file_name().expect("it is a file").to_string_lossy().into_owned();
+        let entries =
+            std::fs::read_dir(&folder).expect("the folder is there").flatten().map(|e| e.path());
         let paths: Vec<_> = entries.filter(|p| p.extension().is_some_and(|e| e != "exr")).collect();
         let bytes = |path: &PathBuf| std::fs::read(path).expect("the file is readable");
         for path in &paths {
             let is_material = path.extension().is_some_and(|e| e == "mtl");
-            let beside = if is_material { path.with_extension("obj") } else { path.with_extension("mtl") };
-            let files = [path, &beside].into_iter().filter(|p| p.exists()).map(|p| (named(p), bytes(p))).collect();
+            let beside =
+                if is_material { path.with_extension("obj") } else { path.with_extension("mtl") };
+            let files = [path, &beside]
+                .into_iter()
+                .filter(|p| p.exists())
+                .map(|p| (named(p), bytes(p)))
+                .collect();
             let name = if is_material { named(&beside) } else { named(path) };
             all.push(Subject { kind: Kind::Scene, name, damaged: named(path), files });
         }
@@ -117,14 +140,22 @@ fn written() -> Vec<Subject> {
     for name in ["minray", "cornell-box", "drink", "fog", "prism", "spheres"] {
         let scene = snell_scene::builtin::builtin(name).expect("the scene is built in");
         for extension in ["snell", "gltf", "glb", "pbrt", "obj", "ply", "stl", "off"] {
-            let path = folder.path().join(format!("{name}-{extension}")).join(format!("{name}.{extension}"));
+            let path = folder
+                .path()
+                .join(format!("{name}-{extension}"))
+                .join(format!("{name}.{extension}"));
             let beside = path.parent().expect("the path has a folder");
             std::fs::create_dir(beside).expect("the folder is writable");
             if snell_formats::write_scene(&path, &scene).is_err() {
                 continue;
             }
             let file = format!("{name}.{extension}");
-            all.push(Subject { kind: Kind::Scene, name: file.clone(), damaged: file, files: files_in(beside) });
+            all.push(Subject {
+                kind: Kind::Scene,
+                name: file.clone(),
+                damaged: file,
+                files: files_in(beside),
+            });
         }
     }
     all
@@ -162,5 +193,6 @@ const LUMINAIRE_SCENE: &str = r#"{"asset": {"version": "2.0"}, "extensionsUsed":
     "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]}
 "#;
 
-const LUMINAIRE: &str = "IESNA:LM-63-2002\n[TEST] x\nTILT=INCLUDE\n1\n2\n0 90\n1.0 0.9\n1 1000 2.0 3 2 1 2 0 0 0\n0.5 1.0 60\n\
+const LUMINAIRE: &str = "IESNA:LM-63-2002\n[TEST] x\nTILT=INCLUDE\n1\n2\n0 90\n1.0 0.9\n1 1000 2.0 \
+    3 2 1 2 0 0 0\n0.5 1.0 60\n\
     0 45 90\n0 90\n100 50 10\n90 40 5\n";

@@ -5,7 +5,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-/// No file may take longer. None takes a quarter of this on a machine that does nothing else; what hangs takes for ever.
+/// No file may take longer. None takes a quarter of this on a machine that does nothing else; what
+/// hangs takes for ever.
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// What happened so far.
@@ -72,7 +73,8 @@ impl Report {
     /// Prints the numbers; gives the failures.
     pub fn conclude(self, what: &str) -> Vec<String> {
         eprintln!(
-            "{what}: {} files: {} pictures ({} samples not finite), {} refused; longest {:?} ({}); peak memory {} MB",
+            "{what}: {} files: {} pictures ({} samples not finite), {} refused; longest {:?} ({}); \
+                peak memory {} MB",
             self.files,
             self.pictures,
             self.invalid_samples,

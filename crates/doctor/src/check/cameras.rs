@@ -8,7 +8,11 @@ use snell_scene::{Camera, Projection};
 /// Looks at every camera.
 pub fn cameras(subject: &Subject, report: &mut Report) {
     for (i, camera) in subject.scene.cameras.iter().enumerate() {
-        let name = if camera.name.is_empty() { format!("camera {i}") } else { format!("camera \"{}\"", camera.name) };
+        let name = if camera.name.is_empty() {
+            format!("camera {i}")
+        } else {
+            format!("camera \"{}\"", camera.name)
+        };
         if !camera.eye.is_finite() {
             continue;
         }
@@ -27,22 +31,30 @@ pub fn cameras(subject: &Subject, report: &mut Report) {
             };
             let inside = subject.name(place);
             let finding = if is_opaque(material) {
-                let message = format!("it is inside of {inside}, which is opaque and holds nothing else");
+                let message =
+                    format!("it is inside of {inside}, which is opaque and holds nothing else");
                 report.add(Severity::Error, &name, message, "move the camera out, or the body away")
             } else {
                 let message = format!("it is inside of {inside}");
-                report.add(Severity::Note, &name, message, "nothing, if it is meant to be under water or in fog")
+                report.add(
+                    Severity::Note,
+                    &name,
+                    message,
+                    "nothing, if it is meant to be under water or in fog",
+                )
             };
             finding.position = Some(camera.eye.to_array());
         }
         if sees_nothing(subject, camera) {
             let message = "everything in the scene is behind it";
-            report.add(Severity::Warning, &name, message, "turn the camera").position = Some(camera.eye.to_array());
+            report.add(Severity::Warning, &name, message, "turn the camera").position =
+                Some(camera.eye.to_array());
         }
     }
 }
 
-/// True if some other surface lies in the box around a closed thing: then it is a room, a vessel or a sky.
+/// True if some other surface lies in the box around a closed thing: then it is a room, a vessel or
+/// a sky.
 pub fn holds_something(subject: &Subject, place: usize, component: Option<usize>) -> bool {
     let placed = &subject.placed[place];
     let map = &placed.world_from_surface;
@@ -61,16 +73,22 @@ pub fn holds_something(subject: &Subject, place: usize, component: Option<usize>
     };
     (0..subject.placed.len()).any(|other| {
         let bounds: Bounds3d = subject.bounds(other);
-        other != place && bounds.is_finite() && !bounds.is_empty() && own.contains(bounds.center()) && {
-            // Something smaller.
-            bounds.size().length() < own.size().length()
-        }
+        other != place
+            && bounds.is_finite()
+            && !bounds.is_empty()
+            && own.contains(bounds.center())
+            && {
+                // Something smaller.
+                bounds.size().length() < own.size().length()
+            }
     })
 }
 
 /// True if all surfaces are behind a flat camera.
 fn sees_nothing(subject: &Subject, camera: &Camera) -> bool {
-    if matches!(camera.projection, Projection::Panoramic | Projection::Fisheye { .. }) || subject.placed.is_empty() {
+    if matches!(camera.projection, Projection::Panoramic | Projection::Fisheye { .. })
+        || subject.placed.is_empty()
+    {
         return false;
     }
     // Media are seen without surfaces.
@@ -89,6 +107,7 @@ fn sees_nothing(subject: &Subject, camera: &Camera) -> bool {
                 (corner - camera.eye).dot(camera.towards) < 0.0
             })
     };
-    let mut boxes = (0..subject.placed.len()).map(|i| subject.bounds(i)).filter(|b| !b.is_empty()).peekable();
+    let mut boxes =
+        (0..subject.placed.len()).map(|i| subject.bounds(i)).filter(|b| !b.is_empty()).peekable();
     boxes.peek().is_some() && boxes.all(is_behind)
 }

@@ -1,7 +1,8 @@
 //! Surfaces of different objects in one plane, where it is chance which of them is seen.
 //!
-//! Triangles are sorted by their planes; those in the same one are laid on a grid, and pairs of different pieces are clipped against each
-//! other. Not told are faces that nobody can see: those by which one opaque body stands on another.
+//! Triangles are sorted by their planes; those in the same one are laid on a grid, and pairs of
+//! different pieces are clipped against each other. Not told are faces that nobody can see: those
+//! by which one opaque body stands on another.
 
 use crate::subject::bounds_inside;
 use crate::{Report, Severity, Subject};
@@ -15,7 +16,8 @@ const MAX_TRIANGLES: usize = 8_000_000;
 /// Distance of planes that count as one, as part of the scene's size.
 const SAME_PLANE: f64 = 1e-7;
 
-/// Most pairs of triangles in one plane that are compared: where thousands lie in one place there are millions.
+/// Most pairs of triangles in one plane that are compared: where thousands lie in one place there
+/// are millions.
 const MAX_PAIRS: usize = 2_000_000;
 /// Most pairs of pieces in one plane that are remembered.
 const MAX_FOUND: usize = 10_000;
@@ -81,8 +83,12 @@ fn all_faces(subject: &Subject) -> Vec<Face> {
     let size = subject.finite_bounds().size().length().max(f64::MIN_POSITIVE);
     let total: usize = subject.bodies.iter().map(|b| b.mesh.indices.len() * b.places.len()).sum();
     let places: Vec<(u32, usize)> = match total <= MAX_TRIANGLES {
-        true => (0..subject.placed.len()).filter_map(|i| Some((i as u32, subject.body_of[i]?))).collect(),
-        false => subject.bodies.iter().enumerate().map(|(b, body)| (body.places[0] as u32, b)).collect(),
+        true => (0..subject.placed.len())
+            .filter_map(|i| Some((i as u32, subject.body_of[i]?)))
+            .collect(),
+        false => {
+            subject.bodies.iter().enumerate().map(|(b, body)| (body.places[0] as u32, b)).collect()
+        }
     };
     let faces = |&(place, body): &(u32, usize)| {
         let body = &subject.bodies[body];
@@ -98,7 +104,14 @@ fn all_faces(subject: &Subject) -> Vec<Face> {
             if map.is_mirrored() {
                 normal = -normal;
             }
-            Some(Face { key: plane_key(normal, corners[0], size), place, component, face, corners, normal })
+            Some(Face {
+                key: plane_key(normal, corners[0], size),
+                place,
+                component,
+                face,
+                corners,
+                normal,
+            })
         })
     };
     let mut all: Vec<Face> = places.iter().flat_map(|p| faces(p).collect::<Vec<_>>()).collect();
@@ -120,7 +133,8 @@ fn plane_key(normal: DVec3, point: DVec3, size: f64) -> u64 {
     let n = if largest > 0.0 { normal } else { -normal };
     // The offsets keep the usual round numbers away from where numbers are cut.
     let cut = |x: f64, step: f64| (x / step + 0.271_828).floor() as i64;
-    let parts = [cut(n.x, 1e-4), cut(n.y, 1e-4), cut(n.z, 1e-4), cut(n.dot(point), size * SAME_PLANE)];
+    let parts =
+        [cut(n.x, 1e-4), cut(n.y, 1e-4), cut(n.z, 1e-4), cut(n.dot(point), size * SAME_PLANE)];
     parts.iter().fold(0x9e37_79b9_7f4a_7c15, |h: u64, &p| {
         let mixed = (h ^ p as u64).wrapping_mul(0xff51_afd7_ed55_8ccd);
         mixed ^ (mixed >> 32)
@@ -143,20 +157,29 @@ fn overlaps(group: &[Face]) -> (BTreeMap<(Piece, Piece), Overlap>, bool) {
     };
     let flat: Vec<[DVec2; 3]> = group.iter().map(|f| f.corners.map(flat)).collect();
     let bounds = |t: &[DVec2; 3]| (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
-    // A grid whose cells are about as large as the triangles, coarse enough that large ones do not fill the memory.
-    let (low, high) =
-        flat.iter().map(bounds).fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
+    // A grid whose cells are about as large as the triangles, coarse enough that large ones do not
+    // fill the memory.
+    let (low, high) = flat
+        .iter()
+        .map(bounds)
+        .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
     let mut resolution = ((group.len() as f64).sqrt().ceil()).clamp(1.0, 2048.0);
     let cells_of = |t: &[DVec2; 3], resolution: f64| {
         let (a, b) = bounds(t);
-        let touched = ((b - a) / (high - low).max(DVec2::splat(f64::MIN_POSITIVE)) * resolution + 1.0).floor();
+        let touched = ((b - a) / (high - low).max(DVec2::splat(f64::MIN_POSITIVE)) * resolution
+            + 1.0)
+            .floor();
         touched.x * touched.y
     };
-    while resolution > 1.0 && flat.iter().map(|t| cells_of(t, resolution)).sum::<f64>() > CELLS * group.len() as f64 {
+    while resolution > 1.0
+        && flat.iter().map(|t| cells_of(t, resolution)).sum::<f64>() > CELLS * group.len() as f64
+    {
         resolution = (resolution / 2.0).floor();
     }
     let cell = ((high - low) / resolution).max(DVec2::splat(f64::MIN_POSITIVE));
-    let index = |p: DVec2| ((p - low) / cell).floor().clamp(DVec2::ZERO, DVec2::splat(resolution - 1.0)).as_uvec2();
+    let index = |p: DVec2| {
+        ((p - low) / cell).floor().clamp(DVec2::ZERO, DVec2::splat(resolution - 1.0)).as_uvec2()
+    };
     let mut cells: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
     for (i, triangle) in flat.iter().enumerate() {
         let (a, b) = bounds(triangle);
@@ -186,7 +209,9 @@ fn overlaps(group: &[Face]) -> (BTreeMap<(Piece, Piece), Overlap>, bool) {
                     continue;
                 }
                 let area = common(&flat[i as usize], &flat[j as usize]);
-                let least = double_area(&flat[i as usize]).abs().min(double_area(&flat[j as usize]).abs()) * 0.5;
+                let least =
+                    double_area(&flat[i as usize]).abs().min(double_area(&flat[j as usize]).abs())
+                        * 0.5;
                 if area <= least * 1e-2 {
                     continue;
                 }
@@ -212,8 +237,8 @@ fn double_area(t: &[DVec2; 3]) -> f64 {
     (t[1] - t[0]).perp_dot(t[2] - t[0])
 }
 
-/// Area of what two triangles share, by clipping one against the sides of the other (Sutherland and Hodgman, Reentrant Polygon Clipping,
-/// 1974).
+/// Area of what two triangles share, by clipping one against the sides of the other (Sutherland and
+/// Hodgman, Reentrant Polygon Clipping, 1974).
 fn common(a: &[DVec2; 3], b: &[DVec2; 3]) -> f64 {
     let turn = double_area(b).signum();
     let mut polygon = a.to_vec();
@@ -236,7 +261,11 @@ fn common(a: &[DVec2; 3], b: &[DVec2; 3]) -> f64 {
             return 0.0;
         }
     }
-    (2..polygon.len()).map(|i| double_area(&[polygon[0], polygon[i - 1], polygon[i]])).sum::<f64>().abs() * 0.5
+    (2..polygon.len())
+        .map(|i| double_area(&[polygon[0], polygon[i - 1], polygon[i]]))
+        .sum::<f64>()
+        .abs()
+        * 0.5
 }
 
 /// Adds a finding if the overlap can be seen.
@@ -247,10 +276,13 @@ fn tell(subject: &Subject, a: Piece, b: Piece, overlap: &Overlap, report: &mut R
         subject.material_of_face(a.0 as usize, first.mesh, overlap.faces[0]),
         subject.material_of_face(b.0 as usize, second.mesh, overlap.faces[1]),
     ];
-    let components = [&first.topology.components[a.1 as usize], &second.topology.components[b.1 as usize]];
+    let components =
+        [&first.topology.components[a.1 as usize], &second.topology.components[b.1 as usize]];
     let closed = components.map(|c| c.is_closed());
     let insides = materials.map(bounds_inside);
-    let scale = |place: u32| subject.placed[place as usize].world_from_surface.determinant().abs().cbrt().powi(2);
+    let scale = |place: u32| {
+        subject.placed[place as usize].world_from_surface.determinant().abs().cbrt().powi(2)
+    };
     let areas = [components[0].area * scale(a.0), components[1].area * scale(b.0)];
     let (severity, message, remedy) = if insides[0] && insides[1] {
         (
@@ -273,8 +305,10 @@ fn tell(subject: &Subject, a: Piece, b: Piece, overlap: &Overlap, report: &mut R
             [false, true] => !overlap.is_alike || overlap.area < 0.9 * areas[0],
             [false, false] => false,
         };
-        let is_same = std::ptr::eq(materials[0], materials[1]) && !format!("{:?}", materials[0]).contains("TextureId");
-        let one_sided_apart = !overlap.is_alike && !materials[0].double_sided && !materials[1].double_sided;
+        let is_same = std::ptr::eq(materials[0], materials[1])
+            && !format!("{:?}", materials[0]).contains("TextureId");
+        let one_sided_apart =
+            !overlap.is_alike && !materials[0].double_sided && !materials[1].double_sided;
         if is_hidden || one_sided_apart || is_same || !is_seen(subject, overlap) {
             return false;
         }
@@ -294,5 +328,7 @@ fn tell(subject: &Subject, a: Piece, b: Piece, overlap: &Overlap, report: &mut R
 /// False if some cameras are there, and all look at the back of faces that look the same way.
 fn is_seen(subject: &Subject, overlap: &Overlap) -> bool {
     let cameras = &subject.scene.cameras;
-    !overlap.is_alike || cameras.is_empty() || cameras.iter().any(|c| (c.eye - overlap.at).dot(overlap.normal) > 0.0)
+    !overlap.is_alike
+        || cameras.is_empty()
+        || cameras.iter().any(|c| (c.eye - overlap.at).dot(overlap.normal) > 0.0)
 }

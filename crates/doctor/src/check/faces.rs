@@ -27,7 +27,14 @@ pub fn faces(subject: &Subject, report: &mut Report) {
                 first.of
             );
             let remedy = "merge or remove the doubled faces";
-            report.add_at_face(Severity::Warning, subject, body, (first.face, alike.len()), message, remedy);
+            report.add_at_face(
+                Severity::Warning,
+                subject,
+                body,
+                (first.face, alike.len()),
+                message,
+                remedy,
+            );
         }
         if let Some(first) = back_to_back.first() {
             let message = format!(
@@ -40,10 +47,19 @@ pub fn faces(subject: &Subject, report: &mut Report) {
                 first.of
             );
             let (severity, remedy) = match body.role.bounds_inside {
-                true => (Severity::Warning, "remove one of each pair, or give the sheet a thickness"),
+                true => {
+                    (Severity::Warning, "remove one of each pair, or give the sheet a thickness")
+                }
                 false => (Severity::Note, "nothing; one face and a two-sided material would do"),
             };
-            report.add_at_face(severity, subject, body, (first.face, back_to_back.len()), message, remedy);
+            report.add_at_face(
+                severity,
+                subject,
+                body,
+                (first.face, back_to_back.len()),
+                message,
+                remedy,
+            );
         }
     }
 }

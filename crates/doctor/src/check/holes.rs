@@ -1,8 +1,9 @@
 //! Holes and loose edges where light goes in.
 //!
-//! A body may be made of several meshes, and exporters do not always give the two sides of a seam the same numbers: an edge counts as
-//! open only if no other open edge lies within a millionth of the body's size. What is more sheet than body (water in a basin, a pane) is
-//! not a body with a hole.
+//! A body may be made of several meshes, and exporters do not always give the two sides of a seam
+//! the same numbers: an edge counts as open only if no other open edge lies within a millionth of
+//! the body's size. What is more sheet than body (water in a basin, a pane) is not a body with a
+//! hole.
 
 use super::counted;
 use crate::subject::{Body, bounds_inside};
@@ -27,37 +28,69 @@ pub fn holes(subject: &Subject, report: &mut Report) {
             }
         }
         tell_of_holes(subject, body, &open, report);
-        let loose: Vec<u32> = body.topology.non_manifold.iter().copied().filter(|&f| is_inside(f)).collect();
+        let loose: Vec<u32> =
+            body.topology.non_manifold.iter().copied().filter(|&f| is_inside(f)).collect();
         if let Some(&first) = loose.first() {
             let message = format!(
-                "{} of a surface that bounds glass or a medium {} shared by an odd number of faces: where is inside?",
+                "{} of a surface that bounds glass or a medium {} shared by an odd number of \
+                    faces: where is inside?",
                 counted(loose.len(), "edge"),
                 if loose.len() == 1 { "is" } else { "are" }
             );
             let remedy = "remove inner walls and fins, or make them bodies of their own";
-            report.add_at_face(Severity::Warning, subject, body, (first, loose.len()), message, remedy);
+            report.add_at_face(
+                Severity::Warning,
+                subject,
+                body,
+                (first, loose.len()),
+                message,
+                remedy,
+            );
         }
     }
 }
 
-fn tell_of_holes(subject: &Subject, body: &Body, open: &BTreeMap<u32, Vec<&BoundaryEdge>>, report: &mut Report) {
-    let (mut hole_edges, mut sheet_edges): (Vec<&BoundaryEdge>, Vec<&BoundaryEdge>) = Default::default();
+fn tell_of_holes(
+    subject: &Subject,
+    body: &Body,
+    open: &BTreeMap<u32, Vec<&BoundaryEdge>>,
+    report: &mut Report,
+) {
+    let (mut hole_edges, mut sheet_edges): (Vec<&BoundaryEdge>, Vec<&BoundaryEdge>) =
+        Default::default();
     for (&component, edges) in open {
         let is_sheet = body.topology.components[component as usize].openness() > SHEET;
         if is_sheet { &mut sheet_edges } else { &mut hole_edges }.extend(edges.iter().copied());
     }
     if let Some(first) = hole_edges.first() {
         let message = format!(
-            "holes with {} in a surface that bounds glass or a medium: light that enters there never leaves",
+            "holes with {} in a surface that bounds glass or a medium: light that enters there \
+                never leaves",
             counted(hole_edges.len(), "open edge")
         );
         let remedy = "close the holes, or make the material thin-walled";
-        report.add_at_face(Severity::Error, subject, body, (first.face, hole_edges.len()), message, remedy);
+        report.add_at_face(
+            Severity::Error,
+            subject,
+            body,
+            (first.face, hole_edges.len()),
+            message,
+            remedy,
+        );
     }
     if let Some(first) = sheet_edges.first() {
-        let message = "an open sheet of a material that has an inside: light bends once where it goes through, as in water over a bottom";
-        let remedy = "nothing for water in a basin; a pane needs a thickness, or a thin-walled material";
-        report.add_at_face(Severity::Note, subject, body, (first.face, sheet_edges.len()), message, remedy);
+        let message = "an open sheet of a material that has an inside: light bends once where it \
+            goes through, as in water over a bottom";
+        let remedy =
+            "nothing for water in a basin; a pane needs a thickness, or a thin-walled material";
+        report.add_at_face(
+            Severity::Note,
+            subject,
+            body,
+            (first.face, sheet_edges.len()),
+            message,
+            remedy,
+        );
     }
 }
 

@@ -22,18 +22,26 @@ pub fn lights(subject: &Subject, report: &mut Report) {
         let name = format!("light {i} ({})", light.name());
         if let Some((message, remedy)) = dark(light) {
             // Black lights are an old way to say that surfaces or the sky are to light the scene.
-            let severity = if is_lit_otherwise(subject) { Severity::Note } else { Severity::Warning };
+            let severity =
+                if is_lit_otherwise(subject) { Severity::Note } else { Severity::Warning };
             report.add(severity, name, message, remedy);
             continue;
         }
         if is_bounded && !scene_bounds.is_empty() && misses(light, &scene_bounds) {
             let message = "it shines past everything in the scene";
-            report.add(Severity::Warning, name, message, "turn it, widen its cone, or take it out").position =
-                light.position().map(|p| p.to_array());
+            report
+                .add(Severity::Warning, name, message, "turn it, widen its cone, or take it out")
+                .position = light.position().map(|p| p.to_array());
         } else if let Some(place) = light.position().and_then(|p| enclosed(subject, light, p)) {
             let message = format!("it is inside of {}, which is opaque", subject.name(place));
-            report.add(Severity::Warning, name, message, "move it out, or make the body around it clear").position =
-                light.position().map(|p| p.to_array());
+            report
+                .add(
+                    Severity::Warning,
+                    name,
+                    message,
+                    "move it out, or make the body around it clear",
+                )
+                .position = light.position().map(|p| p.to_array());
         }
     }
     emitters(subject, report);
@@ -42,7 +50,8 @@ pub fn lights(subject: &Subject, report: &mut Report) {
 /// True if surfaces or the environment light the scene.
 fn is_lit_otherwise(subject: &Subject) -> bool {
     let emits = |(_, id)| subject.material(id).is_emissive();
-    subject.scene.environment.is_some() || subject.placed.iter().any(|p| p.slots().into_iter().any(emits))
+    subject.scene.environment.is_some()
+        || subject.placed.iter().any(|p| p.slots().into_iter().any(emits))
 }
 
 /// A light that has no light.
@@ -52,7 +61,10 @@ fn dark(light: &Light) -> Option<(&'static str, &'static str)> {
         return Some(("its colour is negative", "make it positive"));
     }
     if color.is_black() || light.power(1.0) == 0.0 {
-        return Some(("it has no light: its colour, its power or its cone is 0", "give it some, or take it out"));
+        return Some((
+            "it has no light: its colour, its power or its cone is 0",
+            "give it some, or take it out",
+        ));
     }
     None
 }
@@ -94,12 +106,15 @@ fn enclosed(subject: &Subject, light: &Light, at: DVec3) -> Option<usize> {
 /// True if no light goes through, from either side.
 pub fn is_opaque(material: &Material) -> bool {
     use snell_scene::material::MaterialKind as Kind;
-    let is_whole = material.alpha_mode == snell_scene::material::AlphaMode::Opaque && material.double_sided;
+    let is_whole =
+        material.alpha_mode == snell_scene::material::AlphaMode::Opaque && material.double_sided;
     let is_clear = match &material.kind {
         Kind::Dielectric(_) | Kind::Interface(_) => true,
         Kind::Phong(phong) => !phong.transmission.factor.is_black(),
         Kind::MetallicRoughness(kind) => kind.transmission.factor > 0.0,
-        Kind::OpenPbr(surface) => surface.transmission_weight.factor > 0.0 || surface.subsurface_weight.factor > 0.0,
+        Kind::OpenPbr(surface) => {
+            surface.transmission_weight.factor > 0.0 || surface.subsurface_weight.factor > 0.0
+        }
         _ => false,
     };
     is_whole && !is_clear && !material.is_emissive()
@@ -113,9 +128,14 @@ fn emitters(subject: &Subject, report: &mut Report) {
     let mut looks = 0;
     for (place, placed) in subject.placed.iter().enumerate() {
         for (slot, id) in placed.slots() {
-            let Some(id) = id.filter(|id| id.index() < subject.scene.materials.len()) else { continue };
+            let Some(id) = id.filter(|id| id.index() < subject.scene.materials.len()) else {
+                continue;
+            };
             let material = &subject.scene.materials[id.index()];
-            if !material.is_emissive() || !material.illuminates || lit.get(&id.index()) == Some(&true) {
+            if !material.is_emissive()
+                || !material.illuminates
+                || lit.get(&id.index()) == Some(&true)
+            {
                 continue;
             }
             looks += 1;
@@ -132,14 +152,18 @@ fn emitters(subject: &Subject, report: &mut Report) {
         }
     }
     if looks > MAX_LOOKS {
-        let message = format!("there are {looks} emitting surfaces, and the first {MAX_LOOKS} were looked at");
+        let message = format!(
+            "there are {looks} emitting surfaces, and the first {MAX_LOOKS} were looked at"
+        );
         report.add(Severity::Note, "", message, "look at parts of the scene one by one");
     }
     for (i, material) in subject.scene.materials.iter().enumerate() {
         if material.is_emissive() && lit.get(&i) == Some(&false) {
             let (place, at) = covered[&i];
-            let message =
-                format!("{} emits, but right before its outer side is another surface", material_name(i, material));
+            let message = format!(
+                "{} emits, but right before its outer side is another surface",
+                material_name(i, material)
+            );
             let finding = report.add(
                 Severity::Warning,
                 subject.name(place),
@@ -151,8 +175,15 @@ fn emitters(subject: &Subject, report: &mut Report) {
     }
 }
 
-/// Where an emitting surface was looked at if all it sees is close; `None` if some of its light gets away, or nobody can tell.
-fn looks_around(subject: &Subject, place: usize, slot: u16, material: &Material, size: f64) -> Option<DVec3> {
+/// Where an emitting surface was looked at if all it sees is close; `None` if some of its light
+/// gets away, or nobody can tell.
+fn looks_around(
+    subject: &Subject,
+    place: usize,
+    slot: u16,
+    material: &Material,
+    size: f64,
+) -> Option<DVec3> {
     let points = sampled(subject, place, slot)?;
     let world = subject.world()?;
     let near = size * NEAR;
@@ -162,8 +193,10 @@ fn looks_around(subject: &Subject, place: usize, slot: u16, material: &Material,
             let normal = normal * *side;
             let x = normal.any_orthonormal_vector();
             let y = normal.cross(x);
-            // Spread by the golden angle, not too near to the horizon: what is seen there is far away whatever covers the lamp.
-            let (height, turn) = (1.0 - 0.7 * (i as f64 + 0.5) / f64::from(PROBES), i as f64 * 2.399_963);
+            // Spread by the golden angle, not too near to the horizon: what is seen there is far
+            // away whatever covers the lamp.
+            let (height, turn) =
+                (1.0 - 0.7 * (i as f64 + 0.5) / f64::from(PROBES), i as f64 * 2.399_963);
             let (sin, cos) = turn.sin_cos();
             let d = normal * height + (x * cos + y * sin) * (1.0 - height * height).max(0.0).sqrt();
             let start = p + normal * (size * 1e-6);
@@ -211,8 +244,10 @@ fn sampled(subject: &Subject, place: usize, slot: u16) -> Option<Vec<(DVec3, DVe
             for face in faces.iter().step_by(step) {
                 let [a, b, c] = mesh.corners(*face).map(|p| p.as_dvec3());
                 for k in 0..repeat {
-                    let (s, t) =
-                        (0.1 + 0.8 * (k as f64 * 0.754_877).fract(), 0.1 + 0.8 * (k as f64 * 0.569_840).fract());
+                    let (s, t) = (
+                        0.1 + 0.8 * (k as f64 * 0.754_877).fract(),
+                        0.1 + 0.8 * (k as f64 * 0.569_840).fract(),
+                    );
                     let (s, t) = if s + t > 1.0 { (1.0 - s, 1.0 - t) } else { (s, t) };
                     let normal = unit((b - a).cross(c - a));
                     points.extend(normal.map(|n| (map.point(a + (b - a) * s + (c - a) * t), n)));

@@ -20,19 +20,26 @@ pub fn materials(subject: &Subject, report: &mut Report) {
         }
         for (what, scalar) in fractions(&material.kind) {
             if !(0.0..=TOLERANCE).contains(&scalar.factor) {
-                let message = format!("{what} is {}, expected 0 to 1; it is cut to that", scalar.factor);
+                let message =
+                    format!("{what} is {}, expected 0 to 1; it is cut to that", scalar.factor);
                 report.add(Severity::Warning, &name, message, "correct it");
             }
         }
         if let Some(ior) = index(&material.kind)
             && !(0.2..=6.0).contains(&ior)
         {
-            let message = format!("an index of refraction of {ior}; water has 1.33, glass 1.5, diamond 2.4");
+            let message =
+                format!("an index of refraction of {ior}; water has 1.33, glass 1.5, diamond 2.4");
             report.add(Severity::Warning, &name, message, "correct it");
         }
         let emission = material.emission.factor;
         if emission.r.min(emission.g).min(emission.b) < 0.0 {
-            report.add(Severity::Warning, &name, "its emission is negative, which counts as none", "make it positive");
+            report.add(
+                Severity::Warning,
+                &name,
+                "its emission is negative, which counts as none",
+                "make it positive",
+            );
         }
     }
     for (i, medium) in scene.media.iter().enumerate() {
@@ -44,8 +51,14 @@ pub fn materials(subject: &Subject, report: &mut Report) {
         };
         let least = |c: Rgb| c.r.min(c.g).min(c.b);
         if least(sigma_a).min(least(sigma_s)) < 0.0 {
-            let message = "a negative coefficient, which counts as 0: it would scatter more light than it takes";
-            report.add(Severity::Warning, format!("medium {i} ({})", medium.name()), message, "make it 0 or more");
+            let message = "a negative coefficient, which counts as 0: it would scatter more light \
+                than it takes";
+            report.add(
+                Severity::Warning,
+                format!("medium {i} ({})", medium.name()),
+                message,
+                "make it 0 or more",
+            );
         }
     }
 }
@@ -54,26 +67,42 @@ fn reflectance(scene: &Scene, name: &str, what: &str, color: ColorParam, report:
     let remedy = "make it at most 1: more would make light out of nothing, and is cut";
     let factor = color.factor;
     if factor.r.min(factor.g).min(factor.b) < 0.0 {
-        report.add(Severity::Warning, name, format!("{what} is negative, which counts as 0"), "make it 0 or more");
+        report.add(
+            Severity::Warning,
+            name,
+            format!("{what} is negative, which counts as 0"),
+            "make it 0 or more",
+        );
     }
     let Some(id) = color.texture else {
         // A spectrum has a shape of its own.
         if color.spectrum.is_none() && factor.max_element() > TOLERANCE {
             let Rgb { r, g, b } = factor;
-            report.add(Severity::Warning, name, format!("{what} is {r} {g} {b}, which is above 1"), remedy);
+            report.add(
+                Severity::Warning,
+                name,
+                format!("{what} is {r} {g} {b}, which is above 1"),
+                remedy,
+            );
         }
         return;
     };
-    let most = scene.textures.get(id.index()).and_then(|t| scene.images.get(t.as_image()?.image.index())).map_or(
-        1.0,
-        |image| match &image.pixels {
-            Pixels::F32(values) => values.iter().copied().filter(|x| x.is_finite()).fold(0.0, f32::max),
+    let most = scene
+        .textures
+        .get(id.index())
+        .and_then(|t| scene.images.get(t.as_image()?.image.index()))
+        .map_or(1.0, |image| match &image.pixels {
+            Pixels::F32(values) => {
+                values.iter().copied().filter(|x| x.is_finite()).fold(0.0, f32::max)
+            }
             Pixels::U8(values) => f32::from(values.iter().copied().max().unwrap_or(0)) / 255.0,
             Pixels::U16(values) => f32::from(values.iter().copied().max().unwrap_or(0)) / 65535.0,
-        },
-    );
+        });
     if factor.max_element() * most > 1.01 {
-        let message = format!("{what} is up to {} with its texture, which is above 1", factor.max_element() * most);
+        let message = format!(
+            "{what} is up to {} with its texture, which is above 1",
+            factor.max_element() * most
+        );
         report.add(Severity::Warning, name, message, remedy);
     }
 }
@@ -125,10 +154,17 @@ fn fractions(kind: &MaterialKind) -> Vec<(&'static str, ScalarParam)> {
         MaterialKind::Plastic(m) => vec![("roughness", m.roughness)],
         MaterialKind::CoatedDiffuse(m) => vec![("roughness", m.roughness)],
         MaterialKind::Hair(m) => {
-            vec![("longitudinal_roughness", m.longitudinal_roughness), ("azimuthal_roughness", m.azimuthal_roughness)]
+            vec![
+                ("longitudinal_roughness", m.longitudinal_roughness),
+                ("azimuthal_roughness", m.azimuthal_roughness),
+            ]
         }
         MaterialKind::MetallicRoughness(m) => {
-            vec![("roughness", m.roughness), ("metallic", m.metallic), ("transmission", m.transmission)]
+            vec![
+                ("roughness", m.roughness),
+                ("metallic", m.metallic),
+                ("transmission", m.transmission),
+            ]
         }
         MaterialKind::OpenPbr(m) => vec![
             ("specular_roughness", m.specular_roughness),
@@ -149,7 +185,9 @@ fn index(kind: &MaterialKind) -> Option<f32> {
         MaterialKind::CoatedConductor(m) => Some(m.ior),
         MaterialKind::Hair(m) => Some(m.ior),
         // glTF's 0 has a meaning, and large ones stand for coloured highlights.
-        MaterialKind::OpenPbr(m) if m.transmission_weight.factor > 0.0 && m.specular_ior.factor > 0.0 => {
+        MaterialKind::OpenPbr(m)
+            if m.transmission_weight.factor > 0.0 && m.specular_ior.factor > 0.0 =>
+        {
             Some(m.specular_ior.factor)
         }
         _ => None,

@@ -28,7 +28,11 @@ use snell_scene::Material;
 
 /// How a material is called.
 fn material_name(index: usize, material: &Material) -> String {
-    if material.name.is_empty() { format!("material {index}") } else { format!("material \"{}\"", material.name) }
+    if material.name.is_empty() {
+        format!("material {index}")
+    } else {
+        format!("material \"{}\"", material.name)
+    }
 }
 
 /// `1 face`, `2 faces`.

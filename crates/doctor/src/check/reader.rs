@@ -7,8 +7,12 @@ use snell_scene::WarningKind;
 pub fn reader(subject: &Subject, report: &mut Report) {
     for warning in &subject.scene.warnings {
         let (severity, remedy) = match warning.kind {
-            WarningKind::Missing => (Severity::Error, "put the file where the scene names it, or correct the name"),
-            WarningKind::Changed => (Severity::Warning, "see whether the picture is what you want, or change the file"),
+            WarningKind::Missing => {
+                (Severity::Error, "put the file where the scene names it, or correct the name")
+            }
+            WarningKind::Changed => {
+                (Severity::Warning, "see whether the picture is what you want, or change the file")
+            }
             WarningKind::Choice => (Severity::Note, "nothing, if that is what you want"),
             // The check of numbers says it with the place.
             WarningKind::NotFinite => continue,

@@ -14,8 +14,10 @@ pub fn scale(subject: &Subject, report: &mut Report) {
     }
     let size = scene_bounds.size().max_element();
     if !(1e-5..=1e8).contains(&size) && size > 0.0 {
-        let message =
-            format!("the whole scene is {size:.1e} units large; with metres as units, that is not of this world");
+        let message = format!(
+            "the whole scene is {size:.1e} units large; with metres as units, that is not of this \
+                world"
+        );
         report.add(Severity::Warning, "", message, "scale it: most formats count in metres");
     }
     precision(subject, report);
@@ -34,7 +36,8 @@ fn precision(subject: &Subject, report: &mut Report) {
         let far = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
         if size > 0.0 && far * f64::from(f32::EPSILON) * STEPS > size {
             let message = format!(
-                "a mesh of {size:.2e} units at {far:.2e} units from its origin: its coordinates have less than {STEPS} steps"
+                "a mesh of {size:.2e} units at {far:.2e} units from its origin: its coordinates \
+                    have less than {STEPS} steps"
             );
             report.add(
                 Severity::Warning,
@@ -52,11 +55,15 @@ fn stretched(subject: &Subject, report: &mut Report) {
     for (place, placed) in subject.placed.iter().enumerate() {
         let m = &placed.world_from_surface.matrix().matrix3;
         let lengths = [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()];
-        let (least, most) = lengths.iter().fold((f64::INFINITY, 0.0f64), |(a, b), &x| (a.min(x), b.max(x)));
+        let (least, most) =
+            lengths.iter().fold((f64::INFINITY, 0.0f64), |(a, b), &x| (a.min(x), b.max(x)));
         // A flat thing may be as thin as it likes.
         let is_flat = placed.surface.geometry.bounds().size().to_array().iter().any(|&s| s <= 0.0);
         if most > 1e5 * least && !is_flat && told.insert(placed.node) {
-            let message = format!("its transform stretches one direction {:.0e} times more than another", most / least);
+            let message = format!(
+                "its transform stretches one direction {:.0e} times more than another",
+                most / least
+            );
             report.add(Severity::Warning, subject.name(place), message, "correct the scale");
         }
     }
@@ -65,13 +72,19 @@ fn stretched(subject: &Subject, report: &mut Report) {
 /// Cameras with an odd angle, lens or distance.
 fn views(subject: &Subject, size: f64, report: &mut Report) {
     for (i, camera) in subject.scene.cameras.iter().enumerate() {
-        let name = if camera.name.is_empty() { format!("camera {i}") } else { format!("camera \"{}\"", camera.name) };
+        let name = if camera.name.is_empty() {
+            format!("camera {i}")
+        } else {
+            format!("camera \"{}\"", camera.name)
+        };
         if let Projection::Perspective { tan_half_fov } = camera.projection {
             let widest = tan_half_fov.iter().flatten().fold(0.0f64, |a, &b| a.max(b));
             let degrees = 2.0 * widest.atan().to_degrees();
             if !(0.1..=170.0).contains(&degrees) {
-                let message =
-                    format!("an angle of view of {degrees:.2} degrees; was it given in radians, or the reverse?");
+                let message = format!(
+                    "an angle of view of {degrees:.2} degrees; was it given in radians, or the \
+                        reverse?"
+                );
                 report.add(Severity::Warning, &name, message, "correct the angle");
             }
         }
@@ -80,10 +93,18 @@ fn views(subject: &Subject, size: f64, report: &mut Report) {
             .filter(|b| !b.is_empty())
             .map(|b| (camera.eye - camera.eye.clamp(b.min, b.max)).length())
             .fold(f64::INFINITY, f64::min);
-        if nearest > 1e4 * size && nearest.is_finite() && !matches!(camera.projection, Projection::Orthographic { .. })
+        if nearest > 1e4 * size
+            && nearest.is_finite()
+            && !matches!(camera.projection, Projection::Orthographic { .. })
         {
-            let message = format!("it is {:.0e} times the size of the scene away from it", nearest / size);
-            report.add(Severity::Warning, &name, message, "move it nearer, or correct the units of one of the two");
+            let message =
+                format!("it is {:.0e} times the size of the scene away from it", nearest / size);
+            report.add(
+                Severity::Warning,
+                &name,
+                message,
+                "move it nearer, or correct the units of one of the two",
+            );
         }
         if camera.aperture_radius > size && size > 0.0 {
             let message = "its lens is larger than the scene";

@@ -1,4 +1,5 @@
-//! Which side of a surface is the outer one. It matters where light goes in, where a back is not there, and where only the front emits.
+//! Which side of a surface is the outer one. It matters where light goes in, where a back is not
+//! there, and where only the front emits.
 
 use super::counted;
 use crate::subject::{Body, bounds_inside};
@@ -17,7 +18,8 @@ pub fn winding(subject: &Subject, report: &mut Report) {
 fn inconsistent(subject: &Subject, body: &Body, report: &mut Report) {
     let faces = &body.topology.inconsistent;
     let Some(&first) = faces.first() else { return };
-    let message = format!("neighbouring faces are wound differently along {}", counted(faces.len(), "edge"));
+    let message =
+        format!("neighbouring faces are wound differently along {}", counted(faces.len(), "edge"));
     let severity = match body.role {
         role if role.bounds_inside => Severity::Error,
         role if role.is_one_sided || role.emits_outwards => Severity::Warning,
@@ -43,13 +45,16 @@ fn inside_out(subject: &Subject, body: &Body, report: &mut Report) {
             // Flat bodies have a volume of rounding errors.
             c.volume.abs() > 1e-6 * c.area.powf(1.5)
         })
-        .filter(|c| !topology.components.iter().any(|o| o.volume > 0.0 && contains(&o.bounds, &c.bounds)))
+        .filter(|c| {
+            !topology.components.iter().any(|o| o.volume > 0.0 && contains(&o.bounds, &c.bounds))
+        })
         .collect();
     let Some(first) = turned.first() else { return };
     let material = subject.material_of_face(place, body.mesh, first.first_face);
     let agrees_with_normals = !body.mesh.normals.is_empty() && first.faces_against_normals == 0;
     let (severity, message, remedy) = if bounds_inside(material) {
-        let message = "the surface is inside out: what it bounds is outside of it, and inside is air";
+        let message =
+            "the surface is inside out: what it bounds is outside of it, and inside is air";
         if is_inner_wall(subject, place, &first.bounds) {
             return;
         }
@@ -72,8 +77,13 @@ fn is_inner_wall(subject: &Subject, place: usize, inner: &Bounds3) -> bool {
     let inner = subject.placed[place].world_from_surface.bounds(&(*inner).into());
     (0..subject.placed.len()).any(|other| {
         let outer = subject.bounds(other);
-        let around = outer.min.cmple(inner.min).all() && outer.max.cmpge(inner.max).all() && other != place;
-        around && subject.placed[other].slots().iter().any(|(_, id)| bounds_inside(subject.material(*id)))
+        let around =
+            outer.min.cmple(inner.min).all() && outer.max.cmpge(inner.max).all() && other != place;
+        around
+            && subject.placed[other]
+                .slots()
+                .iter()
+                .any(|(_, id)| bounds_inside(subject.material(*id)))
     })
 }
 
@@ -99,5 +109,12 @@ fn against_normals(subject: &Subject, body: &Body, report: &mut Report) {
         counted(faces as usize, "face")
     );
     let remedy = "turn the faces over, or compute the normals anew";
-    report.add_at_face(severity, subject, body, (first.first_face, faces as usize), message, remedy);
+    report.add_at_face(
+        severity,
+        subject,
+        body,
+        (first.first_face, faces as usize),
+        message,
+        remedy,
+    );
 }

@@ -1,5 +1,6 @@
-//! Animated pictures: frames of display values, one after the other. APNG keeps every colour; GIF has 256 for each frame. Both run in a
-//! loop. Y4M is a raw video, which `ffmpeg` and others read without being told its size and rate.
+//! Animated pictures: frames of display values, one after the other. APNG keeps every colour; GIF
+//! has 256 for each frame. Both run in a loop. Y4M is a raw video, which `ffmpeg` and others read
+//! without being told its size and rate.
 
 use std::io::Write;
 
@@ -49,16 +50,26 @@ enum Encoder<W: Write> {
 }
 
 impl<W: Write> AnimatedWriter<W> {
-    /// Begins an animated picture of `count` frames, `rate` in a second, each as large as `first`, a PNG file; if that is opaque, all
-    /// frames are.
-    pub fn new(format: AnimatedFormat, mut out: W, first: &[u8], rate: f64, count: u32) -> Result<Self, String> {
+    /// Begins an animated picture of `count` frames, `rate` in a second, each as large as `first`,
+    /// a PNG file; if that is opaque, all frames are.
+    pub fn new(
+        format: AnimatedFormat,
+        mut out: W,
+        first: &[u8],
+        rate: f64,
+        count: u32,
+    ) -> Result<Self, String> {
         let image = decode(first)?;
         let size = [image.width(), image.height()];
         let encoder = match format {
             AnimatedFormat::Apng => {
                 let has_alpha = image.pixels().any(|p| p[3] < 255);
                 let mut encoder = ::png::Encoder::new(out, size[0], size[1]);
-                encoder.set_color(if has_alpha { ::png::ColorType::Rgba } else { ::png::ColorType::Rgb });
+                encoder.set_color(if has_alpha {
+                    ::png::ColorType::Rgba
+                } else {
+                    ::png::ColorType::Rgb
+                });
                 encoder.set_depth(::png::BitDepth::Eight);
                 encoder.set_animated(count.max(1), 0).map_err(text)?;
                 let (numerator, denominator) = delay(rate);
@@ -67,7 +78,9 @@ impl<W: Write> AnimatedWriter<W> {
             }
             AnimatedFormat::Gif => {
                 let [w, h] = size.map(u16::try_from);
-                let (Ok(w), Ok(h)) = (w, h) else { return Err("GIF holds at most 65535 pixels a side".into()) };
+                let (Ok(w), Ok(h)) = (w, h) else {
+                    return Err("GIF holds at most 65535 pixels a side".into());
+                };
                 let mut encoder = gif::Encoder::new(out, w, h, &[]).map_err(text)?;
                 encoder.set_repeat(gif::Repeat::Infinite).map_err(text)?;
                 Encoder::Gif(Box::new(encoder))
@@ -75,7 +88,8 @@ impl<W: Write> AnimatedWriter<W> {
             AnimatedFormat::Y4m => {
                 let (seconds, frames) = delay(rate);
                 let [w, h] = size;
-                writeln!(out, "YUV4MPEG2 W{w} H{h} F{frames}:{seconds} Ip A1:1 C444").map_err(text)?;
+                writeln!(out, "YUV4MPEG2 W{w} H{h} F{frames}:{seconds} Ip A1:1 C444")
+                    .map_err(text)?;
                 Encoder::Y4m(out)
             }
         };
@@ -91,7 +105,9 @@ impl<W: Write> AnimatedWriter<W> {
         let number = f64::from(self.written);
         self.written += 1;
         match &mut self.encoder {
-            Encoder::Apng { writer, has_alpha: true } => writer.write_image_data(&image).map_err(text),
+            Encoder::Apng { writer, has_alpha: true } => {
+                writer.write_image_data(&image).map_err(text)
+            }
             Encoder::Apng { writer, has_alpha: false } => {
                 let rgb: Vec<u8> = image.pixels().flat_map(|p| [p[0], p[1], p[2]]).collect();
                 writer.write_image_data(&rgb).map_err(text)
@@ -134,14 +150,16 @@ fn delay(rate: f64) -> (u16, u16) {
     if rate.fract() == 0.0 && (1.0..=65535.0).contains(&rate) {
         return (1, rate as u16);
     }
-    // Whole numbers that are near enough: 1001 for the rates of television (24000/1001 ...), else 1000 and less.
+    // Whole numbers that are near enough: 1001 for the rates of television (24000/1001 ...), else
+    // 1000 and less.
     let near = |n: f64| ((rate * n).round() / n - rate).abs() < 1e-4 && rate * n <= 65535.0;
     let numerator = [1001.0, 1000.0, 100.0, 10.0].into_iter().find(|&n| near(n)).unwrap_or(1.0);
     (numerator as u16, (rate * numerator).round().clamp(1.0, 65535.0) as u16)
 }
 
-/// Planes of luma and colour differences in the range of video. Where the picture is transparent, black shows. The matrix is that which
-/// players assume: of BT.709 for pictures of 720 rows and more, of BT.601 for smaller ones.
+/// Planes of luma and colour differences in the range of video. Where the picture is transparent,
+/// black shows. The matrix is that which players assume: of BT.709 for pictures of 720 rows and
+/// more, of BT.601 for smaller ones.
 fn yuv(image: &::image::RgbaImage) -> Vec<u8> {
     let [kr, kb] = if image.height() >= 720 { [0.2126f32, 0.0722] } else { [0.299, 0.114] };
     let count = image.width() as usize * image.height() as usize;
@@ -176,7 +194,8 @@ mod tests {
     fn animated(format: AnimatedFormat, frames: &[Vec<u8>]) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut writer =
-            AnimatedWriter::new(format, &mut bytes, &frames[0], 24.0, frames.len() as u32).expect("begins");
+            AnimatedWriter::new(format, &mut bytes, &frames[0], 24.0, frames.len() as u32)
+                .expect("begins");
         frames.iter().for_each(|frame| writer.add(frame).expect("frames are alike"));
         writer.finish().expect("ends");
         bytes
@@ -220,8 +239,13 @@ mod tests {
 
     #[test]
     fn rates_are_fractions_and_sizes_must_agree() {
-        assert_eq!((delay(24.0), delay(24000.0 / 1001.0), delay(12.5)), ((1, 24), (1001, 24000), (1000, 12500)));
-        let mut writer = AnimatedWriter::new(AnimatedFormat::Gif, Vec::new(), &png([0; 4]), 10.0, 2).expect("begins");
+        assert_eq!(
+            (delay(24.0), delay(24000.0 / 1001.0), delay(12.5)),
+            ((1, 24), (1001, 24000), (1000, 12500))
+        );
+        let mut writer =
+            AnimatedWriter::new(AnimatedFormat::Gif, Vec::new(), &png([0; 4]), 10.0, 2)
+                .expect("begins");
         let larger = ::image::RgbaImage::new(7, 4);
         let mut bytes = std::io::Cursor::new(Vec::new());
         larger.write_to(&mut bytes, ::image::ImageFormat::Png).expect("PNG is known");

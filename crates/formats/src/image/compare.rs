@@ -1,7 +1,8 @@
 //! Comparing two pictures: here is the reference, here is the other one, how far apart are they?
 //!
-//! Pure functions over linear RGB. Errors of radiance (MSE, relative MSE, largest difference) are measured on the linear values,
-//! errors of what one sees (PSNR, FLIP, differing pixels) on sRGB display values.
+//! Pure functions over linear RGB. Errors of radiance (MSE, relative MSE, largest difference) are
+//! measured on the linear values, errors of what one sees (PSNR, FLIP, differing pixels) on sRGB
+//! display values.
 
 use super::picture::finite;
 use super::{Display, Tonemap, display_value, flip};
@@ -30,10 +31,15 @@ impl LinearImage {
             [r * a, g * a, b * a]
         };
         let count = image.width as usize * image.height as usize;
-        Self { width: image.width, height: image.height, pixels: (0..count).into_par_iter().map(pixel).collect() }
+        Self {
+            width: image.width,
+            height: image.height,
+            pixels: (0..count).into_par_iter().map(pixel).collect(),
+        }
     }
 
-    /// From a layer of `image`: its channels R, G, B; otherwise its first three; fewer are repeated.
+    /// From a layer of `image`: its channels R, G, B; otherwise its first three; fewer are
+    /// repeated.
     pub fn from_layer(image: &LayeredImage, layer: &Layer) -> Self {
         let find = |name: &str, otherwise: usize| {
             let last = layer.channels.len().saturating_sub(1);
@@ -43,7 +49,11 @@ impl LinearImage {
             0..3 => [find("Y", 0); 3],
             _ => [find("R", 0), find("G", 1), find("B", 2)],
         };
-        let pixels = layer.values.par_chunks_exact(layer.channels.len().max(1)).map(|p| rgb.map(|c| p[c])).collect();
+        let pixels = layer
+            .values
+            .par_chunks_exact(layer.channels.len().max(1))
+            .map(|p| rgb.map(|c| p[c]))
+            .collect();
         Self { width: image.width, height: image.height, pixels }
     }
 }
@@ -56,7 +66,8 @@ pub const BYTES_PER_PIXEL: usize = 140;
 pub struct CompareOptions {
     /// How display values are made; `None` decides by the pictures ([`automatic_display`]).
     pub display: Option<Display>,
-    /// A pixel counts as different if a channel of its 8-bit display values differs by more than this many levels.
+    /// A pixel counts as different if a channel of its 8-bit display values differs by more than
+    /// this many levels.
     pub threshold: u8,
 }
 
@@ -66,7 +77,8 @@ impl Default for CompareOptions {
     }
 }
 
-/// The differences in numbers. Values that are not finite count as [`super::read_image`] reads them.
+/// The differences in numbers. Values that are not finite count as [`super::read_image`] reads
+/// them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     /// Width of both in pixels.
@@ -75,7 +87,8 @@ pub struct Comparison {
     pub height: u32,
     /// Mean squared error of the linear values, over all pixels and channels.
     pub mse: f64,
-    /// Mean of `(test - reference)^2 / (reference^2 + 0.01)` over all pixels and channels, linear ([`RELATIVE_EPSILON`]).
+    /// Mean of `(test - reference)^2 / (reference^2 + 0.01)` over all pixels and channels, linear
+    /// ([`RELATIVE_EPSILON`]).
     pub rel_mse: f64,
     /// Mean squared error of the sRGB display values, which lie between 0 and 1.
     pub mse_srgb: f64,
@@ -97,7 +110,8 @@ pub struct Comparison {
     pub not_finite_in_reference: u64,
     /// Pixels of the other picture with a value that is not finite.
     pub not_finite_in_test: u64,
-    /// True if the display values were tone mapped because the pictures have a high dynamic range (or on request).
+    /// True if the display values were tone mapped because the pictures have a high dynamic range
+    /// (or on request).
     pub tone_mapped: bool,
     /// Exposure in stops that was used for the display values.
     pub exposure: f64,
@@ -117,7 +131,8 @@ pub struct Compared {
 pub enum CompareError {
     /// Their sizes differ.
     #[error(
-        "the sizes differ: the reference has {} x {} pixels, the other picture {} x {}; render or scale one of them to the size of the other",
+        "the sizes differ: the reference has {} x {} pixels, the other picture {} x {}; render or \
+            scale one of them to the size of the other",
         reference[0], reference[1], test[0], test[1]
     )]
     Size {
@@ -128,7 +143,8 @@ pub enum CompareError {
     },
     /// A picture has no pixels, or not one colour per pixel.
     #[error(
-        "a picture has {pixels} pixels where its size says {expected}; give one colour per pixel and at least one pixel"
+        "a picture has {pixels} pixels where its size says {expected}; give one colour per pixel \
+            and at least one pixel"
     )]
     Pixels {
         /// What was found.
@@ -138,7 +154,8 @@ pub enum CompareError {
     },
 }
 
-/// Added to the square of the reference in the relative error: below 0.1, errors count as absolute ones.
+/// Added to the square of the reference in the relative error: below 0.1, errors count as absolute
+/// ones.
 pub const RELATIVE_EPSILON: f64 = 1e-2;
 
 /// Compares `test` with `reference`.
@@ -148,8 +165,9 @@ pub fn compare(
     options: &CompareOptions,
 ) -> Result<Compared, CompareError> {
     check(reference, test)?;
-    let not_finite =
-        |image: &LinearImage| image.pixels.iter().filter(|p| !p.iter().all(|v| v.is_finite())).count() as u64;
+    let not_finite = |image: &LinearImage| {
+        image.pixels.iter().filter(|p| !p.iter().all(|v| v.is_finite())).count() as u64
+    };
     let (not_finite_in_reference, not_finite_in_test) = (not_finite(reference), not_finite(test));
     let reference = &made_finite(reference);
     let test = &made_finite(test);
@@ -211,21 +229,29 @@ fn made_finite(image: &LinearImage) -> LinearImage {
     LinearImage { pixels: image.pixels.par_iter().map(|p| p.map(finite)).collect(), ..*image }
 }
 
-/// Display values for two pictures. If no value is above 1 they are shown as they are. Otherwise both are tone mapped by ACES with
-/// the exposure that brings the log-average luminance of the reference to middle grey, 0.18 (Reinhard, Stark, Shirley, Ferwerda,
-/// "Photographic Tone Reproduction for Digital Images", SIGGRAPH 2002, Section 3.1), rounded to whole stops so that small
-/// differences between references do not shift it. (HDR-FLIP proper takes the largest error over many exposures; one exposure
-/// shows what one looks at.)
+/// Display values for two pictures. If no value is above 1 they are shown as they are. Otherwise
+/// both are tone mapped by ACES with the exposure that brings the log-average luminance of the
+/// reference to middle grey, 0.18 (Reinhard, Stark, Shirley, Ferwerda, "Photographic Tone
+/// Reproduction for Digital Images", SIGGRAPH 2002, Section 3.1), rounded to whole stops so that
+/// small differences between references do not shift it. (HDR-FLIP proper takes the largest error
+/// over many exposures; one exposure shows what one looks at.)
 pub fn automatic_display(reference: &LinearImage, test: &LinearImage) -> Display {
     // A little above 1, for rounding.
-    let is_high = |image: &LinearImage| image.pixels.par_iter().any(|p| p.iter().any(|v| *v > 1.001));
+    let is_high =
+        |image: &LinearImage| image.pixels.par_iter().any(|p| p.iter().any(|v| *v > 1.001));
     if !is_high(reference) && !is_high(test) {
         return Display::default();
     }
-    let luminance = |p: &[f32; 3]| 0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2]);
+    let luminance = |p: &[f32; 3]| {
+        0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2])
+    };
     let lit = reference.pixels.iter().map(luminance).filter(|l| l.is_finite() && *l > 0.0);
     let (sum, count) = lit.fold((0.0, 0u64), |(sum, count), l| (sum + l.log2(), count + 1));
-    let exposure = if count == 0 { 0.0 } else { (0.18f64.log2() - sum / count as f64).round().clamp(-32.0, 32.0) };
+    let exposure = if count == 0 {
+        0.0
+    } else {
+        (0.18f64.log2() - sum / count as f64).round().clamp(-32.0, 32.0)
+    };
     Display { exposure, tonemap: Tonemap::Aces, srgb: true }
 }
 
@@ -291,7 +317,8 @@ fn level(display: f32) -> u8 {
     (display * 255.0).round() as u8
 }
 
-/// The FLIP errors as a picture: black where nothing differs, through violet and orange to pale yellow.
+/// The FLIP errors as a picture: black where nothing differs, through violet and orange to pale
+/// yellow.
 pub fn difference_picture(compared: &Compared) -> LayeredImage {
     let values = compared.flip.iter().flat_map(|e| heat(*e)).collect();
     let channels = ["R", "G", "B"].map(String::from).to_vec();
@@ -303,8 +330,8 @@ pub fn difference_picture(compared: &Compared) -> LayeredImage {
     }
 }
 
-/// Linear RGB of an error from 0 to 1: nine samples of matplotlib's colour map "magma" (van der Walt, Smith; CC0), joined by
-/// straight lines.
+/// Linear RGB of an error from 0 to 1: nine samples of matplotlib's colour map "magma" (van der
+/// Walt, Smith; CC0), joined by straight lines.
 fn heat(error: f32) -> [f32; 3] {
     const STOPS: [[u8; 3]; 9] = [
         [0, 0, 4],
@@ -333,7 +360,10 @@ mod tests {
     use std::path::Path;
 
     fn grey(width: u32, height: u32, value: impl Fn(u32, u32) -> f32) -> LinearImage {
-        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| [value(x, y); 3]).collect();
+        let pixels = (0..height)
+            .flat_map(|y| (0..width).map(move |x| (x, y)))
+            .map(|(x, y)| [value(x, y); 3])
+            .collect();
         LinearImage { width, height, pixels }
     }
 
@@ -346,7 +376,10 @@ mod tests {
         let image = grey(31, 17, |x, y| (x * y) as f32 * 0.01);
         let compared = compare(&image, &image, &CompareOptions::default()).unwrap();
         let c = &compared.comparison;
-        assert_eq!((c.mse, c.rel_mse, c.mse_srgb, c.psnr, c.flip, c.max_abs), (0.0, 0.0, 0.0, None, 0.0, 0.0));
+        assert_eq!(
+            (c.mse, c.rel_mse, c.mse_srgb, c.psnr, c.flip, c.max_abs),
+            (0.0, 0.0, 0.0, None, 0.0, 0.0)
+        );
         assert_eq!((c.different, c.max_levels), (0.0, 0));
         assert!(compared.flip.iter().all(|e| *e == 0.0));
     }
@@ -392,7 +425,9 @@ mod tests {
 
     #[test]
     fn different_sizes_are_an_error_that_names_both() {
-        let error = compare(&grey(2, 3, |_, _| 0.0), &grey(3, 2, |_, _| 0.0), &CompareOptions::default()).unwrap_err();
+        let error =
+            compare(&grey(2, 3, |_, _| 0.0), &grey(3, 2, |_, _| 0.0), &CompareOptions::default())
+                .unwrap_err();
         let message = error.to_string();
         assert!(message.contains("2 x 3") && message.contains("3 x 2"), "{message}");
         let empty = LinearImage { width: 0, height: 0, pixels: Vec::new() };
@@ -403,14 +438,17 @@ mod tests {
     fn the_difference_picture_brightens_with_the_error() {
         let luminance = |e| heat(e).iter().sum::<f32>();
         assert!((0..100).all(|i| luminance((i + 1) as f32 * 0.01) > luminance(i as f32 * 0.01)));
-        let compared = compare(&grey(5, 4, |_, _| 0.0), &grey(5, 4, |_, _| 1.0), &CompareOptions::default()).unwrap();
+        let compared =
+            compare(&grey(5, 4, |_, _| 0.0), &grey(5, 4, |_, _| 1.0), &CompareOptions::default())
+                .unwrap();
         assert_eq!(difference_picture(&compared).layers[0].values.len(), 60);
     }
 
     /// Values by the package flip-evaluator 1.7 and scikit-image 0.26.
     #[test]
     fn published_implementations_agree() {
-        let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/image-compare"));
+        let folder =
+            Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/image-compare"));
         let Ok(table) = std::fs::read_to_string(folder.join("expected.csv")) else {
             eprintln!("skipped: no {}", folder.display());
             return;

@@ -1,8 +1,8 @@
-//! Cryptomatte: which share of each pixel each thing of a picture covers, for mattes in a compositor (Friedman and Jones,
-//! Cryptomatte Specification 1.2, Psyop, 2018).
+//! Cryptomatte: which share of each pixel each thing of a picture covers, for mattes in a
+//! compositor (Friedman and Jones, Cryptomatte Specification 1.2, Psyop, 2018).
 //!
-//! A thing goes by a hash of its name. The largest shares of a pixel come first, two ranks a layer, and the names are told in a
-//! manifest among the file's metadata.
+//! A thing goes by a hash of its name. The largest shares of a pixel come first, two ranks a layer,
+//! and the names are told in a manifest among the file's metadata.
 
 use snell_scene::Layer;
 use std::collections::BTreeMap;
@@ -19,9 +19,14 @@ pub struct Cryptomatte {
     pub metadata: Vec<(String, String)>,
 }
 
-/// Encodes shares. `pixels` has, for each pixel row by row, the things there by number in `names`, with the share that each covers (0
-/// to 1); several with one name count as one thing. `kind` names the layers, such as `CryptoObject`.
-pub fn encode<'a>(kind: &str, names: &[String], pixels: impl Iterator<Item = &'a [(usize, f32)]>) -> Cryptomatte {
+/// Encodes shares. `pixels` has, for each pixel row by row, the things there by number in `names`,
+/// with the share that each covers (0 to 1); several with one name count as one thing. `kind` names
+/// the layers, such as `CryptoObject`.
+pub fn encode<'a>(
+    kind: &str,
+    names: &[String],
+    pixels: impl Iterator<Item = &'a [(usize, f32)]>,
+) -> Cryptomatte {
     let hashes: Vec<u32> = names.iter().map(|name| hash(name)).collect();
     let mut layers: Vec<Layer> = (0..RANKS / 2)
         .map(|number| Layer {
@@ -44,10 +49,13 @@ pub fn encode<'a>(kind: &str, names: &[String], pixels: impl Iterator<Item = &'a
         ranked.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         ranked.resize(RANKS, (0, 0.0));
         for (layer, pair) in layers.iter_mut().zip(ranked.chunks(2)) {
-            layer.values.extend(pair.iter().flat_map(|&(hash, share)| [f32::from_bits(hash), share]));
+            layer
+                .values
+                .extend(pair.iter().flat_map(|&(hash, share)| [f32::from_bits(hash), share]));
         }
     }
-    let manifest: BTreeMap<&String, String> = names.iter().zip(&hashes).map(|(n, h)| (n, format!("{h:08x}"))).collect();
+    let manifest: BTreeMap<&String, String> =
+        names.iter().zip(&hashes).map(|(n, h)| (n, format!("{h:08x}"))).collect();
     let key = &format!("{:08x}", hash(kind))[..7];
     let entry = |name: &str, value: String| (format!("cryptomatte/{key}/{name}"), value);
     let metadata = vec![
@@ -93,7 +101,10 @@ mod tests {
         let ranks: Vec<f32> = matte.layers.iter().flat_map(|l| l.values[..4].to_vec()).collect();
         assert_eq!([ranks[0], ranks[2], ranks[4]].map(f32::to_bits), ["c", "b", "a"].map(hash));
         assert_eq!([ranks[1], ranks[3], ranks[5], ranks[7]], [0.5, 0.3, 0.2, 0.0]);
-        assert!(matte.layers.iter().all(|l| l.values[4..] == [0.0; 4]), "nothing covers the second pixel");
+        assert!(
+            matte.layers.iter().all(|l| l.values[4..] == [0.0; 4]),
+            "nothing covers the second pixel"
+        );
         assert_eq!(matte.metadata[3].1.matches(':').count(), 3, "{:?}", matte.metadata);
     }
 }

@@ -1,9 +1,10 @@
 //! FLIP: the error that a viewer sees when two display images alternate.
 //!
-//! Source: Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström, Fairchild, "FLIP: A Difference Evaluator for Alternating
-//! Images", Proc. ACM Comput. Graph. Interact. Tech. 3(2), 2020. Section numbers below are the paper's. Two pipelines: colour
-//! (filter by the eye's contrast sensitivity, then distance in a perceptual space) and features (edges and points in the
-//! luminance); feature differences amplify colour differences.
+//! Source: Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström, Fairchild, "FLIP: A Difference
+//! Evaluator for Alternating Images", Proc. ACM Comput. Graph. Interact. Tech. 3(2), 2020. Section
+//! numbers below are the paper's. Two pipelines: colour (filter by the eye's contrast sensitivity,
+//! then distance in a perceptual space) and features (edges and points in the luminance); feature
+//! differences amplify colour differences.
 //!
 //! All filters are separable. Pixels beyond the border repeat those at the border.
 
@@ -38,8 +39,10 @@ struct Appearance {
 
 impl Appearance {
     fn of(width: usize, display: &[[f32; 3]]) -> Self {
-        let opponent: Vec<[f32; 3]> =
-            display.par_iter().map(|p| opponent_from_xyz(xyz_from_rgb(p.map(srgb_to_linear)))).collect();
+        let opponent: Vec<[f32; 3]> = display
+            .par_iter()
+            .map(|p| opponent_from_xyz(xyz_from_rgb(p.map(srgb_to_linear))))
+            .collect();
         Self { colour: perceived_colour(width, &opponent), features: features(width, &opponent) }
     }
 }
@@ -53,19 +56,28 @@ const SENSITIVITY: [[f32; 4]; 3] = [
     [34.1, 0.04, 13.5, 0.025], // blue-yellow
 ];
 
-/// Filters by contrast sensitivity, clamps to the display's gamut, converts to L*a*b* with the Hunt effect (Sections 4.1.1, 4.1.2).
+/// Filters by contrast sensitivity, clamps to the display's gamut, converts to L*a*b* with the Hunt
+/// effect (Sections 4.1.1, 4.1.2).
 fn perceived_colour(width: usize, opponent: &[[f32; 3]]) -> Vec<[f32; 3]> {
     let widest = SENSITIVITY.iter().flat_map(|s| [s[1], s[3]]).fold(0.0, f32::max);
-    let radius = (3.0 * (widest / (2.0 * std::f32::consts::PI.powi(2))).sqrt() * PIXELS_PER_DEGREE).ceil() as i32;
+    let radius = (3.0 * (widest / (2.0 * std::f32::consts::PI.powi(2))).sqrt() * PIXELS_PER_DEGREE)
+        .ceil() as i32;
     let kernel = |b: f32| -> Vec<f32> {
-        let at = |i: i32| (-(std::f32::consts::PI * i as f32 / PIXELS_PER_DEGREE).powi(2) / b).exp();
+        let at =
+            |i: i32| (-(std::f32::consts::PI * i as f32 / PIXELS_PER_DEGREE).powi(2) / b).exp();
         (-radius..=radius).map(at).collect()
     };
     // Four planes: one Gaussian for each of the first two channels, two for the third.
     let [achromatic, red_green, blue_yellow] = SENSITIVITY;
-    let kernels = [kernel(achromatic[1]), kernel(red_green[1]), kernel(blue_yellow[1]), kernel(blue_yellow[3])];
+    let kernels = [
+        kernel(achromatic[1]),
+        kernel(red_green[1]),
+        kernel(blue_yellow[1]),
+        kernel(blue_yellow[3]),
+    ];
     let sums = kernels.each_ref().map(|k| k.iter().sum::<f32>());
-    let kernels: [Vec<f32>; 4] = std::array::from_fn(|i| kernels[i].iter().map(|v| v / sums[i]).collect());
+    let kernels: [Vec<f32>; 4] =
+        std::array::from_fn(|i| kernels[i].iter().map(|v| v / sums[i]).collect());
     // Shares of the two Gaussians of the third channel in the normalised sum.
     let volume = |a: f32, b: f32, sum: f32| a * (std::f32::consts::PI / b).sqrt() * sum * sum;
     let first = volume(blue_yellow[0], blue_yellow[1], sums[2]);
@@ -107,7 +119,10 @@ impl ColourRange {
 
     fn new() -> Self {
         let perceived = |rgb| hunt(lab_from_xyz(xyz_from_rgb(rgb)));
-        Self { largest: hyab(perceived([0.0, 1.0, 0.0]), perceived([0.0, 0.0, 1.0])).powf(Self::EXPONENT) }
+        Self {
+            largest: hyab(perceived([0.0, 1.0, 0.0]), perceived([0.0, 0.0, 1.0]))
+                .powf(Self::EXPONENT),
+        }
     }
 
     fn error(&self, distance: f32) -> f32 {
@@ -127,7 +142,8 @@ impl ColourRange {
 /// Width in degrees of the features looked for (Section 4.2).
 const FEATURE_WIDTH: f32 = 0.082;
 
-/// Strengths of edges and points: lengths of the first and second derivatives of the Gaussian-filtered luminance.
+/// Strengths of edges and points: lengths of the first and second derivatives of the
+/// Gaussian-filtered luminance.
 fn features(width: usize, opponent: &[[f32; 3]]) -> Vec<[f32; 2]> {
     let sigma = 0.5 * FEATURE_WIDTH * PIXELS_PER_DEGREE;
     let radius = (3.0 * sigma).ceil() as i32;
@@ -141,7 +157,12 @@ fn features(width: usize, opponent: &[[f32; 3]]) -> Vec<[f32; 2]> {
 
     // Planes: edge in x, point in x, edge in y, point in y.
     let luminance = |p: &[f32; 3]| [(p[0] + 16.0) / 116.0; 4];
-    let rows = filter_rows(width, opponent, luminance, &[edge.clone(), point.clone(), smooth.clone(), smooth.clone()]);
+    let rows = filter_rows(
+        width,
+        opponent,
+        luminance,
+        &[edge.clone(), point.clone(), smooth.clone(), smooth.clone()],
+    );
     let both = filter_columns(width, &rows, &[smooth.clone(), smooth, edge, point]);
     both.into_par_iter().map(|[ex, px, ey, py]| [ex.hypot(ey), px.hypot(py)]).collect()
 }
@@ -171,13 +192,19 @@ fn filter_rows(
     let weights = interleaved(kernels);
     let radius = weights.len() / 2;
     let mut result = vec![[0.0; 4]; pixels.len()];
-    result.par_chunks_exact_mut(width).zip(pixels.par_chunks_exact(width)).for_each(|(out, row)| {
-        let padded: Vec<[f32; 4]> =
-            (0..width + 2 * radius).map(|i| planes(&row[i.saturating_sub(radius).min(width - 1)])).collect();
-        for (out, window) in out.iter_mut().zip(padded.windows(weights.len())) {
-            *out = window.iter().zip(&weights).fold([0.0; 4], |sum, (v, w)| add_product(sum, *v, *w));
-        }
-    });
+    result.par_chunks_exact_mut(width).zip(pixels.par_chunks_exact(width)).for_each(
+        |(out, row)| {
+            let padded: Vec<[f32; 4]> = (0..width + 2 * radius)
+                .map(|i| planes(&row[i.saturating_sub(radius).min(width - 1)]))
+                .collect();
+            for (out, window) in out.iter_mut().zip(padded.windows(weights.len())) {
+                *out = window
+                    .iter()
+                    .zip(&weights)
+                    .fold([0.0; 4], |sum, (v, w)| add_product(sum, *v, *w));
+            }
+        },
+    );
     result
 }
 
@@ -236,7 +263,8 @@ fn rgb_from_xyz(xyz: [f32; 3]) -> [f32; 3] {
     multiply(&RGB_FROM_XYZ, xyz)
 }
 
-/// The opponent space in which contrast sensitivity was measured: luminance, red-green, blue-yellow; linear in XYZ (YCxCz).
+/// The opponent space in which contrast sensitivity was measured: luminance, red-green,
+/// blue-yellow; linear in XYZ (YCxCz).
 fn opponent_from_xyz(xyz: [f32; 3]) -> [f32; 3] {
     let [x, y, z] = std::array::from_fn(|i| xyz[i] / WHITE[i]);
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
@@ -251,7 +279,8 @@ fn xyz_from_opponent([luminance, cx, cz]: [f32; 3]) -> [f32; 3] {
 /// CIE 1976 L*a*b*.
 fn lab_from_xyz(xyz: [f32; 3]) -> [f32; 3] {
     const DELTA: f32 = 6.0 / 29.0;
-    let f = |t: f32| if t > DELTA.powi(3) { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 };
+    let f =
+        |t: f32| if t > DELTA.powi(3) { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 };
     let [x, y, z] = std::array::from_fn(|i| f(xyz[i] / WHITE[i]));
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
@@ -273,12 +302,16 @@ mod tests {
         let white = xyz_from_rgb([1.0; 3]);
         assert!((0..3).all(|i| (white[i] - WHITE[i]).abs() < 1e-5), "{white:?}");
         let lab = lab_from_xyz(white);
-        assert!((lab[0] - 100.0).abs() < 1e-3 && lab[1].abs() < 1e-2 && lab[2].abs() < 1e-2, "{lab:?}");
+        assert!(
+            (lab[0] - 100.0).abs() < 1e-3 && lab[1].abs() < 1e-2 && lab[2].abs() < 1e-2,
+            "{lab:?}"
+        );
     }
 
     #[test]
     fn black_against_white_has_the_error_that_its_distance_gives() {
-        // No features, HyAB distance of 100; the largest distance (green against blue) follows from the space.
+        // No features, HyAB distance of 100; the largest distance (green against blue) follows from
+        // the space.
         let range = ColourRange::new();
         let expected = range.error(100.0);
         let errors = flip(4, &[[0.0; 3]; 12], &[[1.0; 3]; 12]);

@@ -1,9 +1,10 @@
 //! Image files: here are the bytes, what are the pixels, and back.
 //!
-//! [`IMAGE_FORMATS`] is the list of all formats; reading, writing and `snell formats` follow from it. The content decides the
-//! format, the extension only where the content is silent (TGA has no signature). Decoding is done by well-kept crates; PFM is
-//! small enough to be done here. Nothing here looks at light or materials: [`read_image`] gives stored values and says how they
-//! are encoded.
+//! [`IMAGE_FORMATS`] is the list of all formats; reading, writing and `snell formats` follow from
+//! it. The content decides the format, the extension only where the content is silent (TGA has no
+//! signature). Decoding is done by well-kept crates; PFM is small enough to be done here. Nothing
+//! here looks at light or materials: [`read_image`] gives stored values and says how they are
+//! encoded.
 
 mod animated;
 pub mod compare;
@@ -78,7 +79,8 @@ pub struct WriteOptions {
     pub display: Display,
     /// Bits per channel of PNG: 8 or 16.
     pub png_bits: u8,
-    /// Half instead of float for the colour channels of OpenEXR. Other channels (depth, positions, ids) stay float.
+    /// Half instead of float for the colour channels of OpenEXR. Other channels (depth, positions,
+    /// ids) stay float.
     pub exr_half: bool,
     /// Quality of JPEG, 1 to 100.
     pub jpeg_quality: u8,
@@ -193,8 +195,9 @@ pub const IMAGE_FORMATS: &[ImageFormat] = &[
     },
 ];
 
-/// Decodes an image file; the content decides the format, then the extension. Floating-point values that are not numbers become
-/// 0, infinite ones the largest half (65504) with their sign, so that what follows need not care.
+/// Decodes an image file; the content decides the format, then the extension. Floating-point values
+/// that are not numbers become 0, infinite ones the largest half (65504) with their sign, so that
+/// what follows need not care.
 pub fn read_image(input: &Input) -> Result<Image, ReadError> {
     let read = reader_of(input)?;
     let mut image = guarded(input, || read(input))?;
@@ -202,8 +205,8 @@ pub fn read_image(input: &Input) -> Result<Image, ReadError> {
     Ok(image)
 }
 
-/// Decodes an image file with all of its layers, values as they are in the file (display values linearised). Formats other than
-/// OpenEXR have one layer.
+/// Decodes an image file with all of its layers, values as they are in the file (display values
+/// linearised). Formats other than OpenEXR have one layer.
 pub fn read_layers(input: &Input) -> Result<LayeredImage, ReadError> {
     if is_openexr(&input.bytes) {
         return guarded(input, || openexr::read_layers(input));
@@ -230,11 +233,15 @@ fn is_openexr(bytes: &[u8]) -> bool {
 fn reader_of(input: &Input) -> Result<fn(&Input) -> Result<Image, ReadError>, ReadError> {
     let extension = input.extension();
     let by_content = IMAGE_FORMATS.iter().find(|f| (f.recognises)(&input.bytes));
-    let format = by_content.or_else(|| IMAGE_FORMATS.iter().find(|f| f.extensions.contains(&extension.as_str())));
+    let format = by_content
+        .or_else(|| IMAGE_FORMATS.iter().find(|f| f.extensions.contains(&extension.as_str())));
     format.and_then(|f| f.read).ok_or_else(|| {
         input.error(
             Place::Whole,
-            format!("this is not an image that Snell knows: it starts with {}", picture::first_bytes(&input.bytes)),
+            format!(
+                "this is not an image that Snell knows: it starts with {}",
+                picture::first_bytes(&input.bytes)
+            ),
             format!("convert it to one of: {}", names(ImageFormat::reads)),
         )
     })
@@ -263,23 +270,43 @@ pub(crate) fn charge_environment(input: &Input, image: &Image) -> Result<(), Rea
 /// A panic of a decoder is an error of the file.
 fn guarded<T>(input: &Input, read: impl FnOnce() -> Result<T, ReadError>) -> Result<T, ReadError> {
     crate::guard::guarded(read).unwrap_or_else(|| {
-        Err(input.error(Place::Whole, "the image is damaged: its decoder gave up", "export the image again"))
+        Err(input.error(
+            Place::Whole,
+            "the image is damaged: its decoder gave up",
+            "export the image again",
+        ))
     })
 }
 
 /// Encodes a picture in the format that `path`'s extension names.
-pub fn encode_image(path: &Path, image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, WriteError> {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+pub fn encode_image(
+    path: &Path,
+    image: &LayeredImage,
+    options: &WriteOptions,
+) -> Result<Vec<u8>, WriteError> {
+    let extension =
+        path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     encode(path, &extension, image, options)
 }
 
-/// Encodes a picture in the format of this name or extension, such as `png` or `exr`: for standard output.
-pub fn encode_image_as(format: &str, image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, WriteError> {
+/// Encodes a picture in the format of this name or extension, such as `png` or `exr`: for standard
+/// output.
+pub fn encode_image_as(
+    format: &str,
+    image: &LayeredImage,
+    options: &WriteOptions,
+) -> Result<Vec<u8>, WriteError> {
     encode(Path::new("-"), &format.to_lowercase(), image, options)
 }
 
-fn encode(path: &Path, name: &str, image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, WriteError> {
-    let unfit = |u: Unfit| WriteError::Format { path: path.into(), problem: u.problem, remedy: u.remedy };
+fn encode(
+    path: &Path,
+    name: &str,
+    image: &LayeredImage,
+    options: &WriteOptions,
+) -> Result<Vec<u8>, WriteError> {
+    let unfit =
+        |u: Unfit| WriteError::Format { path: path.into(), problem: u.problem, remedy: u.remedy };
     let write = writer(name).map_err(unfit)?;
     write(image, options).map_err(unfit)
 }
@@ -294,8 +321,11 @@ fn writer(name: &str) -> Result<Writer, Unfit> {
             "" => "the name has no extension that says which image format to write".to_string(),
             _ => format!("\"{name}\" is not an image format that Snell writes"),
         };
-        let extensions: Vec<_> =
-            IMAGE_FORMATS.iter().filter(|f| f.writes()).map(|f| format!(".{}", f.extensions[0])).collect();
+        let extensions: Vec<_> = IMAGE_FORMATS
+            .iter()
+            .filter(|f| f.writes())
+            .map(|f| format!(".{}", f.extensions[0]))
+            .collect();
         Unfit::new(problem, format!("use one of: {}", extensions.join(" ")))
     })
 }
@@ -313,14 +343,21 @@ pub fn encoder_bytes(name: &str, values: u64, png_bits: u8) -> u64 {
     }
 }
 
-/// Checks that [`write_image`] knows the format of `path`, so that a long render does not end in an error.
+/// Checks that [`write_image`] knows the format of `path`, so that a long render does not end in an
+/// error.
 pub fn check_writable(path: &Path) -> Result<(), WriteError> {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let unfit = |u: Unfit| WriteError::Format { path: path.into(), problem: u.problem, remedy: u.remedy };
+    let extension =
+        path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let unfit =
+        |u: Unfit| WriteError::Format { path: path.into(), problem: u.problem, remedy: u.remedy };
     writer(&extension).map(|_| ()).map_err(unfit)
 }
 
 /// Encodes and writes a picture: to a temporary file first, then renamed.
-pub fn write_image(path: &Path, image: &LayeredImage, options: &WriteOptions) -> Result<(), WriteError> {
+pub fn write_image(
+    path: &Path,
+    image: &LayeredImage,
+    options: &WriteOptions,
+) -> Result<(), WriteError> {
     crate::atomic::write(path, &encode_image(path, image, options)?)
 }

@@ -1,7 +1,7 @@
 //! Portable float maps: a text header of three words, then raw floats, bottom row first.
 //!
-//! Format: Debevec, "PFM Portable FloatMap Image Format". The sign of the third number tells the byte order (negative: little
-//! endian), its magnitude scales the values.
+//! Format: Debevec, "PFM Portable FloatMap Image Format". The sign of the third number tells the
+//! byte order (negative: little endian), its magnitude scales the values.
 
 use super::WriteOptions;
 use super::picture::{Picture, Unfit, check_size};
@@ -25,14 +25,17 @@ pub fn read(input: &Input) -> Result<Image, ReadError> {
     let height: u32 = header.number("the height")?;
     let scale: f32 = header.number("the scale")?;
     if scale == 0.0 || !scale.is_finite() {
-        return Err(header.error(format!("the scale is {scale}, expected a finite number other than 0")));
+        return Err(
+            header.error(format!("the scale is {scale}, expected a finite number other than 0"))
+        );
     }
     check_size(input, width.into(), height.into(), u64::from(channels) * 4)?;
     let row = width as usize * channels as usize;
     let data = &input.bytes[header.at..];
     let expected = row * height as usize * 4;
     if data.len() < expected {
-        return Err(header.error(format!("{} bytes of pixels follow, {expected} were expected", data.len())));
+        return Err(header
+            .error(format!("{} bytes of pixels follow, {expected} were expected", data.len())));
     }
     let (floats, _) = data[..expected].as_chunks::<4>();
     let decode = |bytes: &[u8; 4]| match scale < 0.0 {
@@ -54,7 +57,8 @@ struct Header<'a> {
 }
 
 impl<'a> Header<'a> {
-    /// The next word, and one white-space byte after it (pixels may start with bytes that look like white space).
+    /// The next word, and one white-space byte after it (pixels may start with bytes that look like
+    /// white space).
     fn word(&mut self) -> Result<&'a str, ReadError> {
         let rest = &self.input.bytes[self.at..];
         let start = rest.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(rest.len());
@@ -74,12 +78,16 @@ impl<'a> Header<'a> {
     }
 
     fn error(&self, problem: String) -> ReadError {
-        self.input.error(Place::Byte(self.at as u64), problem, "the file is damaged: export the image again")
+        self.input.error(
+            Place::Byte(self.at as u64),
+            problem,
+            "the file is damaged: export the image again",
+        )
     }
 }
 
-/// Encodes RGB, or grey if the picture has one channel; little endian. Alpha is left out: the colours are over black. Values that
-/// are not finite are written as they are.
+/// Encodes RGB, or grey if the picture has one channel; little endian. Alpha is left out: the
+/// colours are over black. Values that are not finite are written as they are.
 pub fn encode(image: &LayeredImage, _: &WriteOptions) -> Result<Vec<u8>, Unfit> {
     let picture = Picture::of(image)?;
     let (name, channels) = if picture.is_grey() { ("Pf", 1) } else { ("PF", 3) };

@@ -19,23 +19,32 @@ impl Unfit {
     }
 }
 
-/// No compression in use here makes more than this many bytes out of one (deflate stops at 1032, JPEG near 1024).
+/// No compression in use here makes more than this many bytes out of one (deflate stops at 1032,
+/// JPEG near 1024).
 const MAX_EXPANSION: u64 = 4096;
-/// Pictures up to this many bytes in memory are decoded whatever the file's size: enough for 4 Mi pixels of RGBA floats.
+/// Pictures up to this many bytes in memory are decoded whatever the file's size: enough for 4 Mi
+/// pixels of RGBA floats.
 const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
-/// Beyond this many bytes in memory (8192 x 8192 pixels of RGBA), pictures with content do not expand nearly as much; files that
-/// do are made to fill the memory.
+/// Beyond this many bytes in memory (8192 x 8192 pixels of RGBA), pictures with content do not
+/// expand nearly as much; files that do are made to fill the memory.
 const LARGE_BYTES: u64 = 256 << 20;
 const MAX_EXPANSION_OF_LARGE: u64 = 128;
 
-/// Refuses an image that is empty, over the limit, or that declares more than its bytes can hold, or the scene may take; counts the
-/// memory. To be called once, before anything is allocated.
-pub fn check_size(input: &Input, width: u64, height: u64, bytes_per_pixel: u64) -> Result<(), ReadError> {
+/// Refuses an image that is empty, over the limit, or that declares more than its bytes can hold,
+/// or the scene may take; counts the memory. To be called once, before anything is allocated.
+pub fn check_size(
+    input: &Input,
+    width: u64,
+    height: u64,
+    bytes_per_pixel: u64,
+) -> Result<(), ReadError> {
     let limit = input.options.limits.image_pixels;
     if width == 0 || height == 0 {
         return Err(input.error(Place::Whole, "the image has no pixels", "export the image again"));
     }
-    let pixels = width.checked_mul(height).filter(|p| *p <= limit && width.max(height) <= u64::from(u32::MAX));
+    let pixels = width
+        .checked_mul(height)
+        .filter(|p| *p <= limit && width.max(height) <= u64::from(u32::MAX));
     let Some(pixels) = pixels else {
         return Err(input.error(
             Place::Whole,
@@ -45,11 +54,18 @@ pub fn check_size(input: &Input, width: u64, height: u64, bytes_per_pixel: u64) 
     };
     let (needed, given) = (pixels.saturating_mul(bytes_per_pixel), input.bytes.len() as u64);
     let plausible = given.saturating_mul(MAX_EXPANSION).saturating_add(ALWAYS_ALLOWED_BYTES);
-    if needed > plausible || (needed > LARGE_BYTES && needed > given.saturating_mul(MAX_EXPANSION_OF_LARGE)) {
+    if needed > plausible
+        || (needed > LARGE_BYTES && needed > given.saturating_mul(MAX_EXPANSION_OF_LARGE))
+    {
         return Err(input.error(
             Place::Whole,
-            format!("the image declares {width} x {height} pixels, but the file has only {} bytes", input.bytes.len()),
-            "the file is cut off, damaged or made to fill the memory: export the image again, or scale it down",
+            format!(
+                "the image declares {width} x {height} pixels, but the file has only {} \
+                bytes",
+                input.bytes.len()
+            ),
+            "the file is cut off, damaged or made to fill the memory: export the image again, or \
+                scale it down",
         ));
     }
     input.charge(needed, "the image")?;
@@ -58,7 +74,9 @@ pub fn check_size(input: &Input, width: u64, height: u64, bytes_per_pixel: u64) 
     if needed > ALWAYS_ALLOWED_BYTES {
         let what = format!("the image of {width} x {height} pixels");
         let fits = Available::now().admit(&what, needed);
-        fits.map_err(|problem| input.error(Place::Whole, problem, "scale the image down, or give it more memory"))?;
+        fits.map_err(|problem| {
+            input.error(Place::Whole, problem, "scale the image down, or give it more memory")
+        })?;
     }
     Ok(())
 }
@@ -103,7 +121,8 @@ pub struct Picture<'a> {
 }
 
 impl<'a> Picture<'a> {
-    /// The first layer: its channels `R`, `G`, `B` and `A` if it has them; otherwise the first three, or the first one for all.
+    /// The first layer: its channels `R`, `G`, `B` and `A` if it has them; otherwise the first
+    /// three, or the first one for all.
     pub fn of(image: &'a LayeredImage) -> Result<Self, Unfit> {
         check_layers(image)?;
         let layer = &image.layers[0];
@@ -145,7 +164,10 @@ impl<'a> Picture<'a> {
 pub fn check_layers(image: &LayeredImage) -> Result<(), Unfit> {
     let pixels = image.width as usize * image.height as usize;
     if pixels == 0 || image.layers.is_empty() {
-        return Err(Unfit::new("the picture is empty", "give it a size of at least 1 x 1 and one layer"));
+        return Err(Unfit::new(
+            "the picture is empty",
+            "give it a size of at least 1 x 1 and one layer",
+        ));
     }
     for layer in &image.layers {
         if layer.channels.is_empty() || layer.values.len() != pixels * layer.channels.len() {

@@ -8,7 +8,8 @@ use snell_scene::{Encoding, Image, Pixels};
 use std::error::Error;
 use std::io::Cursor;
 
-/// Decodes a format of display values: the colours carry the sRGB curve, whatever gamma or profile the file may name.
+/// Decodes a format of display values: the colours carry the sRGB curve, whatever gamma or profile
+/// the file may name.
 pub fn read(input: &Input, format: image::ImageFormat) -> Result<Image, ReadError> {
     let mut reader = ImageReader::with_format(Cursor::new(input.bytes.as_slice()), format);
     reader.limits(decoder_limits(input));
@@ -18,13 +19,13 @@ pub fn read(input: &Input, format: image::ImageFormat) -> Result<Image, ReadErro
 
 /// Decodes Radiance HDR, also without or with an unusual signature.
 pub fn read_radiance(input: &Input) -> Result<Image, ReadError> {
-    let decoder =
-        HdrDecoder::new_nonstrict(Cursor::new(input.bytes.as_slice())).map_err(|e| decode_error(input, &e))?;
+    let decoder = HdrDecoder::new_nonstrict(Cursor::new(input.bytes.as_slice()))
+        .map_err(|e| decode_error(input, &e))?;
     decode(input, decoder)
 }
 
-/// What decoders may take beside the pixels, such as for profiles and comments, which are compressed as well: twice what the
-/// file's bytes may stand for.
+/// What decoders may take beside the pixels, such as for profiles and comments, which are
+/// compressed as well: twice what the file's bytes may stand for.
 fn decoder_limits(input: &Input) -> Limits {
     let mut limits = Limits::default();
     let crate::Limits { memory_bytes, expansion, .. } = input.options.limits;
@@ -62,7 +63,10 @@ fn decode_error(input: &Input, error: &ImageError) -> ReadError {
         ),
         ImageError::Limits(_) => input.error(
             Place::Whole,
-            format!("the image declares more than the limit of {} pixels", input.options.limits.image_pixels),
+            format!(
+                "the image declares more than the limit of {} pixels",
+                input.options.limits.image_pixels
+            ),
             "scale the image down, or cut it into parts",
         ),
         other => {
@@ -75,7 +79,9 @@ fn decode_error(input: &Input, error: &ImageError) -> ReadError {
 /// What a decoder says, without who says it and what it was made of.
 fn in_words(error: &ImageError) -> String {
     let text = match error {
-        ImageError::Decoding(error) => error.source().map_or_else(|| error.to_string(), ToString::to_string),
+        ImageError::Decoding(error) => {
+            error.source().map_or_else(|| error.to_string(), ToString::to_string)
+        }
         other => other.to_string(),
     };
     let words = text.split(" while decoding ChunkType").next().unwrap_or_default();

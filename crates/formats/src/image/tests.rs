@@ -37,7 +37,12 @@ fn picture(width: u32, height: u32) -> LayeredImage {
 fn opaque(width: u32, height: u32) -> LayeredImage {
     let pixels = (width * height) as usize;
     let values = |i: usize| (i % 97) as f32 / 96.0;
-    LayeredImage { width, height, layers: vec![layer("", &["R", "G", "B"], pixels, values)], metadata: Vec::new() }
+    LayeredImage {
+        width,
+        height,
+        layers: vec![layer("", &["R", "G", "B"], pixels, values)],
+        metadata: Vec::new(),
+    }
 }
 
 fn float_values(image: &Image) -> &[f32] {
@@ -62,7 +67,9 @@ fn openexr_gives_back_every_layer_bit_by_bit() {
 fn openexr_with_half_colours_keeps_depth_in_float() {
     let mut picture = picture(8, 8);
     picture.layers[0].values[0] = 1e9;
-    let bytes = encode_image_as("exr", &picture, &WriteOptions { exr_half: true, ..Default::default() }).unwrap();
+    let bytes =
+        encode_image_as("exr", &picture, &WriteOptions { exr_half: true, ..Default::default() })
+            .unwrap();
     let back = read_layers(&input("a.exr", bytes)).unwrap();
     assert_eq!(back.layers[1..], picture.layers[1..]);
     assert_eq!(back.layers[0].values[0], 65504.0);
@@ -75,16 +82,23 @@ fn openexr_with_half_colours_keeps_depth_in_float() {
 fn openexr_images_have_their_alpha_divided_out() {
     let bytes = encode_image_as("openexr", &picture(6, 5), &WriteOptions::default()).unwrap();
     let image = read_image(&input("no-extension", bytes)).unwrap();
-    assert_eq!((image.width, image.height, image.channels, image.encoding), (6, 5, 4, Encoding::Linear));
+    assert_eq!(
+        (image.width, image.height, image.channels, image.encoding),
+        (6, 5, 4, Encoding::Linear)
+    );
     let [r, g, _, a] = image.rgba(0, 1);
     // Pixel 6: values 24 to 27, alpha of 0.25, and 24 % 7 = 3, 25 % 7 = 4.
-    assert!((r - 0.1 * 3.0 / 6.0).abs() < 1e-6 && (g - 0.5 * 4.0 / 6.0).abs() < 1e-6 && a == 0.25, "{r} {g} {a}");
+    assert!(
+        (r - 0.1 * 3.0 / 6.0).abs() < 1e-6 && (g - 0.5 * 4.0 / 6.0).abs() < 1e-6 && a == 0.25,
+        "{r} {g} {a}"
+    );
 }
 
 #[test]
 fn every_writer_is_deterministic_and_its_files_are_recognised_without_extension() {
     for format in IMAGE_FORMATS.iter().filter(|f| f.writes()) {
-        let encode = || encode_image_as(format.name, &picture(33, 18), &WriteOptions::default()).unwrap();
+        let encode =
+            || encode_image_as(format.name, &picture(33, 18), &WriteOptions::default()).unwrap();
         let bytes = encode();
         assert!(bytes == encode(), "{} differs from run to run", format.name);
         let image = read_image(&input("x", bytes)).unwrap();
@@ -95,7 +109,9 @@ fn every_writer_is_deterministic_and_its_files_are_recognised_without_extension(
 #[test]
 fn long_names_of_layers_and_settings_survive_openexr() {
     let mut picture = opaque(2, 2);
-    picture.layers.push(layer("ein-Licht-mit-einem-längeren-Namen-名前", &["R"], 4, |i| i as f32));
+    picture
+        .layers
+        .push(layer("ein-Licht-mit-einem-längeren-Namen-名前", &["R"], 4, |i| i as f32));
     picture.metadata = vec![("a setting with a name of more than 31 bytes".into(), String::new())];
     // Names that the format itself uses.
     picture.metadata.push(("channels".into(), "3".into()));
@@ -105,13 +121,22 @@ fn long_names_of_layers_and_settings_survive_openexr() {
     assert_eq!(back.metadata[1], ("snell.channels".into(), "3".into()));
 }
 
-/// Parts of other programs: tiles with smaller copies, several compressions, names, one part of them smaller.
+/// Parts of other programs: tiles with smaller copies, several compressions, names, one part of
+/// them smaller.
 #[test]
 fn openexr_files_of_several_parts_become_layers() {
     use exr::prelude as e;
-    let part = |name: &str, channels: &[&str], compression, blocks, size: (usize, usize), at: (i32, i32)| {
+    let part = |name: &str,
+                channels: &[&str],
+                compression,
+                blocks,
+                size: (usize, usize),
+                at: (i32, i32)| {
         let values = |c: usize| (0..size.0 * size.1).map(|i| (i * 3 + c) as f32).collect();
-        let list = channels.iter().enumerate().map(|(i, c)| e::AnyChannel::new(*c, e::FlatSamples::F32(values(i))));
+        let list = channels
+            .iter()
+            .enumerate()
+            .map(|(i, c)| e::AnyChannel::new(*c, e::FlatSamples::F32(values(i))));
         let mut attributes = e::LayerAttributes::named(name);
         attributes.layer_position = e::Vec2(at.0, at.1);
         let encoding = e::Encoding { compression, blocks, line_order: e::LineOrder::Increasing };
@@ -130,7 +155,8 @@ fn openexr_files_of_several_parts_become_layers() {
     let input = input("a.exr", bytes.into_inner());
 
     let read = read_layers(&input).unwrap();
-    let names: Vec<_> = read.layers.iter().map(|l| (l.name.as_str(), l.channels.concat())).collect();
+    let names: Vec<_> =
+        read.layers.iter().map(|l| (l.name.as_str(), l.channels.concat())).collect();
     let expected = [("", "RGB"), ("depth", "Z"), ("beauty.glow", "R"), ("inset", "GA")];
     assert_eq!(names, expected.map(|(n, c)| (n, c.to_string())));
     let numbers = |count: usize| (0..count).map(|i| i as f32).collect::<Vec<_>>();
@@ -148,17 +174,26 @@ fn openexr_files_of_several_parts_become_layers() {
 fn png_holds_display_values_to_half_a_level_with_alpha_divided_out() {
     let picture = picture(12, 9);
     for (bits, levels) in [(8, 255.0), (16, 65535.0)] {
-        let bytes = encode_image_as("png", &picture, &WriteOptions { png_bits: bits, ..Default::default() }).unwrap();
+        let bytes = encode_image_as(
+            "png",
+            &picture,
+            &WriteOptions { png_bits: bits, ..Default::default() },
+        )
+        .unwrap();
         let image = read_image(&input("a.png", bytes)).unwrap();
         assert_eq!((image.channels, image.encoding), (4, Encoding::Srgb));
         assert_eq!(matches!(image.pixels, Pixels::U16(_)), bits == 16);
         for (i, stored) in picture.layers[0].values.chunks(4).enumerate() {
             let (x, y) = (i as u32 % 12, i as u32 / 12);
-            let colour = display_value([0, 1, 2].map(|c| stored[c] / stored[3]), &Display::default());
+            let colour =
+                display_value([0, 1, 2].map(|c| stored[c] / stored[3]), &Display::default());
             let expected = [colour[0], colour[1], colour[2], stored[3]];
             for c in 0..4 {
                 let difference = (image.value(x, y, c) - expected[c as usize]).abs();
-                assert!(difference <= 0.5001 / levels, "{bits} bits, pixel {i}, channel {c}: {difference}");
+                assert!(
+                    difference <= 0.5001 / levels,
+                    "{bits} bits, pixel {i}, channel {c}: {difference}"
+                );
             }
         }
     }
@@ -171,7 +206,10 @@ fn png_carries_the_metadata() {
     let info = reader.info();
     assert!(info.srgb.is_some());
     assert_eq!(
-        (info.uncompressed_latin1_text[0].keyword.as_str(), info.uncompressed_latin1_text[0].text.as_str()),
+        (
+            info.uncompressed_latin1_text[0].keyword.as_str(),
+            info.uncompressed_latin1_text[0].text.as_str()
+        ),
         ("samples", "64")
     );
     assert_eq!(info.utf8_text[0].keyword, "Gr??e");
@@ -182,7 +220,9 @@ fn png_carries_the_metadata() {
 fn transparent_pictures_lie_over_black_in_formats_without_alpha() {
     let picture = picture(4, 1);
     let linear = Display { srgb: false, ..Display::default() };
-    let bytes = encode_image_as("ppm", &picture, &WriteOptions { display: linear, ..Default::default() }).unwrap();
+    let bytes =
+        encode_image_as("ppm", &picture, &WriteOptions { display: linear, ..Default::default() })
+            .unwrap();
     assert!(bytes.starts_with(b"P6\n4 1\n255\n"));
     let expected = picture.layers[0].values.chunks(4).flat_map(|p| [p[0], p[1], p[2]]);
     let expected: Vec<u8> = expected.map(|v| (v * 255.0).round() as u8).collect();
@@ -191,10 +231,14 @@ fn transparent_pictures_lie_over_black_in_formats_without_alpha() {
 
 #[test]
 fn jpeg_is_near_and_quality_counts() {
-    let smooth =
-        LayeredImage { layers: vec![layer("", &["R", "G", "B"], 1024, |i| i as f32 / 3072.0)], ..opaque(32, 32) };
-    let with =
-        |jpeg_quality| encode_image_as("jpg", &smooth, &WriteOptions { jpeg_quality, ..Default::default() }).unwrap();
+    let smooth = LayeredImage {
+        layers: vec![layer("", &["R", "G", "B"], 1024, |i| i as f32 / 3072.0)],
+        ..opaque(32, 32)
+    };
+    let with = |jpeg_quality| {
+        encode_image_as("jpg", &smooth, &WriteOptions { jpeg_quality, ..Default::default() })
+            .unwrap()
+    };
     assert!(with(10).len() < with(95).len());
     let image = read_image(&input("a.jpg", with(95))).unwrap();
     let centre = display_value([(16.0 * 32.0 + 16.0) / 1024.0; 3], &Display::default());
@@ -205,12 +249,23 @@ fn jpeg_is_near_and_quality_counts() {
 fn float_maps_and_radiance_keep_high_values() {
     let mut bright = opaque(9, 7);
     bright.layers[0].values.iter_mut().for_each(|v| *v *= 900.0);
-    let pfm = read_image(&input("a.pfm", encode_image_as("pfm", &bright, &WriteOptions::default()).unwrap())).unwrap();
+    let pfm = read_image(&input(
+        "a.pfm",
+        encode_image_as("pfm", &bright, &WriteOptions::default()).unwrap(),
+    ))
+    .unwrap();
     assert_eq!(float_values(&pfm), bright.layers[0].values);
-    let hdr = read_image(&input("a.hdr", encode_image_as("hdr", &bright, &WriteOptions::default()).unwrap())).unwrap();
+    let hdr = read_image(&input(
+        "a.hdr",
+        encode_image_as("hdr", &bright, &WriteOptions::default()).unwrap(),
+    ))
+    .unwrap();
     for (pixel, expected) in float_values(&hdr).chunks(3).zip(bright.layers[0].values.chunks(3)) {
         let tolerance = expected.iter().fold(0.0, |m: f32, v| m.max(*v)) / 127.0;
-        assert!((0..3).all(|c| (pixel[c] - expected[c]).abs() <= tolerance), "{pixel:?} {expected:?}");
+        assert!(
+            (0..3).all(|c| (pixel[c] - expected[c]).abs() <= tolerance),
+            "{pixel:?} {expected:?}"
+        );
     }
 }
 
@@ -252,13 +307,18 @@ fn display_formats_never_show_what_is_not_finite() {
     assert_eq!(bytes[11..15], [0, 0, 0, 255]);
     let exr = encode_image_as("exr", &odd, &WriteOptions::default()).unwrap();
     assert!(read_layers(&input("a.exr", exr.clone())).unwrap().layers[0].values[0].is_nan());
-    assert_eq!(float_values(&read_image(&input("a.exr", exr)).unwrap())[..3], [0.0, 65504.0, -65504.0]);
+    assert_eq!(
+        float_values(&read_image(&input("a.exr", exr)).unwrap())[..3],
+        [0.0, 65504.0, -65504.0]
+    );
 }
 
 #[test]
 fn unknown_extensions_are_errors_that_list_the_known_ones() {
     for name in ["a.gif", "a", "a.bmp"] {
-        let message = encode_image(Path::new(name), &opaque(1, 1), &WriteOptions::default()).unwrap_err().to_string();
+        let message = encode_image(Path::new(name), &opaque(1, 1), &WriteOptions::default())
+            .unwrap_err()
+            .to_string();
         assert!(message.contains(".exr .png .jpg .hdr .pfm .ppm"), "{message}");
     }
     let message = read_image(&input("a.gif", b"GIF89a".to_vec())).unwrap_err().to_string();
@@ -272,7 +332,10 @@ fn pictures_that_contradict_themselves_are_errors() {
     let twice = LayeredImage { layers: vec![opaque(2, 2).layers[0].clone(); 2], ..opaque(2, 2) };
     for format in IMAGE_FORMATS.iter().filter(|f| f.writes()) {
         assert!(encode_image_as(format.name, &wrong, &WriteOptions::default()).is_err());
-        assert!(encode_image_as(format.name, &LayeredImage::default(), &WriteOptions::default()).is_err());
+        assert!(
+            encode_image_as(format.name, &LayeredImage::default(), &WriteOptions::default())
+                .is_err()
+        );
     }
     assert!(encode_image_as("exr", &twice, &WriteOptions::default()).is_err());
 }
@@ -321,7 +384,10 @@ fn is_text(path: &Path) -> bool {
 
 #[test]
 fn sound_images_are_read_and_hold_finite_values() {
-    for path in corpus("images").into_iter().filter(|p| !is_text(p) && !p.to_string_lossy().contains("/bad/")) {
+    for path in corpus("images")
+        .into_iter()
+        .filter(|p| !is_text(p) && !p.to_string_lossy().contains("/bad/"))
+    {
         let input = Input::open(&path, &ReadOptions::default()).unwrap();
         let image = read_image(&input).unwrap_or_else(|e| panic!("{e}"));
         if let Pixels::F32(values) = &image.pixels {
@@ -334,16 +400,25 @@ fn sound_images_are_read_and_hold_finite_values() {
 
 #[test]
 fn damaged_images_are_errors_or_images_and_quick() {
-    let files = corpus("malformed/openexr-damaged").into_iter().chain(corpus("images/image-rs/bad"));
+    let files =
+        corpus("malformed/openexr-damaged").into_iter().chain(corpus("images/image-rs/bad"));
     for path in files.filter(|p| !is_text(p)) {
         let start = Instant::now();
         let input = Input::open(&path, &ReadOptions::default()).unwrap();
         for error in [read_image(&input).err(), read_layers(&input).err()].into_iter().flatten() {
             assert!(!error.problem.is_empty() && !error.remedy.is_empty());
             // In words, not in Rust.
-            assert!(!error.problem.contains(['{', '}']) && !error.problem.contains("Format error"), "{error}");
+            assert!(
+                !error.problem.contains(['{', '}']) && !error.problem.contains("Format error"),
+                "{error}"
+            );
         }
-        assert!(start.elapsed() < Duration::from_secs(10), "{} took {:?}", path.display(), start.elapsed());
+        assert!(
+            start.elapsed() < Duration::from_secs(10),
+            "{} took {:?}",
+            path.display(),
+            start.elapsed()
+        );
     }
 }
 
@@ -369,11 +444,16 @@ fn data_windows_are_placed_into_display_windows() {
     assert_eq!((data.width, data.height), (400, 300));
     for (name, [left, top, right, bottom], origin) in windows {
         let image = load(name).unwrap();
-        assert_eq!((image.width as i32, image.height as i32), (right - left + 1, bottom - top + 1), "{name}");
+        assert_eq!(
+            (image.width as i32, image.height as i32),
+            (right - left + 1, bottom - top + 1),
+            "{name}"
+        );
         for (x, y) in (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y))) {
             let (u, v) = (x as i32 + left - origin[0], y as i32 + top - origin[1]);
             let inside = (0..400).contains(&u) && (0..300).contains(&v);
-            let expected = if inside { data.rgba(u as u32, v as u32)[..3].to_vec() } else { vec![0.0; 3] };
+            let expected =
+                if inside { data.rgba(u as u32, v as u32)[..3].to_vec() } else { vec![0.0; 3] };
             assert_eq!(image.rgba(x, y)[..3], expected, "{name}: {x} {y}");
         }
     }
@@ -388,12 +468,17 @@ fn openexr_images_look_like_their_renditions() {
         Some(read_image(&Input::open(path, &ReadOptions::default()).unwrap()).unwrap())
     };
     for name in ["WideColorGamut", "Rec709"] {
-        let (Some(scene), Some(shown)) = (load(format!("{name}.exr")), load(format!("{name}.jpg"))) else { return };
+        let (Some(scene), Some(shown)) = (load(format!("{name}.exr")), load(format!("{name}.jpg")))
+        else {
+            return;
+        };
         let mut sum = 0.0;
         for (x, y) in (0..scene.height).flat_map(|y| (0..scene.width).map(move |x| (x, y))) {
             let [r, g, b, _] = scene.rgba(x, y);
             let display = display_value([r, g, b], &Display::default());
-            sum += (0..3).map(|c| f64::from((display[c as usize] - shown.value(x, y, c)).abs())).sum::<f64>();
+            sum += (0..3)
+                .map(|c| f64::from((display[c as usize] - shown.value(x, y, c)).abs()))
+                .sum::<f64>();
         }
         let mean = sum / (3.0 * f64::from(scene.width * scene.height));
         // Two and a half levels: the loss of JPEG.
@@ -406,7 +491,9 @@ fn other_primaries_are_converted_to_rec709() {
     use exr::prelude as e;
     // ACES AP0: its red is more saturated than Rec. 709 can be, its white is white.
     let pixels = [[1.0f32, 1.0, 1.0], [1.0, 0.0, 0.0]];
-    let channel = |(i, c)| e::AnyChannel::new(c, e::FlatSamples::F32(pixels.map(|p: [f32; 3]| p[i]).to_vec()));
+    let channel = |(i, c)| {
+        e::AnyChannel::new(c, e::FlatSamples::F32(pixels.map(|p: [f32; 3]| p[i]).to_vec()))
+    };
     let list = ["R", "G", "B"].into_iter().enumerate().map(channel).collect();
     let mut file = e::Image::from_channels((2, 1), e::AnyChannels::sort(list));
     file.attributes.chromaticities = Some(e::attribute::Chromaticities {
@@ -419,7 +506,10 @@ fn other_primaries_are_converted_to_rec709() {
     e::WritableImage::write(&file).to_buffered(&mut bytes).unwrap();
     let image = read_image(&input("a.exr", bytes.into_inner())).unwrap();
     let expected = [1.0, 1.0, 1.0, 2.5217, -0.2765, -0.0154];
-    assert!(float_values(&image).iter().zip(expected).all(|(a, b)| (a - b).abs() < 2e-3), "{image:?}");
+    assert!(
+        float_values(&image).iter().zip(expected).all(|(a, b)| (a - b).abs() < 2e-3),
+        "{image:?}"
+    );
 }
 
 proptest! {

@@ -1,4 +1,5 @@
-//! Writers of formats without layers: PNG, JPEG and PPM hold display values, Radiance HDR scene-linear ones.
+//! Writers of formats without layers: PNG, JPEG and PPM hold display values, Radiance HDR
+//! scene-linear ones.
 
 use super::picture::{Picture, Unfit, finite};
 use super::{Display, WriteOptions, display_value};
@@ -7,19 +8,29 @@ use image::codecs::jpeg::JpegEncoder;
 use rayon::prelude::*;
 use snell_scene::LayeredImage;
 
-/// Encodes PNG of 8 or 16 bits, with alpha if the picture has it (not premultiplied, as the format wants), and with the metadata.
+/// Encodes PNG of 8 or 16 bits, with alpha if the picture has it (not premultiplied, as the format
+/// wants), and with the metadata.
 pub fn png(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, Unfit> {
     let picture = Picture::of(image)?;
     let has_alpha = picture.has_alpha();
     let data = match options.png_bits {
         8 => display_bytes::<1>(&picture, &options.display, has_alpha),
         16 => display_bytes::<2>(&picture, &options.display, has_alpha),
-        other => return Err(Unfit::new(format!("PNG of {other} bits per channel is not supported"), "use 8 or 16")),
+        other => {
+            return Err(Unfit::new(
+                format!("PNG of {other} bits per channel is not supported"),
+                "use 8 or 16",
+            ));
+        }
     };
     let mut bytes = Vec::new();
     let mut encoder = ::png::Encoder::new(&mut bytes, image.width, image.height);
     encoder.set_color(if has_alpha { ::png::ColorType::Rgba } else { ::png::ColorType::Rgb });
-    encoder.set_depth(if options.png_bits == 8 { ::png::BitDepth::Eight } else { ::png::BitDepth::Sixteen });
+    encoder.set_depth(if options.png_bits == 8 {
+        ::png::BitDepth::Eight
+    } else {
+        ::png::BitDepth::Sixteen
+    });
     if options.display.srgb {
         encoder.set_source_srgb(::png::SrgbRenderingIntent::RelativeColorimetric);
     }
@@ -36,8 +47,11 @@ fn add_metadata(
     metadata: &[(String, String)],
 ) -> Result<(), ::png::EncodingError> {
     for (key, value) in metadata {
-        let keyword: String =
-            key.chars().map(|c| if c.is_ascii_graphic() || c == ' ' { c } else { '?' }).take(79).collect();
+        let keyword: String = key
+            .chars()
+            .map(|c| if c.is_ascii_graphic() || c == ' ' { c } else { '?' })
+            .take(79)
+            .collect();
         let keyword = keyword.trim().to_string();
         let value = value.replace('\0', " ");
         match (keyword.is_empty(), value.is_ascii()) {
@@ -53,7 +67,10 @@ fn add_metadata(
 pub fn jpeg(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, Unfit> {
     let picture = Picture::of(image)?;
     if image.width.max(image.height) > 65535 {
-        return Err(Unfit::new("JPEG holds at most 65535 pixels a side", "write PNG or OpenEXR instead"));
+        return Err(Unfit::new(
+            "JPEG holds at most 65535 pixels a side",
+            "write PNG or OpenEXR instead",
+        ));
     }
     let data = display_bytes::<1>(&picture, &options.display, false);
     let mut bytes = Vec::new();
@@ -71,7 +88,8 @@ pub fn ppm(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, Unfi
     Ok(bytes)
 }
 
-/// Encodes Radiance HDR: one exponent for three mantissas of 8 bits; negative values become 0. Alpha is left out.
+/// Encodes Radiance HDR: one exponent for three mantissas of 8 bits; negative values become 0.
+/// Alpha is left out.
 pub fn radiance(image: &LayeredImage, _: &WriteOptions) -> Result<Vec<u8>, Unfit> {
     let picture = Picture::of(image)?;
     let pixel = |i| {
@@ -91,7 +109,11 @@ fn failed(format: &str, error: &dyn std::error::Error) -> Unfit {
 }
 
 /// Display values as integers of `BYTES` bytes, big endian, rounded to nearest, RGB or RGBA.
-fn display_bytes<const BYTES: usize>(picture: &Picture<'_>, display: &Display, with_alpha: bool) -> Vec<u8> {
+fn display_bytes<const BYTES: usize>(
+    picture: &Picture<'_>,
+    display: &Display,
+    with_alpha: bool,
+) -> Vec<u8> {
     let channels = if with_alpha { 4 } else { 3 };
     let row_bytes = picture.width * channels * BYTES;
     let mut bytes = vec![0; row_bytes * picture.height];
@@ -114,6 +136,7 @@ fn display_rgba([r, g, b, a]: [f32; 4], display: &Display, with_alpha: bool) -> 
     let alpha = if a.is_nan() { 0.0 } else { a.clamp(0.0, 1.0) };
     let divisor = if with_alpha && alpha > 0.0 { alpha } else { 1.0 };
     // Infinities are not pixels that a renderer means: they count as 0, like not-a-number.
-    let [r, g, b] = display_value([r, g, b].map(|v| if v.is_finite() { v / divisor } else { 0.0 }), display);
+    let [r, g, b] =
+        display_value([r, g, b].map(|v| if v.is_finite() { v / divisor } else { 0.0 }), display);
     [r, g, b, alpha]
 }

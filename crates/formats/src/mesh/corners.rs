@@ -1,5 +1,5 @@
-//! Which corners of triangles meet in which point, for a part of the points at a time: for all at once, the lists would take more memory
-//! than the mesh.
+//! Which corners of triangles meet in which point, for a part of the points at a time: for all at
+//! once, the lists would take more memory than the mesh.
 
 use rayon::prelude::*;
 use std::ops::Range;
@@ -18,13 +18,14 @@ fn points_of(triangle: &[u32; 3], points: &[u32]) -> [usize; 3] {
     triangle.map(|vertex| points[vertex as usize] as usize)
 }
 
-/// Where the corners of each point are in the list of all corners by point. Corners have numbers: 3 times the triangle plus 0, 1 or 2.
+/// Where the corners of each point are in the list of all corners by point. Corners have numbers: 3
+/// times the triangle plus 0, 1 or 2.
 pub struct Corners {
     /// For points of parts that were made, where their corners end; for others, where they begin.
     places: Vec<AtomicU32>,
     parts: Vec<Range<usize>>,
-    /// The lowest and the highest point of each piece of the triangles: those near each other in the file are often near in space too, and
-    /// then few pieces concern a part.
+    /// The lowest and the highest point of each piece of the triangles: those near each other in
+    /// the file are often near in space too, and then few pieces concern a part.
     reach: Vec<[usize; 2]>,
 }
 
@@ -62,14 +63,21 @@ impl Corners {
     }
 
     /// Lists the corners of a range of points.
-    pub fn of_points(&mut self, indices: &[[u32; 3]], points: &[u32], range: Range<usize>) -> Part<'_> {
+    pub fn of_points(
+        &mut self,
+        indices: &[[u32; 3]],
+        points: &[u32],
+        range: Range<usize>,
+    ) -> Part<'_> {
         let places = &self.places;
-        let end = places.get(range.end).map_or(indices.len() as u32 * 3, |place| place.load(Relaxed));
+        let end =
+            places.get(range.end).map_or(indices.len() as u32 * 3, |place| place.load(Relaxed));
         let start = places.get(range.start).map_or(end, |place| place.load(Relaxed));
         let mut corners = Vec::new();
         corners.resize_with((end - start) as usize, AtomicU32::default);
         let pieces = indices.par_chunks(PIECE).zip(&self.reach).enumerate();
-        let concerned = pieces.filter(|(_, (_, [lowest, highest]))| *lowest < range.end && *highest >= range.start);
+        let concerned = pieces
+            .filter(|(_, (_, [lowest, highest]))| *lowest < range.end && *highest >= range.start);
         concerned.for_each(|(number, (piece, _))| {
             let all = piece.iter().flat_map(|triangle| points_of(triangle, points));
             for (corner, point) in (3 * PIECE * number..).zip(all) {
@@ -95,8 +103,10 @@ pub struct Part<'a> {
 impl Part<'_> {
     /// Numbers of the corners that meet in a point of the part, in any order.
     pub fn around(&self, point: usize) -> impl Iterator<Item = u32> {
-        let start = if point == self.first { self.start } else { self.ends[point - 1].load(Relaxed) };
-        let corners = (start - self.start) as usize..(self.ends[point].load(Relaxed) - self.start) as usize;
+        let start =
+            if point == self.first { self.start } else { self.ends[point - 1].load(Relaxed) };
+        let corners =
+            (start - self.start) as usize..(self.ends[point].load(Relaxed) - self.start) as usize;
         self.corners[corners].iter().map(|corner| corner.load(Relaxed))
     }
 }

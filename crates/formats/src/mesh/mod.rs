@@ -8,8 +8,8 @@
 //! | OFF | [`off`] | flat, as the programs that these files were made for show them |
 //! | Princeton `.ray` | [`ray`] | has normals |
 //!
-//! Units are taken as they are, and so is the up axis. Vertices that are not finite stay, with a warning: their triangles are
-//! never hit.
+//! Units are taken as they are, and so is the up axis. Vertices that are not finite stay, with a
+//! warning: their triangles are never hit.
 
 mod corners;
 mod normals;
@@ -34,8 +34,8 @@ use std::sync::Arc;
 /// What a mesh format does with a file.
 type Parse = fn(&Input, &mut Notes) -> Result<TriangleMesh, ReadError>;
 
-/// All mesh formats, in the order in which contents are tried, each with its reader of scenes and its reader of bare meshes. Formats
-/// that nothing marks for certain come last.
+/// All mesh formats, in the order in which contents are tried, each with its reader of scenes and
+/// its reader of bare meshes. Formats that nothing marks for certain come last.
 pub(crate) const FORMATS: &[(SceneReader, Parse)] = &[
     (ply::READER, ply::parse),
     (off::READER, off::parse),
@@ -44,25 +44,28 @@ pub(crate) const FORMATS: &[(SceneReader, Parse)] = &[
     (obj::READER, obj::parse_mesh),
 ];
 
-/// Reads a mesh file as one mesh, without materials, for files that name mesh files. The format is chosen by content, then by
-/// extension. Normals are those of the file; a mesh without is shaded flat ([`smooth_normals`] makes some).
+/// Reads a mesh file as one mesh, without materials, for files that name mesh files. The format is
+/// chosen by content, then by extension. Normals are those of the file; a mesh without is shaded
+/// flat ([`smooth_normals`] makes some).
 pub fn read_mesh(input: &Input) -> Result<TriangleMesh, ReadError> {
     let extension = input.extension();
     let by_content = FORMATS.iter().find(|(reader, _)| (reader.recognises)(&input.bytes));
-    let by_extension = || FORMATS.iter().find(|(reader, _)| reader.extensions.contains(&extension.as_str()));
+    let by_extension =
+        || FORMATS.iter().find(|(reader, _)| reader.extensions.contains(&extension.as_str()));
     let Some((_, parse)) = by_content.or_else(by_extension) else {
         let names: Vec<_> = FORMATS.iter().map(|(reader, _)| reader.name).collect();
         return Err(input.error(
             crate::Place::Whole,
-            "this is not a mesh format that Snell knows, neither by its content nor by its extension",
+            "this is not a mesh format that Snell knows, neither by its content nor by its \
+                extension",
             format!("use one of: {}", names.join(", ")),
         ));
     };
     parse(input, &mut Notes::default())
 }
 
-/// Gives a mesh vertex normals: smooth, except across edges at which the faces meet at more than `crease_degrees`, where vertices
-/// are split. Normals that it has are replaced.
+/// Gives a mesh vertex normals: smooth, except across edges at which the faces meet at more than
+/// `crease_degrees`, where vertices are split. Normals that it has are replaced.
 pub fn smooth_normals(mesh: &mut TriangleMesh, crease_degrees: f32) {
     normals::smooth(mesh, crease_degrees, &[]);
 }
@@ -91,14 +94,21 @@ fn note_oddities(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) {
     for (i, _) in mesh.positions.iter().enumerate().filter(|(_, p)| !p.is_finite()) {
         let name = &input.name;
         notes.add_of(WarningKind::NotFinite, "not finite", || {
-            format!("{name}: vertex {i} (counted from 0) is not finite; triangles that use such vertices are never hit")
+            format!(
+                "{name}: vertex {i} (counted from 0) is not finite; triangles that use such \
+                vertices are never hit"
+            )
         });
     }
 }
 
 /// The error for too many elements, at the place of the first that is too many, or of their number.
 fn too_many(input: &Input, place: crate::Place, what: &str) -> ReadError {
-    input.error(place, format!("more than {} {what}, the limit", input.options.limits.elements), "split the file")
+    input.error(
+        place,
+        format!("more than {} {what}, the limit", input.options.limits.elements),
+        "split the file",
+    )
 }
 
 /// Appends the triangles of a polygon with the given vertices. `place` tells where it is.
@@ -124,16 +134,23 @@ fn push_polygon(
 
 /// Replaces normals that are not finite or have no length by those of the faces around.
 fn repair_normals(mesh: &mut TriangleMesh, input: &Input, notes: &mut Notes) {
-    let is_bad = |n: &Vec3| !n.is_finite() || n.length_squared() < f32::MIN_POSITIVE || !n.length_squared().is_finite();
+    let is_bad = |n: &Vec3| {
+        !n.is_finite() || n.length_squared() < f32::MIN_POSITIVE || !n.length_squared().is_finite()
+    };
     if !mesh.normals.iter().any(is_bad) {
         return;
     }
     let computed = mesh.computed_normals();
-    for (i, (normal, computed)) in mesh.normals.iter_mut().zip(computed).enumerate().filter(|(_, (n, _))| is_bad(n)) {
+    for (i, (normal, computed)) in
+        mesh.normals.iter_mut().zip(computed).enumerate().filter(|(_, (n, _))| is_bad(n))
+    {
         *normal = computed;
         let name = &input.name;
         notes.add("bad normal", || {
-            format!("{name}: the normal of vertex {i} (counted from 0) has no direction; the faces around give one")
+            format!(
+                "{name}: the normal of vertex {i} (counted from 0) has no direction; the faces \
+                around give one"
+            )
         });
     }
 }

@@ -1,12 +1,14 @@
 //! Vertex normals for meshes that come without.
 //!
-//! Around a vertex, two triangles that share an edge belong together if the edge is not sharp. Each such group of triangles gets
-//! the angle-weighted mean of their normals (Thürmer and Wüthrich, "Computing Vertex Normals from Polygonal Facets", 1998), and a
-//! vertex with several groups is split. So balls look round and boxes keep their edges.
+//! Around a vertex, two triangles that share an edge belong together if the edge is not sharp. Each
+//! such group of triangles gets the angle-weighted mean of their normals (Thürmer and Wüthrich,
+//! "Computing Vertex Normals from Polygonal Facets", 1998), and a vertex with several groups is
+//! split. So balls look round and boxes keep their edges.
 //!
-//! All cores work on it, and little is kept in memory: which corners meet in a point is written down for a part of the points at a
-//! time ([`corners`](super::corners)), and what a triangle has to say is computed anew at each of its corners. The result does not
-//! depend on the number of threads.
+//! All cores work on it, and little is kept in memory: which corners meet in a point is written
+//! down for a part of the points at a time ([`corners`](super::corners)), and what a triangle has
+//! to say is computed anew at each of its corners. The result does not depend on the number of
+//! threads.
 
 use super::corners::Corners;
 use super::weld;
@@ -44,8 +46,9 @@ impl Smoothing {
     }
 }
 
-/// Gives a mesh vertex normals, splitting vertices at edges sharper than `crease_degrees`. Vertices at equal positions count as
-/// one, so seams of texture coordinates stay smooth. `smoothing` has one entry per triangle, or none: then angles decide.
+/// Gives a mesh vertex normals, splitting vertices at edges sharper than `crease_degrees`. Vertices
+/// at equal positions count as one, so seams of texture coordinates stay smooth. `smoothing` has
+/// one entry per triangle, or none: then angles decide.
 pub fn smooth(mesh: &mut TriangleMesh, crease_degrees: f32, smoothing: &[Smoothing]) {
     if mesh.indices.is_empty() {
         return;
@@ -58,19 +61,22 @@ pub fn smooth(mesh: &mut TriangleMesh, crease_degrees: f32, smoothing: &[Smoothi
     let mut splits = Vec::new();
     for range in corners.parts() {
         let part = corners.of_points(&mesh.indices, &points, range.clone());
-        let blocks = normals[range.clone()].par_chunks_mut(BLOCK).enumerate().map(|(block, normals)| {
-            let first = range.start + block * BLOCK;
-            let mut around = Around::default();
-            for (i, normal) in normals.iter_mut().enumerate() {
-                if let Some(mean) = around.group(&facets, part.around(first + i)) {
-                    *normal = mean;
+        let blocks =
+            normals[range.clone()].par_chunks_mut(BLOCK).enumerate().map(|(block, normals)| {
+                let first = range.start + block * BLOCK;
+                let mut around = Around::default();
+                for (i, normal) in normals.iter_mut().enumerate() {
+                    if let Some(mean) = around.group(&facets, part.around(first + i)) {
+                        *normal = mean;
+                    }
                 }
-            }
-            around.split
-        });
+                around.split
+            });
         splits.extend(blocks.collect::<Vec<_>>());
     }
-    for (vertex, &point) in points.iter().enumerate().filter(|(vertex, point)| *vertex != **point as usize) {
+    for (vertex, &point) in
+        points.iter().enumerate().filter(|(vertex, point)| *vertex != **point as usize)
+    {
         normals[vertex] = normals[point as usize];
     }
     drop((points, corners));
@@ -85,12 +91,18 @@ struct Facets<'a> {
     points: &'a [u32],
     smoothing: &'a [Smoothing],
     crease_cosine: f32,
-    /// Cosine of half the crease angle: normals this close to one of them are within the crease angle of each other.
+    /// Cosine of half the crease angle: normals this close to one of them are within the crease
+    /// angle of each other.
     half_cosine: f32,
 }
 
 impl<'a> Facets<'a> {
-    fn new(mesh: &'a TriangleMesh, points: &'a [u32], crease_degrees: f32, smoothing: &'a [Smoothing]) -> Self {
+    fn new(
+        mesh: &'a TriangleMesh,
+        points: &'a [u32],
+        crease_degrees: f32,
+        smoothing: &'a [Smoothing],
+    ) -> Self {
         let crease = crease_degrees.to_radians();
         let (crease_cosine, half_cosine) = (crease.cos(), (crease / 2.0).cos());
         let (positions, indices) = (&mesh.positions[..], &mesh.indices[..]);
@@ -116,7 +128,8 @@ impl<'a> Facets<'a> {
         a.smoothing.joins(b.smoothing, a.normal.dot(b.normal), self.crease_cosine)
     }
 
-    /// The common case, decided quickly: all normals close to the first, or all in its smoothing group.
+    /// The common case, decided quickly: all normals close to the first, or all in its smoothing
+    /// group.
     fn all_join(&self, first: &Corner, corners: &[Corner]) -> bool {
         if first.smoothing == Smoothing::Flat {
             return corners.len() == 1;
@@ -128,16 +141,18 @@ impl<'a> Facets<'a> {
     }
 }
 
-/// Height of a triangle, as a share of its largest coordinate, below which its normal is but rounding of its corners.
+/// Height of a triangle, as a share of its largest coordinate, below which its normal is but
+/// rounding of its corners.
 const LEAST_HEIGHT: f64 = 1e-6;
 
-/// Unit normal of a triangle and the angle at its first corner, in double precision inside: tiny triangles have normals too. `None`
-/// for slivers.
+/// Unit normal of a triangle and the angle at its first corner, in double precision inside: tiny
+/// triangles have normals too. `None` for slivers.
 fn facet(corners: [Vec3; 3]) -> Option<(Vec3, f32)> {
     let [a, b, c] = corners.map(|p| p.as_dvec3());
     let (ab, ac) = (b - a, c - a);
     let cross = ab.cross(ac);
-    let longest_squared = ab.length_squared().max(ac.length_squared()).max((c - b).length_squared());
+    let longest_squared =
+        ab.length_squared().max(ac.length_squared()).max((c - b).length_squared());
     let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
     let (squared, least) = (cross.length_squared(), LEAST_HEIGHT * largest);
     if !(squared > least * least * longest_squared && squared.is_normal()) {
@@ -147,8 +162,9 @@ fn facet(corners: [Vec3; 3]) -> Option<(Vec3, f32)> {
     Some(((cross * length.recip()).as_vec3(), angle(length, ab.dot(ac)) as f32))
 }
 
-/// The angle between two vectors, 0 to pi, by the length of their cross product and their dot product. Its error is below 3e-8: the
-/// polynomial is number 4.4.49 of Abramowitz and Stegun, "Handbook of Mathematical Functions", 1964.
+/// The angle between two vectors, 0 to pi, by the length of their cross product and their dot
+/// product. Its error is below 3e-8: the polynomial is number 4.4.49 of Abramowitz and Stegun,
+/// "Handbook of Mathematical Functions", 1964.
 fn angle(cross: f64, dot: f64) -> f64 {
     use std::f64::consts::{FRAC_PI_2, PI};
     const SERIES: [f64; 9] = [
@@ -181,7 +197,8 @@ struct Corner {
     smoothing: Smoothing,
 }
 
-/// What the corners around points need beyond one normal for each point. New vertices are numbered from 0.
+/// What the corners around points need beyond one normal for each point. New vertices are numbered
+/// from 0.
 #[derive(Default)]
 struct Split {
     /// Normals of vertices whose point has several.
@@ -233,8 +250,8 @@ struct Around {
 }
 
 impl Around {
-    /// The normal of a point's first group, which is that of all of its vertices but for those that `split` tells otherwise. `None`
-    /// if no triangle has a say.
+    /// The normal of a point's first group, which is that of all of its vertices but for those that
+    /// `split` tells otherwise. `None` if no triangle has a say.
     fn group(&mut self, facets: &Facets, corners: impl Iterator<Item = u32>) -> Option<Vec3> {
         self.corners.clear();
         self.corners.extend(corners.filter_map(|corner| facets.corner(corner)));
@@ -259,7 +276,8 @@ impl Around {
         self.edges.sort_unstable();
         for e in 1..self.edges.len() {
             let ((point, a), (other, b)) = (self.edges[e - 1], self.edges[e]);
-            if point == other && facets.joins(&self.corners[a as usize], &self.corners[b as usize]) {
+            if point == other && facets.joins(&self.corners[a as usize], &self.corners[b as usize])
+            {
                 let (a, b) = (self.root(a), self.root(b));
                 self.parents[a.max(b) as usize] = a.min(b);
             }
@@ -295,7 +313,9 @@ impl Around {
     /// Each vertex keeps the first of its groups; for the others there are new ones.
     fn split_vertices(&mut self) {
         self.users.clear();
-        self.users.extend(self.corners.iter().zip(&self.group).map(|(c, group)| (c.vertex, *group, c.number)));
+        self.users.extend(
+            self.corners.iter().zip(&self.group).map(|(c, group)| (c.vertex, *group, c.number)),
+        );
         self.users.sort_unstable();
         let Split { kept, added, moved } = &mut self.split;
         let (mut before, mut keeps) = ((NONE, NONE), true);
@@ -326,19 +346,31 @@ mod tests {
     fn angles_are_those_of_the_library() {
         for i in 1..1000 {
             let expected = f64::from(i) * std::f64::consts::PI / 1000.0;
-            assert!((angle(3.0 * expected.sin(), 3.0 * expected.cos()) - expected).abs() < 3e-8, "{expected}");
+            assert!(
+                (angle(3.0 * expected.sin(), 3.0 * expected.cos()) - expected).abs() < 3e-8,
+                "{expected}"
+            );
         }
     }
 
-    /// A sheet in folds, partly as loose triangles: smooth and sharp vertices, vertices that share a position, and a sliver.
+    /// A sheet in folds, partly as loose triangles: smooth and sharp vertices, vertices that share
+    /// a position, and a sliver.
     fn sheet(side: u32) -> TriangleMesh {
         let mut mesh = TriangleMesh::default();
         for i in 0..side * side {
             let (x, y) = ((i % side) as f32, (i / side) as f32);
-            mesh.positions.push(Vec3::new(x, y, if i % 7 == 0 { 1.5 } else { 0.1 * (x * 0.3).sin() }));
+            mesh.positions.push(Vec3::new(
+                x,
+                y,
+                if i % 7 == 0 { 1.5 } else { 0.1 * (x * 0.3).sin() },
+            ));
         }
         for i in (0..side * (side - 1)).filter(|i| i % side < side - 1) {
-            mesh.indices.extend([[i, i + 1, i + side], [i + 1, i + side + 1, i + side], [i, i, i + 1]]);
+            mesh.indices.extend([
+                [i, i + 1, i + side],
+                [i + 1, i + side + 1, i + side],
+                [i, i, i + 1],
+            ]);
         }
         for triangle in mesh.indices.iter_mut().skip(300) {
             let first = mesh.positions.len() as u32;
@@ -361,7 +393,9 @@ mod tests {
         for threads in [2, 5] {
             let together = smoothed(mesh.clone(), threads);
             assert_eq!(together.indices, alone.indices);
-            let bits = |mesh: &TriangleMesh| mesh.normals.iter().flat_map(|n| n.to_array().map(f32::to_bits)).collect();
+            let bits = |mesh: &TriangleMesh| {
+                mesh.normals.iter().flat_map(|n| n.to_array().map(f32::to_bits)).collect()
+            };
             let (a, b): (Vec<u32>, Vec<u32>) = (bits(&together), bits(&alone));
             assert!(a == b && together.positions == alone.positions);
         }
@@ -376,13 +410,16 @@ mod tests {
             let (u, v) = ((b - a).normalize_or_zero(), (c - a).normalize_or_zero());
             (u.cross(v).normalize_or_zero(), u.dot(v).clamp(-1.0, 1.0).acos())
         };
-        let corners: Vec<_> = (0..mesh.indices.len()).flat_map(|t| (0..3).map(move |k| (t, k))).collect();
+        let corners: Vec<_> =
+            (0..mesh.indices.len()).flat_map(|t| (0..3).map(move |k| (t, k))).collect();
         for &(t, k) in corners.iter().filter(|(t, k)| face(*t, *k).0 != Vec3::ZERO) {
             let vertex = mesh.indices[t][k] as usize;
-            // All faces at this place whose corners got the same normal: they, and they alone, are its group.
+            // All faces at this place whose corners got the same normal: they, and they alone, are
+            // its group.
             let here = corners.iter().filter(|(t, k)| {
                 let other = mesh.indices[*t][*k] as usize;
-                mesh.positions[other] == mesh.positions[vertex] && mesh.normals[other] == mesh.normals[vertex]
+                mesh.positions[other] == mesh.positions[vertex]
+                    && mesh.normals[other] == mesh.normals[vertex]
             });
             let sum: Vec3 = here.map(|&(t, k)| face(t, k).0 * face(t, k).1).sum();
             assert!(sum.normalize().dot(mesh.normals[vertex]) > 0.9999, "{t} {k}");

@@ -11,13 +11,19 @@ pub struct Notes {
 }
 
 impl Notes {
-    /// Counts one warning of a kind; `message` says what the first one was, where, and what was done instead.
+    /// Counts one warning of a kind; `message` says what the first one was, where, and what was
+    /// done instead.
     pub fn add(&mut self, kind: &'static str, message: impl FnOnce() -> String) {
         self.add_of(WarningKind::Changed, kind, message);
     }
 
     /// Counts one warning of a kind that is about something else than a change.
-    pub fn add_of(&mut self, about: WarningKind, kind: &'static str, message: impl FnOnce() -> String) {
+    pub fn add_of(
+        &mut self,
+        about: WarningKind,
+        kind: &'static str,
+        message: impl FnOnce() -> String,
+    ) {
         match self.kinds.iter_mut().find(|(k, _)| *k == kind) {
             Some((_, warning)) => warning.count += 1,
             None => self.kinds.push((kind, Warning { message: message(), count: 1, kind: about })),
@@ -35,7 +41,11 @@ impl Notes {
     /// Adds the warnings of a later part of the file.
     pub fn append(&mut self, later: Self) {
         for (kind, warning) in later.kinds {
-            match self.kinds.iter_mut().find(|(k, w)| (*k == kind && !k.is_empty()) || w.message == warning.message) {
+            match self
+                .kinds
+                .iter_mut()
+                .find(|(k, w)| (*k == kind && !k.is_empty()) || w.message == warning.message)
+            {
                 Some((_, known)) => known.count += warning.count,
                 None => self.kinds.push((kind, warning)),
             }

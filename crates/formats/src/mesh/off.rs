@@ -1,8 +1,9 @@
 //! Object File Format (Geomview's OFF), text form.
 //!
-//! The header may be `OFF` with the prefixes `ST`, `C` and `N` in any mix, may stand on the line of the counts, may even touch
-//! them (`OFF8 6 12`), or may be missing. One vertex and one face per line; what follows the numbers needed is ignored, colours
-//! included. Meshes have no normals unless the prefix `N` says so: they are shaded flat.
+//! The header may be `OFF` with the prefixes `ST`, `C` and `N` in any mix, may stand on the line of
+//! the counts, may even touch them (`OFF8 6 12`), or may be missing. One vertex and one face per
+//! line; what follows the numbers needed is ignored, colours included. Meshes have no normals
+//! unless the prefix `N` says so: they are shaded flat.
 
 use super::notes::Notes;
 use super::polygon::Triangulator;
@@ -42,7 +43,8 @@ impl<'a> Header<'a> {
     fn of(word: &'a [u8]) -> Option<Self> {
         let at = word.windows(3).take(6).position(|w| w == b"OFF")?;
         let (prefix, rest) = (&word[..at], &word[at + 3..]);
-        let known = prefix.iter().all(|b| b"STCN4n".contains(b)) && rest.iter().all(u8::is_ascii_digit);
+        let known =
+            prefix.iter().all(|b| b"STCN4n".contains(b)) && rest.iter().all(u8::is_ascii_digit);
         let dimensions = prefix.contains(&b'4') || prefix.contains(&b'n');
         known.then(|| Self { normals: prefix.contains(&b'N'), dimensions, rest })
     }
@@ -79,15 +81,26 @@ fn skip_header(reader: &mut Reader) -> Result<bool, ReadError> {
         let problem = format!("{} is a mesh of more than three dimensions", word.quoted());
         return Err(reader.error(word.start, problem, "project it to three dimensions first"));
     }
-    reader.text = Text::new(reader.bytes, word.start + word.bytes.len() - header.rest.len()).with_comments(b'#');
+    reader.text = Text::new(reader.bytes, word.start + word.bytes.len() - header.rest.len())
+        .with_comments(b'#');
     let mut ahead = reader.text.clone();
-    if let Some(word) = ahead.word_on_any_line().filter(|w| w.bytes.eq_ignore_ascii_case(b"BINARY")) {
-        return Err(reader.error(word.start, "this is the binary form of OFF", "export it as text, or as PLY"));
+    if let Some(word) = ahead.word_on_any_line().filter(|w| w.bytes.eq_ignore_ascii_case(b"BINARY"))
+    {
+        return Err(reader.error(
+            word.start,
+            "this is the binary form of OFF",
+            "export it as text, or as PLY",
+        ));
     }
     Ok(header.normals)
 }
 
-fn read_vertices(reader: &mut Reader, count: u64, has_normals: bool, mesh: &mut TriangleMesh) -> Result<(), ReadError> {
+fn read_vertices(
+    reader: &mut Reader,
+    count: u64,
+    has_normals: bool,
+    mesh: &mut TriangleMesh,
+) -> Result<(), ReadError> {
     // A vertex takes six bytes at least, so a false count cannot reserve much.
     mesh.positions.reserve(count.min(reader.text.remaining() as u64 / 6 + 1) as usize);
     for i in 0..count {
@@ -118,7 +131,12 @@ fn read_vertices(reader: &mut Reader, count: u64, has_normals: bool, mesh: &mut 
     Ok(())
 }
 
-fn read_faces(reader: &mut Reader, count: u64, mesh: &mut TriangleMesh, notes: &mut Notes) -> Result<(), ReadError> {
+fn read_faces(
+    reader: &mut Reader,
+    count: u64,
+    mesh: &mut TriangleMesh,
+    notes: &mut Notes,
+) -> Result<(), ReadError> {
     let mut triangulator = Triangulator::default();
     let mut face: Vec<u32> = Vec::new();
     let vertices = mesh.positions.len();
@@ -134,7 +152,8 @@ fn read_faces(reader: &mut Reader, count: u64, mesh: &mut TriangleMesh, notes: &
             };
             let index = whole(reader, word.bytes, word.start, "a vertex number")?;
             if index >= vertices as u64 {
-                let problem = format!("vertex {index} of a face, but there are {vertices} vertices");
+                let problem =
+                    format!("vertex {index} of a face, but there are {vertices} vertices");
                 let remedy = "vertices count from 0; export the file again";
                 return Err(reader.error(word.start, problem, remedy));
             }
@@ -142,7 +161,10 @@ fn read_faces(reader: &mut Reader, count: u64, mesh: &mut TriangleMesh, notes: &
         }
         if face.len() < 3 {
             notes.add("few corners", || {
-                format!("{}: a face has fewer than 3 corners and was skipped", reader.location(first.start))
+                format!(
+                    "{}: a face has fewer than 3 corners and was skipped",
+                    reader.location(first.start)
+                )
             });
         }
         super::push_polygon(reader.input, || reader.here(), mesh, &face, &mut triangulator)?;
@@ -154,6 +176,10 @@ fn read_faces(reader: &mut Reader, count: u64, mesh: &mut TriangleMesh, notes: &
 fn whole(reader: &Reader, word: &[u8], start: usize, what: &str) -> Result<u64, ReadError> {
     std::str::from_utf8(word).ok().and_then(|s| s.parse().ok()).ok_or_else(|| {
         let found = super::text::Word { bytes: word, start }.quoted();
-        reader.error(start, format!("found {found}, expected {what}"), "write a whole number that is not negative")
+        reader.error(
+            start,
+            format!("found {found}, expected {what}"),
+            "write a whole number that is not negative",
+        )
     })
 }

@@ -1,8 +1,9 @@
 //! Polygons to triangles.
 //!
-//! Convex polygons become fans from their first corner. Concave ones are cut by ear clipping in their plane (Meisters, 1975;
-//! the form that re-examines only the two neighbours of a cut follows Eberly, "Triangulation by Ear Clipping", 2002). Whatever the
-//! polygon, `n` corners give `n - 2` triangles, so a broken polygon gives odd triangles rather than none.
+//! Convex polygons become fans from their first corner. Concave ones are cut by ear clipping in
+//! their plane (Meisters, 1975; the form that re-examines only the two neighbours of a cut follows
+//! Eberly, "Triangulation by Ear Clipping", 2002). Whatever the polygon, `n` corners give `n - 2`
+//! triangles, so a broken polygon gives odd triangles rather than none.
 
 use snell_math::glam::DVec2;
 use snell_math::{DVec3, Vec3};
@@ -22,7 +23,8 @@ pub struct Triangulator {
 }
 
 impl Triangulator {
-    /// Triangles of a polygon by corner number, wound as the polygon is. Fewer than three corners give none.
+    /// Triangles of a polygon by corner number, wound as the polygon is. Fewer than three corners
+    /// give none.
     pub fn triangulate(&mut self, corners: impl Iterator<Item = Vec3>) -> &[[usize; 3]] {
         self.corners.clear();
         self.corners.extend(corners);
@@ -36,7 +38,8 @@ impl Triangulator {
         &self.triangles
     }
 
-    /// Projects the polygon along its normal (Newell's) and finds its reflex corners. True if there are none, or no telling.
+    /// Projects the polygon along its normal (Newell's) and finds its reflex corners. True if there
+    /// are none, or no telling.
     fn is_convex(&mut self) -> bool {
         let n = self.corners.len();
         let origin = self.corners[0].as_dvec3();
@@ -48,7 +51,8 @@ impl Triangulator {
         self.flat.extend((0..n).map(|i| DVec2::new(corner(i).dot(x), corner(i).dot(y))));
         let flat = &self.flat;
         self.reflex.clear();
-        self.reflex.extend((0..n).map(|i| turn(flat[(i + n - 1) % n], flat[i], flat[(i + 1) % n]) < 0.0));
+        self.reflex
+            .extend((0..n).map(|i| turn(flat[(i + n - 1) % n], flat[i], flat[(i + 1) % n]) < 0.0));
         !self.reflex.contains(&true)
     }
 
@@ -60,7 +64,8 @@ impl Triangulator {
         self.previous.extend((0..n).map(|i| (i + n - 1) % n));
         let mut at = 0;
         let mut left = n;
-        // Corners looked at since the last cut; when all failed, the polygon crosses itself and any cut is as good.
+        // Corners looked at since the last cut; when all failed, the polygon crosses itself and any
+        // cut is as good.
         let mut failed = 0;
         while left > 3 {
             let (before, after) = (self.previous[at], self.next[at]);
@@ -73,7 +78,8 @@ impl Triangulator {
             self.next[before] = after;
             self.previous[after] = before;
             for i in [before, after] {
-                self.reflex[i] = turn(self.flat[self.previous[i]], self.flat[i], self.flat[self.next[i]]) < 0.0;
+                self.reflex[i] =
+                    turn(self.flat[self.previous[i]], self.flat[i], self.flat[self.next[i]]) < 0.0;
             }
             left -= 1;
             // If there was no ear at all, do not search again: cut the rest as a fan.
@@ -133,7 +139,8 @@ mod tests {
 
     #[test]
     fn an_arrow_is_cut_inside() {
-        let arrow = [[0.0, 0.0], [2.0, -1.0], [0.0, 2.0], [-2.0, -1.0]].map(|[x, y]| Vec3::new(x, y, 7.0));
+        let arrow =
+            [[0.0, 0.0], [2.0, -1.0], [0.0, 2.0], [-2.0, -1.0]].map(|[x, y]| Vec3::new(x, y, 7.0));
         let mut triangulator = Triangulator::default();
         let triangles = triangulator.triangulate(arrow.into_iter());
         let (signed, unsigned) = area(&arrow, triangles);

@@ -1,5 +1,5 @@
-//! The old Princeton mesh format, `.ray`: `#vertex px py pz nx ny nz s t` and `#shape_polygon material n i1 .. in` records among
-//! others, which are skipped.
+//! The old Princeton mesh format, `.ray`: `#vertex px py pz nx ny nz s t` and
+//! `#shape_polygon material n i1 .. in` records among others, which are skipped.
 
 use super::notes::Notes;
 use super::polygon::Triangulator;
@@ -34,7 +34,11 @@ pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, Re
             b"#shape_polygon" => read_face(&mut reader, None, &mut mesh, &mut triangulator)?,
             b"#shape_triangle" => read_face(&mut reader, Some(3), &mut mesh, &mut triangulator)?,
             other if other.starts_with(b"#shape_") => notes.add("other shape", || {
-                format!("{}: {} is not a mesh and was skipped", reader.location(word.start), word.quoted())
+                format!(
+                    "{}: {} is not a mesh and was skipped",
+                    reader.location(word.start),
+                    word.quoted()
+                )
             }),
             _ => {}
         }
@@ -72,7 +76,10 @@ fn read_face(
     for _ in 0..corners {
         let index = reader.count("a vertex number", true)?;
         if index >= mesh.positions.len() as u64 {
-            let problem = format!("vertex {index} of a shape, but there are {} vertices so far", mesh.positions.len());
+            let problem = format!(
+                "vertex {index} of a shape, but there are {} vertices so far",
+                mesh.positions.len()
+            );
             let remedy = "vertices count from 0 and come before the shapes; export the file again";
             return Err(reader.error(reader.text.position(), problem, remedy));
         }

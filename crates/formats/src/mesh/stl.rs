@@ -1,7 +1,8 @@
 //! STL, text and binary.
 //!
-//! Binary files are told by their size: 84 bytes and 50 for each facet counted, whatever the first word is (many begin with
-//! `solid`). Facet normals and attribute bytes are ignored; equal positions become one vertex.
+//! Binary files are told by their size: 84 bytes and 50 for each facet counted, whatever the first
+//! word is (many begin with `solid`). Facet normals and attribute bytes are ignored; equal
+//! positions become one vertex.
 
 use super::normals;
 use super::notes::Notes;
@@ -24,7 +25,8 @@ pub const READER: SceneReader = SceneReader {
         let mut mesh = parse(input, &mut notes)?;
         normals::smooth(&mut mesh, normals::CREASE_ANGLE, &[]);
         let mut scene = super::scene_of(input, mesh, notes);
-        // The programs that write STL, for machines that build in layers, stand things on the xy plane.
+        // The programs that write STL, for machines that build in layers, stand things on the xy
+        // plane.
         scene.settings.up = Some(DVec3::Z);
         Ok(scene)
     },
@@ -51,16 +53,21 @@ fn looks_like_text(bytes: &[u8]) -> bool {
         return false;
     }
     text.next_line();
-    text.word_on_any_line()
-        .is_some_and(|w| [&b"facet"[..], b"endsolid", b"color"].iter().any(|word| w.bytes.eq_ignore_ascii_case(word)))
+    text.word_on_any_line().is_some_and(|w| {
+        [&b"facet"[..], b"endsolid", b"color"].iter().any(|word| w.bytes.eq_ignore_ascii_case(word))
+    })
 }
 
 /// Reads the mesh; normals are left out.
 pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
     let bytes = &input.bytes;
-    let starts_as_text =
-        decoded(&bytes[..bytes.len().min(64)]).trim_ascii_start().to_ascii_lowercase().starts_with(b"solid");
-    if !has_binary_size(bytes) && (looks_like_text(bytes) || (starts_as_text && !bytes.contains(&0))) {
+    let starts_as_text = decoded(&bytes[..bytes.len().min(64)])
+        .trim_ascii_start()
+        .to_ascii_lowercase()
+        .starts_with(b"solid");
+    if !has_binary_size(bytes)
+        && (looks_like_text(bytes) || (starts_as_text && !bytes.contains(&0)))
+    {
         return parse_text(input);
     }
     parse_binary(input, notes)
@@ -88,7 +95,10 @@ fn parse_binary(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadEr
     let Some(declared) = declared_facets(bytes) else {
         return Err(input.error(
             Place::Byte(bytes.len() as u64),
-            format!("found {} bytes, expected \"solid\" or a header of {HEADER} bytes", bytes.len()),
+            format!(
+                "found {} bytes, expected \"solid\" or a header of {HEADER} bytes",
+                bytes.len()
+            ),
             "this is not an STL file, or it is cut off; export or copy it again",
         ));
     };
@@ -102,7 +112,9 @@ fn parse_binary(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadEr
     }
     let extra = bytes.len() as u64 - HEADER as u64 - declared * FACET as u64;
     if extra > 0 {
-        notes.add("extra", || format!("{}: {extra} bytes after the last facet were ignored", input.name));
+        notes.add("extra", || {
+            format!("{}: {extra} bytes after the last facet were ignored", input.name)
+        });
     }
     if declared > input.options.limits.elements as u64 {
         return Err(too_many(input, Place::Byte(HEADER as u64 - 4), "triangles"));
@@ -111,7 +123,8 @@ fn parse_binary(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadEr
     let mut builder = Builder::default();
     builder.mesh.indices.reserve(declared);
     for facet in bytes[HEADER..HEADER + declared * FACET].chunks_exact(FACET) {
-        let float = |i: usize| f32::from_le_bytes([facet[i], facet[i + 1], facet[i + 2], facet[i + 3]]);
+        let float =
+            |i: usize| f32::from_le_bytes([facet[i], facet[i + 1], facet[i + 2], facet[i + 3]]);
         let corner = |i: usize| Vec3::new(float(i), float(i + 4), float(i + 8));
         let triangle = [12, 24, 36].map(|i| builder.vertex(corner(i)));
         builder.mesh.indices.push(triangle);
@@ -140,17 +153,29 @@ fn parse_text(input: &Input) -> Result<TriangleMesh, ReadError> {
             }
             b"endloop" => {
                 if loop_vertices.len() < 3 {
-                    let problem = format!("a facet of {} vertices, expected 3", loop_vertices.len());
+                    let problem =
+                        format!("a facet of {} vertices, expected 3", loop_vertices.len());
                     return Err(reader.error(word.start, problem, "export the file again"));
                 }
-                super::push_polygon(input, || reader.here(), &mut builder.mesh, &loop_vertices, &mut triangulator)?;
+                super::push_polygon(
+                    input,
+                    || reader.here(),
+                    &mut builder.mesh,
+                    &loop_vertices,
+                    &mut triangulator,
+                )?;
                 loop_vertices.clear();
             }
             b"endfacet" => {}
             b"facet" | b"solid" | b"endsolid" | b"color" => reader.text.next_line(),
             _ => {
-                let problem = format!("found {}, expected facet, vertex, endloop or the like", word.quoted());
-                return Err(reader.error(word.start, problem, "this is not an STL file, or it is damaged"));
+                let problem =
+                    format!("found {}, expected facet, vertex, endloop or the like", word.quoted());
+                return Err(reader.error(
+                    word.start,
+                    problem,
+                    "this is not an STL file, or it is damaged",
+                ));
             }
         }
     }

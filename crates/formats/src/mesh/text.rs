@@ -1,7 +1,7 @@
 //! Words and numbers of line-based text formats.
 //!
-//! [`Text`] keeps a position only. Lines and columns are counted when a message needs them, so the common path pays nothing for
-//! good messages. Line ends are `\n`, `\r\n` or `\r`.
+//! [`Text`] keeps a position only. Lines and columns are counted when a message needs them, so the
+//! common path pays nothing for good messages. Line ends are `\n`, `\r\n` or `\r`.
 
 use crate::{Input, Place, ReadError};
 use std::borrow::Cow;
@@ -80,7 +80,10 @@ impl<'a> Text<'a> {
         if self.comment.is_some() && rest.first() == self.comment.as_ref() {
             return None;
         }
-        let length = rest.iter().position(|&b| b <= b' ' && (is_blank(b) || is_line_end(b))).unwrap_or(rest.len());
+        let length = rest
+            .iter()
+            .position(|&b| b <= b' ' && (is_blank(b) || is_line_end(b)))
+            .unwrap_or(rest.len());
         let mut word = &rest[..length];
         self.position = start + length;
         if self.continuations && word.len() > 1 && word.ends_with(b"\\") && self.is_at_line_end() {
@@ -104,7 +107,8 @@ impl<'a> Text<'a> {
         }
     }
 
-    /// What is left of this line, without blanks at its ends, comments included. Does not go to the next line.
+    /// What is left of this line, without blanks at its ends, comments included. Does not go to the
+    /// next line.
     pub fn rest_of_line(&mut self) -> Word<'a> {
         self.skip_blanks();
         let start = self.position;
@@ -185,7 +189,8 @@ pub enum Number {
     None,
 }
 
-/// Reads a number: all that C's `strtod` and Rust's `parse` accept in decimals, and `1.#QNAN` and its kin.
+/// Reads a number: all that C's `strtod` and Rust's `parse` accept in decimals, and `1.#QNAN` and
+/// its kin.
 pub fn number(word: &[u8]) -> Number {
     if let Some(value) = short_decimal(word) {
         return Number::Exact(value);
@@ -194,18 +199,22 @@ pub fn number(word: &[u8]) -> Number {
     if let Some(value) = parse(word) {
         return Number::Exact(value);
     }
-    if let Some(at) = word.iter().position(|&b| b == b'#').filter(|&at| at >= 2 && word[at - 1] == b'.') {
+    if let Some(at) =
+        word.iter().position(|&b| b == b'#').filter(|&at| at >= 2 && word[at - 1] == b'.')
+    {
         // What old Microsoft libraries print: 1.#INF, -1.#IND, 1.#QNAN.
         let infinite = word[at..].to_ascii_uppercase().starts_with(b"#INF");
         let sign = if word[0] == b'-' { -1.0 } else { 1.0 };
         return Number::Exact(if infinite { sign * f32::INFINITY } else { f32::NAN });
     }
-    let numeric = word.iter().take(64).take_while(|b| b.is_ascii_digit() || b"+-.eE".contains(b)).count();
+    let numeric =
+        word.iter().take(64).take_while(|b| b.is_ascii_digit() || b"+-.eE".contains(b)).count();
     (1..=numeric).rev().find_map(|n| parse(&word[..n])).map_or(Number::None, Number::Prefix)
 }
 
-/// The usual numbers quickly: up to seven digits or so without exponent are a quotient of two numbers that single precision holds exactly, rounded
-/// once (Clinger, How to read floating point numbers accurately, 1990).
+/// The usual numbers quickly: up to seven digits or so without exponent are a quotient of two
+/// numbers that single precision holds exactly, rounded once (Clinger, How to read floating point
+/// numbers accurately, 1990).
 fn short_decimal(word: &[u8]) -> Option<f32> {
     const POWERS: [f32; 11] = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
     const MOST: u32 = 1 << 24;
@@ -237,7 +246,8 @@ fn short_decimal(word: &[u8]) -> Option<f32> {
 pub fn decoded(bytes: &[u8]) -> Cow<'_, [u8]> {
     let convert = |unit: fn([u8; 2]) -> u16| {
         let units = bytes[2..].chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
-        let text: String = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect();
+        let text: String =
+            char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect();
         Cow::Owned(text.into_bytes())
     };
     match bytes {
@@ -261,7 +271,12 @@ pub struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     /// An error at an offset.
-    pub fn error(&self, offset: usize, problem: impl Into<String>, remedy: impl Into<String>) -> ReadError {
+    pub fn error(
+        &self,
+        offset: usize,
+        problem: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> ReadError {
         self.input.error(place_of(self.bytes, offset), problem, remedy)
     }
 
@@ -298,7 +313,11 @@ impl<'a> Reader<'a> {
     /// The error for a word that should be a number.
     pub fn not_a_number(&self, word: Word<'_>, what: &str) -> ReadError {
         let comma = word.bytes.contains(&b',');
-        let remedy = if comma { "write a decimal point instead of a comma" } else { "write a decimal number" };
+        let remedy = if comma {
+            "write a decimal point instead of a comma"
+        } else {
+            "write a decimal number"
+        };
         self.error(word.start, format!("found {}, expected {what}", word.quoted()), remedy)
     }
 
@@ -339,7 +358,9 @@ mod tests {
     #[test]
     fn words_end_with_blanks_and_lines() {
         let mut text = Text::new(b"a  bc\t\r\nd # e\rf", 0).with_comments(b'#');
-        let words = |t: &mut Text| std::iter::from_fn(|| t.word().map(|w| w.bytes.to_vec())).collect::<Vec<_>>();
+        let words = |t: &mut Text| {
+            std::iter::from_fn(|| t.word().map(|w| w.bytes.to_vec())).collect::<Vec<_>>()
+        };
         assert_eq!(words(&mut text), [b"a".to_vec(), b"bc".to_vec()]);
         text.next_line();
         assert_eq!(words(&mut text), [b"d".to_vec()]);
@@ -371,12 +392,18 @@ mod tests {
 
     #[test]
     fn numbers_come_in_many_spellings() {
-        for (word, value) in [("1.", 1.0), (".5", 0.5), ("+1e3", 1000.0), ("-2.e+1", -20.0), ("1E2", 100.0)] {
+        for (word, value) in
+            [("1.", 1.0), (".5", 0.5), ("+1e3", 1000.0), ("-2.e+1", -20.0), ("1E2", 100.0)]
+        {
             assert_eq!(number(word.as_bytes()), Number::Exact(value), "{word}");
         }
         for (value, digits) in (0..2000u64).map(|i| (i * i * 7919 % 33_554_432, i as usize % 9)) {
             let text = format!("{}.{:0digits$}", value / 1000, value % 1000);
-            assert_eq!(number(text.as_bytes()), Number::Exact(text.parse().expect("a number")), "{text}");
+            assert_eq!(
+                number(text.as_bytes()),
+                Number::Exact(text.parse().expect("a number")),
+                "{text}"
+            );
         }
         for word in ["-", ".", "-.", "", "1.2.3"] {
             assert!(!matches!(number(word.as_bytes()), Number::Exact(_)), "{word}");

@@ -14,8 +14,9 @@ fn key(position: Vec3) -> [u32; 3] {
 /// No vertex.
 const NONE: u32 = u32::MAX;
 
-/// For each vertex, the number of the first at an equal position (in the sense of [`Welder`]), but for those that need no other: around
-/// whom the triangles close. On all cores, with a table of numbers alone.
+/// For each vertex, the number of the first at an equal position (in the sense of [`Welder`]), but
+/// for those that need no other: around whom the triangles close. On all cores, with a table of
+/// numbers alone.
 pub fn points(positions: &[Vec3], indices: &[[u32; 3]]) -> Vec<u32> {
     let open = open_vertices(positions.len(), indices);
     let number = open.par_iter().with_min_len(1 << 12).filter(|open| is_open(open)).count();
@@ -31,7 +32,8 @@ pub fn points(positions: &[Vec3], indices: &[[u32; 3]]) -> Vec<u32> {
         let here = key(positions[number]);
         let mut place = state.hash_one(here) as usize & (size - 1);
         loop {
-            // Whoever comes first takes the place for all equal positions, and the lowest number stays.
+            // Whoever comes first takes the place for all equal positions, and the lowest number
+            // stays.
             let known = table[place].compare_exchange(NONE, number as u32, Relaxed, Relaxed).err();
             if known.is_none_or(|known| key(positions[known as usize]) == here) {
                 table[place].fetch_min(number as u32, Relaxed);
@@ -40,7 +42,8 @@ pub fn points(positions: &[Vec3], indices: &[[u32; 3]]) -> Vec<u32> {
             place = (place + 1) & (size - 1);
         }
     };
-    let mut points: Vec<u32> = (0..positions.len()).into_par_iter().with_min_len(1 << 12).map(place).collect();
+    let mut points: Vec<u32> =
+        (0..positions.len()).into_par_iter().with_min_len(1 << 12).map(place).collect();
     points.par_iter_mut().enumerate().with_min_len(1 << 12).for_each(|(number, place)| {
         *place = if *place == NONE { number as u32 } else { table[*place as usize].load(Relaxed) };
     });
@@ -51,14 +54,17 @@ fn is_open(balance: &AtomicU32) -> bool {
     balance.load(Relaxed) != 0
 }
 
-/// A number that is not 0 for each vertex around which the triangles do not close. Where they do, and are wound alike, each neighbour comes
-/// once after and once before it: what is added for the one is subtracted for the other. (Chance makes one vertex in 2³² look closed.)
+/// A number that is not 0 for each vertex around which the triangles do not close. Where they do,
+/// and are wound alike, each neighbour comes once after and once before it: what is added for the
+/// one is subtracted for the other. (Chance makes one vertex in 2³² look closed.)
 fn open_vertices(count: usize, indices: &[[u32; 3]]) -> Vec<AtomicU32> {
     let mut balance = Vec::new();
     balance.resize_with(count, AtomicU32::default);
     indices.par_iter().with_min_len(1 << 12).for_each(|triangle| {
         let [a, b, c] = triangle.map(mixed);
-        for (vertex, change) in triangle.iter().zip([b.wrapping_sub(c), c.wrapping_sub(a), a.wrapping_sub(b)]) {
+        for (vertex, change) in
+            triangle.iter().zip([b.wrapping_sub(c), c.wrapping_sub(a), a.wrapping_sub(b)])
+        {
             balance[*vertex as usize].fetch_add(change, Relaxed);
         }
     });
@@ -72,10 +78,12 @@ fn mixed(mut x: u32) -> u32 {
     x ^ (x >> 16)
 }
 
-/// Numbers positions; equal ones get the same number. Both zeros are equal, and so are equal bit patterns of NaN.
+/// Numbers positions; equal ones get the same number. Both zeros are equal, and so are equal bit
+/// patterns of NaN.
 #[derive(Clone, Debug, Default)]
 pub struct Welder {
-    // Never iterated, so its order does not matter; its hash is keyed, so a file cannot make it slow.
+    // Never iterated, so its order does not matter; its hash is keyed, so a file cannot make it
+    // slow.
     numbers: HashMap<[u32; 3], u32>,
 }
 
@@ -94,7 +102,11 @@ mod tests {
     #[test]
     fn points_are_the_first_of_equal_positions() {
         let position = |i: u32| {
-            Vec3::new((i * 7919 % 1009) as f32 - 500.0, if i.is_multiple_of(2) { 0.0 } else { -0.0 }, f32::NAN)
+            Vec3::new(
+                (i * 7919 % 1009) as f32 - 500.0,
+                if i.is_multiple_of(2) { 0.0 } else { -0.0 },
+                f32::NAN,
+            )
         };
         let positions: Vec<Vec3> = (0..20_000).map(position).collect();
         let mut welder = Welder::default();
@@ -117,7 +129,9 @@ mod tests {
     #[test]
     fn around_the_vertices_of_a_closed_body_the_triangles_close() {
         let tetrahedron = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]];
-        let open = |indices: &[[u32; 3]]| -> Vec<bool> { open_vertices(4, indices).iter().map(is_open).collect() };
+        let open = |indices: &[[u32; 3]]| -> Vec<bool> {
+            open_vertices(4, indices).iter().map(is_open).collect()
+        };
         assert_eq!(open(&tetrahedron), [false; 4]);
         assert_eq!(open(&tetrahedron[1..]), [true, true, true, false]);
     }

@@ -1,11 +1,12 @@
-//! Several materials on one surface: a surface for each of them at the same place, each there with some probability. Where one is
-//! absent, the next one is met, so the shares are exact whatever the materials are.
+//! Several materials on one surface: a surface for each of them at the same place, each there with
+//! some probability. Where one is absent, the next one is met, so the shares are exact whatever the
+//! materials are.
 
 use snell_scene::Material;
 use snell_scene::material::{AlphaMode, ScalarParam};
 
-/// Materials from the one that is met first to the last; none for no surface at all. The opacity of each is the probability that it is
-/// met if those before it were not.
+/// Materials from the one that is met first to the last; none for no surface at all. The opacity of
+/// each is the probability that it is met if those before it were not.
 pub type Layers = Vec<Material>;
 
 /// Most layers of a surface. Blends of blends of blends double them each time.
@@ -24,7 +25,8 @@ pub fn blend(top: Layers, rest: Layers, share: ScalarParam) -> Layers {
     layers
 }
 
-/// The layers with this share of what they were; false if that can be said of the last layer only, because the share has a texture.
+/// The layers with this share of what they were; false if that can be said of the last layer only,
+/// because the share has a texture.
 pub fn mask(mut layers: Layers, share: ScalarParam) -> (Layers, bool) {
     let (count, factor) = (layers.len(), share.factor.clamp(0.0, 1.0));
     if share.texture.is_some() {

@@ -51,7 +51,10 @@ pub fn metal(
         Roughness::Stretched { roughness, anisotropy } => (roughness.into(), anisotropy),
     };
     let anisotropy = anisotropy.into();
-    Material::new("", Conductor { microfacets, anisotropy, tint, ..Conductor::new(spectrum, roughness) })
+    Material::new(
+        "",
+        Conductor { microfacets, anisotropy, tint, ..Conductor::new(spectrum, roughness) },
+    )
 }
 
 #[cfg(test)]
@@ -66,9 +69,12 @@ mod tests {
             };
             let ratio = 1.0 - anisotropy.abs();
             let along = roughness * roughness * (2.0 / (1.0 + ratio * ratio)).sqrt();
-            let found = if anisotropy > 0.0 { (along, along * ratio) } else { (along * ratio, along) };
+            let found =
+                if anisotropy > 0.0 { (along, along * ratio) } else { (along * ratio, along) };
             assert!((found.0 - u).abs() < 1e-6 && (found.1 - v).abs() < 1e-6, "{found:?}");
-            assert!((Roughness::of_widths(u, v).mean().factor - (u * v).sqrt().sqrt()).abs() < 1e-6);
+            assert!(
+                (Roughness::of_widths(u, v).mean().factor - (u * v).sqrt().sqrt()).abs() < 1e-6
+            );
         }
         assert_eq!(Roughness::of_widths(0.25, 0.25), Roughness::Even(0.5.into()));
     }

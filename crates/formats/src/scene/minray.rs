@@ -1,5 +1,6 @@
-//! Scenes of Heckbert's minimal ray tracer as JSON (P. Heckbert, A Minimal Ray Tracer, Graphics Gems IV, 1994): spheres, some of
-//! which are lights, and a camera at the origin that looks along `+y`. What the numbers mean: [`MinrayDescription`].
+//! Scenes of Heckbert's minimal ray tracer as JSON (P. Heckbert, A Minimal Ray Tracer, Graphics
+//! Gems IV, 1994): spheres, some of which are lights, and a camera at the origin that looks along
+//! `+y`. What the numbers mean: [`MinrayDescription`].
 
 use crate::{Input, Place, ReadError, SceneReader};
 use snell_scene::Scene;
@@ -16,13 +17,16 @@ pub const READER: SceneReader = SceneReader {
 
 const UTF8_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// True for a JSON object that near its start or end names an angle of view and near either names spheres.
+/// True for a JSON object that near its start or end names an angle of view and near either names
+/// spheres.
 fn recognises(bytes: &[u8]) -> bool {
     const WINDOW: usize = 4096;
     let text = bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes);
     let ends = [&text[..text.len().min(WINDOW)], &text[text.len().saturating_sub(WINDOW)..]];
     let names = |key: &[u8]| ends.iter().any(|end| end.windows(key.len()).any(|part| part == key));
-    text.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{') && names(b"\"spheres\"") && names(b"\"aov_degrees\"")
+    text.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{')
+        && names(b"\"spheres\"")
+        && names(b"\"aov_degrees\"")
 }
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
@@ -36,17 +40,24 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     })?;
     let limit = input.options.limits.elements;
     if description.spheres.len() > limit {
-        let problem = format!("{} spheres, more than the limit of {limit}", description.spheres.len());
+        let problem =
+            format!("{} spheres, more than the limit of {limit}", description.spheres.len());
         return Err(input.error(Place::Json("/spheres".into()), problem, "split the scene"));
     }
     minray_scene(&description).map_err(|error| {
         let (path, found, expected) = match error {
-            MinrayError::OutOfRange { name, found, expected } => (format!("/{name}"), found, expected),
+            MinrayError::OutOfRange { name, found, expected } => {
+                (format!("/{name}"), found, expected)
+            }
             MinrayError::Sphere { number, name, found, expected } => {
                 (format!("/spheres/{}/{name}", number.saturating_sub(1)), found, expected)
             }
         };
-        input.error(Place::Json(path), format!("found {found}, expected {expected}"), "change the number")
+        input.error(
+            Place::Json(path),
+            format!("found {found}, expected {expected}"),
+            "change the number",
+        )
     })
 }
 
@@ -63,7 +74,8 @@ mod tests {
     #[test]
     fn the_scene_of_the_contest_is_the_built_in_one() {
         let Some(folder) = data("minray") else { return };
-        let read = crate::read_scene(&folder.join("test1.json"), &Default::default()).expect("the public scene loads");
+        let read = crate::read_scene(&folder.join("test1.json"), &Default::default())
+            .expect("the public scene loads");
         let builtin = snell_scene::builtin::builtin("minray").expect("there is such a scene");
         assert_eq!(read.name, "test1");
         assert_eq!(summary(&read), summary(&builtin));
@@ -80,7 +92,9 @@ mod tests {
         assert!(recognises(format!("\u{feff} {SMALL}").as_bytes()));
         let scene = crate::read_scene_bytes("-", SMALL.into(), Path::new("."), &Default::default());
         assert_eq!(scene.expect("well-formed").settings.size, Some([16, 16]));
-        for other in ["", "{}", "[1]", r#"{"asset": {"version": "2.0"}}"#, "\"spheres\" \"aov_degrees\""] {
+        for other in
+            ["", "{}", "[1]", r#"{"asset": {"version": "2.0"}}"#, "\"spheres\" \"aov_degrees\""]
+        {
             assert!(!recognises(other.as_bytes()), "{other}");
         }
     }

@@ -12,8 +12,15 @@ pub struct Notes {
 }
 
 impl Notes {
-    /// Notes what was found at a place and what was done instead, unless something of this kind was noted before.
-    pub fn add(&mut self, about: WarningKind, kind: String, at: Spot, message: impl FnOnce() -> String) {
+    /// Notes what was found at a place and what was done instead, unless something of this kind was
+    /// noted before.
+    pub fn add(
+        &mut self,
+        about: WarningKind,
+        kind: String,
+        at: Spot,
+        message: impl FnOnce() -> String,
+    ) {
         match self.positions.get(&kind) {
             Some(&position) => self.notes[position].1.count += 1,
             None => {
@@ -23,7 +30,8 @@ impl Notes {
         }
     }
 
-    /// Hands the warnings to the scene, in the order of the text. `files` are the names of the files by number.
+    /// Hands the warnings to the scene, in the order of the text. `files` are the names of the
+    /// files by number.
     pub fn finish(&mut self, scene: &mut Scene, files: &[String]) {
         self.notes.sort_by_key(|(at, ..)| (at.file, at.line, at.column));
         for (at, Warning { message, count, kind }) in self.notes.drain(..) {

@@ -9,8 +9,8 @@ pub struct Coefficients {
     pub sigma_s: Rgb,
 }
 
-/// Measured by H. W. Jensen, S. Marschner, M. Levoy and P. Hanrahan (A Practical Model for Subsurface Light Transport, 2001, figure 5):
-/// name, scattering, absorption.
+/// Measured by H. W. Jensen, S. Marschner, M. Levoy and P. Hanrahan (A Practical Model for
+/// Subsurface Light Transport, 2001, figure 5): name, scattering, absorption.
 const MEASURED: [(&str, [f32; 3], [f32; 3]); 12] = [
     ("apple", [2.29, 2.39, 1.97], [0.0030, 0.0034, 0.046]),
     ("chicken1", [0.15, 0.21, 0.38], [0.015, 0.077, 0.19]),
@@ -33,8 +33,8 @@ pub fn named(name: &str) -> Option<Coefficients> {
     found.map(|(_, s, a)| Coefficients { sigma_a: Rgb::from(*a), sigma_s: Rgb::from(*s) })
 }
 
-/// The colour of a deep medium in diffuse light by its albedo of single scattering and the mean cosine of that (van de Hulst's
-/// approximation).
+/// The colour of a deep medium in diffuse light by its albedo of single scattering and the mean
+/// cosine of that (van de Hulst's approximation).
 pub fn color_of_albedo(albedo: f32, g: f32) -> f32 {
     let albedo = albedo.clamp(0.0, 1.0);
     let s = ((1.0 - albedo) / (1.0 - albedo * g).max(1e-6)).max(0.0).sqrt();

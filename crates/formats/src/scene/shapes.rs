@@ -21,7 +21,8 @@ impl ShapeTable {
         Geometry::Shape(shared.clone())
     }
 
-    /// Adds a node below `parent` that holds the shape. Without a material it takes the one of `parent`.
+    /// Adds a node below `parent` that holds the shape. Without a material it takes the one of
+    /// `parent`.
     pub fn place(
         &mut self,
         scene: &mut Scene,
@@ -33,27 +34,38 @@ impl ShapeTable {
         let name = shape.name();
         let geometry = self.shared(shape);
         let surfaces = vec![surface(geometry, material)];
-        scene.add_child(parent, Node { transform: parent_from_shape, surfaces, ..Node::named(name) });
+        scene.add_child(
+            parent,
+            Node { transform: parent_from_shape, surfaces, ..Node::named(name) },
+        );
     }
 }
 
 /// A surface of a material, or of the node's if there is none.
 pub fn surface(geometry: Geometry, material: Option<MaterialId>) -> Surface {
-    material.map_or_else(|| Surface::new(geometry.clone()), |m| Surface::with_material(geometry.clone(), m))
+    material.map_or_else(
+        || Surface::new(geometry.clone()),
+        |m| Surface::with_material(geometry.clone(), m),
+    )
 }
 
 /// Pieces of a swept surface: around a full turn, and from one end to the other of a round one.
 pub const AROUND: u32 = 256;
 pub const ALONG: u32 = 128;
 
-/// From our round shapes, which stand around y and count longitude from z towards x, to those that stand around z and count it from x
-/// towards y, as pbrt and Mitsuba have them.
+/// From our round shapes, which stand around y and count longitude from z towards x, to those that
+/// stand around z and count it from x towards y, as pbrt and Mitsuba have them.
 pub fn around_z() -> DMat3 {
     DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X)
 }
 
-/// The surface of points and normals by longitude (radians) and v from 0 to 1, over a turn in degrees, in pieces.
-pub fn swept(turn: f64, [around, along]: [u32; 2], surface: impl Fn(f64, f64) -> (DVec3, DVec3)) -> TriangleMesh {
+/// The surface of points and normals by longitude (radians) and v from 0 to 1, over a turn in
+/// degrees, in pieces.
+pub fn swept(
+    turn: f64,
+    [around, along]: [u32; 2],
+    surface: impl Fn(f64, f64) -> (DVec3, DVec3),
+) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for j in 0..=along {
         for i in 0..=around {

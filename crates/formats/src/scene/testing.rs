@@ -14,7 +14,8 @@ pub fn read_text(reader: &SceneReader, text: &str) -> Result<Scene, ReadError> {
 
 /// Reads text as a file called `test` in a folder.
 pub fn read_in(reader: &SceneReader, folder: &Path, text: &str) -> Result<Scene, ReadError> {
-    let input = Input::from_bytes("test", text.as_bytes().to_vec(), folder, &ReadOptions::default());
+    let input =
+        Input::from_bytes("test", text.as_bytes().to_vec(), folder, &ReadOptions::default());
     (reader.read)(&input)
 }
 
@@ -45,7 +46,10 @@ pub fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
 /// All geometries of a scene in the order of the graph.
 pub fn geometries(scene: &Scene) -> Vec<Geometry> {
     let order = scene.topological_order().expect("a graph without cycles");
-    order.iter().flat_map(|n| scene.nodes[n.index()].surfaces.iter().map(|s| s.geometry.clone())).collect()
+    order
+        .iter()
+        .flat_map(|n| scene.nodes[n.index()].surfaces.iter().map(|s| s.geometry.clone()))
+        .collect()
 }
 
 /// All meshes of a scene.
@@ -61,14 +65,17 @@ pub fn summary(scene: &Scene) -> String {
     for geometry in geometries(scene) {
         match geometry {
             Geometry::Shape(shape) => *counts.entry(shape.name().to_string()).or_default() += 1,
-            Geometry::Curves(curves) => *counts.entry("strand".into()).or_default() += curves.strands().len(),
+            Geometry::Curves(curves) => {
+                *counts.entry("strand".into()).or_default() += curves.strands().len()
+            }
             Geometry::Mesh(mesh) => {
                 *counts.entry("mesh".into()).or_default() += 1;
                 *counts.entry("triangle".into()).or_default() += mesh.indices.len();
             }
         }
     }
-    let mut parts: Vec<String> = counts.into_iter().map(|(name, n)| format!("{n} {name}")).collect();
+    let mut parts: Vec<String> =
+        counts.into_iter().map(|(name, n)| format!("{n} {name}")).collect();
     parts.push(format!("{} material", scene.materials.len()));
     let lights: Vec<_> = scene.lights.iter().map(|l| l.name()).collect();
     parts.push(format!("lights [{}]", lights.join(" ")));
@@ -80,19 +87,20 @@ pub fn summary(scene: &Scene) -> String {
     parts.join(", ")
 }
 
-/// Reads thousands of broken versions of a text: cut off, with changed bytes, with words swapped or repeated. A panic fails the
-/// test that calls this.
+/// Reads thousands of broken versions of a text: cut off, with changed bytes, with words swapped or
+/// repeated. A panic fails the test that calls this.
 pub fn read_broken_versions(reader: &SceneReader, seed: &[u8], folder: &Path) {
-    let read = |bytes: Vec<u8>| {
-        let input = Input::from_bytes("broken", bytes, folder, &ReadOptions::default());
-        if let Ok(scene) = (reader.read)(&input) {
-            assert!(scene.bounds().is_ok());
-            assert!(
-                scene.cameras.iter().all(|c| c.eye.is_finite() && c.towards.is_normalized() && c.up.is_normalized())
-            );
-            assert!(meshes(&scene).iter().all(|m| m.validate().is_ok()));
-        }
-    };
+    let read =
+        |bytes: Vec<u8>| {
+            let input = Input::from_bytes("broken", bytes, folder, &ReadOptions::default());
+            if let Ok(scene) = (reader.read)(&input) {
+                assert!(scene.bounds().is_ok());
+                assert!(scene.cameras.iter().all(|c| c.eye.is_finite()
+                    && c.towards.is_normalized()
+                    && c.up.is_normalized()));
+                assert!(meshes(&scene).iter().all(|m| m.validate().is_ok()));
+            }
+        };
     for length in 0..seed.len() {
         read(seed[..length].to_vec());
     }

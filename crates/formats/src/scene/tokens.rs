@@ -51,7 +51,15 @@ impl<'a> Tokens<'a> {
     pub fn new(input: &'a Input) -> Self {
         // Editors may put a byte order mark first.
         let next = if input.bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
-        Self { input, bytes: &input.bytes, next, line: 1, line_start: next, hash_is_comment: false, usage: "" }
+        Self {
+            input,
+            bytes: &input.bytes,
+            next,
+            line: 1,
+            line_start: next,
+            hash_is_comment: false,
+            usage: "",
+        }
     }
 
     /// Words of `input`; from a `#` to the end of its line is a comment, wherever it stands.
@@ -86,13 +94,15 @@ impl<'a> Tokens<'a> {
                     self.line_start = self.next;
                 }
                 b'#' if self.hash_is_comment => self.skip_line(),
-                // The vertical tab is white space to the C library, which wrote and read most such files.
+                // The vertical tab is white space to the C library, which wrote and read most such
+                // files.
                 b if b.is_ascii_whitespace() || b == 0x0b => self.next += 1,
                 _ => break,
             }
         }
         let start = self.next;
-        let ends = |&b: &u8| b.is_ascii_whitespace() || b == 0x0b || (b == b'#' && self.hash_is_comment);
+        let ends =
+            |&b: &u8| b.is_ascii_whitespace() || b == 0x0b || (b == b'#' && self.hash_is_comment);
         let length = self.bytes[start..].iter().position(ends).unwrap_or(self.bytes.len() - start);
         let bytes = &self.bytes[start..start + length];
         Some(Token { bytes, start, line: self.line, line_start: self.line_start })
@@ -111,7 +121,12 @@ impl<'a> Tokens<'a> {
     }
 
     /// An error at a word.
-    pub fn error(&self, token: &Token, problem: impl Into<String>, remedy: impl Into<String>) -> ReadError {
+    pub fn error(
+        &self,
+        token: &Token,
+        problem: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> ReadError {
         self.input.error(self.place(token), problem, remedy)
     }
 
@@ -127,7 +142,11 @@ impl<'a> Tokens<'a> {
     }
 
     fn remedy(&self) -> String {
-        if self.usage.is_empty() { "complete it".into() } else { format!("write it as: {}", self.usage) }
+        if self.usage.is_empty() {
+            "complete it".into()
+        } else {
+            format!("write it as: {}", self.usage)
+        }
     }
 
     /// An error at a word that is not what was expected.
@@ -151,7 +170,8 @@ impl<'a> Tokens<'a> {
         if number.abs() <= LARGEST {
             return Ok(number);
         }
-        let problem = format!("{what} is {}, which is not a number that can be rendered", token.quoted());
+        let problem =
+            format!("{what} is {}, which is not a number that can be rendered", token.quoted());
         Err(self.error(&token, problem, "use a finite number below 3.4e38"))
     }
 

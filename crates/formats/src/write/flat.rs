@@ -29,7 +29,8 @@ fn check_expansion(scene: &Scene, output: &Output) -> Result<(), String> {
     let remedy = "write a format with instances: .snell, .pbrt or .glb";
     if count > MOST_TRIANGLES {
         return Err(format!(
-            "it is {count} triangles, instances counted each, and the limit is {MOST_TRIANGLES}; {remedy}"
+            "it is {count} triangles, instances counted each, and the limit is {MOST_TRIANGLES}; \
+                {remedy}"
         ));
     }
     let what = format!("the scene as {count} triangles, instances counted each,");
@@ -38,7 +39,10 @@ fn check_expansion(scene: &Scene, output: &Output) -> Result<(), String> {
 }
 
 /// Every surface and its mesh in the world. What is no mesh becomes one, and that is noted.
-pub fn world_meshes<'a>(scene: &'a Scene, output: &mut Output) -> Result<Vec<(Placed<'a>, TriangleMesh)>, String> {
+pub fn world_meshes<'a>(
+    scene: &'a Scene,
+    output: &mut Output,
+) -> Result<Vec<(Placed<'a>, TriangleMesh)>, String> {
     check_expansion(scene, output)?;
     let mut meshes = Vec::new();
     for placed in placed(scene)? {
@@ -74,7 +78,9 @@ pub fn tubes_of(curves: &Curves, output: &mut Output) -> Option<TriangleMesh> {
 pub fn note_shape(name: &str, output: &mut Output) {
     match name {
         "plane" => output.lose("an infinite plane is left out"),
-        "box" | "rectangle" | "triangle" | "polygon" => output.lose(format!("a {name} became triangles")),
+        "box" | "rectangle" | "triangle" | "polygon" => {
+            output.lose(format!("a {name} became triangles"))
+        }
         _ => output.lose(format!("a {name} became triangles, and is round no more")),
     }
 }

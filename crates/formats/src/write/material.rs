@@ -5,12 +5,18 @@ use snell_math::Rgb;
 use snell_math::spectrum::Spectrum;
 use snell_scene::Material;
 use snell_scene::bsdf::MicrofacetShape;
-use snell_scene::material::{ColorParam, ConductorSpectrum, MaterialKind, OpenPbr, ScalarParam, TangentMap};
+use snell_scene::material::{
+    ColorParam, ConductorSpectrum, MaterialKind, OpenPbr, ScalarParam, TangentMap,
+};
 use std::f32::consts::FRAC_PI_2;
 
 /// How a material is called in messages.
 pub fn shown_name(index: usize, material: &Material) -> String {
-    if material.name.is_empty() { format!("material {index}") } else { format!("material \"{}\"", material.name) }
+    if material.name.is_empty() {
+        format!("material {index}")
+    } else {
+        format!("material \"{}\"", material.name)
+    }
 }
 
 /// The colour of a metal at normal incidence.
@@ -19,13 +25,15 @@ pub fn metal_color(spectrum: &ConductorSpectrum) -> ColorParam {
         ConductorSpectrum::Color(color) => *color,
         ConductorSpectrum::Metal(metal) => Spectrum::metal(*metal).reflectance_rgb().into(),
         ConductorSpectrum::Measured { eta, k } => {
-            let channel = |n: f32, k: f32| ((n - 1.0) * (n - 1.0) + k * k) / ((n + 1.0) * (n + 1.0) + k * k);
+            let channel =
+                |n: f32, k: f32| ((n - 1.0) * (n - 1.0) + k * k) / ((n + 1.0) * (n + 1.0) + k * k);
             Rgb::new(channel(eta.r, k.r), channel(eta.g, k.g), channel(eta.b, k.b)).into()
         }
     }
 }
 
-/// The base colour and the specular weight of OpenPBR's metal, by the colour at normal incidence and a factor on all it reflects.
+/// The base colour and the specular weight of OpenPBR's metal, by the colour at normal incidence
+/// and a factor on all it reflects.
 fn tinted(color: ColorParam, tint: ColorParam) -> (ColorParam, f32) {
     let (strength, tint) = match tint.texture {
         Some(_) => (1.0, tint),
@@ -121,14 +129,19 @@ pub fn open_pbr(material: &Material, who: &str, output: &mut Output) -> OpenPbr 
             }
             let (stretched, is_across) = (conductor.anisotropy, conductor.anisotropy.factor < 0.0);
             let tint = without_spectrum(conductor.tint, false);
-            let (base_color, strength) = tinted(without_spectrum(metal_color(&conductor.spectrum), false), tint);
+            let (base_color, strength) =
+                tinted(without_spectrum(metal_color(&conductor.spectrum), false), tint);
             OpenPbr {
                 base_color,
                 base_metalness: 1.0.into(),
                 specular_weight: strength.into(),
                 specular_roughness: conductor.roughness,
-                specular_roughness_anisotropy: ScalarParam { factor: stretched.factor.abs(), ..stretched },
-                geometry_tangent: is_across.then_some(TangentMap { rotation: FRAC_PI_2, texture: None }),
+                specular_roughness_anisotropy: ScalarParam {
+                    factor: stretched.factor.abs(),
+                    ..stretched
+                },
+                geometry_tangent: is_across
+                    .then_some(TangentMap { rotation: FRAC_PI_2, texture: None }),
                 ..OpenPbr::default()
             }
         }

@@ -1,7 +1,8 @@
 //! Writing scenes: one file per format, and its line in [`WRITERS`].
 //!
-//! A writer makes bytes and touches no file. It fills an [`Output`]: the file itself, files beside it (meshes, pictures), and what the
-//! format could not hold. [`write_scene_as`] then puts all of it in place, or nothing.
+//! A writer makes bytes and touches no file. It fills an [`Output`]: the file itself, files beside
+//! it (meshes, pictures), and what the format could not hold. [`write_scene_as`] then puts all of
+//! it in place, or nothing.
 
 mod flat;
 mod gltf;
@@ -41,8 +42,15 @@ pub struct SceneWriter {
 }
 
 /// The writers of scene files.
-pub const WRITERS: &[SceneWriter] =
-    &[scene::snell::WRITER, gltf::WRITER, pbrt::WRITER, obj::WRITER, ply::WRITER, stl::WRITER, off::WRITER];
+pub const WRITERS: &[SceneWriter] = &[
+    scene::snell::WRITER,
+    gltf::WRITER,
+    pbrt::WRITER,
+    obj::WRITER,
+    ply::WRITER,
+    stl::WRITER,
+    off::WRITER,
+];
 
 /// What a writer makes.
 #[derive(Debug)]
@@ -62,7 +70,9 @@ pub struct Output {
 
 impl Output {
     fn new(path: &Path, available: Available) -> Self {
-        let part = |part: Option<&std::ffi::OsStr>| part.map(|p| p.to_string_lossy().into_owned()).unwrap_or_default();
+        let part = |part: Option<&std::ffi::OsStr>| {
+            part.map(|p| p.to_string_lossy().into_owned()).unwrap_or_default()
+        };
         Self {
             stem: part(path.file_stem()),
             extension: part(path.extension()).to_lowercase(),
@@ -83,7 +93,8 @@ impl Output {
         Warning::note(&mut self.losses, what.into(), 1);
     }
 
-    /// Adds a file beside the one that is written; gives its name as the main file has to say it, with slashes.
+    /// Adds a file beside the one that is written; gives its name as the main file has to say it,
+    /// with slashes.
     pub fn file(&mut self, name: &str, bytes: Vec<u8>) -> String {
         self.files.push((name.to_string(), bytes));
         format!("{}/{name}", self.folder())
@@ -99,11 +110,16 @@ impl Output {
         if !scene.ambient.is_black() {
             self.lose("the ambient light of local illumination is left out");
         }
-        if matches!(scene.background, snell_scene::Background::Color(_) | snell_scene::Background::Transparent) {
+        if matches!(
+            scene.background,
+            snell_scene::Background::Color(_) | snell_scene::Background::Transparent
+        ) {
             self.lose("the background is left out");
         }
         if scene.settings != snell_scene::SceneSettings::default() {
-            self.lose("what the scene asks of the renderer (size, samples, integrator, …) is left out");
+            self.lose(
+                "what the scene asks of the renderer (size, samples, integrator, …) is left out",
+            );
         }
     }
 
@@ -117,7 +133,10 @@ impl Output {
         ];
         for (count, what) in kinds.into_iter().filter(|(count, _)| *count > 0) {
             let plural = if count == 1 { "is" } else { "are" };
-            self.lose(format!("{count} {what}{} {plural} left out", if count == 1 { "" } else { "s" }));
+            self.lose(format!(
+                "{count} {what}{} {plural} left out",
+                if count == 1 { "" } else { "s" }
+            ));
         }
         self.lose_settings(scene);
     }
@@ -143,20 +162,26 @@ pub struct Written {
 
 /// The writer for the extension of `path`.
 fn writer_for(path: &Path) -> Result<SceneWriter, WriteError> {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let extension =
+        path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let writer = WRITERS.iter().find(|w| w.extensions.contains(&extension.as_str()));
     writer.copied().ok_or_else(|| {
-        let known: Vec<_> = WRITERS.iter().flat_map(|w| w.extensions).map(|e| format!(".{e}")).collect();
+        let known: Vec<_> =
+            WRITERS.iter().flat_map(|w| w.extensions).map(|e| format!(".{e}")).collect();
         let problem = match extension.as_str() {
             "" => "the name has no extension that says which scene format to write".to_string(),
             _ => format!("\"{extension}\" is not a scene format that Snell writes"),
         };
-        WriteError::Format { path: path.into(), problem, remedy: format!("use {}", known.join(" ")) }
+        WriteError::Format {
+            path: path.into(),
+            problem,
+            remedy: format!("use {}", known.join(" ")),
+        }
     })
 }
 
-/// Finds out, before any work, whether a scene can be written to `path`: whether its extension is known and, unless `overwrite`, nothing
-/// stands there.
+/// Finds out, before any work, whether a scene can be written to `path`: whether its extension is
+/// known and, unless `overwrite`, nothing stands there.
 pub fn check_scene_path(path: &Path, overwrite: bool) -> Result<(), WriteError> {
     writer_for(path)?;
     if !overwrite && path.exists() {
@@ -177,19 +202,23 @@ fn exists(path: &Path) -> WriteError {
 /// buffers that grow. Measured.
 const BYTES_OF_TRIANGLE: u64 = 220;
 
-/// Writes a scene in the format that the extension of `path` names; the file appears whole or not at all. Replaces files.
+/// Writes a scene in the format that the extension of `path` names; the file appears whole or not
+/// at all. Replaces files.
 pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), WriteError> {
     write_scene_as(path, scene, true).map(drop)
 }
 
-/// Writes a scene in the format that the extension of `path` names, with the files that belong to it in the folder `NAME-files`. Unless
-/// `overwrite`, files that exist and hold something else are an error, and nothing is written. All files are made under temporary names;
-/// only when all of them are there are they renamed, the one at `path` last.
+/// Writes a scene in the format that the extension of `path` names, with the files that belong to
+/// it in the folder `NAME-files`. Unless `overwrite`, files that exist and hold something else are
+/// an error, and nothing is written. All files are made under temporary names; only when all of
+/// them are there are they renamed, the one at `path` last.
 pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Written, WriteError> {
     let writer = writer_for(path)?;
     let mut output = Output::new(path, Available::now());
     let triangles = distinct_triangles(scene);
-    let admitted = output.available.admit(&format!("to write {triangles} triangles"), triangles * BYTES_OF_TRIANGLE);
+    let admitted = output
+        .available
+        .admit(&format!("to write {triangles} triangles"), triangles * BYTES_OF_TRIANGLE);
     admitted.map_err(|problem| WriteError::Format {
         path: path.into(),
         problem,
@@ -205,11 +234,15 @@ pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Wri
     let folder = path.with_file_name(output.folder());
     let beside = output.files.into_iter().map(|(name, bytes)| (folder.join(name), bytes));
     let files: Vec<_> = beside.chain([(path.to_path_buf(), output.main)]).collect();
-    if !overwrite && let Some((path, _)) = files.iter().find(|(path, bytes)| holds_something_else(path, bytes)) {
+    if !overwrite
+        && let Some((path, _)) =
+            files.iter().find(|(path, bytes)| holds_something_else(path, bytes))
+    {
         return Err(exists(path));
     }
     if files.len() > 1 {
-        std::fs::create_dir_all(&folder).map_err(|source| WriteError::Io { path: folder.clone(), source })?;
+        std::fs::create_dir_all(&folder)
+            .map_err(|source| WriteError::Io { path: folder.clone(), source })?;
     }
     atomic::write_all(&files)?;
     let mut files: Vec<_> = files.into_iter().map(|(path, _)| path).collect();
@@ -217,20 +250,27 @@ pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Wri
     Ok(Written { format: writer.name, files, losses: output.losses })
 }
 
-/// What files are not written with: the scene is written as it stands. Only Snell's own format has motion.
+/// What files are not written with: the scene is written as it stands. Only Snell's own format has
+/// motion.
 fn lose_choices(scene: &Scene, format: &str, output: &mut Output) {
     if scene.motion.is_some() && format != crate::scene::snell::READER.name {
         output.lose("what moves is written as it stands; its motion is left out");
     }
     if scene.variants.len() > 1 {
-        output.lose(format!("of {} variants of materials only the one that is shown is written", scene.variants.len()));
+        output.lose(format!(
+            "of {} variants of materials only the one that is shown is written",
+            scene.variants.len()
+        ));
     }
     if scene.scenes.len() > 1 {
-        output.lose(format!("of {} scenes of the file only this one is written", scene.scenes.len()));
+        output
+            .lose(format!("of {} scenes of the file only this one is written", scene.scenes.len()));
     }
 }
 
 fn holds_something_else(path: &Path, bytes: &[u8]) -> bool {
     let Ok(known) = std::fs::metadata(path) else { return false };
-    known.is_file() && !(known.len() == bytes.len() as u64 && std::fs::read(path).is_ok_and(|found| found == bytes))
+    known.is_file()
+        && !(known.len() == bytes.len() as u64
+            && std::fs::read(path).is_ok_and(|found| found == bytes))
 }

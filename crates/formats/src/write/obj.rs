@@ -7,25 +7,36 @@ use super::{Output, SceneWriter, plain_name};
 use crate::mesh::obj::HEIGHT_OF_BUMPS;
 use snell_intersect::TriangleMesh;
 use snell_math::Rgb;
-use snell_scene::material::{AlphaMode, BumpMap, ColorParam, ConductorSpectrum, HeightUnit, MaterialKind, ScalarParam};
+use snell_scene::material::{
+    AlphaMode, BumpMap, ColorParam, ConductorSpectrum, HeightUnit, MaterialKind, ScalarParam,
+};
 use snell_scene::texture::Wrap;
 use snell_scene::{Encoding, ImageTexture, Material, MaterialId, Scene, TextureId};
 use std::collections::HashSet;
 use std::fmt::Write;
 
 /// The writer of OBJ files.
-pub const WRITER: SceneWriter = SceneWriter { name: "obj", extensions: &["obj"], knows: |_| false, write };
+pub const WRITER: SceneWriter =
+    SceneWriter { name: "obj", extensions: &["obj"], knows: |_| false, write };
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let meshes = world_meshes(scene, output)?;
     output.lose_all_but_surfaces(scene);
     let names = material_names(scene);
     let mut text = String::from("# OBJ with linear colours; see the MTL for the materials\n");
-    let used: HashSet<MaterialId> =
-        meshes.iter().flat_map(|(placed, _)| placed.slots()).filter_map(|(_, material)| material).collect();
+    let used: HashSet<MaterialId> = meshes
+        .iter()
+        .flat_map(|(placed, _)| placed.slots())
+        .filter_map(|(_, material)| material)
+        .collect();
     if !used.is_empty() {
         let mut library = Library { pictures: Pictures::new(scene), output, text: String::new() };
-        for (i, material) in scene.materials.iter().enumerate().filter(|(i, _)| used.contains(&MaterialId(*i as u32))) {
+        for (i, material) in scene
+            .materials
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| used.contains(&MaterialId(*i as u32)))
+        {
             library.material(&names[i], &shown_name(i, material), material);
         }
         let bytes = library.text.into_bytes();
@@ -101,7 +112,11 @@ fn material_names(scene: &Scene) -> Vec<String> {
     let mut taken = HashSet::new();
     let mut names = Vec::new();
     for (i, material) in scene.materials.iter().enumerate() {
-        let name = if material.name.is_empty() { format!("material-{i}") } else { plain_name(&material.name) };
+        let name = if material.name.is_empty() {
+            format!("material-{i}")
+        } else {
+            plain_name(&material.name)
+        };
         let name = if taken.contains(&name) { format!("{name}.{i}") } else { name };
         taken.insert(name.clone());
         names.push(name);
@@ -156,7 +171,9 @@ impl Library<'_, '_> {
                 let file = self.pictures.channel(self.output, texture, channel.unwrap_or(1));
                 self.map("map_bump", texture, &file, &format!("-bm {} ", height / HEIGHT_OF_BUMPS));
             }
-            Some(_) => self.output.lose(format!("{shown}: bumps of a height in units of the scene are left out")),
+            Some(_) => self
+                .output
+                .lose(format!("{shown}: bumps of a height in units of the scene are left out")),
             None => {}
         }
         if !material.double_sided {
@@ -188,8 +205,13 @@ impl Library<'_, '_> {
                 _ = writeln!(self.text, "illum {}", if mirrors { 3 } else { 2 });
             }
             MaterialKind::Dielectric(glass) => {
-                if !glass.absorption.is_black() || glass.roughness.factor != 0.0 || glass.ior.is_dispersive() {
-                    self.output.lose(format!("{shown}: absorption, roughness and dispersion of glass are left out"));
+                if !glass.absorption.is_black()
+                    || glass.roughness.factor != 0.0
+                    || glass.ior.is_dispersive()
+                {
+                    self.output.lose(format!(
+                        "{shown}: absorption, roughness and dispersion of glass are left out"
+                    ));
                 }
                 self.say("Kd", Rgb::BLACK);
                 self.say("Tf", without_spectrum(glass.tint, false).factor);

@@ -7,10 +7,12 @@ use snell_scene::Scene;
 use std::fmt::Write;
 
 /// The writer of OFF files.
-pub const WRITER: SceneWriter = SceneWriter { name: "off", extensions: &["off"], knows: |_| true, write };
+pub const WRITER: SceneWriter =
+    SceneWriter { name: "off", extensions: &["off"], knows: |_| true, write };
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
-    let meshes: Vec<TriangleMesh> = world_meshes(scene, output)?.into_iter().map(|(_, mesh)| mesh).collect();
+    let meshes: Vec<TriangleMesh> =
+        world_meshes(scene, output)?.into_iter().map(|(_, mesh)| mesh).collect();
     output.lose_all_but_surfaces(scene);
     if !scene.materials.is_empty() {
         output.lose("materials are left out");

@@ -1,4 +1,5 @@
-//! Patterns for formats that have no words for them: drawn into pictures where the coordinates of the surface say all, else their mean.
+//! Patterns for formats that have no words for them: drawn into pictures where the coordinates of
+//! the surface say all, else their mean.
 
 use super::Output;
 use snell_math::{Bounds3d, DVec3, Rgb, Vec2, rng};
@@ -18,16 +19,23 @@ const MAX_PERIOD: u8 = 8;
 const SAME: f32 = 1e-3;
 
 /// The scene without the patterns that are not `known` to the format.
-pub fn drawn<'a>(scene: &'a Scene, known: fn(&Pattern) -> bool, output: &mut Output) -> Cow<'a, Scene> {
-    let is_strange = |texture: &Texture| texture.as_pattern().is_some_and(|pattern| !known(pattern));
+pub fn drawn<'a>(
+    scene: &'a Scene,
+    known: fn(&Pattern) -> bool,
+    output: &mut Output,
+) -> Cow<'a, Scene> {
+    let is_strange =
+        |texture: &Texture| texture.as_pattern().is_some_and(|pattern| !known(pattern));
     if !scene.textures.iter().any(is_strange) {
         return Cow::Borrowed(scene);
     }
     // Textures of materials, and those that known patterns are made of: the others are not written.
-    let mut used: BTreeSet<TextureId> = scene.materials.iter().flat_map(Material::textures).collect();
+    let mut used: BTreeSet<TextureId> =
+        scene.materials.iter().flat_map(Material::textures).collect();
     for (i, texture) in scene.textures.iter().enumerate().rev() {
-        if let Some(pattern) =
-            texture.as_pattern().filter(|pattern| used.contains(&TextureId(i as u32)) && known(pattern))
+        if let Some(pattern) = texture
+            .as_pattern()
+            .filter(|pattern| used.contains(&TextureId(i as u32)) && known(pattern))
         {
             used.extend(pattern.textures());
         }
@@ -36,7 +44,8 @@ pub fn drawn<'a>(scene: &'a Scene, known: fn(&Pattern) -> bool, output: &mut Out
     let broken = errors(&scene.textures, scene.images.len());
     let mut copy = scene.clone();
     for id in used {
-        let Some(pattern) = scene.textures.get(id.index()).filter(|t| is_strange(t)).and_then(Texture::as_pattern)
+        let Some(pattern) =
+            scene.textures.get(id.index()).filter(|t| is_strange(t)).and_then(Texture::as_pattern)
         else {
             continue;
         };
@@ -46,11 +55,18 @@ pub fn drawn<'a>(scene: &'a Scene, known: fn(&Pattern) -> bool, output: &mut Out
             Drawn { image: plain(magenta), period: 1.0, wrap: Wrap::Repeat }
         } else if drawing.is_on_surface(id) {
             let (drawn, repeats) = drawing.picture(id);
-            let how = if repeats { "" } else { "; it does not repeat, and is drawn for coordinates from 0 to 1" };
+            let how = if repeats {
+                ""
+            } else {
+                "; it does not repeat, and is drawn for coordinates from 0 to 1"
+            };
             output.lose(format!("{who} is drawn into a picture{how}"));
             drawn
         } else {
-            output.lose(format!("{who} is a pattern in space, for which the format has no words: its mean is written"));
+            output.lose(format!(
+                "{who} is a pattern in space, for which the format has no words: \
+                its mean is written"
+            ));
             Drawn { image: plain(drawing.mean(id)), period: 1.0, wrap: Wrap::Repeat }
         };
         let image = copy.add_image(Arc::new(texture.image));
@@ -89,7 +105,9 @@ impl Drawing<'_> {
 
     /// True if the first coordinates of the surface decide alone.
     fn is_on_surface(&self, id: TextureId) -> bool {
-        self.pattern(id).is_none_or(|p| p.is_on_surface() && p.textures().into_iter().all(|id| self.is_on_surface(id)))
+        self.pattern(id).is_none_or(|p| {
+            p.is_on_surface() && p.textures().into_iter().all(|id| self.is_on_surface(id))
+        })
     }
 
     fn at(&self, id: TextureId, uv: Vec2) -> Rgb {
@@ -101,10 +119,12 @@ impl Drawing<'_> {
     fn picture(&mut self, id: TextureId) -> (Drawn, bool) {
         let period = (1..=MAX_PERIOD).map(f32::from).find(|&period| self.repeats_after(id, period));
         let length = period.unwrap_or(1.0);
-        let [width, height] = self.detail(id).map(|pixels| (pixels * length).ceil().clamp(1.0, MAX_SIZE) as u32);
+        let [width, height] =
+            self.detail(id).map(|pixels| (pixels * length).ceil().clamp(1.0, MAX_SIZE) as u32);
         let mut values = Vec::with_capacity(width as usize * height as usize * 3);
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
-            let place = Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
+            let place =
+                Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
             values.extend(self.at(id, place * length).to_array());
         }
         let image = Image::from_f32(width, height, 3, values);
@@ -127,7 +147,9 @@ impl Drawing<'_> {
     /// Pixels along a unit of the coordinates that show all there is.
     fn detail(&self, id: TextureId) -> [f32; 2] {
         let stretch = |mapping: &Mapping| match mapping {
-            Mapping::Uv { uv_transform: [[a, b, _], [c, d, _]], .. } => [a.abs().max(c.abs()), b.abs().max(d.abs())],
+            Mapping::Uv { uv_transform: [[a, b, _], [c, d, _]], .. } => {
+                [a.abs().max(c.abs()), b.abs().max(d.abs())]
+            }
             _ => [1.0; 2],
         };
         let own = match self.scene.textures.get(id.index()) {
@@ -140,7 +162,9 @@ impl Drawing<'_> {
                 let [[a, _, _], [_, d, _]] = texture.uv_transform;
                 [size[0] * a.abs(), size[1] * d.abs()]
             }
-            Some(Texture::Pattern(Pattern::Checkerboard(p))) => stretch(&p.mapping).map(|s| s * 64.0),
+            Some(Texture::Pattern(Pattern::Checkerboard(p))) => {
+                stretch(&p.mapping).map(|s| s * 64.0)
+            }
             Some(Texture::Pattern(Pattern::Dots(p))) => stretch(&p.mapping).map(|s| s * 64.0),
             _ => [1.0; 2],
         };
@@ -167,7 +191,9 @@ impl Drawing<'_> {
             let position = (bounds.min + (bounds.max - bounds.min) * share).as_vec3();
             let surface = surface_at(position, normal, rng::uniform2([i, 24, 0, 0]));
             let [r, g, b, _] = self.set.lookup(id, &surface, 0.0);
-            sum.iter_mut().zip([r, g, b]).for_each(|(sum, x)| *sum += f64::from(x) / f64::from(COUNT));
+            sum.iter_mut()
+                .zip([r, g, b])
+                .for_each(|(sum, x)| *sum += f64::from(x) / f64::from(COUNT));
         }
         Rgb::from(sum.map(|x| x as f32))
     }
@@ -191,9 +217,14 @@ mod tests {
 
     #[test]
     fn patterns_of_coordinates_are_drawn_and_those_of_space_become_their_mean() {
-        let checks = pattern::Checkerboard { mapping: Mapping::upright([4.0, 2.0], [0.0, 0.0]), ..Default::default() };
-        let scale =
-            pattern::Scale { texture: ColorParam::textured(Rgb::splat(0.5), Some(TextureId(0))), ..Default::default() };
+        let checks = pattern::Checkerboard {
+            mapping: Mapping::upright([4.0, 2.0], [0.0, 0.0]),
+            ..Default::default()
+        };
+        let scale = pattern::Scale {
+            texture: ColorParam::textured(Rgb::splat(0.5), Some(TextureId(0))),
+            ..Default::default()
+        };
         let scene = scene(vec![checks.into(), scale.into()]);
         let mut output = Output::new(Path::new("a.gltf"), Available::UNKNOWN);
         let drawn = drawn(&scene, |_| false, &mut output);
@@ -219,7 +250,9 @@ mod tests {
         let mut output = Output::new(Path::new("a.gltf"), Available::UNKNOWN);
         let drawn = drawn(&scene, |_| false, &mut output);
         assert!(
-            output.losses[0].message.contains("texture 0 (solid-checkerboard) is a pattern in space"),
+            output.losses[0]
+                .message
+                .contains("texture 0 (solid-checkerboard) is a pattern in space"),
             "{:?}",
             output.losses
         );

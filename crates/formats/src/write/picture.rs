@@ -40,9 +40,14 @@ pub enum Baked {
 }
 
 impl Baked {
-    /// Reflectance of a body under a clear layer that shows this reflectance: the inverse of the material "coated-diffuse".
+    /// Reflectance of a body under a clear layer that shows this reflectance: the inverse of the
+    /// material "coated-diffuse".
     pub fn under_coat(seen: f32, ior: f32) -> f32 {
-        let back = if ior > 1.0 { 1.0 - (1.0 - fresnel::dielectric_average(ior)) / (ior * ior) } else { 0.0 };
+        let back = if ior > 1.0 {
+            1.0 - (1.0 - fresnel::dielectric_average(ior)) / (ior * ior)
+        } else {
+            0.0
+        };
         let seen = seen.clamp(0.0, 1.0);
         seen / (1.0 - back + seen * back)
     }
@@ -58,8 +63,12 @@ impl Baked {
             Self::Tinted(factor) | Self::Light(factor) => color * factor,
             Self::UnderCoat { factor, ior } => (color * factor).map(|c| Self::under_coat(c, ior)),
             Self::Scaled { channel: c, factor } => Rgb::splat(channel(c) * factor),
-            Self::Squared { channel: c, factor } => Rgb::splat((channel(c) * factor) * (channel(c) * factor)),
-            Self::Mask { channel: c, least } => Rgb::splat(f32::from(u8::from(channel(c) >= least))),
+            Self::Squared { channel: c, factor } => {
+                Rgb::splat((channel(c) * factor) * (channel(c) * factor))
+            }
+            Self::Mask { channel: c, least } => {
+                Rgb::splat(f32::from(u8::from(channel(c) >= least)))
+            }
         };
         [r, g, b]
     }
@@ -76,7 +85,11 @@ impl Baked {
         let is_light = matches!(self, Self::Light(_));
         // Floating-point pictures are linear in files.
         let is_float = matches!(image.pixels, Pixels::F32(_));
-        if !self.is_color() || is_light || is_float || !values.iter().all(|x| (0.0..=1.0).contains(x)) {
+        if !self.is_color()
+            || is_light
+            || is_float
+            || !values.iter().all(|x| (0.0..=1.0).contains(x))
+        {
             let channels = if self.is_color() { 3 } else { 1 };
             return match is_light {
                 true => Image::from_f32(image.width, image.height, channels, values),
@@ -108,7 +121,12 @@ impl<'a> Pictures<'a> {
 
     /// The texture of an id.
     pub fn texture(&self, id: TextureId) -> ImageTexture {
-        self.scene.textures.get(id.index()).and_then(|t| t.as_image()).cloned().unwrap_or_else(missing)
+        self.scene
+            .textures
+            .get(id.index())
+            .and_then(|t| t.as_image())
+            .cloned()
+            .unwrap_or_else(missing)
     }
 
     /// The image of a texture.
@@ -124,7 +142,8 @@ impl<'a> Pictures<'a> {
         self.file(output, &texture, part)
     }
 
-    /// The name of a file that shows a function of a texture; the stored picture where that is all there is.
+    /// The name of a file that shows a function of a texture; the stored picture where that is all
+    /// there is.
     pub fn baked(&mut self, output: &mut Output, id: TextureId, baked: Baked) -> String {
         match baked {
             Baked::Tinted(Rgb::WHITE) => self.file(output, &self.texture(id), Part::Whole),
@@ -145,7 +164,9 @@ impl<'a> Pictures<'a> {
     /// The name of a grey file that shows one channel to a reader that takes values as linear.
     pub fn channel(&mut self, output: &mut Output, id: TextureId, channel: u8) -> String {
         let texture = self.texture(id);
-        let is_grey = channel < 3 && self.image(&texture).channels == 1 && texture.encoding == Encoding::Linear;
+        let is_grey = channel < 3
+            && self.image(&texture).channels == 1
+            && texture.encoding == Encoding::Linear;
         self.file(output, &texture, if is_grey { Part::Whole } else { Part::Channel(channel & 3) })
     }
 
@@ -180,7 +201,8 @@ fn is_sound(image: &Image) -> bool {
 
 /// Numbers from 0 to 1 as 16-bit ones, others as they are.
 fn from_values(image: &Image, channels: u32, values: Vec<f32>) -> Image {
-    let fits = !matches!(image.pixels, Pixels::F32(_)) && values.iter().all(|x| (0.0..=1.0).contains(x));
+    let fits =
+        !matches!(image.pixels, Pixels::F32(_)) && values.iter().all(|x| (0.0..=1.0).contains(x));
     let pixels = match fits {
         true => Pixels::U16(values.iter().map(|x| (x * 65535.0).round() as u16).collect()),
         false => Pixels::F32(values),
@@ -209,7 +231,8 @@ fn recoded(image: &Image, from: Encoding) -> Image {
 fn grey(image: &Image, encoding: Encoding, channel: u8) -> Image {
     let mut values = Vec::with_capacity(image.width as usize * image.height as usize);
     for y in 0..image.height {
-        values.extend((0..image.width).map(|x| image.rgba_as(x, y, encoding)[usize::from(channel)]));
+        values
+            .extend((0..image.width).map(|x| image.rgba_as(x, y, encoding)[usize::from(channel)]));
     }
     // Values of 8 bits that no curve changed are 8 bits still.
     if matches!(image.pixels, Pixels::U8(_)) && (encoding == Encoding::Linear || channel == 3) {
@@ -223,13 +246,19 @@ fn grey(image: &Image, encoding: Encoding, channel: u8) -> Image {
 pub fn encoded(image: &Image) -> (Vec<u8>, &'static str) {
     let (depth, data) = match &image.pixels {
         Pixels::U8(values) => (png::BitDepth::Eight, values.clone()),
-        Pixels::U16(values) => (png::BitDepth::Sixteen, values.iter().flat_map(|x| x.to_be_bytes()).collect()),
+        Pixels::U16(values) => {
+            (png::BitDepth::Sixteen, values.iter().flat_map(|x| x.to_be_bytes()).collect())
+        }
         Pixels::F32(values) => return (open_exr(image, values), "exr"),
     };
     (png_bytes(image, depth, &data).unwrap_or_default(), "png")
 }
 
-fn png_bytes(image: &Image, depth: png::BitDepth, data: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
+fn png_bytes(
+    image: &Image,
+    depth: png::BitDepth,
+    data: &[u8],
+) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, image.width, image.height);
     encoder.set_depth(depth);
@@ -252,14 +281,24 @@ fn open_exr(image: &Image, values: &[f32]) -> Vec<u8> {
     for pixel in values.chunks_exact(image.channels as usize) {
         let alpha = if has_alpha { pixel[pixel.len() - 1] } else { 1.0 };
         let factor = if alpha > 0.0 { alpha } else { 1.0 };
-        let [r, g, b] = if image.channels < 3 { [pixel[0]; 3] } else { [pixel[0], pixel[1], pixel[2]] };
+        let [r, g, b] =
+            if image.channels < 3 { [pixel[0]; 3] } else { [pixel[0], pixel[1], pixel[2]] };
         out.extend([r, g, b].map(|c| c * factor));
         if has_alpha {
             out.push(alpha);
         }
     }
-    let channels = ["R", "G", "B", "A"].into_iter().take(if has_alpha { 4 } else { 3 }).map(String::from).collect();
+    let channels = ["R", "G", "B", "A"]
+        .into_iter()
+        .take(if has_alpha { 4 } else { 3 })
+        .map(String::from)
+        .collect();
     let layer = Layer { name: String::new(), channels, values: out };
-    let picture = LayeredImage { width: image.width, height: image.height, layers: vec![layer], metadata: Vec::new() };
+    let picture = LayeredImage {
+        width: image.width,
+        height: image.height,
+        layers: vec![layer],
+        metadata: Vec::new(),
+    };
     encode_image_as("openexr", &picture, &WriteOptions::default()).unwrap_or_default()
 }

@@ -6,10 +6,12 @@ use snell_intersect::TriangleMesh;
 use snell_scene::Scene;
 
 /// The writer of PLY files.
-pub const WRITER: SceneWriter = SceneWriter { name: "ply", extensions: &["ply"], knows: |_| true, write };
+pub const WRITER: SceneWriter =
+    SceneWriter { name: "ply", extensions: &["ply"], knows: |_| true, write };
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
-    let mut meshes: Vec<TriangleMesh> = world_meshes(scene, output)?.into_iter().map(|(_, mesh)| mesh).collect();
+    let mut meshes: Vec<TriangleMesh> =
+        world_meshes(scene, output)?.into_iter().map(|(_, mesh)| mesh).collect();
     output.lose_all_but_surfaces(scene);
     if !scene.materials.is_empty() {
         output.lose("materials are left out");
@@ -36,8 +38,11 @@ pub fn joined(meshes: &[TriangleMesh], output: &mut Output) -> Result<TriangleMe
         return Err("more vertices than 32-bit numbers can count, instances counted each".into());
     }
     let some = |has: fn(&TriangleMesh) -> bool| meshes.iter().any(has);
-    let (normals, uvs, colors) =
-        (some(|m| !m.normals.is_empty()), some(|m| !m.uvs[0].is_empty()), some(|m| !m.colors.is_empty()));
+    let (normals, uvs, colors) = (
+        some(|m| !m.normals.is_empty()),
+        some(|m| !m.uvs[0].is_empty()),
+        some(|m| !m.colors.is_empty()),
+    );
     for mesh in meshes {
         let (base, count) = (all.positions.len() as u32, mesh.positions.len());
         all.positions.extend(&mesh.positions);
@@ -61,8 +66,10 @@ pub fn joined(meshes: &[TriangleMesh], output: &mut Output) -> Result<TriangleMe
 
 /// A binary file of a mesh with what attributes it has.
 pub fn encoded(mesh: &TriangleMesh) -> Vec<u8> {
-    let mut header = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", mesh.positions.len());
-    let mut properties = |names: &[&str]| names.iter().for_each(|n| header += &format!("property float {n}\n"));
+    let mut header =
+        format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", mesh.positions.len());
+    let mut properties =
+        |names: &[&str]| names.iter().for_each(|n| header += &format!("property float {n}\n"));
     properties(&["x", "y", "z"]);
     if !mesh.normals.is_empty() {
         properties(&["nx", "ny", "nz"]);
@@ -73,7 +80,10 @@ pub fn encoded(mesh: &TriangleMesh) -> Vec<u8> {
     if !mesh.colors.is_empty() {
         properties(&["red", "green", "blue", "alpha"]);
     }
-    header += &format!("element face {}\nproperty list uchar int vertex_indices\nend_header\n", mesh.indices.len());
+    header += &format!(
+        "element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        mesh.indices.len()
+    );
     let mut bytes = header.into_bytes();
     let mut put = |numbers: &[f32]| numbers.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
     for i in 0..mesh.positions.len() {

@@ -5,7 +5,8 @@ use super::{Output, SceneWriter};
 use snell_scene::Scene;
 
 /// The writer of STL files.
-pub const WRITER: SceneWriter = SceneWriter { name: "stl", extensions: &["stl"], knows: |_| true, write };
+pub const WRITER: SceneWriter =
+    SceneWriter { name: "stl", extensions: &["stl"], knows: |_| true, write };
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let meshes = world_meshes(scene, output)?;
@@ -16,7 +17,10 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     if meshes.len() > 1 {
         output.lose("all objects became one mesh");
     }
-    if meshes.iter().any(|(_, m)| !m.normals.is_empty() || !m.uvs[0].is_empty() || !m.colors.is_empty()) {
+    if meshes
+        .iter()
+        .any(|(_, m)| !m.normals.is_empty() || !m.uvs[0].is_empty() || !m.colors.is_empty())
+    {
         output.lose("vertex normals, texture coordinates and colours are left out");
     }
     // A file that begins with "solid" would be taken for text.

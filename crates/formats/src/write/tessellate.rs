@@ -9,7 +9,8 @@ const AROUND: u32 = 96;
 /// Pieces from pole to pole.
 const ALONG: u32 = 48;
 
-/// Triangles with the normals and texture coordinates of the shape, outer side outside; `None` for what is infinite.
+/// Triangles with the normals and texture coordinates of the shape, outer side outside; `None` for
+/// what is infinite.
 pub fn tessellate(shape: &AnyShape) -> Option<TriangleMesh> {
     let mut mesh = Builder { shape, mesh: TriangleMesh::default() };
     match shape {
@@ -68,7 +69,8 @@ fn box_face(min: DVec3, max: DVec3, face: u32) -> [DVec3; 4] {
         p[t] = if b { max[t] } else { min[t] };
         p
     };
-    let corners = [corner(false, false), corner(true, false), corner(true, true), corner(false, true)];
+    let corners =
+        [corner(false, false), corner(true, false), corner(true, true), corner(false, true)];
     if upper { corners } else { [corners[0], corners[3], corners[2], corners[1]] }
 }
 
@@ -86,7 +88,8 @@ impl Builder<'_> {
         self.mesh.positions.len() as u32 - 1
     }
 
-    /// A triangle turned so that its outer side is the shape's; left out if two corners are one point.
+    /// A triangle turned so that its outer side is the shape's; left out if two corners are one
+    /// point.
     fn triangle(&mut self, corners: [u32; 3]) {
         let [a, b, c] = corners.map(|i| self.mesh.positions[i as usize].as_dvec3());
         if a == b || b == c || c == a {
@@ -94,7 +97,11 @@ impl Builder<'_> {
         }
         let normal: DVec3 = corners.iter().map(|&i| self.mesh.normals[i as usize].as_dvec3()).sum();
         let outward = (b - a).cross(c - a).dot(normal) >= 0.0;
-        self.mesh.indices.push(if outward { corners } else { [corners[0], corners[2], corners[1]] });
+        self.mesh.indices.push(if outward {
+            corners
+        } else {
+            [corners[0], corners[2], corners[1]]
+        });
     }
 
     fn fan(&mut self, face: u32, corners: &[DVec3]) {
@@ -104,7 +111,8 @@ impl Builder<'_> {
         }
     }
 
-    /// A patch over the unit square that closes in `u`: the last column has coordinates 1 where the shape says 0 again.
+    /// A patch over the unit square that closes in `u`: the last column has coordinates 1 where the
+    /// shape says 0 again.
     fn grid(&mut self, face: u32, columns: u32, rows: u32, point: impl Fn(f64, f64) -> DVec3) {
         let start = self.mesh.positions.len() as u32;
         for j in 0..=rows {
@@ -159,8 +167,12 @@ mod tests {
                 area += cross.length() * 0.5;
                 // Three corners of a polygon may lie on a line.
                 let may_be_flat = matches!(shape, AnyShape::Polygon(_));
-                assert!(may_be_flat || cross.length() > 1e-9 * shape.area(), "{shape:?}: triangle {i} has no area");
-                let normal: DVec3 = triangle.iter().map(|&i| mesh.normals[i as usize].as_dvec3()).sum();
+                assert!(
+                    may_be_flat || cross.length() > 1e-9 * shape.area(),
+                    "{shape:?}: triangle {i} has no area"
+                );
+                let normal: DVec3 =
+                    triangle.iter().map(|&i| mesh.normals[i as usize].as_dvec3()).sum();
                 assert!(cross.dot(normal) >= 0.0, "{shape:?}: triangle {i} looks inwards");
             }
             let ratio = area / shape.area();

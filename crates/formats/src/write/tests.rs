@@ -4,9 +4,13 @@ use snell_intersect::shape::BoxShape;
 use snell_intersect::{Curves, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DVec3, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::builtin::BUILTINS;
-use snell_scene::material::{BumpMap, ColorParam, Diffuse, HeightUnit, MaterialKind, MetallicRoughness};
+use snell_scene::material::{
+    BumpMap, ColorParam, Diffuse, HeightUnit, MaterialKind, MetallicRoughness,
+};
 use snell_scene::medium::{Grid, Medium};
-use snell_scene::{Encoding, Geometry, Image, ImageTexture, Light, Material, Node, Pixels, Surface};
+use snell_scene::{
+    Encoding, Geometry, Image, ImageTexture, Light, Material, Node, Pixels, Surface,
+};
 use std::sync::Arc;
 
 /// A textured quad of two materials, twice under a turned parent, with a camera and every light.
@@ -31,14 +35,22 @@ fn scene() -> Scene {
         material_slots: vec![0, 1],
         ..TriangleMesh::default()
     };
-    let surface = Surface { geometry: Geometry::Mesh(Arc::new(mesh)), materials: vec![Some(paper), Some(metal)] };
+    let surface = Surface {
+        geometry: Geometry::Mesh(Arc::new(mesh)),
+        materials: vec![Some(paper), Some(metal)],
+    };
     let quad = scene.add_node(Node { surfaces: vec![surface], ..Node::named("quad") });
     for x in [0.0, 3.0] {
         let transform = DAffine3::from_rotation_z(0.5) * DAffine3::from_translation(DVec3::X * x);
         let root = scene.root;
         scene.add_child(root, Node { transform, children: vec![quad], ..Node::named("place") });
     }
-    scene.cameras.push(snell_scene::Camera::look_at(Vec3::new(2.0, 1.0, 9.0), Vec3::ZERO, Vec3::Y, 0.4));
+    scene.cameras.push(snell_scene::Camera::look_at(
+        Vec3::new(2.0, 1.0, 9.0),
+        Vec3::ZERO,
+        Vec3::Y,
+        0.4,
+    ));
     scene.lights = Light::examples();
     scene
 }
@@ -54,7 +66,10 @@ fn written(extension: &str, scene: &Scene) -> (tempfile::TempDir, Written, Scene
 fn triangles(scene: &Scene) -> Vec<[Vec3; 3]> {
     let mut output = Output::new(Path::new("x.ply"), Available::UNKNOWN);
     let meshes = flat::world_meshes(scene, &mut output).expect("a small scene");
-    meshes.iter().flat_map(|(_, mesh)| (0..mesh.indices.len()).map(|i| mesh.corners(i)).collect::<Vec<_>>()).collect()
+    meshes
+        .iter()
+        .flat_map(|(_, mesh)| (0..mesh.indices.len()).map(|i| mesh.corners(i)).collect::<Vec<_>>())
+        .collect()
 }
 
 fn assert_same_triangles(extension: &str, a: &Scene, b: &Scene) {
@@ -66,7 +81,9 @@ fn assert_same_triangles(extension: &str, a: &Scene, b: &Scene) {
     let (a, b) = (triangles(a), sorted(b));
     assert_eq!(a.len(), b.len(), "{extension}");
     for triangle in a {
-        let near = |other: &[Vec3; 3]| (0..3).all(|k| (0..3).any(|j| (other[j] - triangle[k]).length() < 1e-5));
+        let near = |other: &[Vec3; 3]| {
+            (0..3).all(|k| (0..3).any(|j| (other[j] - triangle[k]).length() < 1e-5))
+        };
         assert!(b.iter().any(near), "{extension}: {triangle:?} is not there");
     }
 }
@@ -80,14 +97,20 @@ fn every_format_keeps_the_triangles_where_they_are() {
         let shown = if extension == "pbrt" { without_panels(&lights) } else { lights };
         assert_same_triangles(extension, &scene, &shown);
         assert_eq!(read.warnings, [], "{extension}");
-        assert_eq!(written.losses.is_empty(), extension == "snell", "{extension}: {:?}", written.losses);
+        assert_eq!(
+            written.losses.is_empty(),
+            extension == "snell",
+            "{extension}: {:?}",
+            written.losses
+        );
     }
 }
 
 #[test]
 fn strands_stay_strands_where_a_format_has_them_and_are_tubes_elsewhere() {
     let point = |i: u8| Vec4::new(f32::from(i), f32::from(i % 3), 0.5, 0.1 + 0.05 * f32::from(i));
-    let curves = Curves::new(StrandBasis::Bezier, (0..11).map(point).collect(), vec![4, 7]).expect("three segments");
+    let curves = Curves::new(StrandBasis::Bezier, (0..11).map(point).collect(), vec![4, 7])
+        .expect("three segments");
     let curves = Arc::new(curves);
     let mut scene = Scene::new("fur");
     let paper = scene.add_material(Material::new("paper", Diffuse::new(Rgb::splat(0.25))));
@@ -100,7 +123,11 @@ fn strands_stay_strands_where_a_format_has_them_and_are_tubes_elsewhere() {
     }
     let strands = |scene: &Scene| -> Vec<Arc<Curves>> {
         let surfaces = scene.nodes.iter().flat_map(|n| &n.surfaces);
-        surfaces.filter_map(|s| if let Geometry::Curves(c) = &s.geometry { Some(c.clone()) } else { None }).collect()
+        surfaces
+            .filter_map(
+                |s| if let Geometry::Curves(c) = &s.geometry { Some(c.clone()) } else { None },
+            )
+            .collect()
     };
     let (_folder, own, read) = written("snell", &scene);
     assert_eq!(own.losses, []);
@@ -109,13 +136,21 @@ fn strands_stay_strands_where_a_format_has_them_and_are_tubes_elsewhere() {
     let [found] = &strands(&read)[..] else { panic!("one object, used twice") };
     assert_eq!(found.strands(), [4; 3]);
     for segment in 0..3 {
-        let (a, b) = (found.bezier(segment).expect("a curve"), curves.bezier(segment).expect("a curve"));
-        assert!(a.iter().zip(b).all(|(a, b)| (*a - b).abs().max_element() < 1e-5), "{a:?}, not {b:?}");
+        let (a, b) =
+            (found.bezier(segment).expect("a curve"), curves.bezier(segment).expect("a curve"));
+        assert!(
+            a.iter().zip(b).all(|(a, b)| (*a - b).abs().max_element() < 1e-5),
+            "{a:?}, not {b:?}"
+        );
     }
     for extension in ["glb", "obj", "ply", "stl"] {
         let (_folder, written, read) = written(extension, &scene);
         assert_same_triangles(extension, &scene, &read);
-        assert!(written.losses.iter().any(|l| l.message.contains("strands became tubes")), "{:?}", written.losses);
+        assert!(
+            written.losses.iter().any(|l| l.message.contains("strands became tubes")),
+            "{:?}",
+            written.losses
+        );
     }
 }
 
@@ -124,7 +159,8 @@ fn without_panels(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
     for node in &mut scene.nodes {
         let materials = &scene.materials;
-        node.surfaces.retain(|s| !s.materials.iter().flatten().any(|m| materials[m.index()].is_emissive()));
+        node.surfaces
+            .retain(|s| !s.materials.iter().flatten().any(|m| materials[m.index()].is_emissive()));
     }
     scene
 }
@@ -143,13 +179,24 @@ fn textures_and_materials_survive_where_the_format_has_them() {
             let found = texel(&read, Vec2::new(u, v));
             let expected = texel(&scene, Vec2::new(u, v));
             for c in 0..3 {
-                assert!((found[c] - expected[c]).abs() < 2e-3, "{extension}: {found:?}, expected {expected:?}");
+                assert!(
+                    (found[c] - expected[c]).abs() < 2e-3,
+                    "{extension}: {found:?}, expected {expected:?}"
+                );
             }
         }
-        let metal = read.materials.iter().find(|m| m.name.starts_with("metal")).expect("the metal is there");
+        let metal = read
+            .materials
+            .iter()
+            .find(|m| m.name.starts_with("metal"))
+            .expect("the metal is there");
         let color = match &metal.kind {
-            MaterialKind::OpenPbr(surface) => (surface.base_color.factor, surface.specular_roughness.factor),
-            MaterialKind::MetallicRoughness(kind) => (kind.base_color.factor, kind.roughness.factor),
+            MaterialKind::OpenPbr(surface) => {
+                (surface.base_color.factor, surface.specular_roughness.factor)
+            }
+            MaterialKind::MetallicRoughness(kind) => {
+                (kind.base_color.factor, kind.roughness.factor)
+            }
             MaterialKind::Conductor(conductor) => {
                 (material::metal_color(&conductor.spectrum).factor, conductor.roughness.factor)
             }
@@ -162,19 +209,30 @@ fn textures_and_materials_survive_where_the_format_has_them() {
 
 #[test]
 fn bump_maps_survive_where_the_format_has_their_unit_and_their_loss_is_said_elsewhere() {
-    for (unit, keeps, loses) in [(HeightUnit::Scene, "pbrt", "obj"), (HeightUnit::Picture, "obj", "pbrt")] {
+    for (unit, keeps, loses) in
+        [(HeightUnit::Scene, "pbrt", "obj"), (HeightUnit::Picture, "obj", "pbrt")]
+    {
         let mut scene = scene();
         let image = scene.add_image(Arc::new(Image::from_f32(4, 1, 1, vec![0.0, 0.25, 0.5, 1.0])));
         let texture = scene.add_texture(ImageTexture::new(image, Encoding::Linear));
-        let used = scene.nodes.iter().flat_map(|n| &n.surfaces).find_map(|s| s.materials.iter().flatten().next());
+        let used = scene
+            .nodes
+            .iter()
+            .flat_map(|n| &n.surfaces)
+            .find_map(|s| s.materials.iter().flatten().next());
         let material = used.expect("there are materials").index();
-        scene.materials[material].bump_map = Some(BumpMap { texture, channel: Some(0), height: 0.125, unit });
+        scene.materials[material].bump_map =
+            Some(BumpMap { texture, channel: Some(0), height: 0.125, unit });
         let (_folder, _, again) = written(keeps, &scene);
         let map = again.materials.iter().find_map(|m| m.bump_map).expect("a map");
         assert_eq!((map.height, map.unit), (0.125, unit), "{keeps}");
         for format in [loses, "gltf"] {
             let (_folder, written, _) = written(format, &scene);
-            assert!(written.losses.iter().any(|l| l.message.contains("bump")), "{format}: {:?}", written.losses);
+            assert!(
+                written.losses.iter().any(|l| l.message.contains("bump")),
+                "{format}: {:?}",
+                written.losses
+            );
         }
     }
 }
@@ -186,11 +244,17 @@ fn cameras_and_lights_survive_in_gltf_and_pbrt() {
         let (_folder, _, read) = written(extension, &scene);
         let (found, expected) = (&read.cameras[0], &scene.cameras[0]);
         for point in [DVec3::ZERO, DVec3::new(1.0, 0.5, 0.0)] {
-            let [a, b] = [found, expected].map(|c| c.project(point, [960, 720]).expect("it is seen"));
+            let [a, b] =
+                [found, expected].map(|c| c.project(point, [960, 720]).expect("it is seen"));
             assert!((a - b).length() < 1e-3, "{extension}: {a}, expected {b}");
         }
-        let at = |scene: &Scene, name: &str| scene.lights.iter().filter(|l| l.name() == name).count();
-        assert_eq!((at(&read, "point"), at(&read, "spot"), at(&read, "directional")), (2, 2, 1), "{extension}");
+        let at =
+            |scene: &Scene, name: &str| scene.lights.iter().filter(|l| l.name() == name).count();
+        assert_eq!(
+            (at(&read, "point"), at(&read, "spot"), at(&read, "directional")),
+            (2, 2, 1),
+            "{extension}"
+        );
         assert_eq!(read.lights[0], scene.lights[0], "{extension}");
     }
 }
@@ -206,11 +270,17 @@ fn every_built_in_scene_can_be_written_in_every_format_and_read_again() {
         for writer in WRITERS {
             let path = Path::new("out").with_extension(writer.extensions[0]);
             let mut output = Output::new(&path, Available::UNKNOWN);
-            (writer.write)(&scene, &mut output).unwrap_or_else(|e| panic!("{} as {}: {e}", builtin.name, writer.name));
+            (writer.write)(&scene, &mut output)
+                .unwrap_or_else(|e| panic!("{} as {}: {e}", builtin.name, writer.name));
             if !output.files.is_empty() {
                 continue;
             }
-            let read = crate::read_scene_bytes(writer.name, output.main, Path::new("."), &ReadOptions::default());
+            let read = crate::read_scene_bytes(
+                writer.name,
+                output.main,
+                Path::new("."),
+                &ReadOptions::default(),
+            );
             read.unwrap_or_else(|e| panic!("{} as {}: {e}", builtin.name, writer.name));
         }
     }
@@ -228,8 +298,12 @@ fn every_material_can_be_written_and_what_changes_is_said() {
         }
         let (_folder, _, read) = written(extension, &scene);
         // An interface without a medium is nothing in pbrt.
-        let warnings: Vec<_> = read.warnings.iter().filter(|w| !w.message.contains("bound no medium")).collect();
-        assert!(read.materials.len() + 2 >= scene.materials.len() && warnings.is_empty(), "{extension}: {warnings:?}");
+        let warnings: Vec<_> =
+            read.warnings.iter().filter(|w| !w.message.contains("bound no medium")).collect();
+        assert!(
+            read.materials.len() + 2 >= scene.materials.len() && warnings.is_empty(),
+            "{extension}: {warnings:?}"
+        );
     }
 }
 
@@ -238,14 +312,22 @@ fn fire_shines_as_pbrt_too_where_nothing_is_burnt() {
     let scene = snell_scene::builtin::builtin("smoke").expect("the scene is built in");
     let (_folder, Written { losses, .. }, read) = written("pbrt", &scene);
     assert!(losses.iter().any(|l| l.message.contains("where it emits")), "{losses:?}");
-    let [Medium::Grid(before), Medium::Grid(after)] = [&scene.media[0], &read.media[0]] else { panic!("grids") };
+    let [Medium::Grid(before), Medium::Grid(after)] = [&scene.media[0], &read.media[0]] else {
+        panic!("grids")
+    };
     let shine = |grid: &Grid| {
         let scale = grid.emission_scale.as_ref().expect("it shines in places");
         scale.values().iter().map(|s| s * grid.emission.r).collect::<Vec<_>>()
     };
     let (a, b) = (shine(before), shine(after));
     assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= 1e-4 * a.abs()), "it shines as before");
-    let denser = before.density.values().iter().zip(after.density.values()).map(|(a, b)| b - a).fold(0.0, f32::max);
+    let denser = before
+        .density
+        .values()
+        .iter()
+        .zip(after.density.values())
+        .map(|(a, b)| b - a)
+        .fold(0.0, f32::max);
     assert!((0.0..2e-3).contains(&denser), "{denser}");
 }
 
@@ -254,11 +336,14 @@ fn smoke_of_many_colours_has_them_in_pbrt_too() {
     use snell_scene::medium::{ColorGrid, ScalarGrid};
     let numbers = |n: usize, step: usize| (0..n).map(move |i| (i * step % 7) as f32 / 7.0);
     let colors = |step: usize| {
-        let colors = numbers(12, step).zip(numbers(12, 4)).map(|(a, b)| Rgb::new(a, b, 1.0)).collect();
+        let colors =
+            numbers(12, step).zip(numbers(12, 4)).map(|(a, b)| Rgb::new(a, b, 1.0)).collect();
         ColorGrid::new([2, 3, 2], colors).map(Arc::new)
     };
-    let density = ScalarGrid::new([2, 3, 2], (1..13).map(|i| i as f32).collect()).expect("as many as cells");
-    let place = DAffine3::from_translation(DVec3::X) * DAffine3::from_scale(DVec3::new(2.0, 3.0, 4.0));
+    let density =
+        ScalarGrid::new([2, 3, 2], (1..13).map(|i| i as f32).collect()).expect("as many as cells");
+    let place =
+        DAffine3::from_translation(DVec3::X) * DAffine3::from_scale(DVec3::new(2.0, 3.0, 4.0));
     let grid = Grid {
         emission: Rgb::new(1.0, 0.0, 2.0),
         sigma_s_tint: colors(3),
@@ -268,17 +353,28 @@ fn smoke_of_many_colours_has_them_in_pbrt_too() {
     let mut scene = scene();
     let medium = scene.add_medium(grid.clone());
     let boundary = scene.add_material(Material::interface("smoke", medium));
-    scene.nodes[1].surfaces.push(Surface::shape(BoxShape { min: DVec3::ZERO, max: DVec3::ONE }, boundary));
+    scene.nodes[1]
+        .surfaces
+        .push(Surface::shape(BoxShape { min: DVec3::ZERO, max: DVec3::ONE }, boundary));
     let (_folder, _, read) = written("pbrt", &scene);
     let [Medium::Grid(read)] = &read.media[..] else { panic!("one grid: {:?}", read.media) };
     for i in 0..12 {
-        let p =
-            DVec3::new((i % 2) as f64 / 2.0 + 0.25, (i / 2 % 3) as f64 / 3.0 + 1.0 / 6.0, (i / 6) as f64 / 2.0 + 0.25);
+        let p = DVec3::new(
+            (i % 2) as f64 / 2.0 + 0.25,
+            (i / 2 % 3) as f64 / 3.0 + 1.0 / 6.0,
+            (i / 6) as f64 / 2.0 + 0.25,
+        );
         let [a, b] = [&grid, read].map(|grid| {
-            grid.properties(grid.world_from_grid.transform_point3(p).as_vec3(), snell_math::ColorMode::Rgb)
+            grid.properties(
+                grid.world_from_grid.transform_point3(p).as_vec3(),
+                snell_math::ColorMode::Rgb,
+            )
         });
         for (a, b) in [(a.sigma_a, b.sigma_a), (a.sigma_s, b.sigma_s), (a.emission, b.emission)] {
-            assert!((0..3).all(|c| (a[c] - b[c]).abs() <= 1e-4 * a[c].abs().max(1.0)), "cell {i}: {a:?} became {b:?}");
+            assert!(
+                (0..3).all(|c| (a[c] - b[c]).abs() <= 1e-4 * a[c].abs().max(1.0)),
+                "cell {i}: {a:?} became {b:?}"
+            );
         }
     }
 }
@@ -291,8 +387,12 @@ fn nothing_foreign_is_replaced_unless_wished() {
     write_scene_as(&path, &scene(), false).expect("the same is there");
     let beside = folder.path().join("a_b-files/materials.mtl");
     std::fs::write(&beside, "mine").expect("the folder is writable");
-    let error = write_scene_as(&path, &scene(), false).expect_err("another file is there").to_string();
-    assert!(error.contains("materials.mtl: the file exists") && error.contains("--force"), "{error}");
+    let error =
+        write_scene_as(&path, &scene(), false).expect_err("another file is there").to_string();
+    assert!(
+        error.contains("materials.mtl: the file exists") && error.contains("--force"),
+        "{error}"
+    );
     assert_eq!(std::fs::read(&beside).expect("it is there"), b"mine");
     write_scene_as(&path, &scene(), true).expect("it may be replaced");
     assert!(check_scene_path(&path, false).is_err() && check_scene_path(&path, true).is_ok());
@@ -328,7 +428,10 @@ fn what_does_not_fit_into_memory_is_refused_before_it_is_made() {
         let mut output = Output::new(Path::new("out.x"), available);
         let error = (writer.write)(&scene, &mut output).expect_err("more than a hundred megabytes");
         let parts = ["instances counted each", "nodes and surfaces", ".snell"];
-        assert!(parts[..2].iter().any(|part| error.contains(part)) && error.contains(parts[2]), "{error}");
+        assert!(
+            parts[..2].iter().any(|part| error.contains(part)) && error.contains(parts[2]),
+            "{error}"
+        );
     }
 }
 
@@ -339,7 +442,8 @@ fn patterns() -> Scene {
     let examples = Pattern::examples();
     for (i, pattern) in examples.into_iter().enumerate() {
         let id = scene.add_texture(pattern);
-        let reflectance = snell_scene::material::ColorParam::textured(Rgb::new(0.5, 0.75, 0.5), Some(id));
+        let reflectance =
+            snell_scene::material::ColorParam::textured(Rgb::new(0.5, 0.75, 0.5), Some(id));
         let kind = snell_scene::material::Diffuse { reflectance };
         let id = scene.add_material(Material::new(format!("number {i}"), kind));
         let surface = Surface::shape(snell_intersect::shape::Sphere { radius: 0.1 }, id);
@@ -355,8 +459,10 @@ fn reflectances(scene: &Scene, material: &Material) -> Vec<Rgb> {
     // The reader of pbrt mirrors a scene whose camera would.
     let root = scene.nodes[scene.root.index()].transform;
     let colors = (0..50u32).map(|i| {
-        let (a, b) = (snell_math::rng::uniform2([i, 1, 0, 0]), snell_math::rng::uniform2([i, 2, 0, 0]));
-        let normal = root.transform_vector3(snell_math::sampling::uniform_sphere(a).as_dvec3()).as_vec3();
+        let (a, b) =
+            (snell_math::rng::uniform2([i, 1, 0, 0]), snell_math::rng::uniform2([i, 2, 0, 0]));
+        let normal =
+            root.transform_vector3(snell_math::sampling::uniform_sphere(a).as_dvec3()).as_vec3();
         let position = Vec3::new(a.x, a.y, b.x) * 4.0 - 2.0;
         let position = root.transform_point3(position.as_dvec3()).as_vec3();
         let surface = snell_scene::texture::surface_at(position, normal, b);
@@ -396,10 +502,17 @@ fn patterns_are_the_same_in_pbrt_and_in_snells_own_format() {
                 _ => unreachable!("all are diffuse"),
             };
             let pattern = &scene.textures[texture.index()];
-            for (a, b) in reflectances(&scene, material).into_iter().zip(reflectances(&read, found)) {
-                let close = a.to_array().iter().zip(b.to_array()).all(|(a, b)| (a - b).abs() < 2e-3 * (1.0 + a.abs()));
-                // The amount of a mix is a number in pbrt, and so is the tint of marble; losses say so.
-                let is_lost = losses.iter().any(|l| l.message.contains(&format!("\"{}\"", material.name)));
+            for (a, b) in reflectances(&scene, material).into_iter().zip(reflectances(&read, found))
+            {
+                let close = a
+                    .to_array()
+                    .iter()
+                    .zip(b.to_array())
+                    .all(|(a, b)| (a - b).abs() < 2e-3 * (1.0 + a.abs()));
+                // The amount of a mix is a number in pbrt, and so is the tint of marble; losses say
+                // so.
+                let is_lost =
+                    losses.iter().any(|l| l.message.contains(&format!("\"{}\"", material.name)));
                 assert!(close || is_lost, "{extension}: {pattern:?}: {a:?} {b:?}; {losses:?}");
             }
         }
@@ -412,7 +525,11 @@ fn other_formats_say_which_patterns_they_lack() {
     for extension in ["gltf", "obj"] {
         let (_folder, Written { losses, .. }, read) = written(extension, &scene);
         let said = |what: &str| losses.iter().any(|loss| loss.message.contains(what));
-        assert!(said("(marble) is a pattern in space") && said("(checkerboard) is drawn into a picture"), "{losses:?}");
+        assert!(
+            said("(marble) is a pattern in space")
+                && said("(checkerboard) is drawn into a picture"),
+            "{losses:?}"
+        );
         assert!(read.textures.iter().all(|texture| texture.as_image().is_some()));
     }
 }

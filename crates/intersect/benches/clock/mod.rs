@@ -1,10 +1,12 @@
-//! Processor time: on a shared machine a better measure than the clock on the wall, which is taken where the system does not tell.
+//! Processor time: on a shared machine a better measure than the clock on the wall, which is taken
+//! where the system does not tell.
 
 #![allow(dead_code, reason = "every benchmark takes some of it")]
 
 use std::time::Instant;
 
-/// Of this thread, in seconds. (What `/proc` tells of a thread that runs is up to a tick old, some milliseconds.)
+/// Of this thread, in seconds. (What `/proc` tells of a thread that runs is up to a tick old, some
+/// milliseconds.)
 pub fn of_thread() -> f64 {
     #[cfg(any(target_os = "linux", target_os = "macos"))]
     if let Some(time) = read(nix::time::ClockId::CLOCK_THREAD_CPUTIME_ID) {

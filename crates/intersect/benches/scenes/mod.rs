@@ -5,7 +5,8 @@ use snell_math::{DMat3, DVec3, Frame, Ray, Vec3, rng, sampling};
 
 /// The mesh of this name.
 pub fn by_name(name: &str) -> Option<TriangleMesh> {
-    let (kind, n) = name.split_once(':').map_or((name, None), |(kind, n)| (kind, n.parse::<usize>().ok()));
+    let (kind, n) =
+        name.split_once(':').map_or((name, None), |(kind, n)| (kind, n.parse::<usize>().ok()));
     Some(match kind {
         "bunny" => bunny(),
         "bunnies" => copies(&bunny(), n.unwrap_or(100)),
@@ -21,7 +22,10 @@ fn uniform(i: usize, k: u32) -> f64 {
 }
 
 fn bunny() -> TriangleMesh {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/meshes/common/stanford-bunny.obj");
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../../shared/data/meshes/common/stanford-bunny.obj"
+    );
     let mut mesh = TriangleMesh::default();
     for line in std::fs::read_to_string(path).expect("the bunny, beside the repository").lines() {
         let mut words = line.split_whitespace();
@@ -31,9 +35,12 @@ fn bunny() -> TriangleMesh {
                 mesh.positions.push(Vec3::new(x[0], x[1], x[2]));
             }
             Some("f") => {
-                let first = |w: &str| w.split('/').next().and_then(|i| i.parse::<u32>().ok()).map(|i| i - 1);
+                let first = |w: &str| {
+                    w.split('/').next().and_then(|i| i.parse::<u32>().ok()).map(|i| i - 1)
+                };
                 let corners: Vec<u32> = words.filter_map(first).collect();
-                mesh.indices.extend((2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]]));
+                mesh.indices
+                    .extend((2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]]));
             }
             _ => {}
         }
@@ -71,11 +78,14 @@ fn terrain(n: usize) -> TriangleMesh {
     let height = |x: usize, y: usize| {
         let (u, v) = (x as f32 / n as f32, y as f32 / n as f32);
         let noise = rng::to_unit(rng::pcg4d([x as u32, y as u32, 3, 4])[0]);
-        0.1 * ((u * 9.0).sin() * (v * 7.0).cos() + 0.3 * (u * 40.0).sin() * (v * 50.0).sin()) + noise / n as f32
+        0.1 * ((u * 9.0).sin() * (v * 7.0).cos() + 0.3 * (u * 40.0).sin() * (v * 50.0).sin())
+            + noise / n as f32
     };
     let mut mesh = TriangleMesh::default();
     for y in 0..=n {
-        mesh.positions.extend((0..=n).map(|x| Vec3::new(x as f32 / n as f32, height(x, y), y as f32 / n as f32)));
+        mesh.positions.extend(
+            (0..=n).map(|x| Vec3::new(x as f32 / n as f32, height(x, y), y as f32 / n as f32)),
+        );
     }
     let at = |x: usize, y: usize| (y * (n + 1) + x) as u32;
     for y in 0..n {
@@ -96,7 +106,11 @@ fn room(bunnies: usize) -> TriangleMesh {
     let bunny = bunny();
     let scale = 1.2 / f64::from(bunny.bounds().size().max_element());
     for i in 0..bunnies {
-        let at = DVec3::new(1.0 + uniform(i, 10) * 18.0, 0.2 + uniform(i, 11) * 3.0, 1.0 + uniform(i, 12) * 12.0);
+        let at = DVec3::new(
+            1.0 + uniform(i, 10) * 18.0,
+            0.2 + uniform(i, 11) * 3.0,
+            1.0 + uniform(i, 12) * 12.0,
+        );
         let turn = turn(i + 1000);
         add(&mut all, &bunny, |p| turn * p * scale + at);
     }
@@ -116,8 +130,11 @@ fn room(bunnies: usize) -> TriangleMesh {
 
 fn cube() -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
-    mesh.positions.extend((0..8).map(|i| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32)));
-    for [a, b, c, d] in [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
+    mesh.positions
+        .extend((0..8).map(|i| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32)));
+    for [a, b, c, d] in
+        [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    {
         mesh.indices.extend([[a, b, c], [a, c, d]]);
     }
     mesh
@@ -141,7 +158,8 @@ pub fn primary_rays(world: &World) -> Vec<Ray> {
     let (center, radius) = (bounds.center().as_vec3(), bounds.radius() as f32);
     let is_room = bounds.size().x == 20.0;
     let distance = if is_room { 0.4 } else { 1.9 };
-    let eye = center + Vec3::new(0.3, if is_room { 0.1 } else { 0.4 }, 1.0).normalize() * radius * distance;
+    let eye = center
+        + Vec3::new(0.3, if is_room { 0.1 } else { 0.4 }, 1.0).normalize() * radius * distance;
     let frame = Frame::from_z((center - eye).normalize());
     let ray = |i: u32| {
         let bits = |shift: u32| (0..10).map(|b| ((i >> (2 * b + shift)) & 1) << b).sum::<u32>();
@@ -159,7 +177,8 @@ pub fn diffuse_rays(world: &World, rays: &[Ray]) -> Vec<Ray> {
         let surface = world.interaction(ray, hit);
         let up = if ray.direction.dot(surface.geometric_normal) > 0.0 { -1.0 } else { 1.0 };
         let u = rng::uniform2([i as u32, 1, 2, 3]);
-        let d = Frame::from_z(surface.geometric_normal * up).from_local(sampling::cosine_hemisphere(u));
+        let d =
+            Frame::from_z(surface.geometric_normal * up).from_local(sampling::cosine_hemisphere(u));
         Ray::new(surface.ray_origin(d), d)
     };
     rays.iter().zip(&hits).enumerate().filter(|(_, (_, h))| h.is_hit()).map(bounce).collect()

@@ -1,20 +1,24 @@
 //! A ray as planes, boxes and cells see it: surely not too narrow.
 //!
-//! The exact test of a triangle rounds vertices relative to the ray's origin, so it may report a hit although the line misses the
-//! triangle by up to some `4e-7` of the distance between the origin and the farthest vertex. Distances are then moved into the
-//! triangle's box. So a structure must treat the ray as a thick one: all that comes within [`BoxRay::width`] of the line counts.
-//! With that, hits are safe wherever the structure keeps a primitive in every cell that its box touches.
+//! The exact test of a triangle rounds vertices relative to the ray's origin, so it may report a
+//! hit although the line misses the triangle by up to some `4e-7` of the distance between the
+//! origin and the farthest vertex. Distances are then moved into the triangle's box. So a structure
+//! must treat the ray as a thick one: all that comes within [`BoxRay::width`] of the line counts.
+//! With that, hits are safe wherever the structure keeps a primitive in every cell that its box
+//! touches.
 //!
-//! Structures may keep less: only the cells near the plane of the triangle *within* its box ([`super::primitives::Region`]). The
-//! place of a hit lies there if the width is below the region's margin. A ray from so far away that it is not
-//! ([`BoxRay::is_wide`]) still passes the triangle itself within its width, only the distance reported may be that of another
-//! cell. So it finds all hits if it does not stop at the nearest: [`BoxRay::cull`] sees to that.
+//! Structures may keep less: only the cells near the plane of the triangle *within* its box
+//! ([`super::primitives::Region`]). The place of a hit lies there if the width is below the
+//! region's margin. A ray from so far away that it is not ([`BoxRay::is_wide`]) still passes the
+//! triangle itself within its width, only the distance reported may be that of another cell. So it
+//! finds all hits if it does not stop at the nearest: [`BoxRay::cull`] sees to that.
 
 use super::Visitor;
 use super::primitives::MARGIN;
 use snell_math::{Bounds3, Bounds3d, DRay, DVec3};
 
-/// How far from the line things still count, relative to the greatest distance along an axis from the origin to the contents.
+/// How far from the line things still count, relative to the greatest distance along an axis from
+/// the origin to the contents.
 const WIDTH: f64 = 1e-6;
 
 /// A thick ray in the coordinates of a group.
@@ -44,7 +48,8 @@ impl BoxRay {
         let reach = (bounds.min - o).abs().max((bounds.max - o).abs()).max_element();
         // Triangles are drawn around the origin rounded to `f32`.
         let rounded = o.as_vec3().as_dvec3();
-        let rounding = if rounded == o { 0.0 } else { o.abs().max_element() * f64::from(f32::EPSILON) };
+        let rounding =
+            if rounded == o { 0.0 } else { o.abs().max_element() * f64::from(f32::EPSILON) };
         let width = reach * WIDTH + rounding + f64::from(f32::MIN_POSITIVE);
         let signed = |d: f64| width.copysign(d);
         Self {
@@ -74,21 +79,25 @@ impl BoxRay {
         self.signed_width[axis] < 0.0
     }
 
-    /// Where along the ray it is within its width of a plane across an axis. A ray along the plane is there always, or never: then
-    /// the interval is at plus infinity if the plane lies on the upper side, else at minus infinity (the other way round for a
-    /// direction of -0). Bounds may be NaN in the worst case; they say nothing then.
+    /// Where along the ray it is within its width of a plane across an axis. A ray along the plane
+    /// is there always, or never: then the interval is at plus infinity if the plane lies on the
+    /// upper side, else at minus infinity (the other way round for a direction of -0). Bounds may
+    /// be NaN in the worst case; they say nothing then.
     #[inline(always)]
     pub fn crossing(&self, axis: usize, plane: f64) -> (f64, f64) {
-        let (distance, width, inverse) = (plane - self.origin[axis], self.signed_width[axis], self.inverse[axis]);
+        let (distance, width, inverse) =
+            (plane - self.origin[axis], self.signed_width[axis], self.inverse[axis]);
         ((distance - width) * inverse, (distance + width) * inverse)
     }
 
-    /// The same for a plane in general position: `normal . x = offset`. Also true if the ray goes towards the normal.
+    /// The same for a plane in general position: `normal . x = offset`. Also true if the ray goes
+    /// towards the normal.
     #[inline(always)]
     pub fn plane_crossing(&self, normal: &DVec3, offset: f64) -> (f64, f64, bool) {
         let (o, d) = (DVec3::from_array(self.origin), DVec3::from_array(self.direction));
         let (distance, speed) = (offset - normal.dot(o), normal.dot(d));
-        let width = (self.width * (normal.x.abs() + normal.y.abs() + normal.z.abs())).copysign(speed);
+        let width =
+            (self.width * (normal.x.abs() + normal.y.abs() + normal.z.abs())).copysign(speed);
         let inverse = 1.0 / speed;
         ((distance - width) * inverse, (distance + width) * inverse, speed.is_sign_positive())
     }
@@ -98,7 +107,8 @@ impl BoxRay {
     pub fn span(&self, low: [f64; 3], high: [f64; 3]) -> (f64, f64) {
         let (mut start, mut end) = (self.t_min, f64::INFINITY);
         for axis in 0..3 {
-            let (near, far) = if self.is_down(axis) { (high[axis], low[axis]) } else { (low[axis], high[axis]) };
+            let (near, far) =
+                if self.is_down(axis) { (high[axis], low[axis]) } else { (low[axis], high[axis]) };
             // A NaN on the right does not count.
             start = start.max(self.crossing(axis, near).0);
             end = end.min(self.crossing(axis, far).1);
@@ -113,7 +123,8 @@ impl BoxRay {
         self.span(wide(b.min), wide(b.max))
     }
 
-    /// What starts beyond this cannot matter, for structures that keep primitives in their regions only.
+    /// What starts beyond this cannot matter, for structures that keep primitives in their regions
+    /// only.
     #[inline(always)]
     pub fn cull(&self, visitor: &dyn Visitor) -> f64 {
         if self.is_wide { f64::INFINITY } else { visitor.cull() }
@@ -138,8 +149,14 @@ mod tests {
 
     #[test]
     fn a_ray_along_a_side_is_in_the_box_and_one_beside_it_is_not() {
-        for (y, inside) in [(0.0, true), (1.0, true), (-1e-7, true), (1.0 + 1e-7, true), (-1e-3, false), (1.001, false)]
-        {
+        for (y, inside) in [
+            (0.0, true),
+            (1.0, true),
+            (-1e-7, true),
+            (1.0 + 1e-7, true),
+            (-1e-3, false),
+            (1.001, false),
+        ] {
             for d in [0.0, -0.0] {
                 let (start, end) = ray([-1.0, y, 0.5], [1.0, d, d]).span_of(&UNIT);
                 assert_eq!(start <= end, inside, "{y} {d}");
@@ -162,7 +179,10 @@ mod tests {
         let r = ray([0.3, 0.2, 0.1], [0.5, -1.0, 2.0]);
         for axis in 0..3 {
             let (a, b) = r.crossing(axis, 0.7);
-            let (c, d, up) = r.plane_crossing(&DVec3::from_array(std::array::from_fn(|i| f64::from(i == axis))), 0.7);
+            let (c, d, up) = r.plane_crossing(
+                &DVec3::from_array(std::array::from_fn(|i| f64::from(i == axis))),
+                0.7,
+            );
             assert_eq!((a, b, r.is_down(axis)), (c, d, !up));
         }
     }

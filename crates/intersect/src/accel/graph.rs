@@ -1,5 +1,6 @@
-//! The scene graph's own bounding boxes, as on the slides: each mesh, shape and instance of a group has a box; what is in it is
-//! tested if the ray enters the box before the nearest hit so far, children nearest first. All triangles of a mesh are tested.
+//! The scene graph's own bounding boxes, as on the slides: each mesh, shape and instance of a group
+//! has a box; what is in it is tested if the ray enters the box before the nearest hit so far,
+//! children nearest first. All triangles of a mesh are tested.
 
 use super::box_ray::BoxRay;
 use super::primitives::{Item, Primitives, bounds_of};
@@ -25,7 +26,8 @@ struct Child {
 
 /// Builds it.
 pub(super) fn build(primitives: &Primitives, options: &AcceleratorOptions) -> Box<dyn Accelerator> {
-    let mut graph = Graph { children: Vec::new(), ranges: Vec::new(), front_to_back: options.front_to_back };
+    let mut graph =
+        Graph { children: Vec::new(), ranges: Vec::new(), front_to_back: options.front_to_back };
     let mut items = primitives.items.as_slice();
     for (_, end) in primitives.geometries() {
         let (own, rest) = items.split_at(items.partition_point(|i| i.id < end));
@@ -33,7 +35,9 @@ pub(super) fn build(primitives: &Primitives, options: &AcceleratorOptions) -> Bo
         if !own.is_empty() {
             let first = graph.ranges.len() as u32;
             add_ranges(own, &mut graph.ranges);
-            graph.children.push(Child { bounds: bounds_of(own), ranges: (first, graph.ranges.len() as u32) });
+            graph
+                .children
+                .push(Child { bounds: bounds_of(own), ranges: (first, graph.ranges.len() as u32) });
         }
     }
     Box::new(graph)
@@ -55,7 +59,9 @@ impl Graph {
     fn visit(&self, child: &Child, visitor: &mut dyn Visitor, work: &Work) -> bool {
         let (first, end) = child.ranges;
         work.look(visitor, true, || Place::of_bounds(&child.bounds));
-        self.ranges[first as usize..end as usize].iter().any(|&(first, end)| visitor.test_range(first, end))
+        self.ranges[first as usize..end as usize]
+            .iter()
+            .any(|&(first, end)| visitor.test_range(first, end))
     }
 
     /// Children in the order of the graph.
@@ -94,7 +100,11 @@ impl Accelerator for Graph {
     fn walk(&self, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool {
         let work = Work { nodes: self.children.len() as u32, ..Work::of(visitor) };
         visitor.count(work);
-        if self.front_to_back { self.walk_sorted(ray, visitor, &work) } else { self.walk_unsorted(ray, visitor, &work) }
+        if self.front_to_back {
+            self.walk_sorted(ray, visitor, &work)
+        } else {
+            self.walk_unsorted(ray, visitor, &work)
+        }
     }
 
     fn repeats(&self) -> bool {
@@ -106,7 +116,8 @@ impl Accelerator for Graph {
             nodes: self.children.len() as u64,
             references: self.ranges.iter().map(|r| u64::from(r.1 - r.0)).sum(),
             depth: u32::from(!self.children.is_empty()),
-            bytes: (size_of_val(self.children.as_slice()) + size_of_val(self.ranges.as_slice())) as u64,
+            bytes: (size_of_val(self.children.as_slice()) + size_of_val(self.ranges.as_slice()))
+                as u64,
         }
     }
 }

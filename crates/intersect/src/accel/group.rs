@@ -1,4 +1,5 @@
-//! The tests of single primitives, shared by every structure: what a group holds, ready to be tested.
+//! The tests of single primitives, shared by every structure: what a group holds, ready to be
+//! tested.
 
 use crate::geometry::motion::transform_at;
 use crate::geometry::{MovingMesh, PrimitiveSet, within_bounds};
@@ -73,13 +74,15 @@ impl Placement {
         match self {
             Self::Still(map) => search.goal.enter(map),
             Self::Moving(keys) => {
-                let map = transform_at(keys, search.time).map_or(DAffine3::IDENTITY, |t| *t.inverse_matrix());
+                let map = transform_at(keys, search.time)
+                    .map_or(DAffine3::IDENTITY, |t| *t.inverse_matrix());
                 search.goal.enter(&map);
             }
         }
     }
 
-    /// The ray in the child; `None` if it overflows on the way or the child is flattened, then nothing there can be hit.
+    /// The ray in the child; `None` if it overflows on the way or the child is flattened, then
+    /// nothing there can be hit.
     #[inline(always)]
     pub fn ray_in_child(&self, ray: &DRay, time: f32) -> Option<DRay> {
         self.mapped(ray, time).filter(is_finite)
@@ -143,8 +146,8 @@ pub(crate) struct Bulk {
     pub contents: BulkContents,
 }
 
-/// All that a group holds besides the triangles of meshes, under one numbering: first the shapes and instances, then the primitives
-/// of each set.
+/// All that a group holds besides the triangles of meshes, under one numbering: first the shapes
+/// and instances, then the primitives of each set.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Objects {
     placed: Vec<Object>,
@@ -187,7 +190,9 @@ impl Objects {
     /// The ranges of numbers that are one geometry or instance each.
     pub fn geometries(&self) -> impl Iterator<Item = (u32, u32)> {
         let single = (0..self.placed.len() as u32).map(|i| (i, i + 1));
-        single.chain(self.sets.iter().map(|bulk| (bulk.first, bulk.first + bulk.contents.len() as u32)))
+        single.chain(
+            self.sets.iter().map(|bulk| (bulk.first, bulk.first + bulk.contents.len() as u32)),
+        )
     }
 
     /// The shapes and instances.
@@ -209,7 +214,9 @@ impl Objects {
     /// Tells what will be tested soon.
     #[inline(always)]
     pub fn fetch(&self, number: usize) {
-        if let ObjectRef::Primitive(Bulk { contents: BulkContents::Set(set), .. }, primitive) = self.get(number) {
+        if let ObjectRef::Primitive(Bulk { contents: BulkContents::Set(set), .. }, primitive) =
+            self.get(number)
+        {
             set.fetch(primitive as usize);
         }
     }
@@ -220,8 +227,9 @@ impl Objects {
     }
 }
 
-/// Tests an object by its number. `ray` is in the group's coordinates; `enter` searches a group that is instanced there: it gets the
-/// group, the ray in its coordinates and its occurrence number. True if the search is over.
+/// Tests an object by its number. `ray` is in the group's coordinates; `enter` searches a group
+/// that is instanced there: it gets the group, the ray in its coordinates and its occurrence
+/// number. True if the search is over.
 #[inline(always)]
 pub(crate) fn test_object<G: Goal>(
     objects: &Objects,
@@ -258,17 +266,23 @@ pub(crate) fn test_object<G: Goal>(
 /// The ray mapped by an affine matrix; `t` is shared.
 #[inline(always)]
 pub(crate) fn mapped(map: &DAffine3, ray: &DRay) -> DRay {
-    DRay { origin: map.transform_point3(ray.origin), direction: map.transform_vector3(ray.direction), ..*ray }
+    DRay {
+        origin: map.transform_point3(ray.origin),
+        direction: map.transform_vector3(ray.direction),
+        ..*ray
+    }
 }
 
 fn is_finite(ray: &DRay) -> bool {
     ray.origin.is_finite() && ray.direction.is_finite()
 }
 
-/// How often one object is asked again after a hit on it did not count. No shape has that many crossings.
+/// How often one object is asked again after a hit on it did not count. No shape has that many
+/// crossings.
 const MAX_CROSSINGS: usize = 64;
 
-/// Offers the crossings of one shape, nearest first. `ray` is in the shape's coordinates. True if the search is over.
+/// Offers the crossings of one shape, nearest first. `ray` is in the shape's coordinates. True if
+/// the search is over.
 pub(crate) fn test_shape<G: Goal>(
     search: &mut Search<'_, G>,
     shape: &dyn Shape,
@@ -284,10 +298,16 @@ pub(crate) fn test_shape<G: Goal>(
         let found = shape.nearest_two(&ray);
         for (number, found) in found.into_iter().enumerate() {
             let Some(found) = found else { return false };
-            if number > 0 && !(found.t > ray.t_min && found.t < search.goal.limit().next_up().into()) {
+            if number > 0
+                && !(found.t > ray.t_min && found.t < search.goal.limit().next_up().into())
+            {
                 return false;
             }
-            match search.offer(G::Precision::hit(found.t, Vec2::ZERO, [instance, geometry, found.face])) {
+            match search.offer(G::Precision::hit(
+                found.t,
+                Vec2::ZERO,
+                [instance, geometry, found.face],
+            )) {
                 Verdict::Finished => return true,
                 Verdict::Behind => return false,
                 Verdict::Taken | Verdict::Rejected => ray.t_min = found.t,
@@ -297,12 +317,18 @@ pub(crate) fn test_shape<G: Goal>(
     false
 }
 
-/// Offers the crossings of one primitive of a set, nearest first; `ids` are instance, geometry and primitive. True if the search is
-/// over.
-fn test_primitive<G: Goal>(search: &mut Search<'_, G>, set: &dyn PrimitiveSet, ids: [u32; 3], ray: &DRay) -> bool {
+/// Offers the crossings of one primitive of a set, nearest first; `ids` are instance, geometry and
+/// primitive. True if the search is over.
+fn test_primitive<G: Goal>(
+    search: &mut Search<'_, G>,
+    set: &dyn PrimitiveSet,
+    ids: [u32; 3],
+    ray: &DRay,
+) -> bool {
     search.goal.count_primitives(1);
     let (time, number) = (search.time, ids[2] as usize);
-    // Not what is known by now: a hit that is moved into the bounds must not depend on what else was found before.
+    // Not what is known by now: a hit that is moved into the bounds must not depend on what else
+    // was found before.
     let [t_min, t_max] = G::Precision::interval(search.ray).map(Into::into);
     let mut ray = DRay { t_min, t_max, ..*ray };
     for _ in 0..MAX_CROSSINGS {
@@ -325,14 +351,21 @@ fn test_primitive<G: Goal>(search: &mut Search<'_, G>, set: &dyn PrimitiveSet, i
     false
 }
 
-/// Offers the hit on a triangle whose corners are those of the ray's time. True if the search is over.
-fn test_moving_triangle<G: Goal>(search: &mut Search<'_, G>, mesh: &MovingMesh, ids: [u32; 3], ray: &DRay) -> bool {
+/// Offers the hit on a triangle whose corners are those of the ray's time. True if the search is
+/// over.
+fn test_moving_triangle<G: Goal>(
+    search: &mut Search<'_, G>,
+    mesh: &MovingMesh,
+    ids: [u32; 3],
+    ray: &DRay,
+) -> bool {
     search.goal.count_primitives(1);
     let corners = mesh.corners(ids[2] as usize, search.time);
     if are_degenerate(&corners) {
         return false;
     }
-    let found = exact_hit(&LocalRay::new(ray), &corners.map(|p| p.to_array()), search.t_min().into());
+    let found =
+        exact_hit(&LocalRay::new(ray), &corners.map(|p| p.to_array()), search.t_min().into());
     // Never minus zero.
     let hit = found.map(|(t, uv)| G::Precision::hit(t + 0.0, uv, ids));
     let hit = hit.filter(|hit| G::Precision::t(hit) <= search.goal.limit());

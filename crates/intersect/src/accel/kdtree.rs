@@ -1,10 +1,12 @@
-//! A k-d tree by the surface area heuristic (MacDonald and Booth, Heuristics for ray tracing using space subdivision, 1990).
+//! A k-d tree by the surface area heuristic (MacDonald and Booth, Heuristics for ray tracing using
+//! space subdivision, 1990).
 //!
-//! Large sets are divided at one of 31 planes per axis (bins of where primitives start and end: Popov et al., Experiences with
-//! streaming construction of SAH kd-trees, 2006), small ones at the best side of all their boxes (Wald and Havran, On building fast
-//! kd-trees for ray tracing, and on doing that in O(N log N), 2006). Primitives that a plane cuts are kept on both sides, each with
-//! the box of its part. The walk goes front to back with a stack (Havran, Heuristic ray shooting algorithms, 2000, appendix C);
-//! it takes the plane for as thick as the ray.
+//! Large sets are divided at one of 31 planes per axis (bins of where primitives start and end:
+//! Popov et al., Experiences with streaming construction of SAH kd-trees, 2006), small ones at the
+//! best side of all their boxes (Wald and Havran, On building fast kd-trees for ray tracing, and on
+//! doing that in O(N log N), 2006). Primitives that a plane cuts are kept on both sides, each with
+//! the box of its part. The walk goes front to back with a stack (Havran, Heuristic ray shooting
+//! algorithms, 2000, appendix C); it takes the plane for as thick as the ray.
 
 mod build;
 
@@ -14,8 +16,9 @@ use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work, walk_wi
 use crate::query::journey::Place;
 use snell_math::Bounds3;
 
-/// Eight bytes. Of an inner node: the bits of the plane's coordinate; the second child times four plus the axis (the first child
-/// comes right after its parent). Of a leaf: its first reference; how many it has times four plus three.
+/// Eight bytes. Of an inner node: the bits of the plane's coordinate; the second child times four
+/// plus the axis (the first child comes right after its parent). Of a leaf: its first reference;
+/// how many it has times four plus three.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     word: u32,
@@ -61,8 +64,8 @@ pub(super) fn build(primitives: &Primitives, options: &AcceleratorOptions) -> Bo
 }
 
 impl KdTree {
-    /// The part of space that belongs to a node. It is not stored, and so sought from the root: children come after their parents,
-    /// and all below the first child before the second.
+    /// The part of space that belongs to a node. It is not stored, and so sought from the root:
+    /// children come after their parents, and all below the first child before the second.
     fn cell(&self, wanted: u32) -> Bounds3 {
         let (mut at, mut cell) = (0, self.bounds);
         while at < wanted {
@@ -70,7 +73,8 @@ impl KdTree {
             if node.is_leaf() {
                 break;
             }
-            let (axis, plane, second) = ((node.data & 3) as usize, f32::from_bits(node.word), node.data >> 2);
+            let (axis, plane, second) =
+                ((node.data & 3) as usize, f32::from_bits(node.word), node.data >> 2);
             if wanted < second {
                 at += 1;
                 cell.max[axis] = plane;
@@ -82,7 +86,13 @@ impl KdTree {
         cell
     }
 
-    fn search(&self, ray: &BoxRay, visitor: &mut dyn Visitor, stack: &mut Vec<Later>, work: &mut Work) -> bool {
+    fn search(
+        &self,
+        ray: &BoxRay,
+        visitor: &mut dyn Visitor,
+        stack: &mut Vec<Later>,
+        work: &mut Work,
+    ) -> bool {
         let (start, end) = ray.span_of(&self.bounds);
         if start <= end {
             stack.push(Later::node(0, start, end));
@@ -98,7 +108,8 @@ impl KdTree {
                 let axis = (node.data & 3) as usize;
                 let (low, high) = ray.crossing(axis, f32::from_bits(node.word).into());
                 let is_down = ray.is_down(axis);
-                let (near, far) = if is_down { (node.data >> 2, at + 1) } else { (at + 1, node.data >> 2) };
+                let (near, far) =
+                    if is_down { (node.data >> 2, at + 1) } else { (at + 1, node.data >> 2) };
                 let (ends_near, starts_far) = (end.min(high), start.max(low));
                 // The ray passes the near side first, then, for as long as it is thick, both.
                 let (in_near, in_far) = (start <= ends_near, starts_far <= end);

@@ -1,4 +1,5 @@
-//! Which primitives a walk has tested already (mailboxing: Amanatides and Woo 1987; Arnaldi, Priol and Bouatouch 1987).
+//! Which primitives a walk has tested already (mailboxing: Amanatides and Woo 1987; Arnaldi, Priol
+//! and Bouatouch 1987).
 
 /// A set of (walk, primitive), exact, emptied in no time. Walks may be nested.
 #[derive(Debug)]

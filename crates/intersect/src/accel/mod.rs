@@ -1,9 +1,10 @@
 //! Acceleration structures, by name.
 //!
-//! All give the same hits, bit for bit: one exact test per ray and primitive decides (`group`), and a structure may skip only what
-//! the ray surely does not hit. Two live on their own: `none`, the oracle that skips nothing, and `bvh`, the fast one with kernels
-//! of its own. All others are `Accelerator`s over the numbered `primitives` of one group; `walk` joins them over instances
-//! and serves every query. To add one: a file with a `build` function, and a line in the list below.
+//! All give the same hits, bit for bit: one exact test per ray and primitive decides (`group`), and
+//! a structure may skip only what the ray surely does not hit. Two live on their own: `none`, the
+//! oracle that skips nothing, and `bvh`, the fast one with kernels of its own. All others are
+//! `Accelerator`s over the numbered `primitives` of one group; `walk` joins them over instances and
+//! serves every query. To add one: a file with a `build` function, and a line in the list below.
 
 pub(crate) mod box_ray;
 pub(crate) mod brute_force;
@@ -44,7 +45,8 @@ macro_rules! accelerators {
                 }
             }
 
-            /// How the structure of a group is built; `None` for the two that are built for all groups at once.
+            /// How the structure of a group is built; `None` for the two that are built for all
+            /// groups at once.
             pub(crate) fn build(self) -> Option<Build> {
                 match self {
                     $(Self::$kind => $build,)+
@@ -83,14 +85,17 @@ impl AcceleratorKind {
     }
 }
 
-/// What can be switched to see what it saves. Hits never depend on it. `none` and `bvh` have no switches.
+/// What can be switched to see what it saves. Hits never depend on it. `none` and `bvh` have no
+/// switches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AcceleratorOptions {
-    /// Whether what is nearer along the ray is visited first (lecture: "visit child nodes in front-to-back order"). Off, children
-    /// are visited in the order in which they are stored; grids and the octree by neighbours have no other order.
+    /// Whether what is nearer along the ray is visited first (lecture: "visit child nodes in
+    /// front-to-back order"). Off, children are visited in the order in which they are stored;
+    /// grids and the octree by neighbours have no other order.
     pub front_to_back: bool,
-    /// Whether in each group the primitive that was hit last is tested first (lecture: "store closest child intersection from
-    /// previous ray and check that node first"). The memory belongs to one batch on one thread, never to the world.
+    /// Whether in each group the primitive that was hit last is tested first (lecture: "store
+    /// closest child intersection from previous ray and check that node first"). The memory belongs
+    /// to one batch on one thread, never to the world.
     pub last_hit_cache: bool,
     /// Cells of a grid along its longest side; `None` chooses by the number of primitives.
     pub grid_resolution: Option<u32>,
@@ -100,7 +105,12 @@ pub struct AcceleratorOptions {
 
 impl Default for AcceleratorOptions {
     fn default() -> Self {
-        Self { front_to_back: true, last_hit_cache: false, grid_resolution: None, nested_grids: true }
+        Self {
+            front_to_back: true,
+            last_hit_cache: false,
+            grid_resolution: None,
+            nested_grids: true,
+        }
     }
 }
 
@@ -109,8 +119,9 @@ pub(crate) type Build = fn(&Primitives, &AcceleratorOptions) -> Box<dyn Accelera
 
 /// A structure over the bounded primitives of one group.
 pub(crate) trait Accelerator: std::fmt::Debug + Send + Sync {
-    /// Hands the visitor every primitive that the ray may hit and that does not start beyond [`Visitor::cull`]. True if the search
-    /// is over. A primitive may be handed over more than once if [`Self::repeats`] says so.
+    /// Hands the visitor every primitive that the ray may hit and that does not start beyond
+    /// [`Visitor::cull`]. True if the search is over. A primitive may be handed over more than once
+    /// if [`Self::repeats`] says so.
     fn walk(&self, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool;
 
     /// True if primitives may lie in several places.
@@ -234,7 +245,8 @@ impl Later {
     }
 }
 
-/// [`Accelerator::walk`] by a `search` that is given a list for places to visit later, and counts what it costs.
+/// [`Accelerator::walk`] by a `search` that is given a list for places to visit later, and counts
+/// what it costs.
 fn walk_with_stack(
     visitor: &mut dyn Visitor,
     search: impl FnOnce(&mut dyn Visitor, &mut Vec<Later>, &mut Work) -> bool,

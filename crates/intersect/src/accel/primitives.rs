@@ -1,5 +1,5 @@
-//! The primitives of one group, numbered: first the triangles of its meshes in order, then its shapes and instances, then the
-//! primitives of its sets.
+//! The primitives of one group, numbered: first the triangles of its meshes in order, then its
+//! shapes and instances, then the primitives of its sets.
 
 use super::box_ray::margin_of;
 use super::brute_force::GroupList;
@@ -51,12 +51,15 @@ pub(crate) struct Primitives<'a> {
 }
 
 impl<'a> Primitives<'a> {
-    /// Numbers the contents. `boxes` are those of the objects of the list, in order. An error says that there are too many.
+    /// Numbers the contents. `boxes` are those of the objects of the list, in order. An error says
+    /// that there are too many.
     pub fn new(list: &'a GroupList, boxes: &[Bounds3]) -> Result<Self, String> {
-        let count: usize = list.meshes.iter().map(|(_, mesh)| mesh.indices.len()).sum::<usize>() + list.objects.len();
+        let count: usize = list.meshes.iter().map(|(_, mesh)| mesh.indices.len()).sum::<usize>()
+            + list.objects.len();
         if count > MAX_PRIMITIVES {
             return Err(format!(
-                "a group holds {count} primitives; the limit is {MAX_PRIMITIVES}: spread them over several groups"
+                "a group holds {count} primitives; the limit is {MAX_PRIMITIVES}: spread them over \
+                    several groups"
             ));
         }
         let mut first = Vec::with_capacity(list.meshes.len());
@@ -66,9 +69,15 @@ impl<'a> Primitives<'a> {
             let item = |i: usize| {
                 let [a, b, c] = mesh.corners(i);
                 let id = next + i as u32;
-                (!mesh.is_degenerate(i)).then(|| Item { min: a.min(b).min(c), id, max: a.max(b).max(c) })
+                (!mesh.is_degenerate(i)).then(|| Item {
+                    min: a.min(b).min(c),
+                    id,
+                    max: a.max(b).max(c),
+                })
             };
-            items.par_extend((0..mesh.indices.len()).into_par_iter().with_min_len(PARALLEL).filter_map(item));
+            items.par_extend(
+                (0..mesh.indices.len()).into_par_iter().with_min_len(PARALLEL).filter_map(item),
+            );
             first.push(next);
             next += mesh.indices.len() as u32;
         }
@@ -87,9 +96,17 @@ impl<'a> Primitives<'a> {
 
     /// The ranges of primitives that are one geometry or instance each.
     pub fn geometries(&self) -> impl Iterator<Item = (u32, u32)> {
-        let meshes =
-            self.first.iter().zip(&self.list.meshes).map(|(&first, m)| (first, first + m.1.indices.len() as u32));
-        meshes.chain(self.list.objects.geometries().map(|(first, end)| (self.triangles + first, self.triangles + end)))
+        let meshes = self
+            .first
+            .iter()
+            .zip(&self.list.meshes)
+            .map(|(&first, m)| (first, first + m.1.indices.len() as u32));
+        meshes.chain(
+            self.list
+                .objects
+                .geometries()
+                .map(|(first, end)| (self.triangles + first, self.triangles + end)),
+        )
     }
 
     /// The corners of a triangle; `None` for a shape or an instance.
@@ -150,8 +167,8 @@ pub(crate) fn half_area(b: &Bounds3) -> f64 {
     Bounds3d::from(*b).half_area()
 }
 
-/// The places within the box of a triangle at which a ray can hit it: near its plane. (Not only on the triangle: the distance of a
-/// ray that grazes it may be off by much. See [`super::box_ray`].)
+/// The places within the box of a triangle at which a ray can hit it: near its plane. (Not only on
+/// the triangle: the distance of a ray that grazes it may be off by much. See [`super::box_ray`].)
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Region {
     normal: DVec3,
@@ -167,8 +184,8 @@ impl Region {
         Self { normal, point: a, thickness: normal.length() * margin }
     }
 
-    /// The part of a box that holds all of the region in it: the plane's equation solved for each coordinate, with the bounds of
-    /// the other two. Empty if the plane misses the box.
+    /// The part of a box that holds all of the region in it: the plane's equation solved for each
+    /// coordinate, with the bounds of the other two. Empty if the plane misses the box.
     pub fn clipped(&self, b: &Bounds3d) -> Bounds3d {
         let (low, high) = ((b.min - self.point) * self.normal, (b.max - self.point) * self.normal);
         let (low, high) = (low.min(high), low.max(high));
@@ -216,8 +233,10 @@ mod tests {
 
     #[test]
     fn a_cell_beside_the_plane_is_empty() {
-        let region = Region::new(&[Vec3::ZERO, Vec3::new(1.0, 0.0, 1.0), Vec3::new(0.0, 1.0, 1.0)], 1e-5);
-        let cell = |z: f64| Bounds3d { min: DVec3::new(0.1, 0.1, z), max: DVec3::new(0.2, 0.2, z + 0.1) };
+        let region =
+            Region::new(&[Vec3::ZERO, Vec3::new(1.0, 0.0, 1.0), Vec3::new(0.0, 1.0, 1.0)], 1e-5);
+        let cell =
+            |z: f64| Bounds3d { min: DVec3::new(0.1, 0.1, z), max: DVec3::new(0.2, 0.2, z + 0.1) };
         assert!(region.clipped(&cell(0.5)).is_empty());
         let part = region.clipped(&cell(0.15));
         assert!((part.min.z - 0.2).abs() < 1e-4 && part.max.z == 0.25, "{part:?}");

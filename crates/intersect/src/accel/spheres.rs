@@ -1,9 +1,10 @@
-//! A binary hierarchy of bounding spheres: cheaper to test than boxes, but less tight (lecture: "Sphere has simple/efficient
-//! intersection code. Bounding box is generally 'tighter'").
+//! A binary hierarchy of bounding spheres: cheaper to test than boxes, but less tight (lecture:
+//! "Sphere has simple/efficient intersection code. Bounding box is generally 'tighter'").
 //!
-//! Sets are divided by the surface area heuristic over bins, with the areas of spheres. The sphere of a set starts at the centre of
-//! its box and moves towards the farthest of its primitives, a little less each time (Bădoiu and Clarkson, Smaller core-sets for
-//! balls, SODA 2003): some percent larger than the smallest.
+//! Sets are divided by the surface area heuristic over bins, with the areas of spheres. The sphere
+//! of a set starts at the centre of its box and moves towards the farthest of its primitives, a
+//! little less each time (Bădoiu and Clarkson, Smaller core-sets for balls, SODA 2003): some
+//! percent larger than the smallest.
 
 use super::box_ray::BoxRay;
 use super::primitives::{Item, PARALLEL, Primitives, bounds_of};
@@ -27,7 +28,8 @@ const MAX_COST_DEPTH: usize = 40;
 struct Node {
     center: Vec3,
     radius: f32,
-    /// Of an inner node the second child (the first comes right after it); of a leaf the first reference.
+    /// Of an inner node the second child (the first comes right after it); of a leaf the first
+    /// reference.
     at: u32,
     /// Primitives in a leaf; 0 for an inner node.
     count: u32,
@@ -89,7 +91,8 @@ impl Spheres {
     /// Adds a finished tree.
     fn append(&mut self, other: Self) {
         let (nodes, references) = (self.nodes.len() as u32, self.references.len() as u32);
-        let moved = |n: Node| Node { at: n.at + if n.count == 0 { nodes } else { references }, ..n };
+        let moved =
+            |n: Node| Node { at: n.at + if n.count == 0 { nodes } else { references }, ..n };
         self.nodes.extend(other.nodes.into_iter().map(moved));
         self.references.extend(other.references);
         self.depth = self.depth.max(other.depth);
@@ -104,10 +107,12 @@ fn sphere(items: &[Item], bounds: &Bounds3) -> (Vec3, f32) {
         let (radius, farthest) = items
             .iter()
             .map(|i| {
-                // The corner farthest from the centre: exactly, because a centre in `f32` may be the wrong one.
+                // The corner farthest from the centre: exactly, because a centre in `f32` may be
+                // the wrong one.
                 let center = center.as_dvec3();
                 let (up, down) = (i.max.as_dvec3() - center, center - i.min.as_dvec3());
-                let corner = std::array::from_fn(|a| if up[a] >= down[a] { i.max[a] } else { i.min[a] });
+                let corner =
+                    std::array::from_fn(|a| if up[a] >= down[a] { i.max[a] } else { i.min[a] });
                 (up.max(down).length_squared(), Vec3::from_array(corner))
             })
             .fold((-1.0, center), |a, b| if b.0 > a.0 { b } else { a });
@@ -123,7 +128,8 @@ fn sphere(items: &[Item], bounds: &Bounds3) -> (Vec3, f32) {
 fn split(items: &mut [Item]) -> usize {
     let centers = Bounds3::of(items.iter().map(Item::center));
     let scale = (Vec3::splat(BINS as f32 * 0.9999) / centers.size()).min(Vec3::splat(f32::MAX));
-    let bin = |i: &Item, axis: usize| (((i.center() - centers.min) * scale)[axis] as usize).min(BINS - 1);
+    let bin =
+        |i: &Item, axis: usize| (((i.center() - centers.min) * scale)[axis] as usize).min(BINS - 1);
     let mut best = (f64::INFINITY, 0, 0);
     for axis in 0..3 {
         let mut bins = [(Bounds3::EMPTY, 0); BINS];
@@ -132,7 +138,8 @@ fn split(items: &mut [Item]) -> usize {
             *bounds = bounds.union(&item.bounds());
             *count += 1;
         }
-        let cost = |(bounds, count): &(Bounds3, usize)| f64::from(bounds.radius()).powi(2) * *count as f64;
+        let cost =
+            |(bounds, count): &(Bounds3, usize)| f64::from(bounds.radius()).powi(2) * *count as f64;
         let join = |a: (Bounds3, usize), b: &(Bounds3, usize)| (a.0.union(&b.0), a.1 + b.1);
         let mut right = [0.0; BINS];
         let mut sum = (Bounds3::EMPTY, 0);
@@ -163,8 +170,8 @@ fn split(items: &mut [Item]) -> usize {
 }
 
 impl Spheres {
-    /// Where the ray is in the sphere of a node, by the distance of the centre from the line; `None` if nowhere. NaN, from numbers
-    /// beyond all reason, never excludes.
+    /// Where the ray is in the sphere of a node, by the distance of the centre from the line;
+    /// `None` if nowhere. NaN, from numbers beyond all reason, never excludes.
     #[inline(always)]
     fn span(&self, node: u32, ray: &ThickRay) -> Option<(f64, f64)> {
         let node = &self.nodes[node as usize];
@@ -181,7 +188,13 @@ impl Spheres {
         if start > end { None } else { Some((start, end)) }
     }
 
-    fn search(&self, ray: &BoxRay, visitor: &mut dyn Visitor, stack: &mut Vec<Later>, work: &mut Work) -> bool {
+    fn search(
+        &self,
+        ray: &BoxRay,
+        visitor: &mut dyn Visitor,
+        stack: &mut Vec<Later>,
+        work: &mut Work,
+    ) -> bool {
         let ray = ThickRay::new(ray);
         if let Some((start, end)) = self.span(0, &ray) {
             stack.push(Later::node(0, start, end));
@@ -201,7 +214,8 @@ impl Spheres {
                 continue;
             }
             work.node(visitor, place);
-            let child = |at: u32| self.span(at, &ray).map(|(start, end)| Later::node(at, start, end));
+            let child =
+                |at: u32| self.span(at, &ray).map(|(start, end)| Later::node(at, start, end));
             let (first, second) = (child(later.node + 1), child(node.at));
             let swap = match (&first, &second) {
                 (Some(a), Some(b)) => self.front_to_back && b.start < a.start,
@@ -263,7 +277,8 @@ mod tests {
     fn the_sphere_of_a_set_holds_it_and_is_tighter_than_that_of_its_box() {
         // Three far points of a triangle: the sphere around its box is a half larger.
         let at = |p: Vec3, id: u32| Item { min: p, id, max: p };
-        let items = [at(Vec3::ZERO, 0), at(Vec3::new(1.0, 1.0, 0.0), 1), at(Vec3::new(1.0, 0.0, 1.0), 2)];
+        let items =
+            [at(Vec3::ZERO, 0), at(Vec3::new(1.0, 1.0, 0.0), 1), at(Vec3::new(1.0, 0.0, 1.0), 2)];
         let bounds = bounds_of(&items);
         let (center, radius) = sphere(&items, &bounds);
         assert!(items.iter().all(|i| i.min.distance(center) <= radius));

@@ -1,6 +1,7 @@
-//! Every structure gives the hits of `none`, bit for bit: random scenes of mixed shapes, meshes and nested instances, at all
-//! scales, with degenerate and coincident triangles, and rays that are meant to be awkward. `SNELL_TEST_CASES` says how many scenes
-//! (300 by default); with `SNELL_TEST_BVH` set, the `bvh` is compared too, whose kernels have tests of their own.
+//! Every structure gives the hits of `none`, bit for bit: random scenes of mixed shapes, meshes and
+//! nested instances, at all scales, with degenerate and coincident triangles, and rays that are
+//! meant to be awkward. `SNELL_TEST_CASES` says how many scenes (300 by default); with
+//! `SNELL_TEST_BVH` set, the `bvh` is compared too, whose kernels have tests of their own.
 
 use super::{AcceleratorKind, AcceleratorOptions};
 use crate::hit::Hit;
@@ -50,9 +51,11 @@ impl Random {
     }
 
     fn transform(&mut self) -> Transform {
-        let axis = Vec3::new(self.signed(), self.signed(), self.signed() + 1.5).as_dvec3().normalize();
+        let axis =
+            Vec3::new(self.signed(), self.signed(), self.signed() + 1.5).as_dvec3().normalize();
         let turn = if self.chance(0.3) { 0.0 } else { f64::from(self.unit()) * 6.0 };
-        let mut scale = DVec3::new(self.unit().into(), self.unit().into(), self.unit().into()) + 0.2;
+        let mut scale =
+            DVec3::new(self.unit().into(), self.unit().into(), self.unit().into()) + 0.2;
         scale *= [1.0, 1.0, 1.0, 1e-3, 30.0][self.below(5)];
         let linear = DMat3::from_axis_angle(axis, turn) * DMat3::from_diagonal(scale);
         let map = DAffine3 { matrix3: linear, translation: self.point().as_dvec3() };
@@ -74,7 +77,9 @@ fn soup(random: &mut Random, triangles: usize, scale: f32, center: Vec3) -> Tria
                 (b[axis], c[axis]) = (a[axis], a[axis]);
             }
             2 => c = b,
-            3 if random.chance(0.3) => c[random.below(3)] = [f32::NAN, f32::INFINITY][random.below(2)],
+            3 if random.chance(0.3) => {
+                c[random.below(3)] = [f32::NAN, f32::INFINITY][random.below(2)]
+            }
             _ => {}
         }
         mesh.positions.extend([a, b, c].map(|p| p * scale + center));
@@ -97,7 +102,8 @@ fn terrain(random: &mut Random, n: u32, scale: f32, center: Vec3) -> TriangleMes
     }
     for y in 0..n {
         for x in 0..n {
-            let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| (y + j) * (n + 1) + x + i);
+            let [a, b, c, d] =
+                [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| (y + j) * (n + 1) + x + i);
             mesh.indices.extend([[a, b, c], [a, c, d]]);
         }
     }
@@ -179,12 +185,14 @@ fn fill(
 /// Rays of all kinds between the points.
 fn rays(seed: u32, points: &[Vec3], n: usize) -> Vec<Ray> {
     let mut random = Random(hash32(seed ^ 0x5eed));
-    let size = points.iter().fold(0.0f32, |a, p| a.max(p.abs().max_element())).max(f32::MIN_POSITIVE);
+    let size =
+        points.iter().fold(0.0f32, |a, p| a.max(p.abs().max_element())).max(f32::MIN_POSITIVE);
     let mut rays = Vec::with_capacity(n);
     for _ in 0..n {
         let (from, to) = (points[random.below(points.len())], points[random.below(points.len())]);
         let mut origin = match random.below(6) {
-            // From a vertex along an edge, a face or anywhere, from a little beside, from outside, from far outside.
+            // From a vertex along an edge, a face or anywhere, from a little beside, from outside,
+            // from far outside.
             0 | 1 => from,
             2 => from + random.point() * size * 1e-6,
             3 | 4 => to + random.point() * size * 3.0,
@@ -192,7 +200,8 @@ fn rays(seed: u32, points: &[Vec3], n: usize) -> Vec<Ray> {
         };
         let mut direction = to - origin;
         if random.chance(0.3) {
-            direction = [Vec3::X, Vec3::Y, Vec3::Z][random.below(3)] * if random.chance(0.5) { -1.0 } else { 1.0 };
+            direction = [Vec3::X, Vec3::Y, Vec3::Z][random.below(3)]
+                * if random.chance(0.5) { -1.0 } else { 1.0 };
         } else if random.chance(0.2) {
             direction[random.below(3)] *= [0.0, -0.0, 1e-20, 1e-40][random.below(4)];
         }
@@ -207,20 +216,37 @@ fn rays(seed: u32, points: &[Vec3], n: usize) -> Vec<Ray> {
             ray.t_min = random.signed() * reach;
             ray.t_max = ray.t_min + random.signed() * reach * 3.0;
         } else if random.chance(0.1) {
-            (ray.t_min, ray.t_max) = (f32::NEG_INFINITY, [0.0, f32::INFINITY, f32::NAN][random.below(3)]);
+            (ray.t_min, ray.t_max) =
+                (f32::NEG_INFINITY, [0.0, f32::INFINITY, f32::NAN][random.below(3)]);
         }
         rays.push(ray);
     }
     rays
 }
 
-fn build(builder: WorldBuilder, accelerator: AcceleratorKind, accelerator_options: AcceleratorOptions) -> World {
-    let options = BuildOptions { accelerator, accelerator_options, simd: Level::Scalar, ..BuildOptions::default() };
+fn build(
+    builder: WorldBuilder,
+    accelerator: AcceleratorKind,
+    accelerator_options: AcceleratorOptions,
+) -> World {
+    let options = BuildOptions {
+        accelerator,
+        accelerator_options,
+        simd: Level::Scalar,
+        ..BuildOptions::default()
+    };
     builder.build(&options).expect("a world")
 }
 
 fn bits(hit: &Hit) -> [u32; 6] {
-    [hit.t.to_bits(), hit.uv.x.to_bits(), hit.uv.y.to_bits(), hit.instance, hit.geometry, hit.primitive]
+    [
+        hit.t.to_bits(),
+        hit.uv.x.to_bits(),
+        hit.uv.y.to_bits(),
+        hit.instance,
+        hit.geometry,
+        hit.primitive,
+    ]
 }
 
 /// Kinds and switches to be compared with `none`.
@@ -229,12 +255,18 @@ fn variants() -> Vec<(AcceleratorKind, AcceleratorOptions)> {
     let mut all = Vec::new();
     for kind in AcceleratorKind::ALL.into_iter().filter(|k| k.build().is_some()) {
         all.push((kind, plain));
-        all.push((kind, AcceleratorOptions { front_to_back: false, last_hit_cache: true, ..plain }));
+        all.push((
+            kind,
+            AcceleratorOptions { front_to_back: false, last_hit_cache: true, ..plain },
+        ));
     }
     if std::env::var_os("SNELL_TEST_BVH").is_some() {
         all.push((AcceleratorKind::Bvh, plain));
     }
-    all.push((AcceleratorKind::Grid, AcceleratorOptions { grid_resolution: Some(40), nested_grids: false, ..plain }));
+    all.push((
+        AcceleratorKind::Grid,
+        AcceleratorOptions { grid_resolution: Some(40), nested_grids: false, ..plain },
+    ));
     all.push((AcceleratorKind::Grid, AcceleratorOptions { grid_resolution: Some(3), ..plain }));
     all
 }
@@ -248,14 +280,21 @@ fn compare(seed: u32, count: usize) -> usize {
     let closest: Vec<Hit> = rays.iter().map(|r| oracle.closest_one(r, &AcceptAll)).collect();
     for (kind, options) in variants() {
         let world = build(scene(seed).0, kind, options);
-        let what = |i: usize| format!("scene {seed}, {} {options:?}, ray {i} {:?}", kind.name(), rays[i]);
+        let what =
+            |i: usize| format!("scene {seed}, {} {options:?}, ray {i} {:?}", kind.name(), rays[i]);
         let mut hits = vec![Hit::MISS; rays.len()];
         world.closest(&rays[..], Grouping::None, &AcceptAll, &mut hits);
         let mut blocked = vec![false; rays.len()];
         world.occluded(&rays[..], Grouping::None, &AcceptAll, &mut blocked);
         for i in 0..rays.len() {
             let expected = closest[i];
-            assert_eq!(bits(&hits[i]), bits(&expected), "{}: {:?} is not {expected:?}", what(i), hits[i]);
+            assert_eq!(
+                bits(&hits[i]),
+                bits(&expected),
+                "{}: {:?} is not {expected:?}",
+                what(i),
+                hits[i]
+            );
             assert_eq!(blocked[i], expected.is_hit(), "{}", what(i));
             let found = world.all_one(&rays[i], &AcceptAll);
             assert_eq!(
@@ -264,7 +303,12 @@ fn compare(seed: u32, count: usize) -> usize {
                 "{}",
                 what(i)
             );
-            assert_eq!(bits(&world.closest_counted(&rays[i], &AcceptAll).0), bits(&expected), "{}", what(i));
+            assert_eq!(
+                bits(&world.closest_counted(&rays[i], &AcceptAll).0),
+                bits(&expected),
+                "{}",
+                what(i)
+            );
         }
     }
     all.iter().filter(|h| !h.is_empty()).count()
@@ -274,7 +318,8 @@ fn compare(seed: u32, count: usize) -> usize {
 fn every_structure_gives_the_hits_of_none_bit_for_bit() {
     let cases = std::env::var("SNELL_TEST_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(300);
     let config = Config { cases, failure_persistence: None, ..Config::default() };
-    let mut runner = TestRunner::new_with_rng(config, TestRng::deterministic_rng(RngAlgorithm::ChaCha));
+    let mut runner =
+        TestRunner::new_with_rng(config, TestRng::deterministic_rng(RngAlgorithm::ChaCha));
     let hits = std::cell::Cell::new(0);
     let result = runner.run(&any::<u32>(), |seed| {
         hits.set(hits.get() + compare(seed, 40));

@@ -1,5 +1,5 @@
-//! The structures of all groups, and the search of one ray through them: the recursion over instances that every [`Accelerator`]
-//! shares.
+//! The structures of all groups, and the search of one ray through them: the recursion over
+//! instances that every [`Accelerator`] shares.
 
 use super::box_ray::BoxRay;
 use super::brute_force::GroupList;
@@ -38,7 +38,8 @@ struct Group {
 }
 
 impl Structures {
-    /// Builds the structures. `bounds` are the boxes of the objects of each group in the coordinates of the group.
+    /// Builds the structures. `bounds` are the boxes of the objects of each group in the
+    /// coordinates of the group.
     pub fn build(
         lists: Vec<GroupList>,
         bounds: &[Vec<Bounds3d>],
@@ -105,11 +106,24 @@ impl Structures {
         let group = &self.groups[index];
         let cached = scratch.last_hit.get(index).copied().unwrap_or(NOTHING);
         let data = search.context.data;
-        let thick = BoxRay::new(&G::Precision::ray_in_structure(data, index, ray), &group.bounds, search.start);
+        let thick = BoxRay::new(
+            &G::Precision::ray_in_structure(data, index, ray),
+            &group.bounds,
+            search.start,
+        );
         let walk = if group.structure.repeats() { scratch.mailbox.begin() } else { 0 };
         let local = G::Precision::local_ray(data, index, ray);
-        let mut visitor =
-            GroupVisitor { structures: self, index, group, local, instance, walk, cached, search, scratch };
+        let mut visitor = GroupVisitor {
+            structures: self,
+            index,
+            group,
+            local,
+            instance,
+            walk,
+            cached,
+            search,
+            scratch,
+        };
         (cached != NOTHING && visitor.test_one(cached))
             || visitor.test(&group.unbounded)
             || group.structure.walk(&thick, &mut visitor)
@@ -159,7 +173,8 @@ impl<G: Goal> GroupVisitor<'_, '_, G> {
     /// True for the first time that the walk meets the primitive.
     #[inline(always)]
     fn is_new(&mut self, primitive: u32) -> bool {
-        primitive != self.cached && (self.walk == 0 || self.scratch.mailbox.insert(self.walk, primitive))
+        primitive != self.cached
+            && (self.walk == 0 || self.scratch.mailbox.insert(self.walk, primitive))
     }
 
     /// Tests a primitive; true if the search is over.
@@ -176,7 +191,9 @@ impl<G: Goal> GroupVisitor<'_, '_, G> {
             let (geometry, mesh) = &self.group.list.meshes[mesh];
             // One that can never be hit is in no list, but may be in a range.
             let corners = mesh.corners(triangle as usize).map(|p| p.to_array());
-            test_triangle(self.search, &self.local, &corners, || [self.instance, *geometry, triangle])
+            test_triangle(self.search, &self.local, &corners, || {
+                [self.instance, *geometry, triangle]
+            })
         } else {
             self.test_object((primitive - self.group.triangles) as usize)
         };
@@ -189,16 +206,24 @@ impl<G: Goal> GroupVisitor<'_, '_, G> {
     #[inline(never)]
     fn test_object(&mut self, object: usize) -> bool {
         let Self { structures, group, local, instance, scratch, search, .. } = self;
-        test_object(&group.list.objects, object, &local.exact, *instance, search, |child, ray, instance, search| {
-            structures.search_group(child, ray, instance, search, scratch)
-        })
+        test_object(
+            &group.list.objects,
+            object,
+            &local.exact,
+            *instance,
+            search,
+            |child, ray, instance, search| {
+                structures.search_group(child, ray, instance, search, scratch)
+            },
+        )
     }
 }
 
 impl<G: Goal> Visitor for GroupVisitor<'_, '_, G> {
     #[inline]
     fn cull(&self) -> f64 {
-        // The second term is for distances so small that rounding them to `f32` moves them by more than a share of them.
+        // The second term is for distances so small that rounding them to `f32` moves them by more
+        // than a share of them.
         f64::from(self.search.cull()) + 4.0 * f64::from(f32::from_bits(1))
     }
 

@@ -12,38 +12,44 @@ const SIXTH: f64 = 1.0 / 6.0;
 /// How the points of a cubic curve define it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum CurveBasis {
-    /// Four points of the segment: the ends, and between them two that it is drawn towards. Segments that follow each other share
-    /// a point.
+    /// Four points of the segment: the ends, and between them two that it is drawn towards.
+    /// Segments that follow each other share a point.
     #[default]
     Bezier,
-    /// Uniform B-spline: four points that the segment is near; the next segment starts one point on.
+    /// Uniform B-spline: four points that the segment is near; the next segment starts one point
+    /// on.
     BSpline,
-    /// The segment runs from the second to the third of four points; the next segment starts one point on.
+    /// The segment runs from the second to the third of four points; the next segment starts one
+    /// point on.
     CatmullRom,
     /// Two points, and the derivative at each ([`CubicCurves::tangents`]).
     Hermite,
 }
 
-/// Cubic curves of round cross-section: each segment is the space swept by a ball whose centre and radius are cubic functions.
-/// The ends are round, so segments that meet leave no crack. Each segment is a solid of its own.
+/// Cubic curves of round cross-section: each segment is the space swept by a ball whose centre and
+/// radius are cubic functions. The ends are round, so segments that meet leave no crack. Each
+/// segment is a solid of its own.
 ///
-/// The curve is divided in halves until it is straight to a thousandth of its largest radius (at most 4096 pieces), and the
-/// crossings of the pieces' hulls are then improved to the true surface where that converges, to some 1e-12 of the size of the
-/// segment. What remains is at silhouettes: whether a ray that all but touches the curve hits it may be wrong within a thousandth of
-/// the radius. Where a curve is bent more tightly than its radius, the swept space is still what is hit.
+/// The curve is divided in halves until it is straight to a thousandth of its largest radius (at
+/// most 4096 pieces), and the crossings of the pieces' hulls are then improved to the true surface
+/// where that converges, to some 1e-12 of the size of the segment. What remains is at silhouettes:
+/// whether a ray that all but touches the curve hits it may be wrong within a thousandth of the
+/// radius. Where a curve is bent more tightly than its radius, the swept space is still what is
+/// hit.
 ///
-/// A segment with a point that does not exist or is not finite, with a negative radius, or with all radii 0, is never hit.
-/// Where the basis makes the radius negative between points, it is 0.
+/// A segment with a point that does not exist or is not finite, with a negative radius, or with all
+/// radii 0, is never hit. Where the basis makes the radius negative between points, it is 0.
 ///
-/// [`crate::Hit::uv`] is (parameter from 0 to 1 along the segment, 0); the texture coordinates are the same with the angle around the
-/// curve, from 0 to 1, for the second.
+/// [`crate::Hit::uv`] is (parameter from 0 to 1 along the segment, 0); the texture coordinates are
+/// the same with the angle around the curve, from 0 to 1, for the second.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CubicCurves {
     /// What the points mean.
     pub basis: CurveBasis,
     /// Position (x, y, z) and radius (w).
     pub points: Vec<Vec4>,
-    /// For Hermite curves the derivatives at the points by the parameter of the segment, radius included.
+    /// For Hermite curves the derivatives at the points by the parameter of the segment, radius
+    /// included.
     pub tangents: Vec<Vec4>,
     /// Per segment the number of its first point.
     pub segments: Vec<u32>,
@@ -64,7 +70,12 @@ impl CubicCurves {
             }
             [a, a + da / 3.0, b - db / 3.0, b]
         } else {
-            let points = [get(&self.points, 0)?, get(&self.points, 1)?, get(&self.points, 2)?, get(&self.points, 3)?];
+            let points = [
+                get(&self.points, 0)?,
+                get(&self.points, 1)?,
+                get(&self.points, 2)?,
+                get(&self.points, 3)?,
+            ];
             if points.iter().any(|p| p.w < 0.0) {
                 return None;
             }
@@ -72,7 +83,12 @@ impl CubicCurves {
             match self.basis {
                 CurveBasis::BSpline => {
                     let third = 1.0 / 3.0;
-                    [(a + b * 4.0 + c) * SIXTH, (b * 2.0 + c) * third, (b + c * 2.0) * third, (b + c * 4.0 + d) * SIXTH]
+                    [
+                        (a + b * 4.0 + c) * SIXTH,
+                        (b * 2.0 + c) * third,
+                        (b + c * 2.0) * third,
+                        (b + c * 4.0 + d) * SIXTH,
+                    ]
                 }
                 CurveBasis::CatmullRom => [b, b + (c - a) * SIXTH, c - (d - b) * SIXTH, c],
                 CurveBasis::Bezier | CurveBasis::Hermite => [a, b, c, d],
@@ -112,11 +128,18 @@ impl Tube {
         Some(sweep.crossings().map(|(t, u)| PrimitiveHit { t, uv: Vec2::new(u as f32, 0.0) }))
     }
 
-    /// The surface at a point that was hit with this `u`. `chord` is any direction common to a whole curve; angles count from it.
+    /// The surface at a point that was hit with this `u`. `chord` is any direction common to a
+    /// whole curve; angles count from it.
     pub fn surface(&self, position: DVec3, u: f32, chord: DVec3) -> ShapeSurface {
         let u = super::sweep::foot(&self.0, position, u.into());
         let [c, d, _] = super::sweep::derivatives(&self.0, u);
-        tube_surface(&Ball { center: c.truncate(), radius: c.w }, u, (d.truncate(), d.w), chord, position)
+        tube_surface(
+            &Ball { center: c.truncate(), radius: c.w },
+            u,
+            (d.truncate(), d.w),
+            chord,
+            position,
+        )
     }
 
     pub fn nearest_point(&self, point: DVec3, metric: &Metric) -> (DVec3, Vec2) {
@@ -147,7 +170,12 @@ impl PrimitiveSet for CubicCurves {
         Tube(controls).surface(position, uv.x, (controls[3] - controls[0]).truncate())
     }
 
-    fn nearest_point(&self, segment: usize, point: DVec3, metric: &Metric) -> Option<(DVec3, Vec2)> {
+    fn nearest_point(
+        &self,
+        segment: usize,
+        point: DVec3,
+        metric: &Metric,
+    ) -> Option<(DVec3, Vec2)> {
         Some(Tube(self.bezier(segment)?).nearest_point(point, metric))
     }
 
@@ -163,13 +191,20 @@ mod tests {
 
     fn points() -> Vec<Vec4> {
         let p = |x: f32, y: f32, r: f32| Vec4::new(x, y, 0.5 * x * y, r);
-        vec![p(0.0, 1.0, 0.1), p(1.0, -1.0, 0.2), p(2.0, 2.0, 0.3), p(3.0, 0.0, 0.1), p(4.0, 1.0, 0.2)]
+        vec![
+            p(0.0, 1.0, 0.1),
+            p(1.0, -1.0, 0.2),
+            p(2.0, 2.0, 0.3),
+            p(3.0, 0.0, 0.1),
+            p(4.0, 1.0, 0.2),
+        ]
     }
 
     #[test]
     fn segments_that_follow_each_other_meet_in_the_same_ball() {
         for basis in [CurveBasis::BSpline, CurveBasis::CatmullRom, CurveBasis::Hermite] {
-            let curves = CubicCurves { basis, points: points(), tangents: points(), segments: vec![0, 1] };
+            let curves =
+                CubicCurves { basis, points: points(), tangents: points(), segments: vec![0, 1] };
             let [a, b] = [0, 1].map(|s| curves.bezier(s).expect("a curve"));
             assert_eq!(a[3], b[0], "{basis:?}");
         }
@@ -178,7 +213,9 @@ mod tests {
     #[test]
     fn the_bases_do_what_they_are_known_for() {
         let curve = |basis| {
-            CubicCurves { basis, points: points(), tangents: points(), segments: vec![0] }.bezier(0).expect("a curve")
+            CubicCurves { basis, points: points(), tangents: points(), segments: vec![0] }
+                .bezier(0)
+                .expect("a curve")
         };
         let p = points().iter().map(|p| p.as_dvec4()).collect::<Vec<_>>();
         let near = |a: DVec4, b: DVec4| (a - b).abs().max_element() < 1e-6;
@@ -188,7 +225,8 @@ mod tests {
         // Hermite has the given points and derivatives.
         let [c, d, _] = derivatives(&curve(CurveBasis::Hermite), 1.0);
         assert!(near(c, p[1]) && near(d, p[1]));
-        // A B-spline has the weights 1, 4, 1 at the joints, and its second derivative there is p0 - 2 p1 + p2.
+        // A B-spline has the weights 1, 4, 1 at the joints, and its second derivative there is p0 -
+        // 2 p1 + p2.
         let [c, _, dd] = derivatives(&curve(CurveBasis::BSpline), 0.0);
         assert!(near(c, (p[0] + p[1] * 4.0 + p[2]) / 6.0) && near(dd, p[0] - p[1] * 2.0 + p[2]));
     }

@@ -1,4 +1,5 @@
-//! Strands: round curves of one or more segments each, hit from outside only. What hair and fur are made of.
+//! Strands: round curves of one or more segments each, hit from outside only. What hair and fur are
+//! made of.
 
 use super::cubic::Tube;
 use super::sweep::{derivatives, halves};
@@ -76,15 +77,20 @@ fn expected(basis: StrandBasis) -> &'static str {
     }
 }
 
-/// Curves of round cross-section in strands: the space that a ball sweeps along each. [`LinearCurves`] and [`CubicCurves`] say what a
-/// segment is. Long and thin segments are divided in halves, quarters or eighths, because the boxes around those are so much smaller;
-/// [`crate::Hit::primitive`] counts these pieces over all strands, and [`crate::Hit::uv`] is along a piece.
+/// Curves of round cross-section in strands: the space that a ball sweeps along each.
+/// [`LinearCurves`] and [`CubicCurves`] say what a segment is. Long and thin segments are divided
+/// in halves, quarters or eighths, because the boxes around those are so much smaller;
+/// [`crate::Hit::primitive`] counts these pieces over all strands, and [`crate::Hit::uv`] is along
+/// a piece.
 ///
-/// Unlike their segments, strands have an outside only: a ray meets a strand where it goes in, never where it comes out, and nothing
-/// within it where segments meet. So a ray that starts on a strand passes through it unhindered, which is what scattering by fibres asks
-/// for (the light's way within the fibre is the material's affair), and Embree's culling of the inner sides of curves does the same.
+/// Unlike their segments, strands have an outside only: a ray meets a strand where it goes in,
+/// never where it comes out, and nothing within it where segments meet. So a ray that starts on a
+/// strand passes through it unhindered, which is what scattering by fibres asks for (the light's
+/// way within the fibre is the material's affair), and Embree's culling of the inner sides of
+/// curves does the same.
 ///
-/// Texture coordinates: `u` from 0 at the root of a strand to 1 at its tip, evenly over its segments; `v` from 0 to 1 around it.
+/// Texture coordinates: `u` from 0 at the root of a strand to 1 at its tip, evenly over its
+/// segments; `v` from 0 to 1 around it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curves {
     basis: StrandBasis,
@@ -99,8 +105,8 @@ pub struct Curves {
     capsules: Vec<Capsule>,
 }
 
-/// All points within a distance of a line from point to point: around a piece, so that most rays that come near it are told at once that
-/// they pass by.
+/// All points within a distance of a line from point to point: around a piece, so that most rays
+/// that come near it are told at once that they pass by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Capsule {
     start: Vec3,
@@ -112,7 +118,8 @@ struct Capsule {
 impl Capsule {
     const NOTHING: Self = Self { start: Vec3::ZERO, along: Vec3::ZERO, radius: -1.0 };
 
-    /// Around a tube: its balls are means of those at its control points, so that they are no farther out.
+    /// Around a tube: its balls are means of those at its control points, so that they are no
+    /// farther out.
     fn around(tube: &Tube) -> Self {
         let [a, b, c, d] = tube.0;
         let (start, end) = (a.truncate().as_vec3(), d.truncate().as_vec3());
@@ -127,23 +134,27 @@ impl Capsule {
         Self { start, along, radius: radius.next_up() }
     }
 
-    /// True if the line of a ray passes by, for certain: by the distance of the line from the nearest point of the middle line, which is
-    /// off by rounding only.
+    /// True if the line of a ray passes by, for certain: by the distance of the line from the
+    /// nearest point of the middle line, which is off by rounding only.
     #[inline]
     fn is_missed(&self, ray: &DRay) -> bool {
-        let (start, along, radius) = (self.start.as_dvec3(), self.along.as_dvec3(), f64::from(self.radius));
+        let (start, along, radius) =
+            (self.start.as_dvec3(), self.along.as_dvec3(), f64::from(self.radius));
         let seen = start - ray.origin;
         let per_length2 = 1.0 / ray.direction.length_squared();
-        let (from, to) = (seen.dot(ray.direction) * per_length2, along.dot(ray.direction) * per_length2);
+        let (from, to) =
+            (seen.dot(ray.direction) * per_length2, along.dot(ray.direction) * per_length2);
         let (seen_across, across) = (seen - ray.direction * from, along - ray.direction * to);
         let at = (-seen_across.dot(across) / across.length_squared()).clamp(0.0, 1.0);
         let nearest = seen_across + across * if at.is_nan() { 0.0 } else { at };
         // (Not so for what is no number, and for directions whose squares are none.)
-        self.radius < 0.0 || nearest.length_squared() > radius * radius + ROUNDING * seen.length_squared()
+        self.radius < 0.0
+            || nearest.length_squared() > radius * radius + ROUNDING * seen.length_squared()
     }
 }
 
-/// What squared distances from lines may be off by, relative to those from their origins: with far more than enough room.
+/// What squared distances from lines may be off by, relative to those from their origins: with far
+/// more than enough room.
 const ROUNDING: f64 = 1e-12;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -155,17 +166,23 @@ enum Segments {
 /// Segments are halved at most so often.
 const MOST_HALVINGS: u32 = 3;
 
-/// Pieces are about so much longer than they are wide, if segments need not be halved more often for that.
+/// Pieces are about so much longer than they are wide, if segments need not be halved more often
+/// for that.
 const SLENDER: f64 = 8.0;
 
-/// How far outside of the next segment, as the sine of an angle at the joint, the end of a segment is still left to be hit: rays that
-/// meet both must not slip through between them.
+/// How far outside of the next segment, as the sine of an angle at the joint, the end of a segment
+/// is still left to be hit: rays that meet both must not slip through between them.
 const JOINT: f64 = 0.01;
 
 impl Curves {
-    /// Strands of these points, position (x, y, z) and radius (w), one strand after the other; `strands` has the number of points of each.
-    /// A segment with a point that is not finite, with a negative radius, or with all radii 0, is never hit.
-    pub fn new(basis: StrandBasis, points: Vec<Vec4>, strands: Vec<u32>) -> Result<Self, StrandError> {
+    /// Strands of these points, position (x, y, z) and radius (w), one strand after the other;
+    /// `strands` has the number of points of each. A segment with a point that is not finite, with
+    /// a negative radius, or with all radii 0, is never hit.
+    pub fn new(
+        basis: StrandBasis,
+        points: Vec<Vec4>,
+        strands: Vec<u32>,
+    ) -> Result<Self, StrandError> {
         let total = strands.iter().map(|&n| u64::from(n)).sum();
         if total != points.len() as u64 {
             return Err(StrandError::Total { strands: total, points: points.len() });
@@ -174,7 +191,8 @@ impl Curves {
             return Err(StrandError::TooMany);
         }
         let (_, step) = basis.points_and_step();
-        let (mut first, mut starts, mut first_segments) = (0, Vec::new(), Vec::with_capacity(strands.len() + 1));
+        let (mut first, mut starts, mut first_segments) =
+            (0, Vec::new(), Vec::with_capacity(strands.len() + 1));
         for (strand, &points) in strands.iter().enumerate() {
             first_segments.push(starts.len() as u32);
             let Some(segments) = basis.segments(points as usize) else {
@@ -184,27 +202,32 @@ impl Curves {
             first += points;
         }
         first_segments.push(starts.len() as u32);
-        let cubic =
-            |basis, points, segments| Segments::Cubic(CubicCurves { basis, points, tangents: Vec::new(), segments });
+        let cubic = |basis, points, segments| {
+            Segments::Cubic(CubicCurves { basis, points, tangents: Vec::new(), segments })
+        };
         let segments = match basis {
             StrandBasis::Linear => Segments::Linear(LinearCurves { points, segments: starts }),
             StrandBasis::Bezier => cubic(CurveBasis::Bezier, points, starts),
             StrandBasis::BSpline => cubic(CurveBasis::BSpline, points, starts),
             StrandBasis::CatmullRom => cubic(CurveBasis::CatmullRom, points, starts),
         };
-        let mut curves = Self { basis, segments, strands, first_segments, halvings: 0, capsules: Vec::new() };
+        let mut curves =
+            Self { basis, segments, strands, first_segments, halvings: 0, capsules: Vec::new() };
         curves.halvings = curves.best_halvings();
         if curves.segment_count() << curves.halvings > u32::MAX as usize {
             curves.halvings = 0;
         }
         if let Segments::Cubic(_) = curves.segments {
-            let capsule = |piece| curves.tube(piece).map_or(Capsule::NOTHING, |(tube, _)| Capsule::around(&tube));
+            let capsule = |piece| {
+                curves.tube(piece).map_or(Capsule::NOTHING, |(tube, _)| Capsule::around(&tube))
+            };
             curves.capsules = (0..curves.len()).map(capsule).collect();
         }
         Ok(curves)
     }
 
-    /// How often to halve cubic segments so that pieces are not much longer than wide, by the mean of all.
+    /// How often to halve cubic segments so that pieces are not much longer than wide, by the mean
+    /// of all.
     fn best_halvings(&self) -> u32 {
         let Segments::Cubic(curves) = &self.segments else { return 0 };
         let (mut length, mut width) = (0.0, 0.0);
@@ -212,7 +235,9 @@ impl Curves {
             length += c.windows(2).map(|p| p[0].truncate().distance(p[1].truncate())).sum::<f64>();
             width += c[0].w + c[3].w;
         }
-        (0..MOST_HALVINGS).find(|&n| length <= SLENDER * width * f64::from(1 << n)).unwrap_or(MOST_HALVINGS)
+        (0..MOST_HALVINGS)
+            .find(|&n| length <= SLENDER * width * f64::from(1 << n))
+            .unwrap_or(MOST_HALVINGS)
     }
 
     /// How many segments all strands have.
@@ -284,10 +309,14 @@ impl Curves {
 
     /// Bounds of all strands.
     pub fn bounds_of_all(&self) -> Bounds3d {
-        (0..self.len()).map(|i| self.bounds(i)).filter(|b| !b.is_empty()).fold(Bounds3d::EMPTY, |all, b| all.union(&b))
+        (0..self.len())
+            .map(|i| self.bounds(i))
+            .filter(|b| !b.is_empty())
+            .fold(Bounds3d::EMPTY, |all, b| all.union(&b))
     }
 
-    /// True if a point on the round end of a piece, at `u` 0 or 1, lies within the piece that goes on from there.
+    /// True if a point on the round end of a piece, at `u` 0 or 1, lies within the piece that goes
+    /// on from there.
     fn is_within_next(&self, piece: usize, u: f32, position: DVec3) -> bool {
         let [first, after] = self.strand_of(piece);
         let (next, start, sign) = match u {
@@ -295,7 +324,8 @@ impl Curves {
             1.0 if piece + 1 < after => (piece + 1, 0.0, 1.0),
             _ => return false,
         };
-        let controls = self.tube(next).map(|(tube, _)| tube.0).or_else(|| self.bezier(next >> self.halvings));
+        let controls =
+            self.tube(next).map(|(tube, _)| tube.0).or_else(|| self.bezier(next >> self.halvings));
         let Some(controls) = controls else { return false };
         let [c, d, _] = derivatives(&controls, start);
         // By how much the distance to the ball shrinks on the way into that piece.
@@ -312,7 +342,9 @@ impl PrimitiveSet for Curves {
     fn bounds(&self, piece: usize) -> Bounds3d {
         match &self.segments {
             Segments::Linear(curves) => curves.bounds(piece),
-            Segments::Cubic(_) => self.tube(piece).map_or(Bounds3d::EMPTY, |(tube, _)| tube.bounds()),
+            Segments::Cubic(_) => {
+                self.tube(piece).map_or(Bounds3d::EMPTY, |(tube, _)| tube.bounds())
+            }
         }
     }
 
@@ -320,7 +352,12 @@ impl PrimitiveSet for Curves {
         self.closest_within(piece, ray, time).map(|(hit, _)| hit)
     }
 
-    fn closest_within(&self, piece: usize, ray: &DRay, _time: f32) -> Option<(PrimitiveHit, Bounds3d)> {
+    fn closest_within(
+        &self,
+        piece: usize,
+        ray: &DRay,
+        _time: f32,
+    ) -> Option<(PrimitiveHit, Bounds3d)> {
         if self.capsules.get(piece).is_some_and(|capsule| capsule.is_missed(ray)) {
             return None;
         }
@@ -352,7 +389,9 @@ impl PrimitiveSet for Curves {
         let surface = match (&self.segments, self.tube(piece)) {
             (Segments::Linear(curves), _) => curves.surface(piece, position, uv, time),
             (Segments::Cubic(_), Some((tube, chord))) => tube.surface(position, uv.x, chord),
-            (Segments::Cubic(curves), None) => curves.surface(piece >> self.halvings, position, uv, time),
+            (Segments::Cubic(curves), None) => {
+                curves.surface(piece >> self.halvings, position, uv, time)
+            }
         };
         let [first, after] = self.strand_of(piece);
         let count = (after - first) as f64;
@@ -395,7 +434,12 @@ mod tests {
     fn winding(basis: StrandBasis) -> Curves {
         let point = |i: u32| {
             let x = i as f32 * 0.5;
-            Vec4::new(x, (x * 0.9).sin() * 0.6, (x * 0.7).cos() * 0.5, 0.05 + 0.02 * (x * 1.3).cos())
+            Vec4::new(
+                x,
+                (x * 0.9).sin() * 0.6,
+                (x * 0.7).cos() * 0.5,
+                0.05 + 0.02 * (x * 1.3).cos(),
+            )
         };
         Curves::new(basis, (0..10).map(point).collect(), vec![10]).expect("whole segments")
     }
@@ -404,14 +448,22 @@ mod tests {
     fn points_must_make_whole_segments_and_be_used_up() {
         let points = |n| vec![Vec4::ONE; n];
         assert_eq!(StrandBasis::Bezier.segments(7), Some(2));
-        assert_eq!([0, 1, 2, 3].map(|n| StrandBasis::Linear.segments(n)), [None, None, Some(1), Some(2)]);
-        let error = Curves::new(StrandBasis::Bezier, points(9), vec![4, 5]).expect_err("five make no segments");
+        assert_eq!(
+            [0, 1, 2, 3].map(|n| StrandBasis::Linear.segments(n)),
+            [None, None, Some(1), Some(2)]
+        );
+        let error = Curves::new(StrandBasis::Bezier, points(9), vec![4, 5])
+            .expect_err("five make no segments");
         assert_eq!(
             error.to_string(),
             "strand 1 has 5 points, expected 4, 7, 10 or the like: 3 for each segment and 1 more"
         );
-        assert!(matches!(Curves::new(StrandBasis::Linear, points(5), vec![2, 2]), Err(StrandError::Total { .. })));
-        let none = Curves::new(StrandBasis::BSpline, Vec::new(), Vec::new()).expect("nothing is fine");
+        assert!(matches!(
+            Curves::new(StrandBasis::Linear, points(5), vec![2, 2]),
+            Err(StrandError::Total { .. })
+        ));
+        let none =
+            Curves::new(StrandBasis::BSpline, Vec::new(), Vec::new()).expect("nothing is fine");
         assert!(none.is_empty() && none.bounds_of_all().is_empty());
     }
 
@@ -422,8 +474,9 @@ mod tests {
             let mut random = Random(7);
             let (mut hits, mut inside) = (0, 0);
             for _ in 0..20_000 {
-                let target =
-                    curves.bezier((random.unit() * curves.segment_count() as f32) as usize).expect("a segment")[0];
+                let target = curves
+                    .bezier((random.unit() * curves.segment_count() as f32) as usize)
+                    .expect("a segment")[0];
                 let from = random.direction().as_dvec3() * 9.0;
                 let way = target.truncate() + random.point(0.05).as_dvec3() - from;
                 let ray = DRay::new(from, way);
@@ -450,7 +503,8 @@ mod tests {
                 inside += usize::from((0..curves.len()).any(|i| curves.contains(i, before)));
             }
             assert!(hits > 5_000, "{basis:?}: {hits}");
-            // Rays are aimed at joints. Where straight segments meet at an angle, a little of one's side is within the other.
+            // Rays are aimed at joints. Where straight segments meet at an angle, a little of one's
+            // side is within the other.
             assert!(inside * 50 < hits, "{basis:?}: {inside} hits within the strand, of {hits}");
         }
     }
@@ -466,7 +520,10 @@ mod tests {
                     let from = joint.truncate() + random.direction().as_dvec3() * 5.0;
                     let target = joint.truncate() + random.point(0.3).as_dvec3() * joint.w;
                     let ray = DRay::new(from, target - from);
-                    assert!((0..curves.len()).any(|i| curves.closest(i, &ray, 0.0).is_some()), "{basis:?}: {ray:?}");
+                    assert!(
+                        (0..curves.len()).any(|i| curves.closest(i, &ray, 0.0).is_some()),
+                        "{basis:?}: {ray:?}"
+                    );
                 }
             }
         }
@@ -483,11 +540,23 @@ mod tests {
                 for u in [0.1, 0.5, 0.9] {
                     let [c, d, _] = derivatives(&controls, u);
                     let across = d.truncate().any_orthogonal_vector().normalize();
-                    let surface = curves.surface(piece, c.truncate() + across * c.w, Vec2::new(u as f32, 0.0), 0.0);
-                    assert!(surface.uv.x > last && surface.uv.x < 1.0 && (0.0..1.0).contains(&surface.uv.y));
+                    let surface = curves.surface(
+                        piece,
+                        c.truncate() + across * c.w,
+                        Vec2::new(u as f32, 0.0),
+                        0.0,
+                    );
+                    assert!(
+                        surface.uv.x > last
+                            && surface.uv.x < 1.0
+                            && (0.0..1.0).contains(&surface.uv.y)
+                    );
                     last = surface.uv.x;
                     let along = d.truncate() * curves.len() as f64;
-                    assert!((surface.dpdu - along).length() < 0.05 * along.length(), "{basis:?}: {surface:?}");
+                    assert!(
+                        (surface.dpdu - along).length() < 0.05 * along.length(),
+                        "{basis:?}: {surface:?}"
+                    );
                 }
             }
             assert!(last > 0.9);
@@ -500,12 +569,16 @@ mod tests {
         let (mut told, mut met) = (0, 0);
         for scale in [1.0f32, 1e-5, 1e6] {
             for _ in 0..3000 {
-                let points = (0..4).map(|_| random.point(scale).extend(0.1 * scale * random.unit())).collect();
-                let curves = Curves::new(StrandBasis::Bezier, points, vec![4]).expect("four points");
+                let points = (0..4)
+                    .map(|_| random.point(scale).extend(0.1 * scale * random.unit()))
+                    .collect();
+                let curves =
+                    Curves::new(StrandBasis::Bezier, points, vec![4]).expect("four points");
                 let direction = random.direction().as_dvec3();
                 let target = random.point(scale).as_dvec3();
                 // From near and from far: there squares of distances have few digits left.
-                let origin = target - direction * f64::from(scale) * if random.unit() < 0.5 { 0.5 } else { 1e5 };
+                let origin = target
+                    - direction * f64::from(scale) * if random.unit() < 0.5 { 0.5 } else { 1e5 };
                 let ray = DRay::new(origin, direction);
                 for piece in 0..curves.len() {
                     let is_met = curves.tube(piece).is_some_and(|(tube, _)| {
@@ -526,7 +599,8 @@ mod tests {
         let mut points: Vec<Vec4> = (0..12).map(|i| Vec4::new(i as f32, 0.0, 0.0, 0.1)).collect();
         (points[1].x, points[4].w, points[7].y) = (f32::NAN, -1.0, f32::INFINITY);
         for basis in [StrandBasis::Linear, StrandBasis::BSpline, StrandBasis::CatmullRom] {
-            let curves = Curves::new(basis, points.clone(), vec![12]).expect("points as many as needed");
+            let curves =
+                Curves::new(basis, points.clone(), vec![12]).expect("points as many as needed");
             let mut builder = WorldBuilder::default();
             builder.add_set(WorldBuilder::ROOT, Arc::new(curves));
             let world = builder.build(&BuildOptions::default()).expect("builds");
@@ -535,7 +609,11 @@ mod tests {
                 let hit = world.closest_one(&ray, &AcceptAll);
                 if hit.is_hit() {
                     let surface = world.interaction(&ray, &hit);
-                    assert!(surface.on_curve && surface.position.is_finite() && surface.dpdu.is_finite());
+                    assert!(
+                        surface.on_curve
+                            && surface.position.is_finite()
+                            && surface.dpdu.is_finite()
+                    );
                 }
             }
         }

@@ -7,15 +7,16 @@ use super::{PrimitiveHit, PrimitiveSet};
 use crate::shape::{Metric, ShapeSurface};
 use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec4};
 
-/// Line segments with a radius at each end. Each is the hull of two balls: a cone with round ends, which touches it. Segments that
-/// share a point share the whole ball there, so chains have no cracks. Each segment is a solid of its own: a ray that passes along
-/// a chain also crosses the ends inside.
+/// Line segments with a radius at each end. Each is the hull of two balls: a cone with round ends,
+/// which touches it. Segments that share a point share the whole ball there, so chains have no
+/// cracks. Each segment is a solid of its own: a ray that passes along a chain also crosses the
+/// ends inside.
 ///
-/// A segment with a point that does not exist or is not finite, with a negative radius, or with both radii 0, is never hit; one
-/// without length is a ball. Hits are decided in double precision.
+/// A segment with a point that does not exist or is not finite, with a negative radius, or with
+/// both radii 0, is never hit; one without length is a ball. Hits are decided in double precision.
 ///
-/// [`crate::Hit::uv`] is (0 at the first ball to 1 at the second, 0); the texture coordinates are the same with the angle around the
-/// axis, from 0 to 1, for the second.
+/// [`crate::Hit::uv`] is (0 at the first ball to 1 at the second, 0); the texture coordinates are
+/// the same with the angle around the axis, from 0 to 1, for the second.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LinearCurves {
     /// Position (x, y, z) and radius (w).
@@ -85,14 +86,21 @@ impl PrimitiveSet for LinearCurves {
         tube_surface(&a.lerp(&b, u), u, (axis, -narrowing), axis, position)
     }
 
-    fn nearest_point(&self, segment: usize, point: DVec3, metric: &Metric) -> Option<(DVec3, Vec2)> {
+    fn nearest_point(
+        &self,
+        segment: usize,
+        point: DVec3,
+        metric: &Metric,
+    ) -> Option<(DVec3, Vec2)> {
         let [a, b] = self.balls(segment)?;
         let (position, _, u) = on_sweep(metric, point, SAMPLES, |u| a.lerp(&b, u));
         Some((position, Vec2::new(u as f32, 0.0)))
     }
 
     fn contains(&self, segment: usize, point: DVec3) -> bool {
-        let inside = |[a, b]: [Ball; 2]| on_sweep(&Metric::EUCLIDEAN, point, SAMPLES, |u| a.lerp(&b, u)).1 < 0.0;
+        let inside = |[a, b]: [Ball; 2]| {
+            on_sweep(&Metric::EUCLIDEAN, point, SAMPLES, |u| a.lerp(&b, u)).1 < 0.0
+        };
         self.balls(segment).is_some_and(inside)
     }
 }

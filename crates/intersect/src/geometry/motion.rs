@@ -4,7 +4,8 @@ use crate::mesh::{MeshError, TriangleMesh};
 use snell_math::{Bounds3d, DAffine3, DVec3, Transform, Vec3};
 use std::sync::Arc;
 
-/// Where a time from 0 to 1 lies between keys: the key before it, and how far on the way to the next.
+/// Where a time from 0 to 1 lies between keys: the key before it, and how far on the way to the
+/// next.
 #[inline(always)]
 pub(crate) fn between_keys(time: f32, keys: usize) -> (usize, f32) {
     if keys < 2 {
@@ -15,19 +16,22 @@ pub(crate) fn between_keys(time: f32, keys: usize) -> (usize, f32) {
     (key, x - key as f32)
 }
 
-/// The point at `s` on the way from `a` to `b`. Never outside of the box of both, and exact where they are the same.
+/// The point at `s` on the way from `a` to `b`. Never outside of the box of both, and exact where
+/// they are the same.
 #[inline(always)]
 pub(crate) fn lerp(a: Vec3, b: Vec3, s: f32) -> Vec3 {
     // Rounded products and a sum, never fused: a vertex has the same bits in all its triangles.
     (a * (1.0 - s) + b * s).max(a.min(b)).min(a.max(b))
 }
 
-/// A matrix counts as singular if its columns, of length 1, span less than this, or if less than this is left of a column.
+/// A matrix counts as singular if its columns, of length 1, span less than this, or if less than
+/// this is left of a column.
 const FLAT: f64 = 1e-9;
 
-/// The transform at a time: matrices are interpolated entry by entry (as in Embree), so every point moves on straight lines between
-/// keys; a rotation between two keys is not rigid, so give several. `None` while the interpolated matrix is singular to double
-/// precision (half of a turn between two keys flattens things on its way): then there is nothing to hit.
+/// The transform at a time: matrices are interpolated entry by entry (as in Embree), so every point
+/// moves on straight lines between keys; a rotation between two keys is not rigid, so give several.
+/// `None` while the interpolated matrix is singular to double precision (half of a turn between two
+/// keys flattens things on its way): then there is nothing to hit.
 pub(crate) fn transform_at(keys: &[Transform], time: f32) -> Option<Transform> {
     let (key, s) = between_keys(time, keys.len());
     let (first, s) = (keys.get(key)?, f64::from(s));
@@ -65,10 +69,12 @@ pub struct MeshKey {
     pub normals: Vec<Vec3>,
 }
 
-/// A triangle mesh whose vertices move: along straight lines from key to key, the keys evenly spread over the time from 0 to 1.
+/// A triangle mesh whose vertices move: along straight lines from key to key, the keys evenly
+/// spread over the time from 0 to 1.
 ///
-/// At any time it is hit exactly as the triangle mesh with the vertices of that time ([`Self::at`]), bit for bit; so closed meshes
-/// stay closed. A vertex that is not finite at one of the keys never is.
+/// At any time it is hit exactly as the triangle mesh with the vertices of that time
+/// ([`Self::at`]), bit for bit; so closed meshes stay closed. A vertex that is not finite at one of
+/// the keys never is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MovingMesh {
     first: Arc<TriangleMesh>,
@@ -81,7 +87,8 @@ impl MovingMesh {
         first.validate()?;
         for key in &later {
             let same = |attribute, found: usize, expected: usize| {
-                let error = MeshError::AttributeLength { attribute, found, expected, per: "vertex" };
+                let error =
+                    MeshError::AttributeLength { attribute, found, expected, per: "vertex" };
                 if found == expected { Ok(()) } else { Err(error) }
             };
             same("positions", key.positions.len(), first.positions.len())?;
@@ -135,8 +142,8 @@ impl MovingMesh {
         [at(a), at(b), at(c)]
     }
 
-    /// A box around the three corners at all times, a little larger; `None` for a triangle that is never hit: a corner is not finite at some key, or two are in one
-    /// place at all of them.
+    /// A box around the three corners at all times, a little larger; `None` for a triangle that is
+    /// never hit: a corner is not finite at some key, or two are in one place at all of them.
     pub(crate) fn bounds(&self, triangle: usize) -> Option<Bounds3d> {
         let corners = self.first.indices[triangle].map(|v| v as usize);
         if !self.keys().all(|positions| corners.iter().all(|&v| positions[v].is_finite())) {
@@ -155,10 +162,12 @@ impl MovingMesh {
     }
 
     fn keys(&self) -> impl Iterator<Item = &[Vec3]> {
-        std::iter::once(&self.first.positions[..]).chain(self.later.iter().map(|key| &key.positions[..]))
+        std::iter::once(&self.first.positions[..])
+            .chain(self.later.iter().map(|key| &key.positions[..]))
     }
 
-    /// The positions at the keys before and after a time, and how far on the way between them it is.
+    /// The positions at the keys before and after a time, and how far on the way between them it
+    /// is.
     #[inline(always)]
     fn positions(&self, time: f32) -> (&[Vec3], &[Vec3], f32) {
         let (key, s) = between_keys(time, self.later.len() + 1);
@@ -184,7 +193,11 @@ impl MovingMesh {
         TriangleMesh {
             positions: self.corners(triangle, time).to_vec(),
             indices: vec![[0, 1, 2]],
-            normals: if has_normals { indices.map(|v| self.normal(v, time)).to_vec() } else { Vec::new() },
+            normals: if has_normals {
+                indices.map(|v| self.normal(v, time)).to_vec()
+            } else {
+                Vec::new()
+            },
             tangents: part(&mesh.tangents, indices),
             uvs: [part(&mesh.uvs[0], indices), part(&mesh.uvs[1], indices)],
             colors: part(&mesh.colors, indices),
@@ -220,8 +233,10 @@ mod tests {
 
     #[test]
     fn transforms_hit_their_keys_and_vanish_where_they_are_flat() {
-        let half_turn = Transform::new(DAffine3::from_mat3(DMat3::from_rotation_z(std::f64::consts::PI)));
-        let keys = [Transform::IDENTITY, half_turn.expect("invertible"), Transform::translation(DVec3::X)];
+        let half_turn =
+            Transform::new(DAffine3::from_mat3(DMat3::from_rotation_z(std::f64::consts::PI)));
+        let keys =
+            [Transform::IDENTITY, half_turn.expect("invertible"), Transform::translation(DVec3::X)];
         for (time, key) in [(0.0, 0), (0.5, 1), (1.0, 2)] {
             assert_eq!(transform_at(&keys, time), Some(keys[key]));
         }
@@ -232,8 +247,14 @@ mod tests {
 
     #[test]
     fn later_keys_must_have_as_many_vertices() {
-        let mesh = TriangleMesh { positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y], ..TriangleMesh::default() };
+        let mesh = TriangleMesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            ..TriangleMesh::default()
+        };
         let key = MeshKey { positions: vec![Vec3::ZERO; 2], normals: Vec::new() };
-        assert!(matches!(MovingMesh::new(mesh, vec![key]), Err(MeshError::AttributeLength { found: 2, .. })));
+        assert!(matches!(
+            MovingMesh::new(mesh, vec![key]),
+            Err(MeshError::AttributeLength { found: 2, .. })
+        ));
     }
 }

@@ -8,15 +8,24 @@ use snell_math::DVec3;
 /// The point of a ball's surface nearest to `point`, and how far it is: negative inside.
 pub(super) fn on_ball(metric: &Metric, point: DVec3, ball: &Ball) -> (DVec3, f64) {
     let from_center = point - ball.center;
-    let position =
-        if ball.radius > 0.0 { ball.center + on_sphere(metric, from_center, ball.radius) } else { ball.center };
+    let position = if ball.radius > 0.0 {
+        ball.center + on_sphere(metric, from_center, ball.radius)
+    } else {
+        ball.center
+    };
     let distance = metric.length_squared(position - point).sqrt();
     (position, if from_center.length() < ball.radius { -distance } else { distance })
 }
 
-/// The same for the space swept by `ball(u)` for `u` from 0 to 1, and the `u` of the ball that the point is on. The outline is that
-/// of the ball that is nearest, or that the point is deepest in: found among `samples` and refined by golden sections.
-pub(super) fn on_sweep(metric: &Metric, point: DVec3, samples: usize, ball: impl Fn(f64) -> Ball) -> (DVec3, f64, f64) {
+/// The same for the space swept by `ball(u)` for `u` from 0 to 1, and the `u` of the ball that the
+/// point is on. The outline is that of the ball that is nearest, or that the point is deepest in:
+/// found among `samples` and refined by golden sections.
+pub(super) fn on_sweep(
+    metric: &Metric,
+    point: DVec3,
+    samples: usize,
+    ball: impl Fn(f64) -> Ball,
+) -> (DVec3, f64, f64) {
     let step = 1.0 / samples as f64;
     let distance = |u: f64| on_ball(metric, point, &ball(u)).1;
     let sampled: Vec<f64> = (0..=samples).map(|i| distance(i as f64 * step)).collect();

@@ -5,25 +5,32 @@ use crate::mesh::{MeshError, TriangleMesh};
 use snell_math::{DVec2, Vec2};
 use std::sync::Arc;
 
-/// A mesh of quadrilaterals. Each is the two triangles (0, 1, 3) and (2, 3, 1) of its corners, which share the diagonal from 1 to 3 and
-/// are hit by the same watertight test as all triangles; so quads and triangles close meshes together. A quad whose last two corners
-/// are the same is a triangle.
+/// A mesh of quadrilaterals. Each is the two triangles (0, 1, 3) and (2, 3, 1) of its corners,
+/// which share the diagonal from 1 to 3 and are hit by the same watertight test as all triangles;
+/// so quads and triangles close meshes together. A quad whose last two corners are the same is a
+/// triangle.
 ///
-/// [`Hit::primitive`] is the quad and [`Hit::uv`] the place in it: (0, 0), (1, 0), (1, 1), (0, 1) at its corners, linear in each of the
-/// triangles (for a parallelogram in all of it), with a sum above 1 on the second of them only. Vertex attributes are interpolated in the triangles too.
+/// [`Hit::primitive`] is the quad and [`Hit::uv`] the place in it: (0, 0), (1, 0), (1, 1), (0, 1)
+/// at its corners, linear in each of the triangles (for a parallelogram in all of it), with a sum
+/// above 1 on the second of them only. Vertex attributes are interpolated in the triangles too.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QuadMesh {
     triangles: Arc<TriangleMesh>,
 }
 
 impl QuadMesh {
-    /// Quads between the vertices of `mesh`, whose triangles are replaced; material slots are one per quad, or none. All else must be
-    /// as [`TriangleMesh::validate`] wants it.
+    /// Quads between the vertices of `mesh`, whose triangles are replaced; material slots are one
+    /// per quad, or none. All else must be as [`TriangleMesh::validate`] wants it.
     pub fn new(mesh: TriangleMesh, quads: &[[u32; 4]]) -> Result<Self, MeshError> {
         let slots = mesh.material_slots;
         if !slots.is_empty() && slots.len() != quads.len() {
             let (found, expected) = (slots.len(), quads.len());
-            return Err(MeshError::AttributeLength { attribute: "material_slots", found, expected, per: "quad" });
+            return Err(MeshError::AttributeLength {
+                attribute: "material_slots",
+                found,
+                expected,
+                per: "quad",
+            });
         }
         let indices = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, d], [c, d, b]]).collect();
         let material_slots = slots.into_iter().flat_map(|slot| [slot; 2]).collect();
@@ -49,7 +56,8 @@ impl QuadMesh {
 
     /// Vertex numbers of a quad.
     pub fn quad(&self, quad: usize) -> [u32; 4] {
-        let ([a, b, d], [c, ..]) = (self.triangles.indices[2 * quad], self.triangles.indices[2 * quad + 1]);
+        let ([a, b, d], [c, ..]) =
+            (self.triangles.indices[2 * quad], self.triangles.indices[2 * quad + 1]);
         [a, b, c, d]
     }
 
@@ -57,7 +65,8 @@ impl QuadMesh {
     pub(crate) fn triangle_hit(&self, hit: &Hit) -> Hit {
         let quad = hit.primitive as usize;
         // (A place on the diagonal that came from elsewhere may be on a triangle in name only.)
-        let second = (is_beyond_f32(hit.uv.x, hit.uv.y) && !self.triangles.is_degenerate(2 * quad + 1))
+        let second = (is_beyond_f32(hit.uv.x, hit.uv.y)
+            && !self.triangles.is_degenerate(2 * quad + 1))
             || self.triangles.is_degenerate(2 * quad);
         let uv = if second { Vec2::ONE - hit.uv } else { hit.uv };
         Hit { primitive: 2 * hit.primitive + u32::from(second), uv, ..*hit }
@@ -78,8 +87,10 @@ pub(crate) fn quad_hit_double(hit: &DHit) -> DHit {
     DHit { primitive: hit.primitive >> 1, uv, ..*hit }
 }
 
-/// Places on quads: the first triangle has those with `u + v` up to 1, the second those beyond, exactly. So where a quad is folded over, and a ray meets
-/// both triangles on their common edge, these are two hits; what is moved over the edge for that, or by rounding, is moved by a unit in the last place or two.
+/// Places on quads: the first triangle has those with `u + v` up to 1, the second those beyond,
+/// exactly. So where a quad is folded over, and a ray meets both triangles on their common edge,
+/// these are two hits; what is moved over the edge for that, or by rounding, is moved by a unit in
+/// the last place or two.
 macro_rules! places {
     ($place:ident, $is_beyond:ident, $float:ty) => {
         /// True if the sum is more than 1.
@@ -141,9 +152,16 @@ mod tests {
     fn hits_on_triangles_are_places_in_the_quad_and_back() {
         let positions = vec![Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y];
         let quads =
-            QuadMesh::new(TriangleMesh { positions, ..TriangleMesh::default() }, &[[0, 1, 2, 3]]).expect("valid");
+            QuadMesh::new(TriangleMesh { positions, ..TriangleMesh::default() }, &[[0, 1, 2, 3]])
+                .expect("valid");
         for (triangle, b1, b2) in [(0, 0.25, 0.5), (1, 0.25, 0.5), (1, 0.0, 0.0), (0, 1.0, 0.0)] {
-            let hit = Hit { primitive: triangle, uv: Vec2::new(b1, b2), t: 1.0, instance: 0, geometry: 0 };
+            let hit = Hit {
+                primitive: triangle,
+                uv: Vec2::new(b1, b2),
+                t: 1.0,
+                instance: 0,
+                geometry: 0,
+            };
             let [a, b, c] = quads.triangles().corners(triangle as usize);
             let on_quad = quad_hit(&hit);
             assert_eq!(on_quad.primitive, 0);
@@ -155,16 +173,27 @@ mod tests {
     #[test]
     fn places_tell_the_triangle_and_are_moved_by_a_rounding_at_most() {
         for i in 0..2000u32 {
-            let [a, b, ..] = snell_math::rng::pcg4d([i, 4, 5, 6]).map(|x| x as f32 / u32::MAX as f32);
+            let [a, b, ..] =
+                snell_math::rng::pcg4d([i, 4, 5, 6]).map(|x| x as f32 / u32::MAX as f32);
             // In the triangle, and on the edge that both share, as far as rounding lets it be.
             let b1 = if i % 3 == 0 { a * a * a * a * 1e-9 } else { a };
-            for b2 in [(1.0 - b1) * b, 1.0 - b1, (1.0 - b1).next_up(), (1.0 - b1).next_down(), 0.0] {
+            for b2 in [(1.0 - b1) * b, 1.0 - b1, (1.0 - b1).next_up(), (1.0 - b1).next_down(), 0.0]
+            {
                 for (u, v) in [(b1, b2), (b2, b1)] {
                     let (first, second) = (place_f32([u, v], false), place_f32([u, v], true));
-                    assert!(!is_beyond_f32(first[0], first[1]) && is_beyond_f32(second[0], second[1]), "{u} {v}");
+                    assert!(
+                        !is_beyond_f32(first[0], first[1]) && is_beyond_f32(second[0], second[1]),
+                        "{u} {v}"
+                    );
                     for (place, exact) in [(first, [u, v]), (second, [1.0 - u, 1.0 - v])] {
-                        assert!((0..2).all(|k| (place[k] - exact[k]).abs() <= 1.8e-7), "{u} {v} {place:?}");
-                        assert!(place.iter().all(|x| (0.0..=1.0).contains(x)) || b2 > 1.0, "{u} {v} {place:?}");
+                        assert!(
+                            (0..2).all(|k| (place[k] - exact[k]).abs() <= 1.8e-7),
+                            "{u} {v} {place:?}"
+                        );
+                        assert!(
+                            place.iter().all(|x| (0.0..=1.0).contains(x)) || b2 > 1.0,
+                            "{u} {v} {place:?}"
+                        );
                     }
                 }
             }
@@ -196,12 +225,17 @@ mod tests {
         let mut met = 0;
         for y in [0.25, 0.375, 0.5] {
             // Both triangles are on one side of the edge.
-            let aside = [Vec3::Z, -Vec3::Z, Vec3::new(0.25, 0.0, 1.0), Vec3::new(-0.25, 0.125, -1.0)];
+            let aside =
+                [Vec3::Z, -Vec3::Z, Vec3::new(0.25, 0.0, 1.0), Vec3::new(-0.25, 0.125, -1.0)];
             let counts = aside.map(|direction| hits(direction, y));
             assert!(counts.iter().all(|&count| count == 0 || count == 2), "{counts:?}");
             met += counts.iter().sum::<usize>();
             // There is one on each side.
-            assert_eq!([Vec3::X, -Vec3::X, Vec3::new(1.0, 0.25, 0.125)].map(|direction| hits(direction, y)), [1; 3]);
+            assert_eq!(
+                [Vec3::X, -Vec3::X, Vec3::new(1.0, 0.25, 0.125)]
+                    .map(|direction| hits(direction, y)),
+                [1; 3]
+            );
         }
         assert!(met > 0, "a fold is met from somewhere");
     }

@@ -1,8 +1,9 @@
-//! Balls, and the hull of two balls: a cone between two spheres that it touches, the piece that round curves are made of.
+//! Balls, and the hull of two balls: a cone between two spheres that it touches, the piece that
+//! round curves are made of.
 //!
-//! A ray's way through such a solid is one stretch. Its ends are found among the crossings of both spheres and of the cone between
-//! the circles where it touches them: the first and the last. So there is no seam between sphere and cone that a ray could slip
-//! through.
+//! A ray's way through such a solid is one stretch. Its ends are found among the crossings of both
+//! spheres and of the cone between the circles where it touches them: the first and the last. So
+//! there is no seam between sphere and cone that a ray could slip through.
 
 use snell_math::{Bounds3d, DRay, DVec3, Vec4, robust};
 
@@ -29,7 +30,10 @@ impl Ball {
     /// The ball at `s` on the way to another.
     #[inline]
     pub fn lerp(&self, other: &Self, s: f64) -> Self {
-        Self { center: self.center.lerp(other.center, s), radius: self.radius + (other.radius - self.radius) * s }
+        Self {
+            center: self.center.lerp(other.center, s),
+            radius: self.radius + (other.radius - self.radius) * s,
+        }
     }
 }
 
@@ -43,7 +47,8 @@ pub(super) struct UnitRay {
 }
 
 impl UnitRay {
-    /// `None` for directions so short or long (1e-150, 1e150) that their squares are not exact; nothing is hit along these.
+    /// `None` for directions so short or long (1e-150, 1e150) that their squares are not exact;
+    /// nothing is hit along these.
     #[inline]
     pub fn new(ray: &DRay) -> Option<Self> {
         let length2 = ray.direction.length_squared();
@@ -52,8 +57,9 @@ impl UnitRay {
         usable.then_some(Self { origin: ray.origin, direction: ray.direction * scale, scale })
     }
 
-    /// The ray with its origin moved to where it is nearest to a point, seen from there; and how far that was. What follows is
-    /// exact to rounding of the size of things near the point, however far the origin is.
+    /// The ray with its origin moved to where it is nearest to a point, seen from there; and how
+    /// far that was. What follows is exact to rounding of the size of things near the point,
+    /// however far the origin is.
     #[inline]
     fn near(&self, point: DVec3) -> (DVec3, f64) {
         let o = self.origin - point;
@@ -61,7 +67,8 @@ impl UnitRay {
         (o + self.direction * s, s)
     }
 
-    /// Ray parameters at both ends of the way through a ball; `None` if the ray does not go through.
+    /// Ray parameters at both ends of the way through a ball; `None` if the ray does not go
+    /// through.
     #[inline]
     pub fn ball_span(&self, ball: &Ball) -> Option<[f64; 2]> {
         self.ball_lengths(ball).map(|ends| ends.map(|s| s * self.scale))
@@ -75,8 +82,8 @@ impl UnitRay {
         (half2 > 0.0).then(|| [s - half2.sqrt(), s + half2.sqrt()])
     }
 
-    /// Both ends of the way through the hull of two balls, as ray parameter and position along the hull (0 at the first ball, 1 at
-    /// the second); `None` if the ray does not go through.
+    /// Both ends of the way through the hull of two balls, as ray parameter and position along the
+    /// hull (0 at the first ball, 1 at the second); `None` if the ray does not go through.
     pub fn hull_span(&self, balls: &[Ball; 2]) -> Option<[(f64, f64); 2]> {
         let mut ends: Option<[(f64, f64); 2]> = None;
         let mut add = |s: f64, u: f64| {
@@ -101,9 +108,11 @@ impl UnitRay {
 
     /// Where the ray crosses the cone, between the circles where it touches the balls.
     ///
-    /// The balls between the two have centres `c + v a` and radii `r - v k`. A point `q` (seen from `c`) is on their envelope if the
-    /// least value over `v` of `|q - v a|^2 - (r - v k)^2` is 0: `|q|^2 - r^2 = y^2 / g` at `v = y / g`, where `y = q a - r k` and
-    /// `g = a^2 - k^2`. All is seen from the places where ray and axis are nearest, so that small differences keep their digits.
+    /// The balls between the two have centres `c + v a` and radii `r - v k`. A point `q` (seen from
+    /// `c`) is on their envelope if the least value over `v` of `|q - v a|^2 - (r - v k)^2` is 0:
+    /// `|q|^2 - r^2 = y^2 / g` at `v = y / g`, where `y = q a - r k` and `g = a^2 - k^2`. All is
+    /// seen from the places where ray and axis are nearest, so that small differences keep their
+    /// digits.
     fn cone_crossings(&self, [first, second]: &[Ball; 2]) -> [Option<(f64, f64)>; 2] {
         let (a, k) = (second.center - first.center, first.radius - second.radius);
         let g = a.length_squared() - k * k;
@@ -154,7 +163,8 @@ mod tests {
         assert_eq!(down(0.0), Some([(2.25, 0.5), (2.75, 0.5)]));
         assert_eq!(down(1.25).map(|s| s.map(|e| e.1)), Some([1.0; 2]));
         assert_eq!(down(1.51), None);
-        let lengthwise = span(&DRay::new(DVec3::new(-5.0, 0.3, 0.0), DVec3::X), capsule).expect("through both ends");
+        let lengthwise = span(&DRay::new(DVec3::new(-5.0, 0.3, 0.0), DVec3::X), capsule)
+            .expect("through both ends");
         assert!((lengthwise[0].0 - 3.6).abs() < 1e-12 && (lengthwise[1].0 - 6.4).abs() < 1e-12);
     }
 
@@ -173,6 +183,8 @@ mod tests {
         let ends = span(&DRay::new(from, DVec3::Z), thin).expect("within the radius");
         // In the middle the hull is nearly a tube of radius 1.5e-6.
         let half = (1.5e-6f64.powi(2) - 0.9e-6f64.powi(2)).sqrt();
-        assert!((ends[0].0 - (1e4 - half)).abs() < 1e-11 && (ends[1].0 - (1e4 + half)).abs() < 1e-11);
+        assert!(
+            (ends[0].0 - (1e4 - half)).abs() < 1e-11 && (ends[1].0 - (1e4 + half)).abs() < 1e-11
+        );
     }
 }

@@ -7,10 +7,12 @@ use crate::kernel::prefetch::fetch;
 use crate::shape::{Metric, Shape, ShapeSurface, Sphere};
 use snell_math::{Bounds3d, DRay, DVec3, Vec2, Vec4};
 
-/// Many spheres, 16 bytes each. A sphere whose centre is not finite or whose radius is not positive and finite is never hit.
+/// Many spheres, 16 bytes each. A sphere whose centre is not finite or whose radius is not positive
+/// and finite is never hit.
 ///
-/// Hits are decided in double precision on the single-precision centres and radii. A ray that only touches a sphere misses it.
-/// Texture coordinates are those of [`Sphere`], with y up; [`crate::Hit::uv`] is zero.
+/// Hits are decided in double precision on the single-precision centres and radii. A ray that only
+/// touches a sphere misses it. Texture coordinates are those of [`Sphere`], with y up;
+/// [`crate::Hit::uv`] is zero.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Spheres {
     /// Centre (x, y, z) and radius (w).
@@ -35,7 +37,10 @@ impl PrimitiveSet for Spheres {
     }
 
     fn closest(&self, primitive: usize, ray: &DRay, _time: f32) -> Option<PrimitiveHit> {
-        let t = UnitRay::new(ray)?.ball_span(&self.ball(primitive)?)?.into_iter().find(|&t| ray.contains(t))?;
+        let t = UnitRay::new(ray)?
+            .ball_span(&self.ball(primitive)?)?
+            .into_iter()
+            .find(|&t| ray.contains(t))?;
         Some(PrimitiveHit { t, uv: Vec2::ZERO })
     }
 
@@ -54,7 +59,12 @@ impl PrimitiveSet for Spheres {
         self.colors.get(primitive).copied().unwrap_or([1.0; 4])
     }
 
-    fn nearest_point(&self, primitive: usize, point: DVec3, metric: &Metric) -> Option<(DVec3, Vec2)> {
+    fn nearest_point(
+        &self,
+        primitive: usize,
+        point: DVec3,
+        metric: &Metric,
+    ) -> Option<(DVec3, Vec2)> {
         Some((on_ball(metric, point, &self.ball(primitive)?).0, Vec2::ZERO))
     }
 

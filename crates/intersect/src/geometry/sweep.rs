@@ -1,10 +1,11 @@
 //! The space swept by a ball along a cubic curve, and a ray's way through it.
 //!
-//! That space is a union of balls, so along a ray it is a union of stretches, one for each connected set of balls that the ray passes
-//! through; entries and exits alternate. Here the curve is divided in halves, parts whose bounds the ray misses are dropped (as in
-//! Nakamaru and Ohno, Ray tracing for curves primitive, WSCG 2002), the hulls of the balls at the ends of the last pieces give stretches
-//! ([`UnitRay::hull_span`]), and those that overlap are joined. The ends of what is left are then moved to the true surface by Newton's
-//! method.
+//! That space is a union of balls, so along a ray it is a union of stretches, one for each
+//! connected set of balls that the ray passes through; entries and exits alternate. Here the curve
+//! is divided in halves, parts whose bounds the ray misses are dropped (as in Nakamaru and Ohno,
+//! Ray tracing for curves primitive, WSCG 2002), the hulls of the balls at the ends of the last
+//! pieces give stretches ([`UnitRay::hull_span`]), and those that overlap are joined. The ends of
+//! what is left are then moved to the true surface by Newton's method.
 
 use super::rounded_cone::{Ball, UnitRay};
 use crate::shape::ShapeSurface;
@@ -51,28 +52,39 @@ pub(super) fn foot(controls: &[DVec4; 4], position: DVec3, mut u: f64) -> f64 {
     if u.is_nan() { 0.5 } else { u }
 }
 
-/// Half the derivative by `u` of `|p - c|^2 - r^2`, which is 0 on the envelope of the balls, and its derivative.
+/// Half the derivative by `u` of `|p - c|^2 - r^2`, which is 0 on the envelope of the balls, and
+/// its derivative.
 fn envelope([c, d, dd]: &[DVec4; 3], p: DVec3) -> [f64; 2] {
     let e = p - c.truncate();
     let (d3, dd3) = (d.truncate(), dd.truncate());
     [-e.dot(d3) - c.w * d.w, d3.length_squared() - e.dot(dd3) - d.w * d.w - c.w * dd.w]
 }
 
-/// The surface of a tube at the ball of parameter `u`, where the tube grows by `(center, radius)` per unit of `u`. `chord` is any
-/// direction common to a whole curve; angles count from it.
-pub(super) fn tube_surface(ball: &Ball, u: f64, growth: (DVec3, f64), chord: DVec3, position: DVec3) -> ShapeSurface {
+/// The surface of a tube at the ball of parameter `u`, where the tube grows by `(center, radius)`
+/// per unit of `u`. `chord` is any direction common to a whole curve; angles count from it.
+pub(super) fn tube_surface(
+    ball: &Ball,
+    u: f64,
+    growth: (DVec3, f64),
+    chord: DVec3,
+    position: DVec3,
+) -> ShapeSurface {
     let normal = (position - ball.center).try_normalize().unwrap_or(DVec3::Y);
     let axis = growth.0.try_normalize().or(chord.try_normalize()).unwrap_or(DVec3::Y);
     let around = axis.cross(normal);
     // Zero angle: across the curve, on the side of a coordinate axis that the curve is not along.
-    let reference = DVec3::AXES.into_iter().min_by(|a, b| a.dot(chord).abs().total_cmp(&b.dot(chord).abs()));
-    let zero = reference.unwrap_or(DVec3::X).reject_from(axis).normalize_or(axis.any_orthonormal_vector());
+    let reference =
+        DVec3::AXES.into_iter().min_by(|a, b| a.dot(chord).abs().total_cmp(&b.dot(chord).abs()));
+    let zero =
+        reference.unwrap_or(DVec3::X).reject_from(axis).normalize_or(axis.any_orthonormal_vector());
     let angle = DVec2::new(normal.dot(zero), normal.dot(axis.cross(zero))).to_angle() / TAU;
     let along = growth.0 + normal * growth.1;
     let along = (along - normal * along.dot(normal)).try_normalize();
     // At the poles of the ends any tangent will do.
-    let dpdu = along.unwrap_or(normal.any_orthonormal_vector()) * growth.0.length().max(ball.radius);
-    let dpdv = around.try_normalize().unwrap_or(normal.cross(dpdu).normalize_or(DVec3::X)) * (TAU * ball.radius);
+    let dpdu =
+        along.unwrap_or(normal.any_orthonormal_vector()) * growth.0.length().max(ball.radius);
+    let dpdv = around.try_normalize().unwrap_or(normal.cross(dpdu).normalize_or(DVec3::X))
+        * (TAU * ball.radius);
     let v = if angle < 0.0 { (angle + 1.0).min(1.0_f64.next_down()) } else { angle };
     let position = ball.center + normal * ball.radius;
     ShapeSurface { position, normal, uv: DVec2::new(u, v), dpdu, dpdv }
@@ -127,7 +139,8 @@ impl Sweep {
         let middle = (controls[0] + controls[3]).truncate() * 0.5;
         let start = (middle - ray.origin).dot(ray.direction);
         let origin = ray.origin + ray.direction * start;
-        // Most rays that come near pass by across the chord: that is seen before anything is turned.
+        // Most rays that come near pass by across the chord: that is seen before anything is
+        // turned.
         let whole_chord = (controls[3] - controls[0]).truncate();
         let across = ray.direction.cross(whole_chord);
         let unit = across.length();
@@ -148,11 +161,12 @@ impl Sweep {
         Some(Self { controls, start, scale: ray.scale })
     }
 
-    /// How often to halve the curve so that it is flat ([`FLATNESS`]): after `n` equal divisions a curve is off its chords by at most
-    /// a 8 n^2-th of its second derivative.
+    /// How often to halve the curve so that it is flat ([`FLATNESS`]): after `n` equal divisions a
+    /// curve is off its chords by at most a 8 n^2-th of its second derivative.
     fn depth(&self) -> u32 {
         let [a, b, c, d] = self.controls;
-        let bend = 6.0 * (a - b * 2.0 + c).length_squared().max((b - c * 2.0 + d).length_squared()).sqrt();
+        let bend =
+            6.0 * (a - b * 2.0 + c).length_squared().max((b - c * 2.0 + d).length_squared()).sqrt();
         let radius = self.controls.iter().map(|c| c.w).fold(0.0, f64::max);
         let mut off = bend / 8.0;
         let mut depth = 0;
@@ -167,10 +181,13 @@ impl Sweep {
     pub fn crossings(self) -> impl Iterator<Item = (f64, f64)> {
         let depth = self.depth();
         let whole = Part { controls: self.controls, u: 0.0, width: 1.0, depth };
-        let stretches = if whole.is_missed() { Stretches::default() } else { Self::stretches(whole) };
+        let stretches =
+            if whole.is_missed() { Stretches::default() } else { Self::stretches(whole) };
         let piece = 1.0 / f64::from(1 << depth);
         let (start, scale) = (self.start, self.scale);
-        stretches.improved(move |end| self.improved(end, piece)).map(move |(z, u)| ((start + z) * scale, u))
+        stretches
+            .improved(move |end| self.improved(end, piece))
+            .map(move |(z, u)| ((start + z) * scale, u))
     }
 
     fn stretches(whole: Part) -> Stretches {
@@ -196,7 +213,8 @@ impl Sweep {
         }
     }
 
-    /// The crossing of the ball at an end (`u` is 0 or 1) nearest to `z`, if no ball next to it is farther out.
+    /// The crossing of the ball at an end (`u` is 0 or 1) nearest to `z`, if no ball next to it is
+    /// farther out.
     fn on_end(&self, (z, u): (f64, f64)) -> Option<(f64, f64)> {
         let at = derivatives(&self.controls, u);
         let c = at[0];
@@ -207,8 +225,9 @@ impl Sweep {
         is_outermost.then_some((z, u))
     }
 
-    /// The crossing of the true surface near one of the pieces': length and curve parameter at which the distance to the curve is
-    /// the radius, and is so at its least. `None` if there is none near.
+    /// The crossing of the true surface near one of the pieces': length and curve parameter at
+    /// which the distance to the curve is the radius, and is so at its least. `None` if there is
+    /// none near.
     fn improved(&self, (z, u): (f64, f64), piece: f64) -> Option<(f64, f64)> {
         if let Some(at_end) = (u <= 0.0 || u >= 1.0).then(|| self.on_end((z, u))).flatten() {
             return Some(at_end);
@@ -274,8 +293,12 @@ impl Stretches {
         self.count = self.count + 1 - overlapped;
     }
 
-    /// Their ends, moved; those of a stretch stay where they were if they would get out of order. Each is moved when it is asked for.
-    fn improved(self, moved: impl Fn((f64, f64)) -> Option<(f64, f64)>) -> impl Iterator<Item = (f64, f64)> {
+    /// Their ends, moved; those of a stretch stay where they were if they would get out of order.
+    /// Each is moved when it is asked for.
+    fn improved(
+        self,
+        moved: impl Fn((f64, f64)) -> Option<(f64, f64)>,
+    ) -> impl Iterator<Item = (f64, f64)> {
         let mut last = f64::NEG_INFINITY;
         (0..2 * self.count).map(move |i| {
             let Stretch { enter, exit } = self.list[i / 2];

@@ -1,9 +1,11 @@
-//! The inner loops of the builder: sorting boxes into bins, and parting them at a plane between bins.
+//! The inner loops of the builder: sorting boxes into bins, and parting them at a plane between
+//! bins.
 
 use snell_math::simd::{Lanes8, Level, Portable8};
 use snell_math::{Bounds3, Vec3, Vec4};
 
-/// A box as how far it reaches along -x, -y, -z, (nothing), x, y, z, (nothing): so the union of two is one maximum.
+/// A box as how far it reaches along -x, -y, -z, (nothing), x, y, z, (nothing): so the union of two
+/// is one maximum.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(crate) struct Box8(pub [f32; 8]);
@@ -88,7 +90,8 @@ impl Box8 {
 #[repr(transparent)]
 pub(crate) struct Primitive(Box8);
 
-/// Flipped in numbers, so that as `f32` most are normal: processors work on subnormal ones, even if just in passing, very slowly.
+/// Flipped in numbers, so that as `f32` most are normal: processors work on subnormal ones, even if
+/// just in passing, very slowly.
 const NORMAL: u32 = 0x3f80_0000;
 
 impl Primitive {
@@ -133,7 +136,11 @@ impl Binning {
     /// `centers` is the box around the doubled centres.
     pub fn new(centers: &Box8) -> Self {
         let size = centers.size();
-        let scale = Vec4::select(size.cmpgt(Vec4::ZERO), Vec4::splat(BINS as f32 * 0.9999) / size, Vec4::ZERO);
+        let scale = Vec4::select(
+            size.cmpgt(Vec4::ZERO),
+            Vec4::splat(BINS as f32 * 0.9999) / size,
+            Vec4::ZERO,
+        );
         // Tiny and overflown extents give no usable scale: one bin for all.
         let usable = scale.is_finite_mask() & size.is_finite_mask();
         Self { low: centers.low(), scale: Vec4::select(usable, scale, Vec4::ZERO) }
@@ -225,7 +232,8 @@ pub(crate) struct Parts {
     pub centers: [Box8; 2],
 }
 
-/// Moves the primitives before the plane to the front: stable, and without a branch on data, which could not be predicted.
+/// Moves the primitives before the plane to the front: stable, and without a branch on data, which
+/// could not be predicted.
 ///
 /// # Panics
 /// If `scratch` is shorter than the primitives.
@@ -272,7 +280,8 @@ unsafe fn part_with<L: Lanes8>(
     let mut first = 0;
     for i in 0..primitives.len() {
         // Written to where it would go in either part, the second part to other memory first.
-        // SAFETY: `first <= i < len`: the slot is free, and `i - first` are in the second part so far; `L` as promised.
+        // SAFETY: `first <= i < len`: the slot is free, and `i - first` are in the second part so
+        // far; `L` as promised.
         unsafe {
             let p = L::load(&primitives.get_unchecked(i).0.0);
             let is_first = plane.is_before(binning, primitives.get_unchecked(i).center2());

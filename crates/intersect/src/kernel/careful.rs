@@ -1,4 +1,5 @@
-//! The walk of any ray through one group: of rays and trees that are not ordinary ([`super::quick`]).
+//! The walk of any ray through one group: of rays and trees that are not ordinary
+//! ([`super::quick`]).
 
 use super::node::{ChildRef, box_distances};
 use super::traverse::{self, Entry, Stack, Walk, entry, test_object};
@@ -25,7 +26,9 @@ pub(super) unsafe fn walk_avx2<G: Goal>(
 ) -> bool {
     use snell_math::simd::Avx8;
     // SAFETY: as promised by the caller.
-    unsafe { walk::<Avx8, G>(forest, group, ray, instance, search, stack, traverse::walk_avx2::<G>) }
+    unsafe {
+        walk::<Avx8, G>(forest, group, ray, instance, search, stack, traverse::walk_avx2::<G>)
+    }
 }
 
 /// # Safety
@@ -39,14 +42,24 @@ pub(super) unsafe fn walk_portable<G: Goal>(
     stack: &mut Stack,
 ) -> bool {
     // SAFETY: as promised by the caller.
-    unsafe { walk::<Portable8, G>(forest, group, ray, instance, search, stack, traverse::walk_portable::<G>) }
+    unsafe {
+        walk::<Portable8, G>(
+            forest,
+            group,
+            ray,
+            instance,
+            search,
+            stack,
+            traverse::walk_portable::<G>,
+        )
+    }
 }
 
 /// Walks one group, nearest children first. True if the search is over.
 ///
 /// # Safety
-/// The machine must have the instructions of `L`; `stack` must have room for the group and all below it; `enter` must be the
-/// entry of the same level.
+/// The machine must have the instructions of `L`; `stack` must have room for the group and all
+/// below it; `enter` must be the entry of the same level.
 #[inline(always)]
 unsafe fn walk<L: Lanes8, G: Goal>(
     forest: &Forest,
@@ -74,8 +87,8 @@ unsafe fn walk<L: Lanes8, G: Goal>(
             }
             let mut near = [0.0; 8];
             enters.store(&mut near);
-            // SAFETY: a walk holds at most 7 entries per level, so there are 8 free ones by the builder's count;
-            // `push_sorted` writes at least one.
+            // SAFETY: a walk holds at most 7 entries per level, so there are 8 free ones by the
+            // builder's count; `push_sorted` writes at least one.
             unsafe {
                 top = push_sorted(stack, top, met, &near, &node.children) - 1;
                 current = ChildRef(stack.get_unchecked(top).assume_init() as u32);
@@ -103,7 +116,16 @@ unsafe fn walk<L: Lanes8, G: Goal>(
         } else if current.is_object() {
             // SAFETY: as promised by the caller; the entries below `top` stay as they are.
             if unsafe {
-                test_object(forest, tree, current.index(), ray, instance, search, stack.get_unchecked_mut(top..), enter)
+                test_object(
+                    forest,
+                    tree,
+                    current.index(),
+                    ray,
+                    instance,
+                    search,
+                    stack.get_unchecked_mut(top..),
+                    enter,
+                )
             } {
                 return true;
             }
@@ -145,7 +167,13 @@ unsafe fn pop(stack: &Stack, top: &mut usize, cull: f32) -> Option<ChildRef> {
 /// # Safety
 /// `stack` must have 8 entries from `top`.
 #[inline(always)]
-unsafe fn push_sorted(stack: &mut Stack, top: usize, met: u32, near: &[f32; 8], children: &[ChildRef; 8]) -> usize {
+unsafe fn push_sorted(
+    stack: &mut Stack,
+    top: usize,
+    met: u32,
+    near: &[f32; 8],
+    children: &[ChildRef; 8],
+) -> usize {
     let mut mask = met;
     let mut end = top;
     while mask != 0 {

@@ -1,6 +1,7 @@
 //! Sixteen records of eight numbers as eight columns.
 //!
-//! Nothing here by `map` or `from_fn`: what is not compiled into the function that calls it has not its instructions.
+//! Nothing here by `map` or `from_fn`: what is not compiled into the function that calls it has not
+//! its instructions.
 
 use snell_math::Ray;
 use snell_math::simd::{Lanes16, WideLanes};

@@ -1,8 +1,11 @@
-//! Where the blocks of a tree are, and blocks in less memory: there, corners that triangles share are kept once.
+//! Where the blocks of a tree are, and blocks in less memory: there, corners that triangles share
+//! are kept once.
 //!
-//! A record of several [lines](Line) begins with the numbers of eight triangles (the highest bits of the first tell how many different corners they have),
-//! then for each vertex eight numbers of 4 bits that name corners, and then the coordinates of the corners by axis. Nothing is rounded, so
-//! unpacked triangles are hit as before, bit for bit. In a mesh two or three lines of the cache hold what takes five in a [`TriangleBlock`].
+//! A record of several [lines](Line) begins with the numbers of eight triangles (the highest bits
+//! of the first tell how many different corners they have), then for each vertex eight numbers of 4
+//! bits that name corners, and then the coordinates of the corners by axis. Nothing is rounded, so
+//! unpacked triangles are hit as before, bit for bit. In a mesh two or three lines of the cache
+//! hold what takes five in a [`TriangleBlock`].
 
 use super::triangle::TriangleBlock;
 use snell_math::Vec4;
@@ -24,7 +27,8 @@ pub(crate) const SPARE_LINES: usize = 4;
 /// Different corners that a record names; one with more holds all corners of each triangle.
 const MOST_CORNERS: usize = 16;
 
-/// Where names begin in a record, and coordinates, in numbers; and the corners of one that holds all.
+/// Where names begin in a record, and coordinates, in numbers; and the corners of one that holds
+/// all.
 const NAMES: usize = 8;
 const TABLE: usize = 11;
 const ALL: usize = 8;
@@ -69,7 +73,8 @@ pub(crate) fn lines_of(block: &TriangleBlock) -> usize {
     lines_for(Corners::of(block).count)
 }
 
-/// Writes a block, the first lane of which must be used, with numbers below [`MAX_ID`]. False if it does not take as many lines as these.
+/// Writes a block, the first lane of which must be used, with numbers below [`MAX_ID`]. False if it
+/// does not take as many lines as these.
 pub(crate) fn pack(block: &TriangleBlock, to: &mut [Line]) -> bool {
     let corners = Corners::of(block);
     if to.len() != lines_for(corners.count) {
@@ -101,7 +106,8 @@ pub(crate) fn lines_from(first: &Line) -> usize {
     }
 }
 
-/// The numbers of the triangles of a record that begins with this line; `u32::MAX` in lanes that are not used.
+/// The numbers of the triangles of a record that begins with this line; `u32::MAX` in lanes that
+/// are not used.
 pub(crate) fn ids_from(first: &Line) -> [u32; 8] {
     std::array::from_fn(|lane| if lane == 0 { first.0[0] & (MAX_ID - 1) } else { first.0[lane] })
 }
@@ -161,9 +167,14 @@ impl BlocksAt {
     /// A block, unpacked into `room` if it has to be.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`; there must be a block with this number, for as long as the answer is used.
+    /// The machine must have the instructions of `L`; there must be a block with this number, for
+    /// as long as the answer is used.
     #[inline(always)]
-    pub unsafe fn block<L: Lanes8>(self, number: usize, room: &mut MaybeUninit<TriangleBlock>) -> &TriangleBlock {
+    pub unsafe fn block<L: Lanes8>(
+        self,
+        number: usize,
+        room: &mut MaybeUninit<TriangleBlock>,
+    ) -> &TriangleBlock {
         // SAFETY: passed on to the caller.
         unsafe {
             if self.is_compact() {
@@ -182,7 +193,8 @@ impl BlocksAt {
         // SAFETY: passed on to the caller.
         unsafe {
             if self.is_compact() {
-                return corners_in(self.address(number).cast(), lane).map(|corner| corner.truncate().to_array());
+                return corners_in(self.address(number).cast(), lane)
+                    .map(|corner| corner.truncate().to_array());
             }
             (*self.address(number).cast::<TriangleBlock>()).corners(lane)
         }
@@ -204,7 +216,8 @@ impl BlocksAt {
     }
 }
 
-/// The corners of a triangle of a record. (As registers that are written as wholes: numbers written one by one and read two at a time would have to wait.)
+/// The corners of a triangle of a record. (As registers that are written as wholes: numbers written
+/// one by one and read two at a time would have to wait.)
 ///
 /// # Safety
 /// It must be the first line of a record, and [`SPARE_LINES`] must follow that.
@@ -212,7 +225,8 @@ impl BlocksAt {
 #[inline(never)]
 unsafe fn corners_in(first: *const Line, lane: usize) -> [Vec4; 3] {
     let (record, lane) = (first.cast::<u32>(), lane & 7);
-    // SAFETY: passed on to the caller; names are below 16, so the coordinates are in the record or the lines after it.
+    // SAFETY: passed on to the caller; names are below 16, so the coordinates are in the record or
+    // the lines after it.
     unsafe {
         let corner = |x: usize, step: usize| {
             let float = |i: usize| f32::from_bits(record.add(i).read());
@@ -232,18 +246,27 @@ unsafe fn corners_in(first: *const Line, lane: usize) -> [Vec4; 3] {
 /// # Safety
 /// As [`unpack`].
 #[inline(always)]
-unsafe fn unpacked<L: Lanes8>(first: *const Line, room: &mut MaybeUninit<TriangleBlock>) -> &TriangleBlock {
+unsafe fn unpacked<L: Lanes8>(
+    first: *const Line,
+    room: &mut MaybeUninit<TriangleBlock>,
+) -> &TriangleBlock {
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma")]
     #[cold]
     #[inline(never)]
-    unsafe fn with_avx2(first: *const Line, room: &mut MaybeUninit<TriangleBlock>) -> &TriangleBlock {
+    unsafe fn with_avx2(
+        first: *const Line,
+        room: &mut MaybeUninit<TriangleBlock>,
+    ) -> &TriangleBlock {
         // SAFETY: passed on to the caller.
         unsafe { unpack::<snell_math::simd::Avx8>(first, room) }
     }
     #[cold]
     #[inline(never)]
-    unsafe fn portable(first: *const Line, room: &mut MaybeUninit<TriangleBlock>) -> &TriangleBlock {
+    unsafe fn portable(
+        first: *const Line,
+        room: &mut MaybeUninit<TriangleBlock>,
+    ) -> &TriangleBlock {
         // SAFETY: passed on to the caller.
         unsafe { unpack::<snell_math::simd::Portable8>(first, room) }
     }
@@ -258,10 +281,15 @@ unsafe fn unpacked<L: Lanes8>(first: *const Line, room: &mut MaybeUninit<Triangl
 }
 
 /// # Safety
-/// The machine must have the instructions of `L`; it must be the first line of a record, and [`SPARE_LINES`] must follow that.
+/// The machine must have the instructions of `L`; it must be the first line of a record, and
+/// [`SPARE_LINES`] must follow that.
 #[inline(always)]
-unsafe fn unpack<L: Lanes8>(first: *const Line, room: &mut MaybeUninit<TriangleBlock>) -> &TriangleBlock {
-    // SAFETY: passed on to the caller: names are below 16, so nothing is read beyond four lines after the first. All of the block is written.
+unsafe fn unpack<L: Lanes8>(
+    first: *const Line,
+    room: &mut MaybeUninit<TriangleBlock>,
+) -> &TriangleBlock {
+    // SAFETY: passed on to the caller: names are below 16, so nothing is read beyond four lines
+    // after the first. All of the block is written.
     unsafe {
         let (record, block) = (first.cast::<u32>(), &mut *room.as_mut_ptr());
         block.ids = *record.cast();
@@ -269,7 +297,8 @@ unsafe fn unpack<L: Lanes8>(first: *const Line, room: &mut MaybeUninit<TriangleB
         block.ids[0] &= MAX_ID - 1;
         if count == 1 {
             let rows = &*record.add(ALL).cast::<[[[f32; 8]; 3]; 3]>();
-            for (to, from) in block.vertices.as_flattened_mut().iter_mut().zip(rows.as_flattened()) {
+            for (to, from) in block.vertices.as_flattened_mut().iter_mut().zip(rows.as_flattened())
+            {
                 L::load(from).store(to);
             }
             return block;
@@ -300,7 +329,9 @@ mod tests {
         let mut block = |count: usize| {
             let mut block = TriangleBlock::EMPTY;
             for lane in 0..count {
-                let corners = std::array::from_fn(|_| table[(random.unit() * points as f32) as usize % points]);
+                let corners = std::array::from_fn(|_| {
+                    table[(random.unit() * points as f32) as usize % points]
+                });
                 block.set(lane, &corners, (random.unit() * MAX_ID as f32) as u32 % MAX_ID);
             }
             block
@@ -337,7 +368,10 @@ mod tests {
                     #[cfg(target_arch = "x86_64")]
                     if Level::Avx2.is_supported() {
                         #[target_feature(enable = "avx2,fma")]
-                        unsafe fn at_avx2(at: BlocksAt, room: &mut MaybeUninit<TriangleBlock>) -> &TriangleBlock {
+                        unsafe fn at_avx2(
+                            at: BlocksAt,
+                            room: &mut MaybeUninit<TriangleBlock>,
+                        ) -> &TriangleBlock {
                             // SAFETY: as the function is called.
                             unsafe { at.block::<snell_math::simd::Avx8>(0, room) }
                         }

@@ -1,6 +1,7 @@
-//! Many single rays at once in one thread: dozens of walks take turns, one step each, so that the processor always has another
-//! ray to work on while one waits for memory or for a long chain of operations. Rays do not influence each other, but those that start
-//! one after another may take their first steps together ([`super::together`]).
+//! Many single rays at once in one thread: dozens of walks take turns, one step each, so that the
+//! processor always has another ray to work on while one waits for memory or for a long chain of
+//! operations. Rays do not influence each other, but those that start one after another may take
+//! their first steps together ([`super::together`]).
 
 use super::list::Begun;
 use super::node::ChildRef;
@@ -16,16 +17,19 @@ use crate::query::search::{Context, Goal, RayOf, Search};
 use snell_math::simd::{Lanes8, Level, Portable8};
 use std::mem::MaybeUninit;
 
-/// How many rays are in flight at most. When [`PARTY`] of them have come to their ends, others start.
+/// How many rays are in flight at most. When [`PARTY`] of them have come to their ends, others
+/// start.
 const SLOTS: usize = 48;
 
 /// Batches of fewer rays are not worth it.
 const MIN_RAYS: usize = 16;
 
-/// Forests of more bytes are fetched ahead: much of them is not in the second cache. (It costs a little in smaller ones.)
+/// Forests of more bytes are fetched ahead: much of them is not in the second cache. (It costs a
+/// little in smaller ones.)
 const FETCHED_BYTES: usize = 8 << 20;
 
-/// See [`pays_to_sort`]: rays that set off together in one register are worth more if neighbours start near each other.
+/// See [`pays_to_sort`]: rays that set off together in one register are worth more if neighbours
+/// start near each other.
 const SORTED_BYTES: usize = 32 << 20;
 const SORTED_BYTES_AVX512: usize = 128 << 10;
 
@@ -33,7 +37,8 @@ const SORTED_BYTES_AVX512: usize = 128 << 10;
 pub(crate) struct Batch<'a, P: Rules> {
     pub rays: Rays<'a, P>,
     pub context: &'a Context<'a, P>,
-    /// In which order to search for them: their numbers, or places in `begun`; if empty, as they are.
+    /// In which order to search for them: their numbers, or places in `begun`; if empty, as they
+    /// are.
     pub order: &'a [u32],
     /// The rays to search for, if these are not all from the beginning.
     pub begun: Option<&'a [Begun<P::Hit>]>,
@@ -50,7 +55,8 @@ impl<'a, P: Rules> Batch<'a, P> {
         self.begun.map_or(self.rays.len(), <[_]>::len)
     }
 
-    /// What is searched for as the `i`-th: the number of the ray, and what is known of it; asks for the memory of a later ray and of its answer.
+    /// What is searched for as the `i`-th: the number of the ray, and what is known of it; asks for
+    /// the memory of a later ray and of its answer.
     #[inline(always)]
     fn get<G>(&self, i: usize, answers: &impl Answers<G>) -> (usize, Option<&'a Begun<P::Hit>>) {
         if !self.order.is_empty()
@@ -68,13 +74,16 @@ impl<'a, P: Rules> Batch<'a, P> {
     }
 }
 
-/// True if forests are so large that rays should be in an order. (In smaller ones, sorting costs more than it saves.)
+/// True if forests are so large that rays should be in an order. (In smaller ones, sorting costs
+/// more than it saves.)
 pub(crate) fn pays_to_sort<G: Goal>(forest: &Forest, level: Level) -> bool {
-    let least = if G::WANTS_ONE && level == Level::Avx512 { SORTED_BYTES_AVX512 } else { SORTED_BYTES };
+    let least =
+        if G::WANTS_ONE && level == Level::Avx512 { SORTED_BYTES_AVX512 } else { SORTED_BYTES };
     forest.memory_bytes() > least
 }
 
-/// True if walks through the forest fit the stacks of this kernel, and it has something to interleave.
+/// True if walks through the forest fit the stacks of this kernel, and it has something to
+/// interleave.
 pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
     let tree = &forest.trees[0];
     rays >= MIN_RAYS && tree.unbounded.is_empty() && may_search(forest)
@@ -85,7 +94,8 @@ pub(crate) fn may_search(forest: &Forest) -> bool {
     forest.ordinary && forest.trees[0].root.is_node() && forest.stack_size <= SMALL_STACK
 }
 
-/// Searches for every ray of a batch; `answers` get the number of a ray and what was found, in no particular order.
+/// Searches for every ray of a batch; `answers` get the number of a ray and what was found, in no
+/// particular order.
 pub(crate) fn search_batch<G: Goal>(
     forest: &Forest,
     level: Level,
@@ -99,7 +109,9 @@ pub(crate) fn search_batch<G: Goal>(
         // SAFETY: `World` holds only levels that the machine supports.
         Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, level, batch, start, answers) },
         // SAFETY: portable code. (Without registers of many lanes, rays are as fast one by one.)
-        _ => unsafe { run::<Portable8, G>(forest, level, batch, start, answers, (walk_portable::<G>, None)) },
+        _ => unsafe {
+            run::<Portable8, G>(forest, level, batch, start, answers, (walk_portable::<G>, None))
+        },
     }
 }
 
@@ -116,15 +128,27 @@ unsafe fn run_avx2<G: Goal>(
 ) {
     use super::together::{set_off_avx2, set_off_avx512};
     use super::traverse::walk_avx2;
-    let set_off: SetOff<G> = if level == Level::Avx512 { set_off_avx512::<G> } else { set_off_avx2::<G> };
+    let set_off: SetOff<G> =
+        if level == Level::Avx512 { set_off_avx512::<G> } else { set_off_avx2::<G> };
     // SAFETY: as promised by the caller.
-    unsafe { run::<snell_math::simd::Avx8, G>(forest, level, batch, start, answers, (walk_avx2::<G>, Some(set_off))) }
+    unsafe {
+        run::<snell_math::simd::Avx8, G>(
+            forest,
+            level,
+            batch,
+            start,
+            answers,
+            (walk_avx2::<G>, Some(set_off)),
+        )
+    }
 }
 
-/// The loop over all rays in flight: first a step for each that is at a node, then one for each that is at a leaf or done.
+/// The loop over all rays in flight: first a step for each that is at a node, then one for each
+/// that is at a leaf or done.
 ///
 /// # Safety
-/// The machine must have the instructions of `L`; [`is_suitable`] must hold; `enter` and `set_off` must be entries of the same level.
+/// The machine must have the instructions of `L`; [`is_suitable`] must hold; `enter` and `set_off`
+/// must be entries of the same level.
 #[inline(always)]
 unsafe fn run<L: Lanes8, G: Goal>(
     forest: &Forest,
@@ -138,15 +162,18 @@ unsafe fn run<L: Lanes8, G: Goal>(
     let prefetch = forest.memory_bytes() > FETCHED_BYTES;
     let mut below = [const { MaybeUninit::<Entry>::uninit() }; SMALL_STACK];
     let slots = Slots::<G>::new(SLOTS.min(batch.len()), forest.stack_size);
-    let mut items: [Items<*mut Slot<G>>; 3] = [const { [const { MaybeUninit::uninit() }; SLOTS + 1] }; 3];
+    let mut items: [Items<*mut Slot<G>>; 3] =
+        [const { [const { MaybeUninit::uninit() }; SLOTS + 1] }; 3];
     let [nodes, rest, mut idle] = items.each_mut().map(|items| Queue { items, count: 0 });
-    let mut hopeful_items: Items<(*mut Slot<G>, u32, u32)> = [const { MaybeUninit::uninit() }; SLOTS + 1];
+    let mut hopeful_items: Items<(*mut Slot<G>, u32, u32)> =
+        [const { MaybeUninit::uninit() }; SLOTS + 1];
     let mut hopeful = Queue { items: &mut hopeful_items, count: 0 };
     // What a step leaves for the next.
     let (mut enters, mut found) = ([Enters([0.0; 8]); SLOTS], [0; SLOTS]);
     let mut queues = Queues { nodes, rest };
     let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; SLOTS + 1];
-    let (mut leaf_slots, mut return_slots, mut object_slots) = (other_slots, other_slots, other_slots);
+    let (mut leaf_slots, mut return_slots, mut object_slots) =
+        (other_slots, other_slots, other_slots);
     for i in 0..slots.len() {
         // SAFETY: there are no more slots than items.
         unsafe { idle.put(slots.get(i), true) };
@@ -155,7 +182,8 @@ unsafe fn run<L: Lanes8, G: Goal>(
     let (mut number, mut trial) = (0, Trial::default());
     loop {
         // Rays that start, some at a time.
-        while number < batch.len() && idle.count >= PARTY.min(batch.len() - number).min(slots.len()) {
+        while number < batch.len() && idle.count >= PARTY.min(batch.len() - number).min(slots.len())
+        {
             let mut started: [*mut Slot<G>; PARTY] = [std::ptr::null_mut(); PARTY];
             let mut count = 0;
             while count < PARTY && number < batch.len() && idle.count > 0 {
@@ -203,8 +231,9 @@ unsafe fn run<L: Lanes8, G: Goal>(
         if queues.is_empty() || batch.context.is_cancelled() {
             break;
         }
-        // SAFETY: the queues hold slots, each at most once, which have a search, and are at what their queue
-        // says; a walk holds at most 7 entries per level and `is_suitable` has counted them.
+        // SAFETY: the queues hold slots, each at most once, which have a search, and are at what
+        // their queue says; a walk holds at most 7 entries per level and `is_suitable` has counted
+        // them.
         unsafe {
             // Leaves apart from the others.
             let (mut leaves, mut others) = (0, 0);
@@ -221,7 +250,8 @@ unsafe fn run<L: Lanes8, G: Goal>(
             }
             let count = queues.nodes.take();
             for i in 0..count {
-                *found.get_unchecked_mut(i) = (*queues.nodes.get(i)).boxes_step::<L>(enters.get_unchecked_mut(i));
+                *found.get_unchecked_mut(i) =
+                    (*queues.nodes.get(i)).boxes_step::<L>(enters.get_unchecked_mut(i));
             }
             for i in 0..count {
                 let slot = queues.nodes.get(i);
@@ -232,10 +262,12 @@ unsafe fn run<L: Lanes8, G: Goal>(
                 queues.put(slot, (*slot).current);
             }
             for i in 0..leaves {
-                *found.get_unchecked_mut(i) = (*leaf_slots.get_unchecked(i).assume_init()).leaf_step::<L>();
+                *found.get_unchecked_mut(i) =
+                    (*leaf_slots.get_unchecked(i).assume_init()).leaf_step::<L>();
             }
             for i in 0..leaves {
-                let (slot, lanes) = (leaf_slots.get_unchecked(i).assume_init(), *found.get_unchecked(i));
+                let (slot, lanes) =
+                    (leaf_slots.get_unchecked(i).assume_init(), *found.get_unchecked(i));
                 let block = Slot::leave_leaf(slot);
                 if prefetch {
                     (*slot).fetch_ahead();
@@ -255,7 +287,8 @@ unsafe fn run<L: Lanes8, G: Goal>(
             let (mut ends, mut returns, mut objects) = (0, 0, 0);
             for i in 0..others {
                 let slot = other_slots.get_unchecked(i).assume_init();
-                let (is_object, is_return) = ((*slot).current.is_object(), (*slot).current == ChildRef::RETURN);
+                let (is_object, is_return) =
+                    ((*slot).current.is_object(), (*slot).current == ChildRef::RETURN);
                 other_slots.get_unchecked_mut(ends).write(slot);
                 ends += usize::from(!is_object & !is_return);
                 return_slots.get_unchecked_mut(returns).write(slot);
@@ -304,7 +337,8 @@ fn search_alone<G: Goal>(forest: &Forest, level: Level, mut search: Search<G>) -
 /// The memory of a queue: all slots and one more.
 type Items<T> = [MaybeUninit<T>; SLOTS + 1];
 
-/// Slots in order of arrival; read and rewritten in one pass. (Items and count are apart, so that the count stays in a register.)
+/// Slots in order of arrival; read and rewritten in one pass. (Items and count are apart, so that
+/// the count stays in a register.)
 struct Queue<'a, T> {
     items: &'a mut Items<T>,
     count: usize,
@@ -322,7 +356,8 @@ impl<T: Copy> Queue<'_, T> {
         self.count += usize::from(counts);
     }
 
-    /// Empties the queue and tells how many items there were; they can be read until as many are put.
+    /// Empties the queue and tells how many items there were; they can be read until as many are
+    /// put.
     #[inline(always)]
     fn take(&mut self) -> usize {
         std::mem::take(&mut self.count)

@@ -1,10 +1,13 @@
 //! Lists of few primitives: sixteen rays at a time against each face in turn, without a tree.
 //!
-//! A face is a triangle, or two that make a flat quadrilateral ([`faces`]). Where a ray meets its plane, and on which side of its edges that is, is
-//! worked out in `f32` with a bound of the error ([`bundle`]). For nearly all rays it is then certain which face is the nearest; the distance on it and the
-//! coordinates follow from the numbers that the exact test would find ([`exact`]), sixteen rays at a time too. The others, which come near an
-//! edge, start in a plane or run along one, and rays of extraordinary size, go through the tree, which finds the same. Spheres and flat shapes are tested
-//! sixteen rays at a time ([`shapes`]), others ray by ray; all but flat ones with a look at their boxes before.
+//! A face is a triangle, or two that make a flat quadrilateral ([`faces`]). Where a ray meets its
+//! plane, and on which side of its edges that is, is worked out in `f32` with a bound of the error
+//! ([`bundle`]). For nearly all rays it is then certain which face is the nearest; the distance on
+//! it and the coordinates follow from the numbers that the exact test would find ([`exact`]),
+//! sixteen rays at a time too. The others, which come near an edge, start in a plane or run along
+//! one, and rays of extraordinary size, go through the tree, which finds the same. Spheres and flat
+//! shapes are tested sixteen rays at a time ([`shapes`]), others ray by ray; all but flat ones with
+//! a look at their boxes before.
 
 mod apart;
 mod bundle;
@@ -41,7 +44,8 @@ const MIN_RAYS_APART: usize = 16;
 /// After so many rays it is seen whether lists are the right thing for a batch.
 const TRIAL: usize = 128;
 
-/// In a tree, a ray that meets nothing costs as much as so many faces of a list, and one that hits as much as so many more.
+/// In a tree, a ray that meets nothing costs as much as so many faces of a list, and one that hits
+/// as much as so many more.
 const FACES_PER_RAY: usize = 24;
 const FACES_PER_HIT: usize = 80;
 
@@ -50,9 +54,10 @@ pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
     rays >= MIN_RAYS && forest.list.is_some() || rays >= MIN_RAYS_APART && forest.apart.is_some()
 }
 
-/// Searches for the rays of a batch; `finish` gets the number of a ray and what was found. [`is_suitable`] must hold. Rays that have yet to be searched
-/// for among the rest, if the list is only of what stands apart, are added to `begun`. Returns how many
-/// rays were dealt with: less than all if most of them point past everything, for in a tree that costs little.
+/// Searches for the rays of a batch; `finish` gets the number of a ray and what was found.
+/// [`is_suitable`] must hold. Rays that have yet to be searched for among the rest, if the list is
+/// only of what stands apart, are added to `begun`. Returns how many rays were dealt with: less
+/// than all if most of them point past everything, for in a tree that costs little.
 pub(crate) fn search_list<G: Goal<Precision = Single>>(
     forest: &Forest,
     level: Level,
@@ -98,7 +103,8 @@ struct Scene<'a> {
     apart: Option<&'a Apart>,
     level: Level,
     batch: &'a Batch<'a, Single>,
-    /// The nearest hit within the interval of a ray is always what it hits, as far as things are tested in lanes.
+    /// The nearest hit within the interval of a ray is always what it hits, as far as things are
+    /// tested in lanes.
     is_plain: bool,
 }
 
@@ -124,7 +130,9 @@ unsafe fn run_avx512<G: Goal<Precision = Single>>(
 ) -> usize {
     use super::traverse::walk_avx2;
     // SAFETY: as promised by the caller.
-    unsafe { run::<snell_math::simd::Avx16Doubles, G>(scene, stack, begun, start, finish, walk_avx2::<G>) }
+    unsafe {
+        run::<snell_math::simd::Avx16Doubles, G>(scene, stack, begun, start, finish, walk_avx2::<G>)
+    }
 }
 
 /// # Safety
@@ -153,7 +161,8 @@ unsafe fn run_avx2<G: Goal<Precision = Single>>(
 }
 
 /// # Safety
-/// The machine must have the instructions of `D`; `stack` must have room for all groups; `enter` must be the entry of the same level.
+/// The machine must have the instructions of `D`; `stack` must have room for all groups; `enter`
+/// must be the entry of the same level.
 #[inline(always)]
 unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
     scene: &Scene,
@@ -244,7 +253,16 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                     let query = scene.batch.rays.get(first + lane);
                     let mut search = Search::new(query, scene.batch.context, start(ray));
                     // SAFETY: as promised by the caller.
-                    unsafe { offer(scene, found.get(list, lane), near.of(lane), &mut search, stack, enter) };
+                    unsafe {
+                        offer(
+                            scene,
+                            found.get(list, lane),
+                            near.of(lane),
+                            &mut search,
+                            stack,
+                            enter,
+                        )
+                    };
                     finish(first + lane, search.goal);
                 }
             }
@@ -320,7 +338,8 @@ impl Near {
             let lanes = std::mem::take(near) & bundle.ordinary & !found.blocked;
             if lanes != 0 {
                 // SAFETY: passed on to the caller.
-                let blocked = unsafe { shape.meet(bundle, lanes).lt(D::Singles::splat(f32::INFINITY)) };
+                let blocked =
+                    unsafe { shape.meet(bundle, lanes).lt(D::Singles::splat(f32::INFINITY)) };
                 found.blocked |= blocked;
                 found.met |= blocked;
             }
@@ -416,12 +435,18 @@ impl Hits {
         }
     }
 
-    /// Tests the shapes that are tested in lanes, and takes what is nearer, or as near with a lower number.
+    /// Tests the shapes that are tested in lanes, and takes what is nearer, or as near with a lower
+    /// number.
     ///
     /// # Safety
     /// The machine must have the instructions of `D`.
     #[inline(always)]
-    unsafe fn take_shapes<D: Doubles16>(&mut self, list: &List, bundle: &Bundle<D>, near: &mut Near) {
+    unsafe fn take_shapes<D: Doubles16>(
+        &mut self,
+        list: &List,
+        bundle: &Bundle<D>,
+        near: &mut Near,
+    ) {
         for (number, (object, near)) in list.objects.iter().zip(&mut near.shapes).enumerate() {
             let Some(shape) = &object.shape else { continue };
             let lanes = std::mem::take(near) & bundle.ordinary;
@@ -459,6 +484,12 @@ impl Hits {
     fn get(&self, list: &List, lane: usize) -> Option<Hit> {
         let (geometry, primitive) = list.triangle(self.numbers[lane]).ids();
         let (t, uv) = (self.found.t[lane], Vec2::new(self.found.b1[lane], self.found.b2[lane]));
-        (self.found.hits >> lane & 1 == 1).then_some(Hit { t, uv, instance: 0, geometry, primitive })
+        (self.found.hits >> lane & 1 == 1).then_some(Hit {
+            t,
+            uv,
+            instance: 0,
+            geometry,
+            primitive,
+        })
     }
 }

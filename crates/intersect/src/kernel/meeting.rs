@@ -1,7 +1,8 @@
 //! Where sixteen rays meet a triangle each.
 //!
-//! The same operations in the same order as in [`super::triangle::exact_hit_on`], so the same bits. What is rare there (ties, rays along the
-//! plane of the triangle, points outside of its box by rounding) must be known not to be.
+//! The same operations in the same order as in [`super::triangle::exact_hit_on`], so the same bits.
+//! What is rare there (ties, rays along the plane of the triangle, points outside of its box by
+//! rounding) must be known not to be.
 
 use snell_math::simd::{Doubles16, Lanes16};
 
@@ -22,7 +23,8 @@ impl<D: Doubles16> InPlane<D> {
         let exact_a = doubles::<D>(*a);
         let [ux, uy, uz] = minus(doubles::<D>(*b), exact_a);
         let [vx, vy, vz] = minus(doubles::<D>(*c), exact_a);
-        let normal = [uy.mul(vz).sub(vy.mul(uz)), uz.mul(vx).sub(vz.mul(ux)), ux.mul(vy).sub(vx.mul(uy))];
+        let normal =
+            [uy.mul(vz).sub(vy.mul(uz)), uz.mul(vx).sub(vz.mul(ux)), ux.mul(vy).sub(vx.mul(uy))];
         let slope = dot(normal, direction);
         let t = dot(normal, minus(exact_a, origin)).div(slope);
         Self { normal, slope, t }
@@ -44,12 +46,17 @@ impl<D: Doubles16> InDrawing<D> {
     /// # Safety
     /// The machine must have the instructions of `D`.
     #[inline(always)]
-    pub unsafe fn new([a, b, c]: Corners<D::Singles>, origin: [D::Singles; 3], shear: [D::Singles; 2]) -> Self {
+    pub unsafe fn new(
+        [a, b, c]: Corners<D::Singles>,
+        origin: [D::Singles; 3],
+        shear: [D::Singles; 2],
+    ) -> Self {
         let (p0, p1, p2) = (draw(a, origin, shear), draw(b, origin, shear), draw(c, origin, shear));
         let (w0, w1, w2): (D, D, D) = (edge(p1, p2), edge(p2, p0), edge(p0, p1));
         // SAFETY: passed on to the caller.
         let (zero, one) = unsafe { (D::splat(0.0), D::splat(1.0)) };
-        let inside = (zero.lt(w0) & zero.lt(w1) & zero.lt(w2)) | (w0.lt(zero) & w1.lt(zero) & w2.lt(zero));
+        let inside =
+            (zero.lt(w0) & zero.lt(w1) & zero.lt(w2)) | (w0.lt(zero) & w1.lt(zero) & w2.lt(zero));
         let scale = one.div(w0.add(w1).add(w2));
         Self { inside, b1: w1.mul(scale), b2: w2.mul(scale) }
     }
@@ -78,7 +85,8 @@ fn draw<D: Doubles16>(v: [D::Singles; 3], o: [D::Singles; 3], shear: [D::Singles
     [D::of(x.sub(shear[0].mul(z))), D::of(y.sub(shear[1].mul(z)))]
 }
 
-/// As the function of the same name of the exact test, but for the symbolic shift: zero is not decided here.
+/// As the function of the same name of the exact test, but for the symbolic shift: zero is not
+/// decided here.
 #[inline(always)]
 fn edge<D: Doubles16>(p: [D; 2], q: [D; 2]) -> D {
     p[0].mul(q[1]).sub(p[1].mul(q[0]))

@@ -5,7 +5,8 @@ use super::ray::LocalRay;
 use snell_math::simd::Lanes8;
 use snell_math::{Bounds3, Vec3, Vec4};
 
-/// What a node's slot leads to, in 32 bits: an inner node, up to eight triangles, or an object (shape or instance).
+/// What a node's slot leads to, in 32 bits: an inner node, up to eight triangles, or an object
+/// (shape or instance).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(transparent)]
 pub(crate) struct ChildRef(pub u32);
@@ -83,7 +84,8 @@ pub(crate) struct WideNode {
     /// By side (minimum, maximum), axis, slot.
     pub bounds: [[[f32; 8]; 3]; 2],
     pub children: [ChildRef; 8],
-    /// For each octant of directions (bit i set: down along axis i) the slots from far to near: eight numbers of 3 bits.
+    /// For each octant of directions (bit i set: down along axis i) the slots from far to near:
+    /// eight numbers of 3 bits.
     pub order: [u32; 8],
 }
 
@@ -117,12 +119,17 @@ impl WideNode {
     pub fn half_areas(&self) -> f64 {
         let [low, high] = &self.bounds;
         // (Those that are not used are infinitely far from having a size.)
-        let size = |axis: usize| std::array::from_fn::<f32, 8, _>(|slot| (high[axis][slot] - low[axis][slot]).max(0.0));
+        let size = |axis: usize| {
+            std::array::from_fn::<f32, 8, _>(|slot| (high[axis][slot] - low[axis][slot]).max(0.0))
+        };
         let [x, y, z] = [size(0), size(1), size(2)];
-        (0..8).map(|slot| f64::from(x[slot] * y[slot] + y[slot] * z[slot] + z[slot] * x[slot])).sum()
+        (0..8)
+            .map(|slot| f64::from(x[slot] * y[slot] + y[slot] * z[slot] + z[slot] * x[slot]))
+            .sum()
     }
 
-    /// Works out the order of the children for each octant, when all are set: by their centres along the diagonal.
+    /// Works out the order of the children for each octant, when all are set: by their centres
+    /// along the diagonal.
     pub fn sort_octants(&mut self) {
         let center = |axis: usize| {
             let (low, high) = (&self.bounds[0][axis], &self.bounds[1][axis]);
@@ -157,7 +164,8 @@ impl WideNode {
     }
 }
 
-/// Sorts eight rows, each column by itself, by a network of 19 exchanges (Batcher's odd-even merge sort): no branches.
+/// Sorts eight rows, each column by itself, by a network of 19 exchanges (Batcher's odd-even merge
+/// sort): no branches.
 #[inline]
 fn sort8(rows: &mut [[i32; 4]; 8]) {
     const NETWORK: [(usize, usize); 19] = [
@@ -189,12 +197,13 @@ fn sort8(rows: &mut [[i32; 4]; 8]) {
     }
 }
 
-/// Relative padding of box distances. Ize (Robust BVH Ray Traversal, JCGT 2013) needs `2 gamma(3)`, some `4e-7`, for the slabs
-/// alone; the drawing of triangles may be off by as much again.
+/// Relative padding of box distances. Ize (Robust BVH Ray Traversal, JCGT 2013) needs `2 gamma(3)`,
+/// some `4e-7`, for the slabs alone; the drawing of triangles may be off by as much again.
 pub(crate) const BOX_PADDING: f32 = 1.0e-6;
 
-/// Relative padding of the distance beyond which nothing is of interest: more than a hit may be off along the ray from the box of the piece
-/// of its triangle that the ray meets ([`super::triangle::PLACE_TOLERANCE`]).
+/// Relative padding of the distance beyond which nothing is of interest: more than a hit may be off
+/// along the ray from the box of the piece of its triangle that the ray meets
+/// ([`super::triangle::PLACE_TOLERANCE`]).
 pub(crate) const CULL_PADDING: f32 = 1.0e-4;
 
 /// A bound on distances, moved out by [`CULL_PADDING`].
@@ -203,22 +212,29 @@ pub(crate) fn padded(t: f32) -> f32 {
     t + t.abs() * CULL_PADDING
 }
 
-/// Where the ray enters each of the eight boxes, and the value that must not exceed for the box to be met between `t_min` and
-/// `cull` (from [`padded`]).
+/// Where the ray enters each of the eight boxes, and the value that must not exceed for the box to
+/// be met between `t_min` and `cull` (from [`padded`]).
 ///
 /// # Safety
 /// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(crate) unsafe fn box_distances<L: Lanes8>(node: &WideNode, ray: &LocalRay, t_min: f32, cull: f32) -> (L, L) {
+pub(crate) unsafe fn box_distances<L: Lanes8>(
+    node: &WideNode,
+    ray: &LocalRay,
+    t_min: f32,
+    cull: f32,
+) -> (L, L) {
     // SAFETY: passed on to the caller.
     unsafe {
         let near = [near::<L>(node, ray, 0), near::<L>(node, ray, 1), near::<L>(node, ray, 2)];
         let far = [far::<L>(node, ray, 0), far::<L>(node, ray, 1), far::<L>(node, ray, 2)];
-        // A plane that a parallel ray lies in gives NaN (0 times infinity), and a NaN on the left does not count.
+        // A plane that a parallel ray lies in gives NaN (0 times infinity), and a NaN on the left
+        // does not count.
         let enter = near[0].max(near[1].max(near[2].max(L::splat(t_min))));
         let leave = far[0].min(far[1].min(far[2].min(L::splat(f32::INFINITY))));
         // Away from zero if positive, towards it if negative: always farther along the ray.
-        let leave = leave.mul(L::splat(1.0 + BOX_PADDING)).max(leave.mul(L::splat(1.0 - BOX_PADDING)));
+        let leave =
+            leave.mul(L::splat(1.0 + BOX_PADDING)).max(leave.mul(L::splat(1.0 - BOX_PADDING)));
         (enter, leave.min(L::splat(cull)))
     }
 }
@@ -249,21 +265,32 @@ unsafe fn far<L: Lanes8>(node: &WideNode, ray: &LocalRay, axis: usize) -> L {
     }
 }
 
-/// [`box_distances`] for an ordinary ray: a far plane less than [`FAR_FACTOR`] away is as good as met.
+/// [`box_distances`] for an ordinary ray: a far plane less than [`FAR_FACTOR`] away is as good as
+/// met.
 ///
 /// # Safety
-/// The machine must have the instructions of `L`, and the ray must be prepared for [`Lanes8::FUSED`].
+/// The machine must have the instructions of `L`, and the ray must be prepared for
+/// [`Lanes8::FUSED`].
 #[inline(always)]
-pub(crate) unsafe fn quick_distances<L: Lanes8>(node: &WideNode, ray: &QuickRay, t_min: f32, cull: f32) -> (L, L) {
-    // SAFETY: passed on to the caller; the offsets of a ray are of planes within the bounds of a node.
+pub(crate) unsafe fn quick_distances<L: Lanes8>(
+    node: &WideNode,
+    ray: &QuickRay,
+    t_min: f32,
+    cull: f32,
+) -> (L, L) {
+    // SAFETY: passed on to the caller; the offsets of a ray are of planes within the bounds of a
+    // node.
     unsafe {
         let near = [
             quick::<L>(node, ray, &ray.near, 0, 0),
             quick(node, ray, &ray.near, 1, 0),
             quick(node, ray, &ray.near, 2, 0),
         ];
-        let far =
-            [quick::<L>(node, ray, &ray.far, 0, 3), quick(node, ray, &ray.far, 1, 3), quick(node, ray, &ray.far, 2, 3)];
+        let far = [
+            quick::<L>(node, ray, &ray.far, 0, 3),
+            quick(node, ray, &ray.far, 1, 3),
+            quick(node, ray, &ray.far, 2, 3),
+        ];
         let enter = near[0].max(near[1]).max(near[2].max(L::splat(t_min)));
         let leave = far[0].min(far[1]).min(far[2]).mul(L::splat(FAR_FACTOR));
         (enter, leave.min(L::splat(cull)))
@@ -275,7 +302,13 @@ pub(crate) unsafe fn quick_distances<L: Lanes8>(node: &WideNode, ray: &QuickRay,
 /// # Safety
 /// As [`quick_distances`].
 #[inline(always)]
-unsafe fn quick<L: Lanes8>(node: &WideNode, ray: &QuickRay, offsets: &[f32; 3], axis: usize, side: usize) -> L {
+unsafe fn quick<L: Lanes8>(
+    node: &WideNode,
+    ray: &QuickRay,
+    offsets: &[f32; 3],
+    axis: usize,
+    side: usize,
+) -> L {
     // SAFETY: passed on to the caller.
     unsafe {
         let (inverse, offset) = (L::splat(ray.inverse[axis]), L::splat(offsets[axis]));
@@ -291,24 +324,27 @@ pub(crate) struct QuickBoxes<L> {
     planes: [usize; 6],
 }
 
-/// Instead of [`FAR_FACTOR`]: far planes are this much farther, relative to the largest distance at which the ray may meet any plane. A
-/// little more, for the roundings of that.
+/// Instead of [`FAR_FACTOR`]: far planes are this much farther, relative to the largest distance at
+/// which the ray may meet any plane. A little more, for the roundings of that.
 const FAR_PADDING: f32 = 1.1e-6;
 
-/// No distance needs more. (Without a limit it would be infinite along an axis that the ray does not move along, and empty boxes would
-/// count as met.)
+/// No distance needs more. (Without a limit it would be infinite along an axis that the ray does
+/// not move along, and empty boxes would count as met.)
 const MAX_FAR_PADDING: f32 = 4e30;
 
 impl<L: Lanes8> QuickBoxes<L> {
     /// `extent` is the largest coordinate of the boxes.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`, and the ray must be prepared for [`Lanes8::FUSED`].
+    /// The machine must have the instructions of `L`, and the ray must be prepared for
+    /// [`Lanes8::FUSED`].
     #[inline(always)]
     pub unsafe fn new(ray: &QuickRay, extent: f32) -> Self {
-        let (inverse, far) = (Vec3::from_array(ray.inverse).extend(1.0), Vec3::from_array(ray.far).extend(1.0));
+        let (inverse, far) =
+            (Vec3::from_array(ray.inverse).extend(1.0), Vec3::from_array(ray.far).extend(1.0));
         let far = if L::FUSED {
-            far + ((inverse.abs() * extent + far.abs()) * FAR_PADDING).min(Vec4::splat(MAX_FAR_PADDING))
+            far + ((inverse.abs() * extent + far.abs()) * FAR_PADDING)
+                .min(Vec4::splat(MAX_FAR_PADDING))
         } else {
             far - ((far.abs() + extent) * FAR_PADDING).copysign(inverse)
         };

@@ -1,10 +1,12 @@
 //! Coherent rays sixteen at a time: one test of eight boxes serves a whole bundle of rays.
 //!
-//! A run of sixteen rays of the batch becomes a [`Bundle`] if it is one: rays from one point, or towards one point, or otherwise close together.
-//! Up to four that follow each other walk together if they are [alike](Bundle::is_like): a node is loaded and put in order once for all of
-//! them, a block of triangles is seen once, and their tests do not wait for each other. Each goes where it would go alone, in the same order.
-//! Runs that are no bundles are left to the caller. Every pair of ray and triangle that is not surely a miss goes to the same exact test
-//! as everywhere else, so that neighbours do not change results.
+//! A run of sixteen rays of the batch becomes a [`Bundle`] if it is one: rays from one point, or
+//! towards one point, or otherwise close together. Up to four that follow each other walk together
+//! if they are [alike](Bundle::is_like): a node is loaded and put in order once for all of them, a
+//! block of triangles is seen once, and their tests do not wait for each other. Each goes where it
+//! would go alone, in the same order. Runs that are no bundles are left to the caller. Every pair
+//! of ray and triangle that is not surely a miss goes to the same exact test as everywhere else, so
+//! that neighbours do not change results.
 
 pub(crate) mod bundle;
 pub(crate) mod doubles;
@@ -70,8 +72,8 @@ unsafe fn fits<L: Lanes8>(tree: &GroupTree) -> bool {
         && unsafe { bundle::is_in_range::<L>(&tree.nodes[tree.root.index()]) }
 }
 
-/// Searches for the rays of the batch run by run; `answers` get the number of a ray and what was found. Returns the ranges of
-/// rays that were left out.
+/// Searches for the rays of the batch run by run; `answers` get the number of a ray and what was
+/// found. Returns the ranges of rays that were left out.
 pub(crate) fn search_runs<G: Goal>(
     forest: &Forest,
     level: Level,
@@ -90,7 +92,8 @@ pub(crate) fn search_runs<G: Goal>(
     };
     match level {
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: `World` holds only levels that the machine supports, and the stacks have `stack_size` entries.
+        // SAFETY: `World` holds only levels that the machine supports, and the stacks have
+        // `stack_size` entries.
         Level::Avx512 => unsafe { run_avx512(forest, batch, &mut stacks, start, answers) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: as above.
@@ -133,8 +136,8 @@ unsafe fn run_avx512<G: Goal>(
 }
 
 /// # Safety
-/// The machine must have the instructions of `W`; the stacks must have room for all groups; `enter` and `enter_single` must be
-/// entries of the same level.
+/// The machine must have the instructions of `W`; the stacks must have room for all groups; `enter`
+/// and `enter_single` must be entries of the same level.
 #[inline(always)]
 unsafe fn run<'s, W: Lanes16, G: Goal>(
     forest: &Forest,
@@ -223,7 +226,11 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
             }
             // SAFETY: as promised by the caller.
             unsafe { enter(&mut rows, alike, stacks, Position { group: 0, instance: 0, top: 0 }) };
-            detail.count(rows.iter().map(|row| row.walker.counted).fold([0; 2], |[a, b], [c, d]| [a + c, b + d]));
+            detail.count(
+                rows.iter()
+                    .map(|row| row.walker.counted)
+                    .fold([0; 2], |[a, b], [c, d]| [a + c, b + d]),
+            );
             if luggage.bundles[first(alike)].kind.reversed {
                 trial.count(stacks.work);
             }

@@ -1,4 +1,5 @@
-//! Asking for memory before it is needed. It reads nothing, so any address will do, and it changes no answer.
+//! Asking for memory before it is needed. It reads nothing, so any address will do, and it changes
+//! no answer.
 
 /// Bytes that come together.
 const LINE: usize = 64;

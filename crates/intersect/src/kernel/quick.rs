@@ -1,9 +1,10 @@
 //! A ray of ordinary size, prepared for the fast kernels.
 //!
-//! Nearly all rays are ordinary: [`QuickRay`] says which. For them nothing overflows or cancels, so boxes can be tested by one
-//! fused multiplication and addition per plane, and rays that come in `f32` can be prepared in `f32`. All others, and
-//! all in trees of extraordinary size, are walked with the careful [`super::ray::LocalRay`]. Which triangles are hit, and where,
-//! is the same for both: origin, axes and shear have the same bits, and boxes and filters are conservative.
+//! Nearly all rays are ordinary: [`QuickRay`] says which. For them nothing overflows or cancels, so
+//! boxes can be tested by one fused multiplication and addition per plane, and rays that come in
+//! `f32` can be prepared in `f32`. All others, and all in trees of extraordinary size, are walked
+//! with the careful [`super::ray::LocalRay`]. Which triangles are hit, and where, is the same for
+//! both: origin, axes and shear have the same bits, and boxes and filters are conservative.
 
 use super::node::{BOX_PADDING, ChildRef};
 use super::triangle::{Drawing, ExactRay};
@@ -15,26 +16,30 @@ use snell_math::{DVec3, Ray, Vec3, Vec4};
 /// Coordinates of boxes and origins may be as large as this.
 pub(crate) const MAX_COORDINATE: f32 = 1e12;
 
-/// Sides of directions may be zero, or from `MIN_SLOPE` to `MAX_SLOPE`; the largest must not be below `1 / MAX_SLOPE`.
+/// Sides of directions may be zero, or from `MIN_SLOPE` to `MAX_SLOPE`; the largest must not be
+/// below `1 / MAX_SLOPE`.
 const MIN_SLOPE: f32 = 1e-24;
 const MAX_SLOPE: f32 = 1e12;
 
 /// More than any distance along an ordinary ray to anything: `2 MAX_COORDINATE MAX_SLOPE` is less.
 const BEYOND: f32 = 4e24;
 
-/// Stands for the inverse of zero, divided by the origin where that is above 1: so planes that a ray runs along are some
-/// [`BEYOND`] away, unless they are as close as `4e-13` (or rounding of the origin).
+/// Stands for the inverse of zero, divided by the origin where that is above 1: so planes that a
+/// ray runs along are some [`BEYOND`] away, unless they are as close as `4e-13` (or rounding of the
+/// origin).
 const PARALLEL: f32 = 1e37;
 
-/// What the kernels want to know about an ordinary ray in the coordinates of a group. (First what boxes are tested with, without gaps: with
-/// dozens of rays in flight, each line of the cache counts.)
+/// What the kernels want to know about an ordinary ray in the coordinates of a group. (First what
+/// boxes are tested with, without gaps: with dozens of rays in flight, each line of the cache
+/// counts.)
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(crate) struct QuickRay {
     /// Inverse direction, `x y z`; a large number where the ray does not move along the axis.
     pub inverse: [f32; 3],
-    /// Per axis, for distances to near planes. If operations are fused, what to add to the product of the plane and `inverse`;
-    /// else what to subtract from the plane. Rounded so that planes come nearer.
+    /// Per axis, for distances to near planes. If operations are fused, what to add to the product
+    /// of the plane and `inverse`; else what to subtract from the plane. Rounded so that planes
+    /// come nearer.
     pub near: [f32; 3],
     /// The same for far planes; rounded so that they go farther.
     pub far: [f32; 3],
@@ -46,11 +51,13 @@ pub(crate) struct QuickRay {
     pub shear: [f32; 2],
     /// As in [`super::ray::LocalRay`].
     pub axes: [u8; 4],
-    /// How far a vertex may be from where it should be, seen from the origin; 0 in single precision.
+    /// How far a vertex may be from where it should be, seen from the origin; 0 in single
+    /// precision.
     pub slack: f32,
 }
 
-/// By octant, where the planes are within [`super::node::WideNode::bounds`], in numbers: near `x y z`, far `x y z`, and two that mean nothing.
+/// By octant, where the planes are within [`super::node::WideNode::bounds`], in numbers: near
+/// `x y z`, far `x y z`, and two that mean nothing.
 static PLANES: [[u8; 8]; 8] = {
     let mut table = [[0; 8]; 8];
     let mut octant = 0;
@@ -69,11 +76,14 @@ static PLANES: [[u8; 8]; 8] = {
 
 /// The largest coordinate in the tree; infinite if one is not a number.
 pub(crate) fn extent(tree: &GroupTree) -> f32 {
-    let largest = |extent: f32, x: &f32| if x.is_nan() { f32::INFINITY } else { extent.max(x.abs()) };
+    let largest =
+        |extent: f32, x: &f32| if x.is_nan() { f32::INFINITY } else { extent.max(x.abs()) };
     if tree.root.is_node() {
         let node = &tree.nodes[tree.root.index()];
         let used = (0..8).filter(|&slot| node.children[slot] != ChildRef::NONE);
-        used.fold(0.0, |e, slot| node.bounds.iter().flatten().map(|side| &side[slot]).fold(e, largest))
+        used.fold(0.0, |e, slot| {
+            node.bounds.iter().flatten().map(|side| &side[slot]).fold(e, largest)
+        })
     } else if tree.root.is_triangles() {
         let triangles = 0..tree.root.count() as usize;
         let corners = triangles.flat_map(|lane| tree.blocks.corners(tree.root.block(), lane));
@@ -101,8 +111,8 @@ impl QuickRay {
         slack: 0.0,
     };
 
-    /// Prepares a ray that comes in `f32`; false if it is not ordinary, or its interval is empty or begins below zero. (In place:
-    /// copies of what was just written would have to wait.)
+    /// Prepares a ray that comes in `f32`; false if it is not ordinary, or its interval is empty or
+    /// begins below zero. (In place: copies of what was just written would have to wait.)
     #[inline(always)]
     pub fn set_from_ray<L: Lanes8>(&mut self, ray: &Ray) -> bool {
         let [o, d] = halves(ray);
@@ -114,7 +124,8 @@ impl QuickRay {
         self.set_slabs::<L>(o, d)
     }
 
-    /// What the exact test wants of the ray; `origin` and `direction` are those it was prepared from.
+    /// What the exact test wants of the ray; `origin` and `direction` are those it was prepared
+    /// from.
     #[inline(always)]
     pub fn exact(&self, origin: DVec3, direction: DVec3) -> ExactRay {
         let [kx, ky, kz, _] = self.axes.map(usize::from);
@@ -162,7 +173,8 @@ impl QuickRay {
         !is_slow(d) || self.set_slow::<L>(&d.to_array())
     }
 
-    /// Sets what is different on axes that the ray does not move along. False if it is just very slow there, or slow on all.
+    /// Sets what is different on axes that the ray does not move along. False if it is just very
+    /// slow there, or slow on all.
     #[cold]
     #[inline(never)]
     fn set_slow<L: Lanes8>(&mut self, d: &[f32; 4]) -> bool {
@@ -222,12 +234,13 @@ impl QuickRay {
     }
 }
 
-/// Origin and direction, and a one each: numbers that are never used but must be ordinary, since others slow the processor down.
+/// Origin and direction, and a one each: numbers that are never used but must be ordinary, since
+/// others slow the processor down.
 #[inline(always)]
 fn halves(ray: &Ray) -> [Vec4; 2] {
     let start = (&raw const *ray).cast::<Vec4>();
-    // SAFETY: a ray is eight numbers in this order (`repr(C)`): origin, start, direction, end. (Loaded at once, which the compiler does
-    // not see by itself.)
+    // SAFETY: a ray is eight numbers in this order (`repr(C)`): origin, start, direction, end.
+    // (Loaded at once, which the compiler does not see by itself.)
     let [o, d] = unsafe { [start.read_unaligned(), start.add(1).read_unaligned()] };
     [o.with_w(1.0), d.with_w(1.0)]
 }
@@ -256,13 +269,15 @@ fn is_slow(d: Vec4) -> bool {
     d.abs().cmpge(Vec4::splat(1.0 / MAX_SLOPE)).bitmask() & 7 != 7
 }
 
-/// True if a direction is slower than ordinary ones along some axis, but not parallel to it. (In `f32` it may be.)
+/// True if a direction is slower than ordinary ones along some axis, but not parallel to it. (In
+/// `f32` it may be.)
 #[cold]
 fn is_too_slow(direction: &DVec3) -> bool {
     (direction.abs().cmplt(DVec3::splat(f64::from(MIN_SLOPE))) & direction.cmpne(DVec3::ZERO)).any()
 }
 
-/// The axes of the drawing by comparisons of the sizes of the direction, in bits: x at least y, x at least z, y at least z.
+/// The axes of the drawing by comparisons of the sizes of the direction, in bits: x at least y, x
+/// at least z, y at least z.
 static AXES: [[u8; 4]; 8] = {
     const FIRST: [[u8; 4]; 3] = [[1, 2, 0, 0], [2, 0, 1, 0], [0, 1, 2, 0]];
     [FIRST[2], FIRST[2], FIRST[2], FIRST[0], FIRST[1], FIRST[1], FIRST[1], FIRST[0]]
@@ -358,10 +373,15 @@ mod tests {
     #[test]
     fn a_box_beside_an_axis_parallel_ray_is_missed_and_one_around_it_met() {
         let ray = Ray::new(Vec3::new(0.5, 0.25, -3.0), Vec3::Z);
-        let bounds = |x: f32| Bounds3 { min: Vec3::new(x, 0.0, 0.0), max: Vec3::new(x + 1.0, 1.0, 1.0) };
+        let bounds =
+            |x: f32| Bounds3 { min: Vec3::new(x, 0.0, 0.0), max: Vec3::new(x + 1.0, 1.0, 1.0) };
         assert_eq!(is_met::<Portable8>(&ray, &bounds(0.0), 1e20), Some(true));
         assert_eq!(is_met::<Portable8>(&ray, &bounds(0.51), 1e20), Some(false));
-        assert_eq!(is_met::<Portable8>(&ray, &bounds(0.5), 1e20), Some(true), "the side belongs to the box");
+        assert_eq!(
+            is_met::<Portable8>(&ray, &bounds(0.5), 1e20),
+            Some(true),
+            "the side belongs to the box"
+        );
     }
 
     #[test]

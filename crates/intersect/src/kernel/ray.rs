@@ -1,21 +1,25 @@
-//! A ray in the coordinates of one group, with all that the box and triangle tests want to know about it.
+//! A ray in the coordinates of one group, with all that the box and triangle tests want to know
+//! about it.
 
 use super::triangle::{Drawing, ExactRay};
 use snell_math::{DRay, DVec3, Vec3};
 
-/// A ray in the coordinates of a group. The `f64` ray decides distances; what follows from it in `f32` decides which triangles
-/// cover it (`origin`, `shear`: the drawing) and which boxes can be skipped (`near_origin` and on: conservatively).
+/// A ray in the coordinates of a group. The `f64` ray decides distances; what follows from it in
+/// `f32` decides which triangles cover it (`origin`, `shear`: the drawing) and which boxes can be
+/// skipped (`near_origin` and on: conservatively).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LocalRay {
     /// The ray as it came through the inverse transforms. Its interval is not used.
     pub exact: DRay,
     /// The origin rounded to nearest: all vertices are drawn relative to it.
     pub origin: [f32; 3],
-    /// Axes x, y, z of the drawing: z is where the direction is largest (Woop, Benthin and Wald 2013).
+    /// Axes x, y, z of the drawing: z is where the direction is largest (Woop, Benthin and Wald
+    /// 2013).
     pub axes: [usize; 3],
     /// Drawn x = x - shear[0] z, y = y - shear[1] z.
     pub shear: [f32; 2],
-    /// Distance along the ray per unit of the z axis; 0 if it has no useful value in `f32`, then depths are not compared.
+    /// Distance along the ray per unit of the z axis; 0 if it has no useful value in `f32`, then
+    /// depths are not compared.
     pub depth_scale: f32,
     /// Origin per axis, rounded so that near planes come nearer.
     pub near_origin: [f32; 3],
@@ -25,20 +29,22 @@ pub(crate) struct LocalRay {
     pub inverse: [f32; 3],
     /// 1 for each axis on which the ray goes down: then the near plane of a box is its maximum.
     pub negative: [usize; 3],
-    /// How far the origin and a vertex may be from where they should be, for trees of rounded vertices ([`super::double`]).
+    /// How far the origin and a vertex may be from where they should be, for trees of rounded
+    /// vertices ([`super::double`]).
     pub slack: f32,
 }
 
 impl LocalRay {
-    /// Works it all out. Signs are as good as random, so nothing branches on them; and nothing is written before all is known, so
-    /// that the processor never has to wait for a piece of a vector it has just stored.
+    /// Works it all out. Signs are as good as random, so nothing branches on them; and nothing is
+    /// written before all is known, so that the processor never has to wait for a piece of a vector
+    /// it has just stored.
     #[inline(always)]
     pub fn new(exact: &DRay) -> Self {
         Self::within(exact, exact.origin, exact.direction, 0.0)
     }
 
-    /// A ray in a tree whose coordinates are others than those of its group (`o` and `d` are the ray in them), and off by up to
-    /// `slack`.
+    /// A ray in a tree whose coordinates are others than those of its group (`o` and `d` are the
+    /// ray in them), and off by up to `slack`.
     #[inline(always)]
     pub fn within(exact: &DRay, o: DVec3, d: DVec3, slack: f32) -> Self {
         let a = d.abs();
@@ -55,7 +61,11 @@ impl LocalRay {
         let z = pick(d.x, d.y, d.z);
         let depth_scale = (1.0 / z) as f32;
         let usable = depth_scale.abs() > 1e-18 && depth_scale.abs() < 1e18;
-        let sides = [AxisRay::new(o.x, d.x, slack), AxisRay::new(o.y, d.y, slack), AxisRay::new(o.z, d.z, slack)];
+        let sides = [
+            AxisRay::new(o.x, d.x, slack),
+            AxisRay::new(o.y, d.y, slack),
+            AxisRay::new(o.z, d.z, slack),
+        ];
         Self {
             exact: *exact,
             origin: [sides[0].origin, sides[1].origin, sides[2].origin],
@@ -95,18 +105,25 @@ impl AxisRay {
     fn new(o: f64, d: f64, slack: f32) -> Self {
         let origin = (o as f32).clamp(f32::MIN, f32::MAX);
         let is_exact = slack == 0.0 && f64::from(origin) == o;
-        let rounding = if is_exact { 0.0 } else { origin.abs() * f32::EPSILON + f32::MIN_POSITIVE + slack };
+        let rounding =
+            if is_exact { 0.0 } else { origin.abs() * f32::EPSILON + f32::MIN_POSITIVE + slack };
         // Zero counts as up. Never zero, so that empty boxes stay infinitely far.
         let slow = d as f32 + 0.0;
         let inverse = (1.0 / slow.abs()).max(f32::from_bits(1));
         let side = rounding.copysign(slow);
-        // So slow or fast that `f32` cannot say when the ray crosses a plane, but it does: then no plane counts.
+        // So slow or fast that `f32` cannot say when the ray crosses a plane, but it does: then no
+        // plane counts.
         let unknown = (inverse == f32::INFINITY && d != 0.0) || inverse < 1e-30;
         let inverse = if unknown { f32::INFINITY } else { inverse };
         let (middle, side) = if unknown { (0.0, f32::MAX.copysign(slow)) } else { (origin, side) };
         // Finite, so that an empty box never gives NaN, which would not count.
         let finite = |x: f32| x.clamp(f32::MIN, f32::MAX);
-        Self { origin, near: finite(middle + side), far: finite(middle - side), inverse: inverse.copysign(slow) }
+        Self {
+            origin,
+            near: finite(middle + side),
+            far: finite(middle - side),
+            inverse: inverse.copysign(slow),
+        }
     }
 
     #[inline(always)]

@@ -77,8 +77,9 @@ impl Place {
 #[repr(align(32))]
 pub(super) struct Enters(pub [f32; 8]);
 
-/// A ray in flight. (What boxes need is in the first line of the cache. What one step leaves for the next is elsewhere, side by side for all rays: with
-/// dozens of them in flight, each line counts.)
+/// A ray in flight. (What boxes need is in the first line of the cache. What one step leaves for
+/// the next is elsewhere, side by side for all rays: with dozens of them in flight, each line
+/// counts.)
 #[repr(C, align(64))]
 pub(super) struct Slot<'a, G: Goal> {
     t_min: f32,
@@ -117,7 +118,8 @@ impl<'a, G: Goal> Slots<'a, G> {
         let stack = (entries + 16) * Slot::<G>::ENTRY * size_of::<u32>();
         // An odd number: so they do not compete for the same places in the cache.
         let lines = (size_of::<Slot<G>>() + stack).div_ceil(size_of::<Line>()) | 1;
-        let memory = (0..count * lines).map(|_| Line(UnsafeCell::new(MaybeUninit::uninit()))).collect();
+        let memory =
+            (0..count * lines).map(|_| Line(UnsafeCell::new(MaybeUninit::uninit()))).collect();
         let slots = Self { memory, lines, slots: PhantomData };
         for i in 0..count {
             let slot = slots.get(i);
@@ -162,7 +164,8 @@ impl<G: Goal> Drop for Slots<'_, G> {
 }
 
 impl<'a, G: Goal> Slot<'a, G> {
-    /// Begins the walk of a ray through the root's tree, or from there on. False, and nothing done, if the ray is not ordinary.
+    /// Begins the walk of a ray through the root's tree, or from there on. False, and nothing done,
+    /// if the ray is not ordinary.
     #[inline(always)]
     pub fn start<L: Lanes8>(
         &mut self,
@@ -197,7 +200,8 @@ impl<'a, G: Goal> Slot<'a, G> {
         unsafe { self.search.as_mut().unwrap_unchecked() }
     }
 
-    /// Numbers of an entry of the stack: what it leads to, and the bits of where its box begins, if the goal narrows.
+    /// Numbers of an entry of the stack: what it leads to, and the bits of where its box begins, if
+    /// the goal narrows.
     const ENTRY: usize = if G::NARROWS { 2 } else { 1 };
 
     /// An entry of the stack, which is behind the slot.
@@ -211,10 +215,12 @@ impl<'a, G: Goal> Slot<'a, G> {
     }
 
     /// # Safety
-    /// It must be a slot of [`Slots`]; `top` must not be 0: the entry that ends the walk is still there.
+    /// It must be a slot of [`Slots`]; `top` must not be 0: the entry that ends the walk is still
+    /// there.
     #[inline(always)]
     pub unsafe fn pop(this: *mut Self) {
-        // SAFETY: `top` was between 1 and the size of the stack, and all entries below it are written.
+        // SAFETY: `top` was between 1 and the size of the stack, and all entries below it are
+        // written.
         unsafe {
             (*this).top -= 1;
             (*this).current = ChildRef(Self::entry(this, (*this).top as usize).read());
@@ -231,10 +237,18 @@ impl<'a, G: Goal> Slot<'a, G> {
                 return vec![];
             }
             // The current one was popped last, or is the root.
-            let at =
-                |i: usize| (f32::from_bits(Self::entry(this, i).add(1).read()), ChildRef(Self::entry(this, i).read()));
+            let at = |i: usize| {
+                (
+                    f32::from_bits(Self::entry(this, i).add(1).read()),
+                    ChildRef(Self::entry(this, i).read()),
+                )
+            };
             let mut entries: Vec<_> = (1..top).map(at).collect();
-            entries.push(if entries.is_empty() && current.is_node() { ((*this).t_min, current) } else { at(top) });
+            entries.push(if entries.is_empty() && current.is_node() {
+                ((*this).t_min, current)
+            } else {
+                at(top)
+            });
             entries
         }
     }
@@ -245,8 +259,8 @@ impl<'a, G: Goal> Slot<'a, G> {
         [self.t_min, self.cull]
     }
 
-    /// Its first sixteen numbers: where the search begins, its padded limit, four that mean nothing, then `inverse`, `near` and `far` of the ray,
-    /// and one that means nothing.
+    /// Its first sixteen numbers: where the search begins, its padded limit, four that mean
+    /// nothing, then `inverse`, `near` and `far` of the ray, and one that means nothing.
     #[inline(always)]
     pub fn rows(&self) -> [&[f32; 8]; 2] {
         const {
@@ -255,18 +269,27 @@ impl<'a, G: Goal> Slot<'a, G> {
             assert!(offset_of!(QuickRay, near) == 12 && offset_of!(QuickRay, far) == 24);
         }
         let first: *const Self = self;
-        // SAFETY: these are the first 64 bytes, all of plain numbers and a pointer, and any bits are an `f32`.
+        // SAFETY: these are the first 64 bytes, all of plain numbers and a pointer, and any bits
+        // are an `f32`.
         unsafe { [&*first.cast(), &*first.cast::<[f32; 8]>().add(1)] }
     }
 
-    /// Goes on, after the start, with some of `children` instead of the root: those that the tags ([`WideLanes::look_up`]) of entries that are
-    /// not negative tell, which must come first, the last of them at once. Their boxes begin at these distances or farther.
+    /// Goes on, after the start, with some of `children` instead of the root: those that the tags
+    /// ([`WideLanes::look_up`]) of entries that are not negative tell, which must come first, the
+    /// last of them at once. Their boxes begin at these distances or farther.
     ///
     /// # Safety
-    /// It must be a slot of [`Slots`]. The machine must have the instructions of `L`; the children must be of the same group, and no more than what the root would have left on the stack.
+    /// It must be a slot of [`Slots`]. The machine must have the instructions of `L`; the children
+    /// must be of the same group, and no more than what the root would have left on the stack.
     #[inline(always)]
-    pub unsafe fn go_on_with<L: WideLanes>(this: *mut Self, entries: L, distances: L, children: &[u32; 32]) {
-        // SAFETY: as promised by the caller. References are plain `u32`, and the lowest entry stays.
+    pub unsafe fn go_on_with<L: WideLanes>(
+        this: *mut Self,
+        entries: L,
+        distances: L,
+        children: &[u32; 32],
+    ) {
+        // SAFETY: as promised by the caller. References are plain `u32`, and the lowest entry
+        // stays.
         unsafe {
             let first = Self::entry(this, 1);
             if G::NARROWS {
@@ -281,11 +304,13 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
     }
 
-    /// Tests the boxes of the current node: tells which children are met, in order, and writes where, if the goal narrows. (The step is in two parts with
-    /// the other slots between them: each waits less.)
+    /// Tests the boxes of the current node: tells which children are met, in order, and writes
+    /// where, if the goal narrows. (The step is in two parts with the other slots between them:
+    /// each waits less.)
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`; there must be a search; the current reference must be a node of the group.
+    /// The machine must have the instructions of `L`; there must be a search; the current reference
+    /// must be a node of the group.
     #[inline(always)]
     pub unsafe fn boxes_step<L: Lanes8>(&mut self, enters: &mut Enters) -> u32 {
         // SAFETY: as promised by the caller.
@@ -303,7 +328,8 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// Goes on to the nearest box that was met, and notes the others.
     ///
     /// # Safety
-    /// It must be a slot of [`Slots`]. As [`Self::boxes_step`], which must have given `met` and `enters`; the stack must have room for eight more entries.
+    /// It must be a slot of [`Slots`]. As [`Self::boxes_step`], which must have given `met` and
+    /// `enters`; the stack must have room for eight more entries.
     #[inline(always)]
     pub unsafe fn push_step<L: Lanes8>(this: *mut Self, met: u32, enters: &Enters) {
         // SAFETY: as promised by the caller. References are plain `u32`, and `top` is at least 1.
@@ -326,7 +352,8 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// Tells which triangles of the current leaf the ray's line may pass through.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`; there must be a search; the current reference must be a block of the group.
+    /// The machine must have the instructions of `L`; there must be a search; the current reference
+    /// must be a block of the group.
     #[inline(always)]
     pub unsafe fn leaf_step<L: Lanes8>(&mut self) -> u32 {
         // SAFETY: as promised by the caller.
@@ -355,7 +382,8 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// Tests triangles exactly that [`Self::leaf_step`] has found.
     ///
     /// # Safety
-    /// It must be a slot of [`Slots`]. There must be a search; `lanes` must be what the last leaf step has found in this block.
+    /// It must be a slot of [`Slots`]. There must be a search; `lanes` must be what the last leaf
+    /// step has found in this block.
     #[inline(always)]
     pub unsafe fn triangles_step(this: *mut Self, forest: &Forest, mut lanes: u32, block: u32) {
         // SAFETY: as promised by the caller.
@@ -367,13 +395,16 @@ impl<'a, G: Goal> Slot<'a, G> {
                 lanes &= lanes - 1;
                 let Place { ray, origin, direction, group, instance, .. } = &slot.place;
                 let ids = || {
-                    let (geometry, primitive) =
-                        forest.trees.get_unchecked(*group as usize).triangle(blocks.id(block, lane));
+                    let (geometry, primitive) = forest
+                        .trees
+                        .get_unchecked(*group as usize)
+                        .triangle(blocks.id(block, lane));
                     [*instance, geometry, primitive]
                 };
                 let search = slot.search.as_ref().unwrap_unchecked();
                 let corners = blocks.corners(block, lane);
-                let found = G::Precision::hit_on_line(search, ray, origin, direction, &corners, ids);
+                let found =
+                    G::Precision::hit_on_line(search, ray, origin, direction, &corners, ids);
                 if offer_triangle(slot.search(), found) {
                     slot.current = ChildRef::NONE;
                     return;
@@ -383,7 +414,8 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
     }
 
-    /// After hits: a new limit, and the stack without what lies beyond it. The current entry must have been popped last.
+    /// After hits: a new limit, and the stack without what lies beyond it. The current entry must
+    /// have been popped last.
     ///
     /// # Safety
     /// It must be a slot of [`Slots`], with a search.
@@ -392,7 +424,8 @@ impl<'a, G: Goal> Slot<'a, G> {
         if !G::NARROWS {
             return;
         }
-        // SAFETY: as promised by the caller; all entries up to the one popped last are written, and the lowest stays.
+        // SAFETY: as promised by the caller; all entries up to the one popped last are written, and
+        // the lowest stays.
         unsafe {
             let cull = (*this).search().cull();
             if cull < (*this).cull {
@@ -420,13 +453,20 @@ impl<'a, G: Goal> Slot<'a, G> {
         tree.objects.fetch(self.current.index());
     }
 
-    /// Tests the shape that is the current object and goes on to the next entry, or goes into an instance.
+    /// Tests the shape that is the current object and goes on to the next entry, or goes into an
+    /// instance.
     ///
     /// # Safety
-    /// It must be a slot of [`Slots`]. There must be a search; the current reference must be an object of the group; the stack must have room for one more entry, and
-    /// `below` for all groups; `enter` must be the entry of the level of `L`, which the machine must have.
+    /// It must be a slot of [`Slots`]. There must be a search; the current reference must be an
+    /// object of the group; the stack must have room for one more entry, and `below` for all
+    /// groups; `enter` must be the entry of the level of `L`, which the machine must have.
     #[inline(always)]
-    pub unsafe fn object_step<L: Lanes8>(this: *mut Self, forest: &Forest, below: &mut Stack, enter: Walk<G>) {
+    pub unsafe fn object_step<L: Lanes8>(
+        this: *mut Self,
+        forest: &Forest,
+        below: &mut Stack,
+        enter: Walk<G>,
+    ) {
         // SAFETY: as promised by the caller.
         unsafe {
             let slot = &mut *this;
@@ -459,13 +499,19 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// # Safety
     /// There must be a search; the stack must have room for one more entry.
     #[inline(always)]
-    unsafe fn enter_instance<L: Lanes8>(&mut self, forest: &Forest, object: ObjectRef) -> Option<ChildRef> {
-        let ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) = object else {
+    unsafe fn enter_instance<L: Lanes8>(
+        &mut self,
+        forest: &Forest,
+        object: ObjectRef,
+    ) -> Option<ChildRef> {
+        let ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) = object
+        else {
             return None;
         };
         let tree = &forest.trees[*child];
         // SAFETY: as promised by the caller.
-        let (visible, time, data) = unsafe { (self.search().mask, self.search().time, self.search().context.data) };
+        let (visible, time, data) =
+            unsafe { (self.search().mask, self.search().time, self.search().context.data) };
         if mask & visible == 0 || tree.root == ChildRef::NONE || !tree.unbounded.is_empty() {
             return None;
         }
@@ -503,7 +549,8 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
     }
 
-    /// Asks for the memory of the triangles that [`Self::leaf_step`] has found, if they are not in the block.
+    /// Asks for the memory of the triangles that [`Self::leaf_step`] has found, if they are not in
+    /// the block.
     ///
     /// # Safety
     /// As [`Self::triangles_step`].
@@ -516,7 +563,8 @@ impl<'a, G: Goal> Slot<'a, G> {
                 // SAFETY: as promised by the caller.
                 unsafe {
                     let tree = forest.trees.get_unchecked(self.place.group as usize);
-                    let (geometry, triangle) = tree.triangle(self.place.blocks().id(block as usize, lane));
+                    let (geometry, triangle) =
+                        tree.triangle(self.place.blocks().id(block as usize, lane));
                     G::Precision::fetch_triangle(self.search().context.data, geometry, triangle);
                 }
             }
@@ -531,7 +579,8 @@ impl<'a, G: Goal> Slot<'a, G> {
         fetch_lines(std::hint::select_unpredictable(self.current.is_triangles(), block, this), 5);
     }
 
-    /// Asks for the memory of what is current. (Without a branch: whether it is a node or a leaf is as good as random.)
+    /// Asks for the memory of what is current. (Without a branch: whether it is a node or a leaf is
+    /// as good as random.)
     #[inline(always)]
     pub fn fetch_ahead(&self) {
         let node = self.place.nodes.wrapping_add(self.current.index()).cast::<u8>();
@@ -540,7 +589,8 @@ impl<'a, G: Goal> Slot<'a, G> {
         let at = std::hint::select_unpredictable(is_node, node, block);
         const {
             assert!(
-                size_of::<WideNode>() == 4 * size_of::<Line>() && size_of::<TriangleBlock>() == 5 * size_of::<Line>()
+                size_of::<WideNode>() == 4 * size_of::<Line>()
+                    && size_of::<TriangleBlock>() == 5 * size_of::<Line>()
             )
         };
         fetch_lines(at, 4);
@@ -570,7 +620,8 @@ mod tests {
         assert_eq!(size_of::<Slot<crate::query::search::Closest<Single>>>(), 4 * size_of::<Line>());
     }
 
-    /// A search that is over in an instance does not return from it, so the next one has to forget where it was.
+    /// A search that is over in an instance does not return from it, so the next one has to forget
+    /// where it was.
     #[test]
     fn searches_that_end_in_instances_leave_nothing_behind() {
         let mut random = Random(3);
@@ -583,13 +634,18 @@ mod tests {
             }
         }
         let world = build(builder, AcceleratorKind::Bvh, Level::Scalar);
-        let Structure::Bvh(forest) = &world.structure else { panic!("the product's own structure") };
+        let Structure::Bvh(forest) = &world.structure else {
+            panic!("the product's own structure")
+        };
         let tree = &forest.trees[0];
-        let context = Context { filter: &AcceptAll, options: &world.options, data: &(), cancel: None };
-        let rays: Vec<Ray> = (0..200).map(|_| Ray::new(random.point(0.5), random.direction())).collect();
+        let context =
+            Context { filter: &AcceptAll, options: &world.options, data: &(), cancel: None };
+        let rays: Vec<Ray> =
+            (0..200).map(|_| Ray::new(random.point(0.5), random.direction())).collect();
         let mut below = [const { MaybeUninit::uninit() }; SMALL_STACK];
         let slots = Slots::<Any<Single>>::new(1, forest.stack_size);
-        // SAFETY: the steps follow from what is current; a forest of three levels needs fewer entries than there are.
+        // SAFETY: the steps follow from what is current; a forest of three levels needs fewer
+        // entries than there are.
         unsafe {
             let slot = slots.get(0);
             let mut found = 0;
@@ -603,18 +659,28 @@ mod tests {
                         let met = (*slot).boxes_step::<Portable8>(&mut enters);
                         Slot::push_step::<Portable8>(slot, met, &enters);
                     } else if (*slot).current.is_triangles() {
-                        let (lanes, block) = ((*slot).leaf_step::<Portable8>(), Slot::leave_leaf(slot));
+                        let (lanes, block) =
+                            ((*slot).leaf_step::<Portable8>(), Slot::leave_leaf(slot));
                         if lanes != 0 {
                             Slot::triangles_step(slot, forest, lanes, block);
                         }
                     } else if (*slot).current == ChildRef::RETURN {
                         Slot::leave_instance(slot);
                     } else {
-                        Slot::object_step::<Portable8>(slot, forest, &mut below, walk_portable::<Any<Single>>);
+                        Slot::object_step::<Portable8>(
+                            slot,
+                            forest,
+                            &mut below,
+                            walk_portable::<Any<Single>>,
+                        );
                     }
                 }
                 let is_found = (*slot).search().goal.found;
-                assert_eq!((*slot).outside.is_empty(), !is_found, "what is found is two instances deep");
+                assert_eq!(
+                    (*slot).outside.is_empty(),
+                    !is_found,
+                    "what is found is two instances deep"
+                );
                 found += usize::from(is_found);
             }
             assert!((20..180).contains(&found), "{found}");

@@ -1,13 +1,16 @@
 //! The first steps of rays that start near each other, for a party of up to [`PARTY`] at once.
 //!
-//! Wherever unrelated rays go, most nodes that they visit are those around the points where they start, and neighbours have these in
-//! common. So boxes of such a node are tested for sixteen rays in lanes, not for one ray after the other. What is then left to each ray, a few leaves
-//! and nodes, is handed to its slot in the order of its own distances, and the walk goes on from there, alone. Nodes in which a ray starts are
-//! never visited in vain, since its limit cannot come nearer than that; nodes that half of a party meets seldom are.
+//! Wherever unrelated rays go, most nodes that they visit are those around the points where they
+//! start, and neighbours have these in common. So boxes of such a node are tested for sixteen rays
+//! in lanes, not for one ray after the other. What is then left to each ray, a few leaves and
+//! nodes, is handed to its slot in the order of its own distances, and the walk goes on from there,
+//! alone. Nodes in which a ray starts are never visited in vain, since its limit cannot come nearer
+//! than that; nodes that half of a party meets seldom are.
 //!
-//! (Packets of rays that part when few are left are known: Benthin, Wald, Woop, Ernst and Mark, Combining Single and Packet-Ray Tracing for Arbitrary
-//! Ray Distributions on the Intel MIC Architecture, 2012. Here no triangle is tested before they part, and no order is common to them, so that
-//! directions do not matter.)
+//! (Packets of rays that part when few are left are known: Benthin, Wald, Woop, Ernst and Mark,
+//! Combining Single and Packet-Ray Tracing for Arbitrary Ray Distributions on the Intel MIC
+//! Architecture, 2012. Here no triangle is tested before they part, and no order is common to them,
+//! so that directions do not matter.)
 
 #[cfg(test)]
 mod tests;
@@ -44,15 +47,16 @@ const MAX_OWN: usize = 8;
 /// Distances are not below this, so that tags never make numbers that are not normal.
 const LEAST: f32 = 1.0e-30;
 
-/// Rounds distances with a tag down to what they were without; relative: tags are below 32 units in the last place, the rest is for the
-/// rounding here.
+/// Rounds distances with a tag down to what they were without; relative: tags are below 32 units in
+/// the last place, the rest is for the rounding here.
 const TAG_PADDING: f32 = 8.0e-6;
 
 /// Rays whose distances are less certain than this set off alone: those that run along an axis.
 const MAX_MARGIN: f32 = 1.0e20;
 
-/// Lets rays set off: they must be in slots at the root of the same walk, and are left somewhere below. Returns how many visits of nodes
-/// were made together, of all rays. Slots that it cannot help stay at the root.
+/// Lets rays set off: they must be in slots at the root of the same walk, and are left somewhere
+/// below. Returns how many visits of nodes were made together, of all rays. Slots that it cannot
+/// help stay at the root.
 pub(super) type SetOff<G> = unsafe fn(&[*mut Slot<'_, G>]) -> u32;
 
 /// # Safety
@@ -84,8 +88,9 @@ unsafe fn set_off_portable<G: Goal>(slots: &[*mut Slot<'_, G>]) -> u32 {
 }
 
 /// # Safety
-/// The machine must have the instructions of `W`; there must be one to [`PARTY`] slots, each with a search that [was started](Slot::start) at the same
-/// node and has not gone on, prepared for [`Lanes8::FUSED`] of these lanes.
+/// The machine must have the instructions of `W`; there must be one to [`PARTY`] slots, each with a
+/// search that [was started](Slot::start) at the same node and has not gone on, prepared for
+/// [`Lanes8::FUSED`] of these lanes.
 #[inline(always)]
 unsafe fn set_off<W: Lanes16, G: Goal>(slots: &[*mut Slot<'_, G>]) -> u32 {
     debug_assert!((1..=PARTY).contains(&slots.len()));
@@ -103,7 +108,10 @@ unsafe fn set_off<W: Lanes16, G: Goal>(slots: &[*mut Slot<'_, G>]) -> u32 {
 /// # Safety
 /// As [`set_off`]; the rows must be those of the slots.
 #[inline(always)]
-unsafe fn set_off_rows<W: Lanes16, G: Goal, const N: usize>(slots: &[*mut Slot<'_, G>], rows: [Row<W>; N]) -> u32 {
+unsafe fn set_off_rows<W: Lanes16, G: Goal, const N: usize>(
+    slots: &[*mut Slot<'_, G>],
+    rows: [Row<W>; N],
+) -> u32 {
     let mut left = Left::NONE;
     // SAFETY: as promised by the caller; the slots of a row are its lanes.
     unsafe {
@@ -155,7 +163,11 @@ impl<W: Lanes16> Row<W> {
             let [k, a, b, c, d, e, f, _] = columns::<W>(rows(1, 0), rows(1, 8));
             let (inverse, near, far) = ([i, j, k], [a, b, c], [d, e, f]);
             let half = W::splat(0.5);
-            let offset = [near[0].add(far[0]).mul(half), near[1].add(far[1]).mul(half), near[2].add(far[2]).mul(half)];
+            let offset = [
+                near[0].add(far[0]).mul(half),
+                near[1].add(far[1]).mul(half),
+                near[2].add(far[2]).mul(half),
+            ];
             // (Twice of what it must be.)
             let mut margin = W::splat(0.0);
             for axis in 0..3 {
@@ -170,8 +182,8 @@ impl<W: Lanes16> Row<W> {
 
     const FUSED: bool = <W::Half as Lanes8>::FUSED;
 
-    /// Where the rays enter the box whose first plane is given, the others being eight numbers further each, and which rays meet it. (A box that is
-    /// inside out is met, unlike elsewhere.)
+    /// Where the rays enter the box whose first plane is given, the others being eight numbers
+    /// further each, and which rays meet it. (A box that is inside out is met, unlike elsewhere.)
     ///
     /// # Safety
     /// There must be such planes.
@@ -180,9 +192,12 @@ impl<W: Lanes16> Row<W> {
         // SAFETY: as promised by the caller; a row exists, so the machine has the instructions.
         unsafe {
             let (low, high) = (self.crossings(planes), self.crossings(planes.add(24)));
-            let enter = (low[0].min(high[0])).max(low[1].min(high[1])).max(low[2].min(high[2]).max(self.t_min));
+            let enter = (low[0].min(high[0]))
+                .max(low[1].min(high[1]))
+                .max(low[2].min(high[2]).max(self.t_min));
             let leave = (low[0].max(high[0])).min(low[1].max(high[1])).min(low[2].max(high[2]));
-            let leave = leave.mul_add(W::splat(FAR_FACTOR), self.margin.add(self.margin)).min(self.cull);
+            let leave =
+                leave.mul_add(W::splat(FAR_FACTOR), self.margin.add(self.margin)).min(self.cull);
             (enter, enter.le(leave))
         }
     }
@@ -194,7 +209,8 @@ impl<W: Lanes16> Row<W> {
     #[inline(always)]
     unsafe fn crossings(&self, planes: *const f32) -> [W; 3] {
         // SAFETY: as promised by the caller; a row exists, so the machine has the instructions.
-        let [x, y, z] = unsafe { [W::splat(*planes), W::splat(*planes.add(8)), W::splat(*planes.add(16))] };
+        let [x, y, z] =
+            unsafe { [W::splat(*planes), W::splat(*planes.add(8)), W::splat(*planes.add(16))] };
         let ([i, j, k], [a, b, c]) = (self.inverse, self.offset);
         if Self::FUSED {
             [x.mul_add(i, a), y.mul_add(j, b), z.mul_add(k, c)]
@@ -225,7 +241,8 @@ impl<const N: usize> Left<N> {
     };
 }
 
-/// Visits the root and all nodes below it that have enough rays, in no particular order, and notes what is left. Returns how many visits these are, of all rays.
+/// Visits the root and all nodes below it that have enough rays, in no particular order, and notes
+/// what is left. Returns how many visits these are, of all rays.
 ///
 /// # Safety
 /// As [`set_off`], of the first slot.
@@ -246,7 +263,8 @@ unsafe fn visit<W: Lanes16, G: Goal, const N: usize>(
     queue[0].write((root.0, rays));
     let (mut next, mut end, mut count, mut visits) = (0, 1, 0, 0);
     while next < end {
-        // SAFETY: items before `end` are written, with nodes that exist; there is room for eight more children of each (see `has_room`).
+        // SAFETY: items before `end` are written, with nodes that exist; there is room for eight
+        // more children of each (see `has_room`).
         unsafe {
             let (node, those) = queue[next % QUEUE].assume_init();
             let node = &*nodes.add(node as usize);
@@ -261,10 +279,12 @@ unsafe fn visit<W: Lanes16, G: Goal, const N: usize>(
                     inside |= enter.le(row.t_min) << (ROW * i);
                     enter.store(&mut (*enters.add(i)).0);
                 }
-                // (No branches: neither whether a child is met nor what becomes of it can be foreseen.)
+                // (No branches: neither whether a child is met nor what becomes of it can be
+                // foreseen.)
                 met &= those & u32::from(child == ChildRef::NONE).wrapping_sub(1);
                 let has_room = count + 8 * (end - next) <= MAX_LEFT - 8;
-                let is_common = ((inside & met).count_ones() >= MIN_INSIDE) | (met.count_ones() >= MIN_MET);
+                let is_common =
+                    ((inside & met).count_ones() >= MIN_INSIDE) | (met.count_ones() >= MIN_MET);
                 let expands = child.is_node() & is_common & has_room;
                 queue[end % QUEUE].write((child.0, met));
                 end += usize::from(expands);
@@ -292,7 +312,8 @@ unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
 ) {
     // SAFETY: passed on to the caller; entries below `count` are written.
     unsafe {
-        // By lane: distances in falling order, each with its number as a tag; below zero where there is none.
+        // By lane: distances in falling order, each with its number as a tag; below zero where
+        // there is none.
         let (none, zero) = (W::splat(-1.0), W::splat(0.0));
         let (mut own, mut lost) = ([none; MAX_OWN], none);
         for i in 0..left.count {
@@ -310,7 +331,8 @@ unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
         }
         let mut margins = PerLane([0.0; ROW]);
         row.margin.store(&mut margins.0);
-        let columns = |half: usize| W::Half::load_columns(from_fn(|i| &sorted[i].0.as_chunks::<8>().0[half]));
+        let columns =
+            |half: usize| W::Half::load_columns(from_fn(|i| &sorted[i].0.as_chunks::<8>().0[half]));
         let entries = [columns(0), columns(1)];
         let entries = entries.as_flattened();
         let mut rays = row.rays & !zero.le(lost);
@@ -319,12 +341,18 @@ unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
             rays &= rays - 1;
             let margin = W::Half::splat(margins.0[lane] + 2.0 * LEAST);
             let distances = entries[lane].mul(W::Half::splat(1.0 - TAG_PADDING)).sub(margin);
-            Slot::go_on_with(*slots.get_unchecked(lane), entries[lane], distances, &left.children.0);
+            Slot::go_on_with(
+                *slots.get_unchecked(lane),
+                entries[lane],
+                distances,
+                &left.children.0,
+            );
         }
     }
 }
 
-/// Whether setting off together pays: it does if rays have many visits in common, and neighbouring parties are alike.
+/// Whether setting off together pays: it does if rays have many visits in common, and neighbouring
+/// parties are alike.
 #[derive(Default)]
 pub(super) struct Trial {
     /// Parties that are to set off alone before it is tried again.

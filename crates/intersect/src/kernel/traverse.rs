@@ -13,11 +13,12 @@ use snell_math::{DRay, DVec3};
 use std::hint::select_unpredictable;
 use std::mem::MaybeUninit;
 
-/// A child to visit later: its reference below, the bits of its distance above. Distances are not negative, so that entries are in the
-/// order of their distances.
+/// A child to visit later: its reference below, the bits of its distance above. Distances are not
+/// negative, so that entries are in the order of their distances.
 pub(super) type Entry = u64;
 
-/// The walk's memory: uninitialised entries, enough for the deepest path through all groups ([`Forest::stack_size`]).
+/// The walk's memory: uninitialised entries, enough for the deepest path through all groups
+/// ([`Forest::stack_size`]).
 pub(super) type Stack = [MaybeUninit<Entry>];
 
 /// Entries on the thread's stack; deeper forests take memory per query.
@@ -75,7 +76,8 @@ pub(super) unsafe fn walk_avx2<G: Goal>(
     search: &mut Search<'_, G>,
     stack: &mut Stack,
 ) -> bool {
-    let place = Place { forest, tree: &forest.trees[group], group, ray, instance, walks: Walks::AVX2 };
+    let place =
+        Place { forest, tree: &forest.trees[group], group, ray, instance, walks: Walks::AVX2 };
     // SAFETY: as promised by the caller.
     unsafe { place.search::<snell_math::simd::Avx8>(search, stack) }
 }
@@ -90,7 +92,8 @@ pub(super) unsafe fn walk_portable<G: Goal>(
     search: &mut Search<'_, G>,
     stack: &mut Stack,
 ) -> bool {
-    let place = Place { forest, tree: &forest.trees[group], group, ray, instance, walks: Walks::PORTABLE };
+    let place =
+        Place { forest, tree: &forest.trees[group], group, ray, instance, walks: Walks::PORTABLE };
     // SAFETY: as promised by the caller.
     unsafe { place.search::<Portable8>(search, stack) }
 }
@@ -108,7 +111,8 @@ unsafe fn walk_quick_avx2<G: Goal>(
     search: &mut Search<'_, G>,
     stack: &mut Stack,
 ) -> bool {
-    let place = Place { forest, tree: &forest.trees[group], group, ray, instance, walks: Walks::AVX2 };
+    let place =
+        Place { forest, tree: &forest.trees[group], group, ray, instance, walks: Walks::AVX2 };
     // SAFETY: as promised by the caller.
     unsafe { place.walk::<snell_math::simd::Avx8>(quick, search, stack) }
 }
@@ -124,19 +128,23 @@ unsafe fn walk_quick_portable<G: Goal>(
     search: &mut Search<'_, G>,
     stack: &mut Stack,
 ) -> bool {
-    let place = Place { forest, tree: &forest.trees[group], group, ray, instance, walks: Walks::PORTABLE };
+    let place =
+        Place { forest, tree: &forest.trees[group], group, ray, instance, walks: Walks::PORTABLE };
     // SAFETY: as promised by the caller.
     unsafe { place.walk::<Portable8>(quick, search, stack) }
 }
 
 /// The entry of a level, for the step into an instance.
-pub(super) type Walk<G> = unsafe fn(&Forest, usize, &DRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
+pub(super) type Walk<G> =
+    unsafe fn(&Forest, usize, &DRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
 
 /// [`Walk`] with a ray that is prepared; the group must have nothing unbounded.
-type QuickWalk<G> = unsafe fn(&Forest, usize, &DRay, &QuickRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
+type QuickWalk<G> =
+    unsafe fn(&Forest, usize, &DRay, &QuickRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
 
 /// [`test_object`] at a level.
-type ObjectTest<G> = unsafe fn(&Forest, &GroupTree, usize, &DRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
+type ObjectTest<G> =
+    unsafe fn(&Forest, &GroupTree, usize, &DRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
 
 /// The ways of a level that are not inlined.
 #[derive(Clone, Copy)]
@@ -170,9 +178,15 @@ impl<G: Goal> Walks<G> {
 /// # Safety
 /// The machine must have the instructions of `L`, and the walks must be of the same level.
 #[inline(always)]
-unsafe fn search_root<L: Lanes8, G: Goal>(forest: &Forest, search: &mut Search<'_, G>, walks: Walks<G>) {
+unsafe fn search_root<L: Lanes8, G: Goal>(
+    forest: &Forest,
+    search: &mut Search<'_, G>,
+    walks: Walks<G>,
+) {
     let mut quick = QuickRay::UNSET;
-    if !forest.simple || !G::Precision::prepare_root::<L>(search.context.data, &mut quick, search.ray) {
+    if !forest.simple
+        || !G::Precision::prepare_root::<L>(search.context.data, &mut quick, search.ray)
+    {
         // SAFETY: as promised by the caller.
         return unsafe { search_with_care(forest, search, walks) };
     }
@@ -218,8 +232,8 @@ impl<G: Goal> Place<'_, G> {
     /// Searches the group. True if the search is over.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`, and the walks must be of the same level; `stack` must have room for the group and
-    /// all below it.
+    /// The machine must have the instructions of `L`, and the walks must be of the same level;
+    /// `stack` must have room for the group and all below it.
     #[inline(always)]
     unsafe fn search<L: Lanes8>(&self, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
         let Self { forest, group, ray, instance, .. } = *self;
@@ -234,7 +248,16 @@ impl<G: Goal> Place<'_, G> {
         for &object in &self.tree.unbounded {
             // SAFETY: as promised by the caller.
             if unsafe {
-                test_object(forest, self.tree, object as usize, ray, instance, search, stack, self.walks.enter)
+                test_object(
+                    forest,
+                    self.tree,
+                    object as usize,
+                    ray,
+                    instance,
+                    search,
+                    stack,
+                    self.walks.enter,
+                )
             } {
                 return true;
             }
@@ -254,20 +277,31 @@ impl<G: Goal> Place<'_, G> {
     /// # Safety
     /// As [`Self::search`]; the ray must be prepared for `L`.
     #[inline(always)]
-    unsafe fn walk<L: Lanes8>(&self, quick: &QuickRay, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
+    unsafe fn walk<L: Lanes8>(
+        &self,
+        quick: &QuickRay,
+        search: &mut Search<'_, G>,
+        stack: &mut Stack,
+    ) -> bool {
         // SAFETY: as promised by the caller. (The sum makes zero positive.)
-        let (boxes, t_min) =
-            unsafe { (QuickBoxes::<L>::new(quick, self.forest.extents[self.group]), L::splat(search.start + 0.0)) };
+        let (boxes, t_min) = unsafe {
+            (
+                QuickBoxes::<L>::new(quick, self.forest.extents[self.group]),
+                L::splat(search.start + 0.0),
+            )
+        };
         let mut cull = search.cull();
         let mut beyond = first_beyond(cull);
         let is_ascending = is_ascending(self.ray.direction);
         let (mut top, mut current) = (1, self.tree.root);
-        // SAFETY: a walk holds at most 7 entries per level and one at the bottom; the builder's count has room for 8 at the bottom.
+        // SAFETY: a walk holds at most 7 entries per level and one at the bottom; the builder's
+        // count has room for 8 at the bottom.
         unsafe { stack.get_unchecked_mut(0).write(END) };
         loop {
             if current.is_node() {
                 search.goal.count_node();
-                // SAFETY: the builder makes only references to nodes that exist; the rest is promised by the caller.
+                // SAFETY: the builder makes only references to nodes that exist; the rest is
+                // promised by the caller.
                 let (node, enters, met) = unsafe {
                     let node = self.tree.nodes.get_unchecked(current.index());
                     let (enters, limits) = boxes.distances(node, t_min, L::splat(cull));
@@ -276,7 +310,9 @@ impl<G: Goal> Place<'_, G> {
                 search.goal.visit(false, || journey::Place::of_bounds(&node.bounds()));
                 if !G::NARROWS && met != 0 {
                     // SAFETY: as above.
-                    current = unsafe { push_unsorted(stack, &mut top, met, is_ascending, &node.children) };
+                    current = unsafe {
+                        push_unsorted(stack, &mut top, met, is_ascending, &node.children)
+                    };
                     continue;
                 }
                 if met != 0 {
@@ -291,12 +327,14 @@ impl<G: Goal> Place<'_, G> {
                     let second = others.trailing_zeros() as usize & 7;
                     let rest = others & (others - 1);
                     if rest == 0 {
-                        // Two, most often. A branch, although it is often wrong: what comes next need not wait for the distances.
+                        // Two, most often. A branch, although it is often wrong: what comes next
+                        // need not wait for the distances.
                         let (a, b) = (node.children[first], node.children[second]);
                         // SAFETY: as above.
                         let next = unsafe { stack.get_unchecked_mut(top) };
                         if near[first] < near[second] {
-                            // SAFETY: it is valid. (Volatile, or the two branches become one with conditional moves.)
+                            // SAFETY: it is valid. (Volatile, or the two branches become one with
+                            // conditional moves.)
                             unsafe { next.as_mut_ptr().write_volatile(entry(near[second], b)) };
                             current = a;
                         } else {
@@ -307,7 +345,8 @@ impl<G: Goal> Place<'_, G> {
                         continue;
                     }
                     let [a, b] = [first, second].map(|slot| entry(near[slot], node.children[slot]));
-                    let (mut nearest, farther) = (select_unpredictable(a < b, a, b), select_unpredictable(a < b, b, a));
+                    let (mut nearest, farther) =
+                        (select_unpredictable(a < b, a, b), select_unpredictable(a < b, b, a));
                     // SAFETY: as above.
                     unsafe {
                         stack.get_unchecked_mut(top).write(farther);
@@ -319,12 +358,19 @@ impl<G: Goal> Place<'_, G> {
                 }
             } else if current.is_triangles() {
                 let mut room = MaybeUninit::uninit();
-                // SAFETY: the builder makes only references to blocks that exist; the rest is promised by the caller.
+                // SAFETY: the builder makes only references to blocks that exist; the rest is
+                // promised by the caller.
                 let (block, mut lanes) = unsafe {
                     let block = self.tree.blocks.at().block::<L>(current.block(), &mut room);
-                    (block, G::Precision::lines_through::<L>(block, quick) & ((2 << (current.count() - 1)) - 1))
+                    (
+                        block,
+                        G::Precision::lines_through::<L>(block, quick)
+                            & ((2 << (current.count() - 1)) - 1),
+                    )
                 };
-                search.goal.visit(true, || journey::Place::of_bounds(&block.bounds(current.count())));
+                search
+                    .goal
+                    .visit(true, || journey::Place::of_bounds(&block.bounds(current.count())));
                 search.goal.count_primitives(current.count());
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize & 7;
@@ -335,7 +381,8 @@ impl<G: Goal> Place<'_, G> {
                     };
                     let corners = block.corners(lane);
                     let (origin, direction) = (&self.ray.origin, &self.ray.direction);
-                    let found = G::Precision::hit_on_line(search, quick, origin, direction, &corners, ids);
+                    let found =
+                        G::Precision::hit_on_line(search, quick, origin, direction, &corners, ids);
                     if found.is_some() {
                         if offer_triangle(search, found) {
                             return true;
@@ -349,7 +396,15 @@ impl<G: Goal> Place<'_, G> {
                 let (object, stack) = (current.index(), unsafe { stack.get_unchecked_mut(top..) });
                 // SAFETY: as promised by the caller.
                 if unsafe {
-                    (self.walks.object)(self.forest, self.tree, object, self.ray, self.instance, search, stack)
+                    (self.walks.object)(
+                        self.forest,
+                        self.tree,
+                        object,
+                        self.ray,
+                        self.instance,
+                        search,
+                        stack,
+                    )
                 } {
                     return true;
                 }
@@ -373,8 +428,8 @@ impl<G: Goal> Place<'_, G> {
     }
 }
 
-/// True if a direction goes up along the axis that it mostly goes along. Children stand in their node as they lie along the axes, so that those in
-/// the last slots are ahead of such a ray.
+/// True if a direction goes up along the axis that it mostly goes along. Children stand in their
+/// node as they lie along the axes, so that those in the last slots are ahead of such a ray.
 #[inline(always)]
 fn is_ascending(direction: DVec3) -> bool {
     let size = direction.abs();
@@ -383,8 +438,9 @@ fn is_ascending(direction: DVec3) -> bool {
     along > 0.0
 }
 
-/// Puts children above `top`, those that are further ahead later, and returns the last. Where any hit will do, the distances tell little: what is
-/// near the start of a ray is mostly the surface that it leaves, and to put them in order takes longer than it saves.
+/// Puts children above `top`, those that are further ahead later, and returns the last. Where any
+/// hit will do, the distances tell little: what is near the start of a ray is mostly the surface
+/// that it leaves, and to put them in order takes longer than it saves.
 ///
 /// # Safety
 /// `stack` must have room for them, and there must be one.
@@ -396,7 +452,8 @@ unsafe fn push_unsorted(
     is_ascending: bool,
     children: &[ChildRef; 8],
 ) -> ChildRef {
-    let (mut rest, turn) = if is_ascending { (met, 0) } else { (u32::from((met as u8).reverse_bits()), 7) };
+    let (mut rest, turn) =
+        if is_ascending { (met, 0) } else { (u32::from((met as u8).reverse_bits()), 7) };
     loop {
         let child = children[(rest.trailing_zeros() ^ turn) as usize & 7];
         rest &= rest - 1;
@@ -409,7 +466,8 @@ unsafe fn push_unsorted(
     }
 }
 
-/// Puts more children to one that is above `top` and one that is nearer than all, far ones first; returns the new nearest.
+/// Puts more children to one that is above `top` and one that is nearer than all, far ones first;
+/// returns the new nearest.
 ///
 /// # Safety
 /// `stack` must have room for them, and the entry at `top` must be written.
@@ -427,12 +485,15 @@ unsafe fn push_sorted(
         let slot = rest.trailing_zeros() as usize & 7;
         rest &= rest - 1;
         let new = entry(near[slot], children[slot]);
-        let (new_nearest, new) =
-            (select_unpredictable(new < nearest, new, nearest), select_unpredictable(new < nearest, nearest, new));
+        let (new_nearest, new) = (
+            select_unpredictable(new < nearest, new, nearest),
+            select_unpredictable(new < nearest, nearest, new),
+        );
         nearest = new_nearest;
         end += 1;
         let mut at = end;
-        // SAFETY: entries from `top` to before `end` were just written, and there is room for one more.
+        // SAFETY: entries from `top` to before `end` were just written, and there is room for one
+        // more.
         unsafe {
             while at > top && stack.get_unchecked(at - 1).assume_init() < new {
                 let before = stack.get_unchecked(at - 1).assume_init();
@@ -460,10 +521,17 @@ pub(super) unsafe fn test_object<G: Goal>(
     stack: &mut Stack,
     enter: Walk<G>,
 ) -> bool {
-    group::test_object(&tree.objects, object, ray, instance, search, |child, ray, instance, search| {
-        // SAFETY: as promised by the caller: the stack has room for all below this group.
-        unsafe { enter(forest, child, ray, instance, search, stack) }
-    })
+    group::test_object(
+        &tree.objects,
+        object,
+        ray,
+        instance,
+        search,
+        |child, ray, instance, search| {
+            // SAFETY: as promised by the caller: the stack has room for all below this group.
+            unsafe { enter(forest, child, ray, instance, search, stack) }
+        },
+    )
 }
 
 /// # Safety
@@ -481,7 +549,18 @@ unsafe fn test_object_avx2<G: Goal>(
 ) -> bool {
     use snell_math::simd::Avx8;
     // SAFETY: as promised by the caller.
-    unsafe { test_object_quickly::<Avx8, G>(forest, tree, object, ray, instance, search, stack, Walks::AVX2) }
+    unsafe {
+        test_object_quickly::<Avx8, G>(
+            forest,
+            tree,
+            object,
+            ray,
+            instance,
+            search,
+            stack,
+            Walks::AVX2,
+        )
+    }
 }
 
 /// # Safety
@@ -496,11 +575,22 @@ unsafe fn test_object_portable<G: Goal>(
     stack: &mut Stack,
 ) -> bool {
     // SAFETY: as promised by the caller.
-    unsafe { test_object_quickly::<Portable8, G>(forest, tree, object, ray, instance, search, stack, Walks::PORTABLE) }
+    unsafe {
+        test_object_quickly::<Portable8, G>(
+            forest,
+            tree,
+            object,
+            ray,
+            instance,
+            search,
+            stack,
+            Walks::PORTABLE,
+        )
+    }
 }
 
-/// [`test_object`] for an ordinary ray in an ordinary forest: most instances stand still, and rays are ordinary there too, so these are
-/// entered without a detour.
+/// [`test_object`] for an ordinary ray in an ordinary forest: most instances stand still, and rays
+/// are ordinary there too, so these are entered without a detour.
 ///
 /// # Safety
 /// As [`search_root`]; `stack` must have room for all below the group.
@@ -528,7 +618,9 @@ unsafe fn test_object_quickly<L: Lanes8, G: Goal>(
         {
             search.goal.enter(map);
             // SAFETY: as promised by the caller.
-            let is_over = unsafe { (walks.quick)(forest, *child, &ray, &quick, instance + offset, search, stack) };
+            let is_over = unsafe {
+                (walks.quick)(forest, *child, &ray, &quick, instance + offset, search, stack)
+            };
             search.goal.leave();
             return is_over;
         }

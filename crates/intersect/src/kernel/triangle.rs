@@ -1,11 +1,14 @@
-//! The watertight ray-triangle test: a quick filter over eight triangles, and the exact test for those that pass it.
+//! The watertight ray-triangle test: a quick filter over eight triangles, and the exact test for
+//! those that pass it.
 //!
-//! The vertices are drawn on a plane across the ray in `f32` (Woop, Benthin and Wald, Watertight Ray/Triangle Intersection, JCGT
-//! 2013). The drawing is a little inexact but the same for every triangle of a vertex, and on it every decision is exact: `f32`
-//! products have no error in `f64`, and where the ray meets an edge or vertex of the drawing, a symbolic shift of the ray
-//! decides. So a ray through a closed mesh crosses each fan exactly once.
+//! The vertices are drawn on a plane across the ray in `f32` (Woop, Benthin and Wald, Watertight
+//! Ray/Triangle Intersection, JCGT 2013). The drawing is a little inexact but the same for every
+//! triangle of a vertex, and on it every decision is exact: `f32` products have no error in `f64`,
+//! and where the ray meets an edge or vertex of the drawing, a symbolic shift of the ray decides.
+//! So a ray through a closed mesh crosses each fan exactly once.
 //!
-//! The filter may pass too much but never too little, so the hits are the same at every SIMD level, and with any structure.
+//! The filter may pass too much but never too little, so the hits are the same at every SIMD level,
+//! and with any structure.
 
 use super::quick::QuickRay;
 use super::ray::{LocalRay, wide};
@@ -30,13 +33,18 @@ impl TriangleBlock {
         Bounds3::of((0..count as usize).flat_map(|lane| self.corners(lane)).map(Vec3::from_array))
     }
 
-    /// The box around its first triangles, each padded as by [`crate::mesh::padded_bounds`]. All vertices must be finite.
+    /// The box around its first triangles, each padded as by [`crate::mesh::padded_bounds`]. All
+    /// vertices must be finite.
     #[inline]
     pub fn padded_bounds(&self, count: usize) -> Bounds3 {
         let (mut low, mut high) = ([Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]);
-        for (half, lanes) in [Vec4::new(0.0, 1.0, 2.0, 3.0), Vec4::new(4.0, 5.0, 6.0, 7.0)].into_iter().enumerate() {
+        for (half, lanes) in
+            [Vec4::new(0.0, 1.0, 2.0, 3.0), Vec4::new(4.0, 5.0, 6.0, 7.0)].into_iter().enumerate()
+        {
             let used = lanes.cmplt(Vec4::splat(count as f32));
-            let row = |vertex: usize, axis: usize| Vec4::from_slice(&self.vertices[vertex][axis][4 * half..]);
+            let row = |vertex: usize, axis: usize| {
+                Vec4::from_slice(&self.vertices[vertex][axis][4 * half..])
+            };
             let rows = |axis: usize| [row(0, axis), row(1, axis), row(2, axis)];
             let sides = [0, 1, 2].map(|axis| {
                 let [a, b, c] = rows(axis);
@@ -70,8 +78,10 @@ impl TriangleBlock {
     #[inline]
     pub fn set_all(&mut self, corners: &[[Vec4; 8]; 3], ids: [u32; 8]) {
         for (vertex, [a, b, c, d, e, f, g, h]) in self.vertices.iter_mut().zip(*corners) {
-            // In registers: numbers written one by one and read as rows (by `padded_bounds`) would have to wait.
-            let (low, high) = (Mat4::from_cols(a, b, c, d).transpose(), Mat4::from_cols(e, f, g, h).transpose());
+            // In registers: numbers written one by one and read as rows (by `padded_bounds`) would
+            // have to wait.
+            let (low, high) =
+                (Mat4::from_cols(a, b, c, d).transpose(), Mat4::from_cols(e, f, g, h).transpose());
             for (axis, row) in vertex.iter_mut().enumerate() {
                 let (low, high) = (low.col(axis).to_array(), high.col(axis).to_array());
                 *row = [low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]];
@@ -91,17 +101,22 @@ impl TriangleBlock {
     }
 }
 
-/// Bound of the rounding of an edge value, relative to the largest drawn |x| times the largest drawn |y|: two products and a
-/// difference are off by at most `2^-22` of it. Doubled.
+/// Bound of the rounding of an edge value, relative to the largest drawn |x| times the largest
+/// drawn |y|: two products and a difference are off by at most `2^-22` of it. Doubled.
 const EDGE_ERROR: f32 = 4.76837158203125e-7;
 
-/// Which triangles of the block the ray may hit between `t_min` and `cull` (inclusive). `cull` must be padded by the rounding of
-/// a depth (a relative `1e-6`).
+/// Which triangles of the block the ray may hit between `t_min` and `cull` (inclusive). `cull` must
+/// be padded by the rounding of a depth (a relative `1e-6`).
 ///
 /// # Safety
 /// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay, t_min: f32, cull: f32) -> u32 {
+pub(crate) unsafe fn candidates<L: Lanes8>(
+    block: &TriangleBlock,
+    ray: &LocalRay,
+    t_min: f32,
+    cull: f32,
+) -> u32 {
     // SAFETY: passed on to the caller.
     let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2], zero, bound_scale, tiny) = unsafe {
         let frame = DrawingFrame::<L>::new(ray);
@@ -122,23 +137,27 @@ pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay
     let (x, y) = (x0.abs().max(x1.abs()).max(x2.abs()), y0.abs().max(y1.abs()).max(y2.abs()));
     let bound = x.mul(y).mul(bound_scale).add(tiny);
     let outside = u.min(v).min(w).add(bound).lt(zero) & bound.lt(u.max(v).max(w));
-    // Surely too near or too far: all three corners are. (With `depth_scale` 0 all depths are 0 and prove nothing.)
+    // Surely too near or too far: all three corners are. (With `depth_scale` 0 all depths are 0 and
+    // prove nothing.)
     if ray.depth_scale == 0.0 {
         return !outside & 0xff;
     }
     // SAFETY: passed on to the caller.
-    let (scale, cull, start) =
-        unsafe { (L::splat(ray.depth_scale), L::splat(cull), L::splat(t_min - t_min.abs() * 1e-6)) };
+    let (scale, cull, start) = unsafe {
+        (L::splat(ray.depth_scale), L::splat(cull), L::splat(t_min - t_min.abs() * 1e-6))
+    };
     let (d0, d1, d2) = (z0.mul(scale), z1.mul(scale), z2.mul(scale));
     let (nearest, farthest) = (d0.min(d1).min(d2), d0.max(d1).max(d2));
     // SAFETY: passed on to the caller.
-    let margin = unsafe { place_margin(nearest.abs().max(farthest.abs()), x.add(y), ray.depth_scale) };
+    let margin =
+        unsafe { place_margin(nearest.abs().max(farthest.abs()), x.add(y), ray.depth_scale) };
     let beyond = cull.add(margin).lt(nearest) | farthest.add(margin).lt(start);
     !(outside | beyond) & 0xff
 }
 
-/// How far before the nearest or beyond the farthest corner a hit may be placed: [`clamp_to_box`] keeps it in the box of the triangle,
-/// padded by a share of its size, which is at most twice the drawn size (`sides`) and the largest distance of a corner (`depth`) together.
+/// How far before the nearest or beyond the farthest corner a hit may be placed: [`clamp_to_box`]
+/// keeps it in the box of the triangle, padded by a share of its size, which is at most twice the
+/// drawn size (`sides`) and the largest distance of a corner (`depth`) together.
 ///
 /// # Safety
 /// The machine must have the instructions of `L`.
@@ -148,14 +167,15 @@ pub(crate) unsafe fn place_margin<L: Lanes8>(depth: L, sides: L, depth_scale: f3
     unsafe { sides.mul(L::splat(depth_scale.abs())).add(depth).mul(L::splat(4e-6)) }
 }
 
-/// Bound of the rounding of an edge value, the difference of two products, relative to the product that is rounded first: half a unit in the
-/// last place if the other is not rounded, else one and a half. Doubled.
+/// Bound of the rounding of an edge value, the difference of two products, relative to the product
+/// that is rounded first: half a unit in the last place if the other is not rounded, else one and a
+/// half. Doubled.
 pub(crate) const fn edge_error(is_fused: bool) -> f32 {
     if is_fused { f32::EPSILON } else { 2.0 * f32::EPSILON }
 }
 
-/// Which triangles of the block the line of an ordinary ray may pass through: all except those with two edges whose signs are
-/// certain and differ. Unused lanes are unspecified.
+/// Which triangles of the block the line of an ordinary ray may pass through: all except those with
+/// two edges whose signs are certain and differ. Unused lanes are unspecified.
 ///
 /// # Safety
 /// The machine must have the instructions of `L`.
@@ -174,15 +194,17 @@ pub(crate) unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &Quick
         let (pu, pv, pw) = (y1.mul(x2), y2.mul(x0), y0.mul(x1));
         let (u, v, w) = (x1.mul_sub(y2, pu), x2.mul_sub(y0, pv), x0.mul_sub(y1, pw));
         let error = L::splat(edge_error(L::FUSED));
-        let bound = pu.abs().max(pv.abs()).max(pw.abs()).mul_add(error, L::splat(f32::MIN_POSITIVE));
+        let bound =
+            pu.abs().max(pv.abs()).max(pw.abs()).mul_add(error, L::splat(f32::MIN_POSITIVE));
         // How far all of them are on one side, on the better side.
         let inside = u.min(v).min(w).max(L::splat(0.0).sub(u.max(v).max(w)));
         !inside.add(bound).signs() & 0xff
     }
 }
 
-/// [`LocalRay::draw`] for eight vertices at a time, mirrored at the origin: all differences are the other way round (a load less each),
-/// so all coordinates have the opposite sign, and the edge values, products of two, are the same.
+/// [`LocalRay::draw`] for eight vertices at a time, mirrored at the origin: all differences are the
+/// other way round (a load less each), so all coordinates have the opposite sign, and the edge
+/// values, products of two, are the same.
 pub(crate) struct MirroredFrame<L> {
     axes: [usize; 3],
     origin: [L; 3],
@@ -205,8 +227,8 @@ impl<L: Lanes8> MirroredFrame<L> {
     }
 }
 
-/// [`LocalRay::draw`] for eight vertices at a time: the same operations. (Plain functions instead of closures, which are not always
-/// inlined, and vectors must not pass through calls.)
+/// [`LocalRay::draw`] for eight vertices at a time: the same operations. (Plain functions instead
+/// of closures, which are not always inlined, and vectors must not pass through calls.)
 pub(crate) struct DrawingFrame<L> {
     axes: [usize; 3],
     origin: [L; 3],
@@ -259,8 +281,8 @@ impl<L: Lanes8> DrawingFrame<L> {
     }
 }
 
-/// Twice the signed area of the drawn triangle (ray, p, q), and its exact sign after the symbolic shift of the ray: 0 only if
-/// the edge is a point or not a number.
+/// Twice the signed area of the drawn triangle (ray, p, q), and its exact sign after the symbolic
+/// shift of the ray: 0 only if the edge is a point or not a number.
 #[inline(always)]
 fn edge(p: [f32; 2], q: [f32; 2]) -> (f64, i32) {
     let (a, b) = (f64::from(p[0]) * f64::from(q[1]), f64::from(p[1]) * f64::from(q[0]));
@@ -275,7 +297,8 @@ fn edge(p: [f32; 2], q: [f32; 2]) -> (f64, i32) {
     (a - b, decided)
 }
 
-/// A ray as the exact test wants it: what decides distances, and what decides which triangles cover it.
+/// A ray as the exact test wants it: what decides distances, and what decides which triangles cover
+/// it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ExactRay {
     pub origin: DVec3,
@@ -293,8 +316,8 @@ pub(crate) struct Drawing {
 }
 
 impl Drawing {
-    /// The vertex as drawn. It has the same bits in every triangle and at every SIMD level: rounded subtraction, product,
-    /// subtraction, never fused.
+    /// The vertex as drawn. It has the same bits in every triangle and at every SIMD level: rounded
+    /// subtraction, product, subtraction, never fused.
     #[inline(always)]
     pub fn draw(&self, v: &[f32; 3]) -> [f32; 2] {
         let [kx, ky, kz] = self.axes.map(|k| k.min(2));
@@ -303,41 +326,57 @@ impl Drawing {
     }
 }
 
-/// The exact test: distance and barycentrics `(b1, b2)` if the line of the ray passes through the triangle at `t > t_min`.
+/// The exact test: distance and barycentrics `(b1, b2)` if the line of the ray passes through the
+/// triangle at `t > t_min`.
 ///
-/// The distance comes from the plane of the triangle in `f64`, so it has the right sign for any start that is more than a few
-/// units in the last place (of `f64`) off the plane. It is then moved into the interval in which the ray is inside the
-/// triangle's box (it leaves that only by rounding), so that skipping boxes can never lose it, and near the point of the triangle
-/// that was drawn where the ray is, so that skipping boxes of its pieces cannot either.
+/// The distance comes from the plane of the triangle in `f64`, so it has the right sign for any
+/// start that is more than a few units in the last place (of `f64`) off the plane. It is then moved
+/// into the interval in which the ray is inside the triangle's box (it leaves that only by
+/// rounding), so that skipping boxes can never lose it, and near the point of the triangle that was
+/// drawn where the ray is, so that skipping boxes of its pieces cannot either.
 #[inline(always)]
-pub(crate) fn exact_hit(ray: &LocalRay, corners: &[[f32; 3]; 3], t_min: f64) -> Option<(f64, Vec2)> {
+pub(crate) fn exact_hit(
+    ray: &LocalRay,
+    corners: &[[f32; 3]; 3],
+    t_min: f64,
+) -> Option<(f64, Vec2)> {
     exact_hit_on(&ray.exact_ray(), corners, t_min)
 }
 
 /// [`exact_hit`] for a ray from elsewhere.
 #[inline(always)]
-pub(crate) fn exact_hit_on(ray: &ExactRay, corners: &[[f32; 3]; 3], t_min: f64) -> Option<(f64, Vec2)> {
+pub(crate) fn exact_hit_on(
+    ray: &ExactRay,
+    corners: &[[f32; 3]; 3],
+    t_min: f64,
+) -> Option<(f64, Vec2)> {
     let plane = plane_distance(&ray.origin, &ray.direction, corners);
     if is_behind(plane, t_min) { None } else { hit_in_plane(ray, corners, plane, t_min) }
 }
 
-/// Where the ray meets the plane of a triangle: the first part of [`exact_hit`]. Infinite or NaN if that is not known.
+/// Where the ray meets the plane of a triangle: the first part of [`exact_hit`]. Infinite or NaN if
+/// that is not known.
 #[inline(always)]
 pub(crate) fn plane_distance(origin: &DVec3, direction: &DVec3, corners: &[[f32; 3]; 3]) -> f64 {
     let [height, speed] = height_and_speed(origin, direction, corners);
     height / speed
 }
 
-/// How high the plane of a triangle is above the origin, and how fast the ray rises to it, both times the normal.
+/// How high the plane of a triangle is above the origin, and how fast the ray rises to it, both
+/// times the normal.
 #[inline(always)]
-pub(crate) fn height_and_speed(origin: &DVec3, direction: &DVec3, corners: &[[f32; 3]; 3]) -> [f64; 2] {
+pub(crate) fn height_and_speed(
+    origin: &DVec3,
+    direction: &DVec3,
+    corners: &[[f32; 3]; 3],
+) -> [f64; 2] {
     let corners = [wide(corners[0]), wide(corners[1]), wide(corners[2])];
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     [normal.dot(corners[0] - *origin), normal.dot(*direction)]
 }
 
-/// True if a triangle with this [`plane_distance`] cannot be hit beyond `t_min`. Most triangles that are tested exactly are of
-/// this kind: the ones that the ray starts on.
+/// True if a triangle with this [`plane_distance`] cannot be hit beyond `t_min`. Most triangles
+/// that are tested exactly are of this kind: the ones that the ray starts on.
 #[inline(always)]
 pub(crate) fn is_behind(plane: f64, t_min: f64) -> bool {
     plane <= t_min && plane > f64::NEG_INFINITY
@@ -345,8 +384,17 @@ pub(crate) fn is_behind(plane: f64, t_min: f64) -> bool {
 
 /// The second part of [`exact_hit`].
 #[inline(always)]
-pub(crate) fn hit_in_plane(ray: &ExactRay, corners: &[[f32; 3]; 3], plane: f64, t_min: f64) -> Option<(f64, Vec2)> {
-    let [p0, p1, p2] = [ray.drawing.draw(&corners[0]), ray.drawing.draw(&corners[1]), ray.drawing.draw(&corners[2])];
+pub(crate) fn hit_in_plane(
+    ray: &ExactRay,
+    corners: &[[f32; 3]; 3],
+    plane: f64,
+    t_min: f64,
+) -> Option<(f64, Vec2)> {
+    let [p0, p1, p2] = [
+        ray.drawing.draw(&corners[0]),
+        ray.drawing.draw(&corners[1]),
+        ray.drawing.draw(&corners[2]),
+    ];
     let (w0, s0) = edge(p1, p2);
     let (w1, s1) = edge(p2, p0);
     let (w2, s2) = edge(p0, p1);
@@ -358,7 +406,8 @@ pub(crate) fn hit_in_plane(ray: &ExactRay, corners: &[[f32; 3]; 3], plane: f64, 
     let (b1, b2) = if sum != 0.0 { (w1 * scale, w2 * scale) } else { (1.0 / 3.0, 1.0 / 3.0) };
     let relative = corners.map(|corner| wide(corner) - ray.origin);
     let z = ray.drawing.axes[2];
-    let place = (relative[0][z] * (1.0 - b1 - b2) + relative[1][z] * b1 + relative[2][z] * b2) / ray.direction[z];
+    let place = (relative[0][z] * (1.0 - b1 - b2) + relative[1][z] * b1 + relative[2][z] * b2)
+        / ray.direction[z];
     let t = if plane.is_finite() { plane } else { place };
     if t.is_nan() || t <= t_min {
         return None;
@@ -368,11 +417,13 @@ pub(crate) fn hit_in_plane(ray: &ExactRay, corners: &[[f32; 3]; 3], plane: f64, 
     Some((t, Vec2::new(b1 as f32, b2 as f32)))
 }
 
-/// How far along the ray a hit may be from the point of the triangle that was drawn there, relative to the distance and to the size of the
-/// triangle. Only the drawing is inexact, by some `1e-7`, so only rays at less than about a tenth of a degree to the triangle get this far.
+/// How far along the ray a hit may be from the point of the triangle that was drawn there, relative
+/// to the distance and to the size of the triangle. Only the drawing is inexact, by some `1e-7`, so
+/// only rays at less than about a tenth of a degree to the triangle get this far.
 pub(crate) const PLACE_TOLERANCE: f64 = 5e-5;
 
-/// The value nearest to `t` that is within [`PLACE_TOLERANCE`] of `place`. `z` is the largest component of the direction.
+/// The value nearest to `t` that is within [`PLACE_TOLERANCE`] of `place`. `z` is the largest
+/// component of the direction.
 #[inline(always)]
 fn near_place(t: f64, place: f64, z: f64, relative: &[DVec3; 3]) -> f64 {
     let low = relative[0].min(relative[1]).min(relative[2]);
@@ -382,8 +433,9 @@ fn near_place(t: f64, place: f64, z: f64, relative: &[DVec3; 3]) -> f64 {
     if (t - place).abs() <= reach { t } else { t.max(place - reach).min(place + reach) }
 }
 
-/// The nearest value to `t` at which the ray is in the box of the three corners (given relative to its origin), padded by a little less than
-/// structures pad it ([`crate::mesh::padded_bounds`]); `t` itself if it is there up to an error that the padding of distances covers.
+/// The nearest value to `t` at which the ray is in the box of the three corners (given relative to
+/// its origin), padded by a little less than structures pad it ([`crate::mesh::padded_bounds`]);
+/// `t` itself if it is there up to an error that the padding of distances covers.
 #[inline(always)]
 pub(crate) fn clamp_to_box(direction: &DVec3, relative: &[DVec3; 3], t: f64) -> f64 {
     let low = relative[0].min(relative[1]).min(relative[2]);
@@ -426,9 +478,11 @@ mod tests {
         let (a, b, c, d) = ([0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]);
         for i in 0..=16 {
             let s = i as f32 / 16.0;
-            // The vertices a and c have other neighbours outside, so only the inner points must count once.
+            // The vertices a and c have other neighbours outside, so only the inner points must
+            // count once.
             let ray = ray([s, s, 0.0], [0.0, 0.0, 1.0]);
-            let count = [[a, b, c], [a, c, d]].iter().filter(|t| exact_hit(&ray, t, 0.0).is_some()).count();
+            let count =
+                [[a, b, c], [a, c, d]].iter().filter(|t| exact_hit(&ray, t, 0.0).is_some()).count();
             assert!(count == 1 || ((i == 0 || i == 16) && count == 0), "{i}: {count}");
         }
     }
@@ -453,9 +507,13 @@ mod tests {
     #[test]
     fn distance_and_barycentrics_describe_the_point() {
         let t = [[0.0, 0.0, 2.0], [4.0, 0.0, 2.0], [0.0, 4.0, 2.0]];
-        let (distance, uv) = exact_hit(&ray([1.0, 2.0, 0.0], [0.0, 0.0, 0.5]), &t, 0.0).expect("a hit");
+        let (distance, uv) =
+            exact_hit(&ray([1.0, 2.0, 0.0], [0.0, 0.0, 0.5]), &t, 0.0).expect("a hit");
         assert_eq!((distance, uv), (4.0, Vec2::new(0.25, 0.5)));
-        assert!(exact_hit(&ray([1.0, 2.0, 0.0], [0.0, 0.0, 0.5]), &t, 4.0).is_none(), "the interval is open");
+        assert!(
+            exact_hit(&ray([1.0, 2.0, 0.0], [0.0, 0.0, 0.5]), &t, 4.0).is_none(),
+            "the interval is open"
+        );
     }
 
     fn lines_through_at_all_levels(block: &TriangleBlock, ray: &QuickRay) -> Vec<u32> {
@@ -470,7 +528,10 @@ mod tests {
     }
 
     fn coordinate() -> impl Strategy<Value = f32> {
-        prop_oneof![-4i32..=4, -4i32..=4].prop_map(|i| i as f32 * 0.25).boxed().prop_union((-2.0f32..2.0).boxed())
+        prop_oneof![-4i32..=4, -4i32..=4]
+            .prop_map(|i| i as f32 * 0.25)
+            .boxed()
+            .prop_union((-2.0f32..2.0).boxed())
     }
 
     fn point() -> impl Strategy<Value = [f32; 3]> {

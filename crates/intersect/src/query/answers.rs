@@ -9,7 +9,8 @@ pub(crate) trait Answers<G> {
     /// Takes what was found for a ray.
     fn put(&mut self, number: usize, goal: G);
 
-    /// Told some time before a ray is done, if rays are not taken in order: the memory of the answer may be asked for.
+    /// Told some time before a ray is done, if rays are not taken in order: the memory of the
+    /// answer may be asked for.
     #[inline(always)]
     fn fetch(&self, _number: usize) {}
 }

@@ -1,8 +1,9 @@
 //! Every crossing of a ray: how many there are, and which.
 //!
-//! A structure may hold a triangle several times (spatial splits do that), so a crossing may be offered several times, in any order.
-//! Each counts once: for triangles the same (instance, geometry, primitive) at the same `t` and `uv` is the same crossing. Shapes are held
-//! once, and two of their crossings may well be equal in single precision.
+//! A structure may hold a triangle several times (spatial splits do that), so a crossing may be
+//! offered several times, in any order. Each counts once: for triangles the same (instance,
+//! geometry, primitive) at the same `t` and `uv` is the same crossing. Shapes are held once, and
+//! two of their crossings may well be equal in single precision.
 
 #[cfg(test)]
 mod tests;
@@ -18,10 +19,11 @@ use crate::world::{Geometry, Structure, World};
 /// Every hit of each ray of a batch, as compressed sparse rows.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AllHits<P: Precision = Single> {
-    /// Where the hits of each ray begin in `hits`, and after the last ray their number: one entry more than there are rays.
+    /// Where the hits of each ray begin in `hits`, and after the last ray their number: one entry
+    /// more than there are rays.
     pub ray_splits: Vec<usize>,
-    /// The hits, ray after ray; of each ray ascending by `t`, equal ones by instance, geometry and primitive, and those of one primitive that is
-    /// no quad in their order along the ray.
+    /// The hits, ray after ray; of each ray ascending by `t`, equal ones by instance, geometry and
+    /// primitive, and those of one primitive that is no quad in their order along the ray.
     pub hits: Vec<P::Hit>,
 }
 
@@ -41,8 +43,10 @@ impl<P: Precision> AllHits<P> {
 
     /// One batch after another.
     pub(super) fn concatenated(batches: Vec<Self>) -> Self {
-        let mut all =
-            Self { ray_splits: vec![0], hits: Vec::with_capacity(batches.iter().map(|b| b.hits.len()).sum()) };
+        let mut all = Self {
+            ray_splits: vec![0],
+            hits: Vec::with_capacity(batches.iter().map(|b| b.hits.len()).sum()),
+        };
         for batch in batches {
             let before = all.hits.len();
             all.ray_splits.extend(batch.ray_splits.iter().skip(1).map(|split| before + split));
@@ -52,8 +56,9 @@ impl<P: Precision> AllHits<P> {
     }
 }
 
-/// What hits are sorted by. Crossings of one primitive of a set are offered in their order along the ray, and stay in it where they are equally far
-/// once they are rounded: the first is also what is closest.
+/// What hits are sorted by. Crossings of one primitive of a set are offered in their order along
+/// the ray, and stay in it where they are equally far once they are rounded: the first is also what
+/// is closest.
 fn key<P: Rules>(hit: &P::Hit, geometries: &[Geometry]) -> Key<P> {
     let [instance, geometry, primitive, u, v] = P::rank(hit);
     let [u, v] = if is_mesh(geometries, P::ids(hit)[1]) { [u, v] } else { [0; 2] };
@@ -102,7 +107,10 @@ impl<P: Rules> Searcher<'_, P> {
             rows[i] = goal.hits;
             self.sort_and_deduplicate(&mut rows[i]);
         });
-        let mut all = AllHits { ray_splits: vec![0], hits: Vec::with_capacity(rows.iter().map(Vec::len).sum()) };
+        let mut all = AllHits {
+            ray_splits: vec![0],
+            hits: Vec::with_capacity(rows.iter().map(Vec::len).sum()),
+        };
         for row in rows {
             all.hits.extend(row);
             all.ray_splits.push(all.hits.len());
@@ -201,8 +209,8 @@ impl<P: Rules> Key<P> {
 /// Crossings remembered at once.
 const BUFFER: usize = 4096;
 
-/// The number of different hits in fixed memory: as many of the first ones as fit the buffer. When there are more, what is left is
-/// for another search, `after` the last of these.
+/// The number of different hits in fixed memory: as many of the first ones as fit the buffer. When
+/// there are more, what is left is for another search, `after` the last of these.
 #[derive(Clone, Debug)]
 struct Distinct<'a, P: Rules> {
     geometries: &'a [Geometry],
@@ -216,7 +224,14 @@ struct Distinct<'a, P: Rules> {
 
 impl<'a, P: Rules> Distinct<'a, P> {
     fn new(ray: &P::Ray, geometries: &'a [Geometry], buffer: usize) -> Self {
-        Self { geometries, limit: P::interval(ray)[1], after: None, until: None, found: Vec::new(), buffer }
+        Self {
+            geometries,
+            limit: P::interval(ray)[1],
+            after: None,
+            until: None,
+            found: Vec::new(),
+            buffer,
+        }
     }
 
     /// Makes room, if need be by dropping the farther half.

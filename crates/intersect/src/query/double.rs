@@ -42,23 +42,39 @@ impl DWorld {
     }
 
     /// As [`crate::World::closest_one`].
-    pub fn closest_one<'a>(&self, ray: impl Into<RayQuery<'a, Double>>, filter: &dyn HitFilter<Double>) -> DHit {
+    pub fn closest_one<'a>(
+        &self,
+        ray: impl Into<RayQuery<'a, Double>>,
+        filter: &dyn HitFilter<Double>,
+    ) -> DHit {
         self.searcher(filter).closest_one(ray.into())
     }
 
     /// As [`crate::World::occluded_one`].
-    pub fn occluded_one<'a>(&self, ray: impl Into<RayQuery<'a, Double>>, filter: &dyn HitFilter<Double>) -> bool {
+    pub fn occluded_one<'a>(
+        &self,
+        ray: impl Into<RayQuery<'a, Double>>,
+        filter: &dyn HitFilter<Double>,
+    ) -> bool {
         self.searcher(filter).occluded_one(ray.into())
     }
 
     /// As [`crate::World::all`].
-    pub fn all<'a>(&self, rays: impl Into<Rays<'a, Double>>, filter: &dyn HitFilter<Double>) -> AllHits<Double> {
+    pub fn all<'a>(
+        &self,
+        rays: impl Into<Rays<'a, Double>>,
+        filter: &dyn HitFilter<Double>,
+    ) -> AllHits<Double> {
         let rays = rays.into();
         self.searcher(filter).with_cancel(rays.cancel()).all(rays)
     }
 
     /// As [`crate::World::all_one`].
-    pub fn all_one<'a>(&self, ray: impl Into<RayQuery<'a, Double>>, filter: &dyn HitFilter<Double>) -> Vec<DHit> {
+    pub fn all_one<'a>(
+        &self,
+        ray: impl Into<RayQuery<'a, Double>>,
+        filter: &dyn HitFilter<Double>,
+    ) -> Vec<DHit> {
         self.searcher(filter).all_one(ray.into())
     }
 
@@ -66,7 +82,12 @@ impl DWorld {
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn count<'a>(&self, rays: impl Into<Rays<'a, Double>>, filter: &dyn HitFilter<Double>, counts: &mut [u32]) {
+    pub fn count<'a>(
+        &self,
+        rays: impl Into<Rays<'a, Double>>,
+        filter: &dyn HitFilter<Double>,
+        counts: &mut [u32],
+    ) {
         let rays = rays.into();
         self.searcher(filter).with_cancel(rays.cancel()).count(rays, counts);
     }

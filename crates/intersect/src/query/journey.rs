@@ -1,5 +1,5 @@
-//! The way of one ray through an acceleration structure, stop by stop: for people to look at. The search is the ordinary one with a
-//! goal that also writes down where it is.
+//! The way of one ray through an acceleration structure, stop by stop: for people to look at. The
+//! search is the ordinary one with a goal that also writes down where it is.
 
 use super::HitFilter;
 use super::rays::RayQuery;
@@ -207,24 +207,27 @@ mod tests {
     /// Balls in a group that is instanced, moved, beside a few of the root's own.
     fn world(accelerator: AcceleratorKind) -> World {
         let mut builder = WorldBuilder::default();
-        let placed = |map: DAffine3| Transform::from_matrix(map.into()).expect("it can be inverted");
+        let placed =
+            |map: DAffine3| Transform::from_matrix(map.into()).expect("it can be inverted");
         let group = builder.add_group();
-        let number = |i: u32, axis: u32| f64::from(rng::to_unit(rng::hash_combine(i, axis))) * 4.0 - 2.0;
+        let number =
+            |i: u32, axis: u32| f64::from(rng::to_unit(rng::hash_combine(i, axis))) * 4.0 - 2.0;
         let mut ball = |group, i: u32, radius: f64| {
             let center = DVec3::new(number(i, 0), number(i, 1), number(i, 2));
             builder.add_shape(group, Arc::new(Sphere { radius }), Transform::translation(center));
         };
         (0..60).for_each(|i| ball(group, i, 0.2));
         (100..104).for_each(|i| ball(WorldBuilder::ROOT, i, 0.1));
-        let map =
-            DAffine3::from_translation(DVec3::new(7.0, 0.0, 0.0)) * DAffine3::from_scale(DVec3::new(1.0, 2.0, 0.5));
+        let map = DAffine3::from_translation(DVec3::new(7.0, 0.0, 0.0))
+            * DAffine3::from_scale(DVec3::new(1.0, 2.0, 0.5));
         builder.add_instance(WorldBuilder::ROOT, group, placed(map));
         builder.build(&BuildOptions { accelerator, ..BuildOptions::default() }).expect("a world")
     }
 
     /// True if a ray passes a place that has an inside, or passes it nearly.
     fn passes(place: &Place, ray: &Ray) -> bool {
-        let inverse = snell_math::DMat3::from_cols(place.axes[0], place.axes[1], place.axes[2]).inverse();
+        let inverse =
+            snell_math::DMat3::from_cols(place.axes[0], place.axes[1], place.axes[2]).inverse();
         let origin = inverse * (ray.origin.as_dvec3() - place.center);
         let direction = inverse * ray.direction.as_dvec3();
         match place.kind {
@@ -233,7 +236,8 @@ mod tests {
                 a.min(b).max_element() <= a.max(b).min_element()
             }
             PlaceKind::Ball => {
-                (origin - direction * (origin.dot(direction) / direction.length_squared())).length() < 1.001
+                (origin - direction * (origin.dot(direction) / direction.length_squared())).length()
+                    < 1.001
             }
             PlaceKind::Plane | PlaceKind::Stretch => true,
         }
@@ -245,7 +249,8 @@ mod tests {
             let world = world(kind);
             let mut found = 0;
             for i in 0..200 {
-                let number = |axis: u32| rng::to_unit(rng::hash_combine(i + 1000, axis)) * 4.0 - 2.0;
+                let number =
+                    |axis: u32| rng::to_unit(rng::hash_combine(i + 1000, axis)) * 4.0 - 2.0;
                 let origin = Vec3::new(-5.0, number(0), number(1));
                 let target = Vec3::new(7.0 + number(2), number(3), number(4) * 0.5);
                 let ray = Ray::new(origin, (target - origin).normalize());
@@ -258,7 +263,12 @@ mod tests {
                     continue;
                 }
                 found += 1;
-                let last = journey.stops.iter().rev().find(|s| s.found.is_some()).expect("it was found somewhere");
+                let last = journey
+                    .stops
+                    .iter()
+                    .rev()
+                    .find(|s| s.found.is_some())
+                    .expect("it was found somewhere");
                 assert_eq!(last.found, Some(journey.hit.t), "{kind:?} {i}");
                 // Shapes of the `bvh` belong to the node that leads to them.
                 assert!(last.is_leaf || kind == AcceleratorKind::Bvh, "{kind:?} {i}: {last:?}");

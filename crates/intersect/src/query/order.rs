@@ -1,8 +1,8 @@
-//! The order in which the rays of a large batch are traced: rays from one place one after another, because they visit the same
-//! parts of the tree.
+//! The order in which the rays of a large batch are traced: rays from one place one after another,
+//! because they visit the same parts of the tree.
 //!
-//! Rays are sorted by the cell of their origin along a Morton curve, by counting, if they are not in some such order already. Each ray is still
-//! traced for itself, so the results are the same.
+//! Rays are sorted by the cell of their origin along a Morton curve, by counting, if they are not
+//! in some such order already. Each ray is still traced for itself, so the results are the same.
 
 use super::rays::Rays;
 use crate::morton;
@@ -13,7 +13,8 @@ use std::ops::Range;
 /// So many rays or more are worth sorting.
 const MIN_RAYS: usize = 1 << 14;
 
-/// So many rays at most are sorted at a time: rays and answers of more would not stay in the caches.
+/// So many rays at most are sorted at a time: rays and answers of more would not stay in the
+/// caches.
 const MAX_RAYS: usize = 1 << 16;
 
 /// Bits of a cell's place on each axis.
@@ -49,7 +50,14 @@ impl Sorter {
     pub fn new(rays: usize, sorts: bool) -> Self {
         let sorts = sorts && rays >= MIN_RAYS;
         let parts = if sorts { rays.div_ceil(MAX_RAYS) } else { 1 };
-        Self { rays, size: rays.div_ceil(parts).max(1), sorts, cells: vec![], places: vec![], order: vec![] }
+        Self {
+            rays,
+            size: rays.div_ceil(parts).max(1),
+            sorts,
+            cells: vec![],
+            places: vec![],
+            order: vec![],
+        }
     }
 
     /// The parts, of equal size.
@@ -69,7 +77,10 @@ impl Sorter {
     }
 
     /// The same of some of them: their places among these.
-    pub fn order_of<'r, P: Rules>(&mut self, rays: impl ExactSizeIterator<Item = &'r P::Ray> + Clone) -> &[u32] {
+    pub fn order_of<'r, P: Rules>(
+        &mut self,
+        rays: impl ExactSizeIterator<Item = &'r P::Ray> + Clone,
+    ) -> &[u32] {
         self.order.clear();
         if !self.sorts || rays.len() < MIN_RAYS {
             return &self.order;
@@ -102,7 +113,8 @@ impl Sorter {
     }
 }
 
-/// Nearly the bounds of all origins: of one in [`STEP`]. (The few that are beyond count as on the border.)
+/// Nearly the bounds of all origins: of one in [`STEP`]. (The few that are beyond count as on the
+/// border.)
 fn extent_of(origins: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
     origins
         .step_by(STEP)
@@ -137,7 +149,8 @@ impl Grid {
     fn cell(&self, point: Vec3) -> u16 {
         // (To the nearest whole numbers by their last bits, which takes no checks.)
         const TO_WHOLE: f32 = (1 << 23) as f32;
-        let at = ((point - self.low) * self.scale).max(Vec3::ZERO).min(Vec3::splat(Self::LAST)) + TO_WHOLE;
+        let at = ((point - self.low) * self.scale).max(Vec3::ZERO).min(Vec3::splat(Self::LAST))
+            + TO_WHOLE;
         let spread = |x: f32| SPREAD[x.to_bits() as usize % SPREAD.len()];
         (spread(at.x) | spread(at.y) << 1 | spread(at.z) << 2) as u16
     }
@@ -176,7 +189,10 @@ mod tests {
             let mut order = sorter.order(rays).to_vec();
             assert!(order.windows(2).any(|pair| pair[0] > pair[1]));
             order.sort_unstable();
-            assert!(order.iter().enumerate().all(|(i, &number)| i == number as usize) && order.len() == count);
+            assert!(
+                order.iter().enumerate().all(|(i, &number)| i == number as usize)
+                    && order.len() == count
+            );
         }
     }
 
@@ -185,7 +201,9 @@ mod tests {
         let rays = random_rays(MIN_RAYS, 2.0);
         let mut sorter = Sorter::new(rays.len(), true);
         let order = sorter.order(Rays::<Single>::new(&rays)).to_vec();
-        let sum = |of: &dyn Fn(usize) -> Vec3| (1..rays.len()).map(|i| of(i).distance(of(i - 1))).sum::<f32>();
+        let sum = |of: &dyn Fn(usize) -> Vec3| {
+            (1..rays.len()).map(|i| of(i).distance(of(i - 1))).sum::<f32>()
+        };
         let (before, after) = (sum(&|i| rays[i].origin), sum(&|i| rays[order[i] as usize].origin));
         assert!(after < 0.1 * before, "{before} {after}");
         let sorted: Vec<Ray> = order.iter().map(|&i| rays[i as usize]).collect();
@@ -194,7 +212,9 @@ mod tests {
 
     #[test]
     fn parts_are_of_equal_size_and_small_batches_are_not_sorted() {
-        let sizes = |rays, sorts| Sorter::new(rays, sorts).parts().map(|part| part.len()).collect::<Vec<_>>();
+        let sizes = |rays, sorts| {
+            Sorter::new(rays, sorts).parts().map(|part| part.len()).collect::<Vec<_>>()
+        };
         assert_eq!(sizes(3 * MAX_RAYS - 1, true), [MAX_RAYS, MAX_RAYS, MAX_RAYS - 1]);
         assert_eq!(sizes(3 * MAX_RAYS, false), [3 * MAX_RAYS]);
         assert!(sizes(0, true).is_empty());
@@ -208,7 +228,10 @@ mod tests {
         let mesh = dust(&mut random, 700_000);
         let mut builder = WorldBuilder::default();
         builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
-        let options = BuildOptions { accelerator: crate::accel::AcceleratorKind::Bvh, ..BuildOptions::default() };
+        let options = BuildOptions {
+            accelerator: crate::accel::AcceleratorKind::Bvh,
+            ..BuildOptions::default()
+        };
         let world = builder.build(&options).expect("it builds");
         assert!(
             matches!(&world.structure, Structure::Bvh(forest) if pays_to_sort::<Closest<Single>>(forest, world.simd)),

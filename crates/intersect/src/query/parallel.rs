@@ -1,8 +1,8 @@
 //! The queries over batches by all threads of the current rayon pool.
 //!
-//! A batch is cut into pieces, whose size is a multiple of the runs that [`Grouping`] speaks of, and each piece is an ordinary
-//! query: so results are the same for any number of threads and any size of pieces. (Who runs many batches in tasks of their own asks
-//! the [`World`] directly.)
+//! A batch is cut into pieces, whose size is a multiple of the runs that [`Grouping`] speaks of,
+//! and each piece is an ordinary query: so results are the same for any number of threads and any
+//! size of pieces. (Who runs many batches in tasks of their own asks the [`World`] directly.)
 
 #[cfg(test)]
 mod tests;
@@ -22,8 +22,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Runs of coherent rays have this length or divide it.
 const RUN: usize = 64;
 
-/// Rays of a piece: an eighth of a thread's share, so that all end at about the same time, between these limits. Large pieces of
-/// unrelated rays can be sorted.
+/// Rays of a piece: an eighth of a thread's share, so that all end at about the same time, between
+/// these limits. Large pieces of unrelated rays can be sorted.
 const MIN_PIECE: usize = 4096;
 const MAX_PIECE: usize = 65536;
 
@@ -44,7 +44,8 @@ pub struct Parallel<'a, W = World> {
 }
 
 impl World {
-    /// The same queries as the world's own, by all threads of the current rayon pool. Results are the same, bit for bit.
+    /// The same queries as the world's own, by all threads of the current rayon pool. Results are
+    /// the same, bit for bit.
     pub fn parallel(&self) -> Parallel<'_> {
         Parallel { world: self, piece: None, cancel: None }
     }
@@ -65,13 +66,14 @@ type DistanceOf<W> = <Of<W> as Precision>::Distance;
 type NearestOf<W> = <Of<W> as Precision>::Nearest;
 
 impl<'a, W: Queries> Parallel<'a, W> {
-    /// Stops soon after the flag is set, with [`Cancelled`]. It is looked at before each piece of at most 16,384 rays, or 64
-    /// points, and while rays are searched for.
+    /// Stops soon after the flag is set, with [`Cancelled`]. It is looked at before each piece of
+    /// at most 16,384 rays, or 64 points, and while rays are searched for.
     pub fn with_cancel(self, cancel: &'a AtomicBool) -> Self {
         Self { cancel: Some(cancel), ..self }
     }
 
-    /// How many rays make a piece, rounded up to a multiple of 64. Otherwise that is chosen by the size of the batch.
+    /// How many rays make a piece, rounded up to a multiple of 64. Otherwise that is chosen by the
+    /// size of the batch.
     pub fn with_piece(self, rays: usize) -> Self {
         Self { piece: rays.max(1).checked_next_multiple_of(RUN), ..self }
     }
@@ -167,7 +169,9 @@ impl<'a, W: Queries> Parallel<'a, W> {
         nearest: &mut [NearestOf<W>],
     ) -> Result<(), Cancelled> {
         let points = points.into();
-        self.write(points.len(), RUN, nearest, |range, nearest| self.world.nearest_point(points.slice(range), nearest))
+        self.write(points.len(), RUN, nearest, |range, nearest| {
+            self.world.nearest_point(points.slice(range), nearest)
+        })
     }
 
     /// As [`World::signed_distance`].
@@ -195,8 +199,14 @@ impl<'a, W: Queries> Parallel<'a, W> {
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn winding_number(&self, points: &[PointOf<W>], numbers: &mut [f64]) -> Result<(), Cancelled> {
-        self.write(points.len(), RUN, numbers, |range, numbers| self.world.winding_number(&points[range], numbers))
+    pub fn winding_number(
+        &self,
+        points: &[PointOf<W>],
+        numbers: &mut [f64],
+    ) -> Result<(), Cancelled> {
+        self.write(points.len(), RUN, numbers, |range, numbers| {
+            self.world.winding_number(&points[range], numbers)
+        })
     }
 
     /// As [`World::occupancy`].
@@ -207,7 +217,9 @@ impl<'a, W: Queries> Parallel<'a, W> {
     /// # Panics
     /// If the slices differ in length.
     pub fn occupancy(&self, points: &[PointOf<W>], inside: &mut [bool]) -> Result<(), Cancelled> {
-        self.write(points.len(), RUN, inside, |range, inside| self.world.occupancy(&points[range], inside))
+        self.write(points.len(), RUN, inside, |range, inside| {
+            self.world.occupancy(&points[range], inside)
+        })
     }
 
     /// The rays, with the flag.

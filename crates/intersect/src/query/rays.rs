@@ -71,8 +71,8 @@ impl<'a, P: Precision> Rays<'a, P> {
         Self { times, ..self }
     }
 
-    /// With a flag that is looked at all the time, also while one ray is searched for: soon after it is set the query ends, and its
-    /// answers are of no use.
+    /// With a flag that is looked at all the time, also while one ray is searched for: soon after
+    /// it is set the query ends, and its answers are of no use.
     pub fn with_cancel(self, cancel: &'a AtomicBool) -> Self {
         Self { cancel: Some(cancel), ..self }
     }
@@ -120,7 +120,11 @@ impl<'a, P: Precision> Rays<'a, P> {
     /// If the range reaches beyond the batch.
     #[inline(always)]
     pub(crate) fn common_mask(&self, range: std::ops::Range<usize>) -> u32 {
-        if self.masks.is_empty() { u32::MAX } else { self.masks[range].iter().fold(u32::MAX, |all, mask| all & mask) }
+        if self.masks.is_empty() {
+            u32::MAX
+        } else {
+            self.masks[range].iter().fold(u32::MAX, |all, mask| all & mask)
+        }
     }
 
     /// A part of the batch.

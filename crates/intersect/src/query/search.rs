@@ -94,7 +94,8 @@ pub(crate) struct Context<'a, P: Rules> {
 }
 
 impl<P: Rules> Context<'_, P> {
-    /// True if nobody waits for the answers any more. Asked where a search may go on for long: at every instance.
+    /// True if nobody waits for the answers any more. Asked where a search may go on for long: at
+    /// every instance.
     #[inline(always)]
     pub fn is_cancelled(&self) -> bool {
         self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed))
@@ -119,9 +120,20 @@ pub(crate) struct Search<'a, G: Goal> {
 
 impl<'a, G: Goal> Search<'a, G> {
     #[inline(always)]
-    pub fn new(query: RayQuery<'a, G::Precision>, context: &'a Context<'a, G::Precision>, goal: G) -> Self {
+    pub fn new(
+        query: RayQuery<'a, G::Precision>,
+        context: &'a Context<'a, G::Precision>,
+        goal: G,
+    ) -> Self {
         let start = G::Precision::interval(query.ray)[0].below();
-        Self { ray: query.ray, start, mask: query.mask, time: clamped_time(query.time), context, goal }
+        Self {
+            ray: query.ray,
+            start,
+            mask: query.mask,
+            time: clamped_time(query.time),
+            context,
+            goal,
+        }
     }
 
     /// Where the interval of the ray starts.
@@ -130,8 +142,8 @@ impl<'a, G: Goal> Search<'a, G> {
         G::Precision::interval(self.ray)[0]
     }
 
-    /// The padded limit: boxes that start beyond it can be skipped. Equal distances are never beyond it, because the lower
-    /// number wins there.
+    /// The padded limit: boxes that start beyond it can be skipped. Equal distances are never
+    /// beyond it, because the lower number wins there.
     #[inline(always)]
     pub fn cull(&self) -> f32 {
         padded(self.goal.limit().above())
@@ -193,7 +205,8 @@ impl<P: Rules> Goal for Closest<P> {
     fn wants(&self, hit: &P::Hit) -> bool {
         // Misses are before nothing, also at infinity.
         let is_found = || P::ids(&self.best) != P::ids(&P::MISS);
-        P::t(hit) < self.limit || (P::t(hit) == self.limit && is_found() && P::is_before(hit, &self.best))
+        P::t(hit) < self.limit
+            || (P::t(hit) == self.limit && is_found() && P::is_before(hit, &self.best))
     }
 
     #[inline(always)]

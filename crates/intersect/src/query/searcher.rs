@@ -17,7 +17,8 @@ use std::sync::atomic::AtomicBool;
 
 type HitOf<P> = <P as Precision>::Hit;
 
-/// Rays that are asked about what stands apart before those that go on are searched for in the tree, if they are not sorted: as many as stay in the caches.
+/// Rays that are asked about what stands apart before those that go on are searched for in the
+/// tree, if they are not sorted: as many as stay in the caches.
 const RAYS_AT_ONCE: usize = 1 << 12;
 
 /// Where and how to search, whatever the goal.
@@ -29,8 +30,9 @@ pub(crate) struct Searcher<'a, P: Rules = Single> {
 
 macro_rules! searches {
     ($($precision:ident)+) => {$(
-        /// The searches for all that worlds are asked. What is generic is compiled where it is called, and the kernels are large: so
-        /// the methods of worlds, which take many kinds of arguments, call these, and these are compiled once, here.
+        /// The searches for all that worlds are asked. What is generic is compiled where it is
+        /// called, and the kernels are large: so the methods of worlds, which take many kinds of
+        /// arguments, call these, and these are compiled once, here.
         impl Searcher<'_, $precision> {
             pub fn closest(&self, rays: Rays<$precision>, grouping: Grouping, hits: &mut [HitOf<$precision>]) {
                 assert_eq!(rays.len(), hits.len(), "one hit per ray");
@@ -122,7 +124,8 @@ impl<'a, P: Rules> Searcher<'a, P> {
 }
 
 impl<P: Rules> Searcher<'_, P> {
-    /// Searches for all rays of a batch; `finish` gets the number of a ray and what was found, in no particular order.
+    /// Searches for all rays of a batch; `finish` gets the number of a ray and what was found, in
+    /// no particular order.
     pub fn search_all<G: Goal<Precision = P>>(
         &self,
         rays: Rays<P>,
@@ -133,8 +136,9 @@ impl<P: Rules> Searcher<'_, P> {
         self.search_into(rays, grouping, start, finish);
     }
 
-    /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure and the grouping. Lists and packets
-    /// are for who wants one hit; for others they are not even compiled.
+    /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure
+    /// and the grouping. Lists and packets are for who wants one hit; for others they are not even
+    /// compiled.
     pub fn search_into<G: Goal<Precision = P>>(
         &self,
         rays: Rays<P>,
@@ -155,7 +159,8 @@ impl<P: Rules> Searcher<'_, P> {
         }
     }
 
-    /// [`Self::search_into`] by the list of the world, or by that of what stands apart and the tree of the rest. Returns how many of the rays are done.
+    /// [`Self::search_into`] by the list of the world, or by that of what stands apart and the tree
+    /// of the rest. Returns how many of the rays are done.
     fn search_lists<G: Goal<Precision = P>>(
         &self,
         forest: &Forest,
@@ -164,17 +169,23 @@ impl<P: Rules> Searcher<'_, P> {
         answers: &mut impl Answers<G>,
     ) -> usize {
         let (level, mut begun) = (self.world.simd, Vec::new());
-        let mut sorter =
-            order::Sorter::new(rays.len(), forest.apart.is_some() && interleave::pays_to_sort::<G>(forest, level));
-        let at_once = if forest.apart.is_some() { sorter.at_once(RAYS_AT_ONCE) } else { rays.len() };
+        let mut sorter = order::Sorter::new(
+            rays.len(),
+            forest.apart.is_some() && interleave::pays_to_sort::<G>(forest, level),
+        );
+        let at_once =
+            if forest.apart.is_some() { sorter.at_once(RAYS_AT_ONCE) } else { rays.len() };
         let mut first = 0;
         while first < rays.len() {
             let part = rays.slice(first..(first + at_once).min(rays.len()));
             let mut own = Part { first, answers: &mut *answers };
             let batch = interleave::Batch::new(part, &self.context);
-            let done = P::search_list(forest, level, &batch, &mut begun, start, |i, goal| own.put(i, goal));
+            let done = P::search_list(forest, level, &batch, &mut begun, start, |i, goal| {
+                own.put(i, goal)
+            });
             if !begun.is_empty() {
-                let order = sorter.order_of::<P>(begun.iter().map(|begun| part.get(begun.number as usize).ray));
+                let order = sorter
+                    .order_of::<P>(begun.iter().map(|begun| part.get(begun.number as usize).ray));
                 let batch = interleave::Batch { order, begun: Some(&begun), ..batch };
                 interleave::search_batch(forest, level, &batch, start, own);
                 begun.clear();
@@ -196,7 +207,11 @@ impl<P: Rules> Searcher<'_, P> {
         mut answers: impl Answers<G>,
     ) {
         match &self.world.structure {
-            Structure::Bvh(forest) if G::WANTS_ONE && grouping == Grouping::Coherent && packet::is_suitable(forest) => {
+            Structure::Bvh(forest)
+                if G::WANTS_ONE
+                    && grouping == Grouping::Coherent
+                    && packet::is_suitable(forest) =>
+            {
                 let batch = interleave::Batch::new(rays, &self.context);
                 let all = Part { first: 0, answers: &mut answers };
                 for left in packet::search_runs(forest, self.world.simd, &batch, &start, all) {
@@ -217,12 +232,14 @@ impl<P: Rules> Searcher<'_, P> {
         match &self.world.structure {
             Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
                 let level = self.world.simd;
-                let mut sorter = order::Sorter::new(rays.len(), interleave::pays_to_sort::<G>(forest, level));
+                let mut sorter =
+                    order::Sorter::new(rays.len(), interleave::pays_to_sort::<G>(forest, level));
                 for part in sorter.parts() {
                     let own = Part { first: part.start, answers: &mut answers };
                     let rays = rays.slice(part);
                     let order = sorter.order(rays);
-                    let batch = interleave::Batch { order, ..interleave::Batch::new(rays, &self.context) };
+                    let batch =
+                        interleave::Batch { order, ..interleave::Batch::new(rays, &self.context) };
                     interleave::search_batch(forest, level, &batch, &start, own);
                 }
             }
@@ -248,7 +265,11 @@ impl<P: Rules> Searcher<'_, P> {
 
     /// Searches for one ray.
     #[inline(always)]
-    pub fn search<G: Goal<Precision = P>>(&self, query: RayQuery<P>, start: impl Fn(&RayOf<G>) -> G) -> G {
+    pub fn search<G: Goal<Precision = P>>(
+        &self,
+        query: RayQuery<P>,
+        start: impl Fn(&RayOf<G>) -> G,
+    ) -> G {
         let mut search = Search::new(query, &self.context, start(query.ray));
         self.run(&mut search);
         search.goal

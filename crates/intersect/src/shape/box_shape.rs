@@ -10,8 +10,9 @@ use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
 /// A box with sides parallel to the axes. Faces: 0 to 5 = -x, +x, -y, +y, -z, +z.
 ///
-/// `uv` spans each face; seen from outside, a picture on the four upright faces is upright with y up and not mirrored, on +y it is
-/// upright seen from above with -z up, on -y seen from below with +z up.
+/// `uv` spans each face; seen from outside, a picture on the four upright faces is upright with y
+/// up and not mirrored, on +y it is upright seen from above with -z up, on -y seen from below with
+/// +z up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BoxShape {
     /// Least corner.
@@ -30,9 +31,11 @@ const UV_AXES: [[DVec3; 2]; 6] = [
     [DVec3::X, DVec3::NEG_Y],
 ];
 
-/// The nearest hit, face by face (lecture: "ray-box intersection": find the intersection with the plane of each side, check that it
-/// is inside the rectangle, return the least `t`). All six sides are tested, not only those that face the ray, which would lose
-/// every ray that starts inside. By rounding, a ray exactly through an edge may slip between two faces; [`intersect_slabs`] is tight.
+/// The nearest hit, face by face (lecture: "ray-box intersection": find the intersection with the
+/// plane of each side, check that it is inside the rectangle, return the least `t`). All six sides
+/// are tested, not only those that face the ray, which would lose every ray that starts inside. By
+/// rounding, a ray exactly through an edge may slip between two faces; [`intersect_slabs`] is
+/// tight.
 pub fn intersect_faces(shape: &BoxShape, ray: &DRay) -> Option<ShapeHit> {
     let hit_face = |face: usize| {
         let axis = face / 2;
@@ -45,8 +48,9 @@ pub fn intersect_faces(shape: &BoxShape, ray: &DRay) -> Option<ShapeHit> {
     (0..6).filter_map(hit_face).min_by(|a, b| a.t.total_cmp(&b.t))
 }
 
-/// The nearest hit by slabs: the ray is inside the box where it is between all three pairs of planes (Kay and Kajiya, Ray tracing
-/// complex scenes, 1986). A ray that starts inside finds its exit.
+/// The nearest hit by slabs: the ray is inside the box where it is between all three pairs of
+/// planes (Kay and Kajiya, Ray tracing complex scenes, 1986). A ray that starts inside finds its
+/// exit.
 pub fn intersect_slabs(shape: &BoxShape, ray: &DRay) -> Option<ShapeHit> {
     crossings(ray, |o, d| shape.span(o, d), |_| true)[0]
 }
@@ -76,7 +80,8 @@ impl BoxShape {
                 continue;
             }
             // Divisions, as in `slab`.
-            let (at_low, at_high, lower) = ((low - o[i]) / d[i], (high - o[i]) / d[i], 2 * i as u32);
+            let (at_low, at_high, lower) =
+                ((low - o[i]) / d[i], (high - o[i]) / d[i], 2 * i as u32);
             let is_forward = d[i] > 0.0;
             let (near, far) = if is_forward { (at_low, at_high) } else { (at_high, at_low) };
             if near > enter {
@@ -99,7 +104,8 @@ impl BoxShape {
             p[j] = if y { self.max[j] } else { self.min[j] };
             p
         };
-        let (a, b, c, d) = (corner(false, false), corner(true, false), corner(true, true), corner(false, true));
+        let (a, b, c, d) =
+            (corner(false, false), corner(true, false), corner(true, true), corner(false, true));
         [[a, b, c], [a, c, d]]
     }
 
@@ -114,7 +120,9 @@ impl Shape for BoxShape {
     fn validate(&self) -> Result<(), ShapeError> {
         for (i, name) in ["max.x", "max.y", "max.z"].into_iter().enumerate() {
             let finite = self.min[i].is_finite();
-            ShapeError::unless("box", name, self.max[i], "at least min", |x| finite && x >= self.min[i])?;
+            ShapeError::unless("box", name, self.max[i], "at least min", |x| {
+                finite && x >= self.min[i]
+            })?;
         }
         Ok(())
     }
@@ -145,9 +153,16 @@ impl Shape for BoxShape {
             if extent > 0.0 { axis.abs().dot(from) / extent } else { 0.0 }
         };
         // A box may be flat.
-        let tangent = |axis: DVec3| if (axis * size).abs().max_element() > 0.0 { axis * size } else { axis };
+        let tangent =
+            |axis: DVec3| if (axis * size).abs().max_element() > 0.0 { axis * size } else { axis };
         let [u, v] = UV_AXES[face.min(5) as usize];
-        ShapeSurface { position: p, normal, uv: DVec2::new(along(u), along(v)), dpdu: tangent(u), dpdv: tangent(v) }
+        ShapeSurface {
+            position: p,
+            normal,
+            uv: DVec2::new(along(u), along(v)),
+            dpdu: tangent(u),
+            dpdv: tangent(v),
+        }
     }
 
     fn normal(&self, position: DVec3, face: u32) -> (DVec3, DVec3) {
@@ -163,8 +178,12 @@ impl Shape for BoxShape {
             let on = |face| ShapePoint { position: self.surface(point, face).position, face };
             return metric.nearest(point, (0..6).map(on));
         }
-        let halves = (0..6).flat_map(|face| self.face_triangles(face).map(|corners| (face, corners)));
-        metric.nearest(point, halves.map(|(face, t)| ShapePoint { position: on_triangle(metric, point, &t).0, face }))
+        let halves =
+            (0..6).flat_map(|face| self.face_triangles(face).map(|corners| (face, corners)));
+        metric.nearest(
+            point,
+            halves.map(|(face, t)| ShapePoint { position: on_triangle(metric, point, &t).0, face }),
+        )
     }
 
     fn winding_number(&self, point: DVec3, _metric: &Metric) -> f64 {

@@ -5,8 +5,8 @@ use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeS
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
-/// A cone around the y axis, centred: closed base at `-height / 2`, apex at `+height / 2`. Faces: 0 side, 1 base. `uv` as
-/// [`Frustum`]'s.
+/// A cone around the y axis, centred: closed base at `-height / 2`, apex at `+height / 2`. Faces: 0
+/// side, 1 base. `uv` as [`Frustum`]'s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cone {
     /// Radius of the base, positive.
@@ -18,7 +18,9 @@ pub struct Cone {
 impl Cone {
     /// Cones for tests and galleries: plain, needle, flat.
     pub fn examples() -> Vec<Self> {
-        [(1.0, 2.0), (1e-2, 10.0), (30.0, 0.1)].map(|(radius, height)| Self { radius, height }).to_vec()
+        [(1.0, 2.0), (1e-2, 10.0), (30.0, 0.1)]
+            .map(|(radius, height)| Self { radius, height })
+            .to_vec()
     }
 
     fn as_frustum(&self) -> Frustum {

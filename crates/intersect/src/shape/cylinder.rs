@@ -5,7 +5,8 @@ use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeS
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
-/// A cylinder around the y axis, centred: from `-height / 2` to `+height / 2`. Faces and `uv` as [`Frustum`]'s.
+/// A cylinder around the y axis, centred: from `-height / 2` to `+height / 2`. Faces and `uv` as
+/// [`Frustum`]'s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cylinder {
     /// Radius, positive.
@@ -26,7 +27,12 @@ impl Cylinder {
     }
 
     fn as_frustum(&self) -> Frustum {
-        Frustum { bottom_radius: self.radius, top_radius: self.radius, height: self.height, caps: self.caps }
+        Frustum {
+            bottom_radius: self.radius,
+            top_radius: self.radius,
+            height: self.height,
+            caps: self.caps,
+        }
     }
 }
 

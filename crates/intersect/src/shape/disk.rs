@@ -3,14 +3,17 @@
 use super::nearest::on_ring;
 use super::plane::closest_in_z0;
 use super::winding;
-use super::{AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
+use super::{
+    AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn,
+};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
 /// A disk in the plane z = 0 around the origin, with normal +z; with an inner radius, a ring.
 ///
-/// `uv` is (angle from +x towards +y / 2 pi, 0 at the outer and 1 at the inner edge or centre), as in pbrt.
+/// `uv` is (angle from +x towards +y / 2 pi, 0 at the outer and 1 at the inner edge or centre), as
+/// in pbrt.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Disk {
     /// Outer radius, positive.
@@ -29,8 +32,9 @@ impl Disk {
     }
 }
 
-/// Where on a ring, in its plane: the point moved onto the ring, `uv`, and the derivatives of the point by `uv`. At the centre
-/// direction +x stands for all, and the derivative by `u` is any tangent.
+/// Where on a ring, in its plane: the point moved onto the ring, `uv`, and the derivatives of the
+/// point by `uv`. At the centre direction +x stands for all, and the derivative by `u` is any
+/// tangent.
 pub(super) fn polar(p: DVec2, radius: f64, inner_radius: f64) -> (DVec2, DVec2, DVec2, DVec2) {
     let (along, rho) = on_ring_at(p, radius, inner_radius);
     let width = radius - inner_radius;
@@ -52,9 +56,13 @@ pub(super) fn sample_ring(u: DVec2, radius: f64, inner_radius: f64) -> DVec2 {
 impl Shape for Disk {
     fn validate(&self) -> Result<(), ShapeError> {
         ShapeError::unless_positive("disk", "radius", self.radius)?;
-        ShapeError::unless("disk", "inner_radius", self.inner_radius, "at least 0 and below radius", |r| {
-            r >= 0.0 && r < self.radius
-        })
+        ShapeError::unless(
+            "disk",
+            "inner_radius",
+            self.inner_radius,
+            "at least 0 and below radius",
+            |r| r >= 0.0 && r < self.radius,
+        )
     }
 
     fn bounds(&self) -> Bounds3d {
@@ -77,7 +85,13 @@ impl Shape for Disk {
 
     fn surface(&self, position: DVec3, _face: u32) -> ShapeSurface {
         let (p, uv, dpdu, dpdv) = polar(position.truncate(), self.radius, self.inner_radius);
-        ShapeSurface { position: p.extend(0.0), normal: DVec3::Z, uv, dpdu: dpdu.extend(0.0), dpdv: dpdv.extend(0.0) }
+        ShapeSurface {
+            position: p.extend(0.0),
+            normal: DVec3::Z,
+            uv,
+            dpdu: dpdu.extend(0.0),
+            dpdv: dpdv.extend(0.0),
+        }
     }
 
     fn normal(&self, position: DVec3, _face: u32) -> (DVec3, DVec3) {

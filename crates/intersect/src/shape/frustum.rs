@@ -9,10 +9,11 @@ use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
 use std::f64::consts::{PI, TAU};
 
-/// A truncated cone around the y axis, centred: from `-height / 2` to `+height / 2`. Faces: 0 side, 1 bottom, 2 top.
+/// A truncated cone around the y axis, centred: from `-height / 2` to `+height / 2`. Faces: 0 side,
+/// 1 bottom, 2 top.
 ///
-/// `uv` of the side is (longitude / 2 pi, 0 at the top and 1 at the bottom), longitude from +z towards +x as on the sphere; of the
-/// caps (longitude / 2 pi, 0 at the rim and 1 at the centre).
+/// `uv` of the side is (longitude / 2 pi, 0 at the top and 1 at the bottom), longitude from +z
+/// towards +x as on the sphere; of the caps (longitude / 2 pi, 0 at the rim and 1 at the centre).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Frustum {
     /// Radius at the bottom, at least 0.
@@ -39,7 +40,8 @@ impl Frustum {
     /// The disk at the top.
     pub const TOP: u32 = 2;
 
-    /// Frusta for tests and galleries: open and closed, narrow above and below, nearly flat, nearly a cylinder.
+    /// Frusta for tests and galleries: open and closed, narrow above and below, nearly flat, nearly
+    /// a cylinder.
     pub fn examples() -> Vec<Self> {
         [
             (1.0, 0.5, 2.0, true),
@@ -50,7 +52,12 @@ impl Frustum {
             (1.0, 0.999_999, 30.0, true),
             (2e-3, 1e-3, 1e-3, false),
         ]
-        .map(|(bottom_radius, top_radius, height, caps)| Self { bottom_radius, top_radius, height, caps })
+        .map(|(bottom_radius, top_radius, height, caps)| Self {
+            bottom_radius,
+            top_radius,
+            height,
+            caps,
+        })
         .to_vec()
     }
 
@@ -76,12 +83,14 @@ impl Frustum {
         self.span_of_infinite_cone(o, d)?.intersection(axial)
     }
 
-    /// The part of a line inside the cone extended without end: inside where `f(t) = |P|^2 - R^2 <= 0`, with `P` the point of the
-    /// line seen along the axis and `R` the (signed) radius at its height, both linear in `t`. May lie in the cone beyond the
-    /// apex; the slab of the ends cuts that off.
+    /// The part of a line inside the cone extended without end: inside where
+    /// `f(t) = |P|^2 - R^2 <= 0`, with `P` the point of the line seen along the axis and `R` the
+    /// (signed) radius at its height, both linear in `t`. May lie in the cone beyond the apex; the
+    /// slab of the ends cuts that off.
     ///
-    /// `f` is a quadratic `a t^2 + 2 b t + c`. Its discriminant is written `|R d - e P|^2 - (P x d)^2` (with `e` the change of `R`;
-    /// Lagrange's identity), which keeps its digits for rays from far away and near the apex.
+    /// `f` is a quadratic `a t^2 + 2 b t + c`. Its discriminant is written
+    /// `|R d - e P|^2 - (P x d)^2` (with `e` the change of `R`; Lagrange's identity), which keeps
+    /// its digits for rays from far away and near the apex.
     fn span_of_infinite_cone(&self, o: DVec3, d: DVec3) -> Option<Span> {
         let minor = robust::difference_of_products;
         let (p, d_across) = (DVec2::new(o.z, o.x), DVec2::new(d.z, d.x));
@@ -106,12 +115,17 @@ impl Frustum {
             }
             roots(a, b, c, discriminant)
         } else if a < 0.0 {
-            // Steeper than the cone: inside from the last crossing on if it widens ahead, else up to the first.
+            // Steeper than the cone: inside from the last crossing on if it widens ahead, else up
+            // to the first.
             let (t0, t1) = roots(a, b, c, discriminant.max(0.0));
             if e > 0.0 { (t1, f64::INFINITY) } else { (f64::NEG_INFINITY, t0) }
         } else if b == 0.0 {
             // Along the axis of a cylinder, or along the side.
-            return if c <= 0.0 { Span::new(f64::NEG_INFINITY, f64::INFINITY, [0, 0]) } else { None };
+            return if c <= 0.0 {
+                Span::new(f64::NEG_INFINITY, f64::INFINITY, [0, 0])
+            } else {
+                None
+            };
         } else {
             let t = -c / (2.0 * b);
             if b > 0.0 { (f64::NEG_INFINITY, t) } else { (t, f64::INFINITY) }
@@ -131,13 +145,14 @@ impl Frustum {
         [side, cap(self.bottom_radius), cap(self.top_radius)]
     }
 
-    /// The nearest point of the side, in the half plane of the axis and a position: the direction of that across the axis, how far up it
-    /// is from 0 to 1, and the radius there.
+    /// The nearest point of the side, in the half plane of the axis and a position: the direction
+    /// of that across the axis, how far up it is from 0 to 1, and the radius there.
     fn on_side(&self, position: DVec3) -> (DVec2, f64, f64) {
         let across = DVec2::new(position.z, position.x);
         let along = across.try_normalize().unwrap_or(DVec2::X);
         let (rise, widening) = (self.height, self.top_radius - self.bottom_radius);
-        let from_bottom = (across.length() - self.bottom_radius) * widening + (position.y + 0.5 * rise) * rise;
+        let from_bottom =
+            (across.length() - self.bottom_radius) * widening + (position.y + 0.5 * rise) * rise;
         let s = (from_bottom / (rise * rise + widening * widening)).clamp(0.0, 1.0);
         (along, s, self.bottom_radius * (1.0 - s) + self.top_radius * s)
     }
@@ -204,8 +219,11 @@ impl Frustum {
 impl Shape for Frustum {
     fn validate(&self) -> Result<(), ShapeError> {
         let expected = "at least 0, and positive at one end";
-        let (larger, smaller) = (self.bottom_radius.max(self.top_radius), self.bottom_radius.min(self.top_radius));
-        ShapeError::unless("frustum", "bottom_radius", self.bottom_radius, expected, |r| r >= 0.0 && larger > 0.0)?;
+        let (larger, smaller) =
+            (self.bottom_radius.max(self.top_radius), self.bottom_radius.min(self.top_radius));
+        ShapeError::unless("frustum", "bottom_radius", self.bottom_radius, expected, |r| {
+            r >= 0.0 && larger > 0.0
+        })?;
         ShapeError::unless("frustum", "top_radius", self.top_radius, expected, |_| smaller >= 0.0)?;
         ShapeError::unless_positive("frustum", "height", self.height)
     }
@@ -236,7 +254,9 @@ impl Shape for Frustum {
     }
 
     fn normal(&self, position: DVec3, face: u32) -> (DVec3, DVec3) {
-        let Some((y, radius)) = self.cap(face) else { return self.side_normal(self.on_side(position)) };
+        let Some((y, radius)) = self.cap(face) else {
+            return self.side_normal(self.on_side(position));
+        };
         let (along, rho) = on_ring_at(DVec2::new(position.z, position.x), radius, 0.0);
         let p = along * rho;
         (DVec3::new(p.y, y, p.x), DVec3::Y.with_y(1.0_f64.copysign(y)))
@@ -249,7 +269,8 @@ impl Shape for Frustum {
             exists.then(|| ShapePoint { position: on_ring(metric, point, 1, y, radius, 0.0), face })
         };
         let side = ShapePoint { position: self.nearest_on_side(point, metric), face: Self::SIDE };
-        let caps = [cap(Self::BOTTOM, bottom, self.bottom_radius), cap(Self::TOP, top, self.top_radius)];
+        let caps =
+            [cap(Self::BOTTOM, bottom, self.bottom_radius), cap(Self::TOP, top, self.top_radius)];
         metric.nearest(point, [Some(side)].into_iter().chain(caps).flatten())
     }
 
@@ -298,7 +319,8 @@ impl Shape for Frustum {
     }
 }
 
-/// Chooses an entry in proportion to its weight, and gives what is left of `u` as a fresh number in `[0, 1)`.
+/// Chooses an entry in proportion to its weight, and gives what is left of `u` as a fresh number in
+/// `[0, 1)`.
 pub(super) fn choose(weights: &[f64], u: f64) -> (usize, f64) {
     let mut rest = u * weights.iter().sum::<f64>();
     let last = weights.iter().rposition(|&w| w > 0.0).unwrap_or(0);

@@ -1,9 +1,12 @@
-//! Analytic shapes: one file per shape, with its parameters, all its operations, examples and tests.
+//! Analytic shapes: one file per shape, with its parameters, all its operations, examples and
+//! tests.
 //!
-//! A shape lives in its own coordinates and answers in double precision for single-precision rays, so that a ray that starts a
-//! rounding step off the surface is seen to do so. Placing it in a scene is the world's job ([`crate::World`]).
+//! A shape lives in its own coordinates and answers in double precision for single-precision rays,
+//! so that a ray that starts a rounding step off the surface is seen to do so. Placing it in a
+//! scene is the world's job ([`crate::World`]).
 //!
-//! To add a shape: a new file here, and its two lines in the list below. Tests, area lights and documentation iterate the list.
+//! To add a shape: a new file here, and its two lines in the list below. Tests, area lights and
+//! documentation iterate the list.
 
 pub mod box_shape;
 pub mod cone;
@@ -51,9 +54,11 @@ pub struct ShapeSurface {
     pub position: DVec3,
     /// Unit normal on the outer side.
     pub normal: DVec3,
-    /// Texture coordinates in `[0, 1]^2`, `v` downwards (documented by each shape; those of the infinite plane run on).
+    /// Texture coordinates in `[0, 1]^2`, `v` downwards (documented by each shape; those of the
+    /// infinite plane run on).
     pub uv: DVec2,
-    /// Derivative of the position by `uv.x`. Not zero, except that poles and apexes may have any tangent instead.
+    /// Derivative of the position by `uv.x`. Not zero, except that poles and apexes may have any
+    /// tangent instead.
     pub dpdu: DVec3,
     /// Derivative of the position by `uv.y`; `dpdu x dpdv` need not point outward.
     pub dpdv: DVec3,
@@ -80,7 +85,8 @@ impl ShapeSample {
     }
 }
 
-/// Parameters with which a shape makes no sense. Such a shape never panics, but what it answers is of no use.
+/// Parameters with which a shape makes no sense. Such a shape never panics, but what it answers is
+/// of no use.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{shape}: {parameter} is {found}, expected {expected}")]
 pub struct ShapeError {
@@ -103,10 +109,18 @@ impl ShapeError {
         expected: &'static str,
         accepts: impl FnOnce(f64) -> bool,
     ) -> Result<(), Self> {
-        if found.is_finite() && accepts(found) { Ok(()) } else { Err(Self { shape, parameter, found, expected }) }
+        if found.is_finite() && accepts(found) {
+            Ok(())
+        } else {
+            Err(Self { shape, parameter, found, expected })
+        }
     }
 
-    fn unless_positive(shape: &'static str, parameter: &'static str, found: f64) -> Result<(), Self> {
+    fn unless_positive(
+        shape: &'static str,
+        parameter: &'static str,
+        found: f64,
+    ) -> Result<(), Self> {
         Self::unless(shape, parameter, found, "a positive number", |x| x > 0.0)
     }
 }
@@ -128,10 +142,12 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// The smallest box around the shape. May have infinite sides.
     fn bounds(&self) -> Bounds3d;
 
-    /// The nearest point in the open interval of the ray, from either side. Directions have any length. Rays with NaN miss.
+    /// The nearest point in the open interval of the ray, from either side. Directions have any
+    /// length. Rays with NaN miss.
     fn closest(&self, ray: &DRay) -> Option<ShapeHit>;
 
-    /// The nearest point and the one after it, as [`Self::closest`] gives them one by one. Most shapes know both at once.
+    /// The nearest point and the one after it, as [`Self::closest`] gives them one by one. Most
+    /// shapes know both at once.
     fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
         let first = self.closest(ray);
         [first, first.and_then(|hit| self.closest(&DRay { t_min: hit.t, ..*ray }))]
@@ -142,8 +158,8 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
         self.closest(ray).is_some()
     }
 
-    /// Every crossing of the surface in the open interval of the ray, ascending by `t`. A tangent point may count twice or not
-    /// at all.
+    /// Every crossing of the surface in the open interval of the ray, ascending by `t`. A tangent
+    /// point may count twice or not at all.
     fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>);
 
     /// The surface at `position`, a point on (or within rounding of) `face`.
@@ -155,27 +171,30 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
         (position, normal)
     }
 
-    /// The point of the surface nearest to `point`, where lengths are measured by `metric`; the lowest face among equally near ones.
-    /// `None` if that cannot be said, as for points that are not finite.
+    /// The point of the surface nearest to `point`, where lengths are measured by `metric`; the
+    /// lowest face among equally near ones. `None` if that cannot be said, as for points that are
+    /// not finite.
     fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint>;
 
-    /// How often the surface goes around `point`, as seen after the map of `metric`: the signed solid angle over `4 pi`, positive where
-    /// the surface is seen from behind. 1 inside and 0 outside of a closed shape (either on its surface), in between around an open
-    /// one, where 0 also stands for points in its plane.
+    /// How often the surface goes around `point`, as seen after the map of `metric`: the signed
+    /// solid angle over `4 pi`, positive where the surface is seen from behind. 1 inside and 0
+    /// outside of a closed shape (either on its surface), in between around an open one, where 0
+    /// also stands for points in its plane.
     fn winding_number(&self, point: DVec3, metric: &Metric) -> f64;
 
     /// Area; infinite for unbounded shapes, which cannot be sampled.
     fn area(&self) -> f64;
 
-    /// A point distributed uniformly by area (density `1 / area`), from `u` in `[0, 1)^2`. `None` for unbounded shapes.
+    /// A point distributed uniformly by area (density `1 / area`), from `u` in `[0, 1)^2`. `None`
+    /// for unbounded shapes.
     fn sample(&self, u: DVec2) -> Option<ShapeSample>;
 
-    /// The outside is the side the normal points to; false for open surfaces (disk, rectangle, plane, triangle, polygon), which
-    /// have no inside.
+    /// The outside is the side the normal points to; false for open surfaces (disk, rectangle,
+    /// plane, triangle, polygon), which have no inside.
     fn is_closed(&self) -> bool;
 
-    /// The shape as one that is known by name, for those who can do more with some than with others: light sampling knows how a
-    /// sphere looks from a point. `None` for shapes of users.
+    /// The shape as one that is known by name, for those who can do more with some than with
+    /// others: light sampling knows how a sphere looks from a point. `None` for shapes of users.
     fn to_any(&self) -> Option<AnyShape> {
         None
     }

@@ -1,5 +1,6 @@
-//! The point of a surface nearest to a given point, as seen from elsewhere: distances are those after a linear map, so that the
-//! nearest point *in the world* is found of a shape that is stretched or sheared there.
+//! The point of a surface nearest to a given point, as seen from elsewhere: distances are those
+//! after a linear map, so that the nearest point *in the world* is found of a shape that is
+//! stretched or sheared there.
 
 use snell_math::{DMat3, DVec2, DVec3};
 
@@ -26,15 +27,19 @@ const SIMILAR: f64 = 1e-13;
 
 impl Metric {
     /// Lengths as they are.
-    pub const EUCLIDEAN: Self = Self { linear: DMat3::IDENTITY, gram: DMat3::IDENTITY, is_similarity: true };
+    pub const EUCLIDEAN: Self =
+        Self { linear: DMat3::IDENTITY, gram: DMat3::IDENTITY, is_similarity: true };
 
     /// Lengths after this map, the linear part of `world_from_shape`.
     pub fn new(linear: DMat3) -> Self {
         let gram = linear.transpose() * linear;
         let g = gram.to_cols_array_2d();
         let small = |x: f64| x.abs() <= SIMILAR * g[0][0];
-        let is_similarity =
-            small(g[0][0] - g[1][1]) && small(g[0][0] - g[2][2]) && small(g[0][1]) && small(g[0][2]) && small(g[1][2]);
+        let is_similarity = small(g[0][0] - g[1][1])
+            && small(g[0][0] - g[2][2])
+            && small(g[0][1])
+            && small(g[0][2])
+            && small(g[1][2]);
         Self { linear, gram, is_similarity }
     }
 
@@ -48,7 +53,8 @@ impl Metric {
         if self.linear.determinant() < 0.0 { -1.0 } else { 1.0 }
     }
 
-    /// True if all directions are measured alike: then the nearest point is the same as without the map.
+    /// True if all directions are measured alike: then the nearest point is the same as without the
+    /// map.
     pub fn is_similarity(&self) -> bool {
         self.is_similarity
     }
@@ -59,30 +65,44 @@ impl Metric {
         (self.linear * v).length_squared()
     }
 
-    /// A lower bound for lengths that needs no products of different axes: `|M v|^2 >= sum(w[i] v[i]^2)`. Exact up to `1e-9` for
-    /// maps that scale along the axes and then turn.
+    /// A lower bound for lengths that needs no products of different axes:
+    /// `|M v|^2 >= sum(w[i] v[i]^2)`. Exact up to `1e-9` for maps that scale along the axes and
+    /// then turn.
     ///
-    /// With `D` the diagonal of `G = M^T M` this is `w = e D`, where `e` is the least eigenvalue of `D^-1/2 G D^-1/2`.
+    /// With `D` the diagonal of `G = M^T M` this is `w = e D`, where `e` is the least eigenvalue of
+    /// `D^-1/2 G D^-1/2`.
     pub fn axis_weights(&self) -> DVec3 {
         let g = self.gram;
         let diagonal = DVec3::new(g.x_axis.x, g.y_axis.y, g.z_axis.z);
         let root = diagonal.map(f64::sqrt);
-        let (xy, xz, yz) =
-            (g.x_axis.y / (root.x * root.y), g.x_axis.z / (root.x * root.z), g.y_axis.z / (root.y * root.z));
+        let (xy, xz, yz) = (
+            g.x_axis.y / (root.x * root.y),
+            g.x_axis.z / (root.x * root.z),
+            g.y_axis.z / (root.y * root.z),
+        );
         // Gershgorin's bound is good enough unless the map shears a lot.
         let off = (xy.abs() + xz.abs()).max(xy.abs() + yz.abs()).max(xz.abs() + yz.abs());
         let least = if off < 0.01 {
             1.0 - off
         } else {
-            let unit = DMat3::from_cols(DVec3::new(1.0, xy, xz), DVec3::new(xy, 1.0, yz), DVec3::new(xz, yz, 1.0));
+            let unit = DMat3::from_cols(
+                DVec3::new(1.0, xy, xz),
+                DVec3::new(xy, 1.0, yz),
+                DVec3::new(xz, yz, 1.0),
+            );
             eigen(&unit).0.into_iter().fold(f64::INFINITY, f64::min)
         };
         let weights = diagonal * (least - 1e-9).max(0.0);
         if weights.is_finite() { weights } else { DVec3::ZERO }
     }
 
-    /// The nearest of several points; the first of equally near ones. Points that are not finite do not count.
-    pub fn nearest(&self, point: DVec3, candidates: impl IntoIterator<Item = ShapePoint>) -> Option<ShapePoint> {
+    /// The nearest of several points; the first of equally near ones. Points that are not finite do
+    /// not count.
+    pub fn nearest(
+        &self,
+        point: DVec3,
+        candidates: impl IntoIterator<Item = ShapePoint>,
+    ) -> Option<ShapePoint> {
         let mut best = None;
         let mut least = f64::INFINITY;
         for candidate in candidates {
@@ -95,16 +115,19 @@ impl Metric {
     }
 }
 
-/// The point of a triangle nearest to `point`, and its barycentric coordinates of the second and third corner.
+/// The point of a triangle nearest to `point`, and its barycentric coordinates of the second and
+/// third corner.
 ///
-/// The regions of the plane decide what it lies on (Ericson, Real-Time Collision Detection, 2005, section 5.1.5): inside, or an edge
-/// that has the point on its outer side. Where rounding might mistake one region for another, as in slivers, all that come into
-/// question are tried. On an edge the result has the same bits for every triangle that shares the edge.
+/// The regions of the plane decide what it lies on (Ericson, Real-Time Collision Detection, 2005,
+/// section 5.1.5): inside, or an edge that has the point on its outer side. Where rounding might
+/// mistake one region for another, as in slivers, all that come into question are tried. On an edge
+/// the result has the same bits for every triangle that shares the edge.
 #[inline]
 pub fn on_triangle(metric: &Metric, point: DVec3, corners: &[DVec3; 3]) -> (DVec3, DVec2) {
     let r = corners.map(|c| metric.linear * (c - point));
     let normal = (r[1] - r[0]).cross(r[2] - r[0]);
-    let w = [normal.dot(r[1].cross(r[2])), normal.dot(r[2].cross(r[0])), normal.dot(r[0].cross(r[1]))];
+    let w =
+        [normal.dot(r[1].cross(r[2])), normal.dot(r[2].cross(r[0])), normal.dot(r[0].cross(r[1]))];
     let size = r[0].length_squared().max(r[1].length_squared()).max(r[2].length_squared());
     let doubt = 1e-12 * size * normal.length() + 1e-14 * size * size;
     let mut best = (corners[0], DVec2::ZERO);
@@ -131,7 +154,8 @@ pub fn on_triangle(metric: &Metric, point: DVec3, corners: &[DVec3; 3]) -> (DVec
     best
 }
 
-/// The point of a segment nearest to `point`, and where between `a` (0) and `b` (1). The same point, bit for bit, for both orders.
+/// The point of a segment nearest to `point`, and where between `a` (0) and `b` (1). The same
+/// point, bit for bit, for both orders.
 #[inline]
 pub(super) fn on_segment(metric: &Metric, point: DVec3, a: DVec3, b: DVec3) -> (DVec3, f64) {
     let swapped = b.to_array() < a.to_array();
@@ -159,8 +183,16 @@ pub(crate) fn on_sphere(metric: &Metric, point: DVec3, radius: f64) -> DVec3 {
     (axes * DVec3::from_array(x)).normalize_or(DVec3::Y) * radius
 }
 
-/// The point of a ring (a disk if `inner_radius` is 0) in a plane across the axis number `axis`, at height `h`, nearest to `point`.
-pub(super) fn on_ring(metric: &Metric, point: DVec3, axis: usize, h: f64, radius: f64, inner_radius: f64) -> DVec3 {
+/// The point of a ring (a disk if `inner_radius` is 0) in a plane across the axis number `axis`, at
+/// height `h`, nearest to `point`.
+pub(super) fn on_ring(
+    metric: &Metric,
+    point: DVec3,
+    axis: usize,
+    h: f64,
+    radius: f64,
+    inner_radius: f64,
+) -> DVec3 {
     let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
     let center = DVec2::new(point[x], point[y]) + plane_shift(metric, axis, h - point[axis]);
     let place = |p: DVec2| {
@@ -185,7 +217,8 @@ pub(super) fn on_ring(metric: &Metric, point: DVec3, axis: usize, h: f64, radius
     place((axes[0] * q[0] + axes[1] * q[1]).normalize_or(DVec2::X) * rim)
 }
 
-/// The step within the plane across an axis from above a point to the foot of its perpendicular, `rise` along the axis away.
+/// The step within the plane across an axis from above a point to the foot of its perpendicular,
+/// `rise` along the axis away.
 fn plane_shift(metric: &Metric, axis: usize, rise: f64) -> DVec2 {
     let g = metric.gram.to_cols_array_2d();
     let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -203,7 +236,8 @@ pub(super) fn on_plane(metric: &Metric, point: DVec3) -> DVec3 {
 /// Steps around an axis at which distances are compared first.
 const SAMPLES: usize = 64;
 
-/// The nearest of the points `at(angle)`: the best of samples all around, each low one refined by golden sections.
+/// The nearest of the points `at(angle)`: the best of samples all around, each low one refined by
+/// golden sections.
 pub(super) fn around(metric: &Metric, point: DVec3, at: impl Fn(f64) -> DVec3) -> DVec3 {
     let step = std::f64::consts::TAU / SAMPLES as f64;
     let cost = |angle: f64| metric.length_squared(at(angle) - point);
@@ -223,7 +257,8 @@ pub(super) fn around(metric: &Metric, point: DVec3, at: impl Fn(f64) -> DVec3) -
     at(best)
 }
 
-/// Where a function with one minimum in the interval has it (Kiefer, Sequential minimax search for a maximum, 1953).
+/// Where a function with one minimum in the interval has it (Kiefer, Sequential minimax search for
+/// a maximum, 1953).
 pub(crate) fn golden_section(mut low: f64, mut high: f64, cost: impl Fn(f64) -> f64) -> f64 {
     const RATIO: f64 = 0.618_033_988_749_894_9;
     let (mut a, mut b) = (high - RATIO * (high - low), low + RATIO * (high - low));
@@ -242,11 +277,12 @@ pub(crate) fn golden_section(mut low: f64, mut high: f64, cost: impl Fn(f64) -> 
     0.5 * (low + high)
 }
 
-/// The point of the circle or sphere `|x| = radius` that minimises `sum(g[i] (x[i] - q[i])^2)` with positive `g`.
+/// The point of the circle or sphere `|x| = radius` that minimises `sum(g[i] (x[i] - q[i])^2)` with
+/// positive `g`.
 ///
-/// It is `x = g q / (g + m)` for the greatest `m` that gives it the right length (the multiplier of the trust region subproblem; Moré
-/// and Sorensen, Computing a trust region step, 1983). Bisection, as in Eberly, Distance from a point to an ellipsoid, is slow but never
-/// fails.
+/// It is `x = g q / (g + m)` for the greatest `m` that gives it the right length (the multiplier of
+/// the trust region subproblem; Moré and Sorensen, Computing a trust region step, 1983). Bisection,
+/// as in Eberly, Distance from a point to an ellipsoid, is slow but never fails.
 fn on_round<const N: usize>(g: [f64; N], q: [f64; N], radius: f64) -> [f64; N] {
     let least = (0..N).fold(0, |a, b| if g[b] < g[a] { b } else { a });
     let part = |i: usize, m: f64| {
@@ -287,7 +323,8 @@ fn eigen(matrix: &DMat3) -> ([f64; 3], DMat3) {
             let c = 1.0 / t.hypot(1.0);
             let s = t * c;
             for column in &mut a {
-                (column[p], column[q]) = (c * column[p] - s * column[q], s * column[p] + c * column[q]);
+                (column[p], column[q]) =
+                    (c * column[p] - s * column[q], s * column[p] + c * column[q]);
             }
             let (ap, aq) = (a[p], a[q]);
             for k in 0..3 {

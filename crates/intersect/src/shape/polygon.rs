@@ -10,15 +10,17 @@ use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// A convex planar polygon. The right-hand rule on its vertices gives the normal; it is hit from both sides.
+/// A convex planar polygon. The right-hand rule on its vertices gives the normal; it is hit from
+/// both sides.
 ///
-/// `uv` spans the rectangle around the polygon whose `u` axis runs along the first edge; `v` grows downwards when the polygon is
-/// seen from its front with that edge pointing right.
+/// `uv` spans the rectangle around the polygon whose `u` axis runs along the first edge; `v` grows
+/// downwards when the polygon is seen from its front with that edge pointing right.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Vertices", into = "Vertices")]
 pub struct Polygon {
     vertices: Vec<DVec3>,
-    /// The vertices moved onto the common plane where they are off it by more than rounding, repeated ones left out.
+    /// The vertices moved onto the common plane where they are off it by more than rounding,
+    /// repeated ones left out.
     corners: Vec<DVec3>,
     normal: DVec3,
     /// Corner where `uv` is 0, and the derivatives of the position.
@@ -47,7 +49,8 @@ pub enum PolygonError {
     NoArea,
     /// Off the plane by more than the tolerance.
     #[error(
-        "vertex {vertex} lies {distance} off the plane of the polygon, allowed are {allowed}; split it into triangles"
+        "vertex {vertex} lies {distance} off the plane of the polygon, allowed are {allowed}; \
+            split it into triangles"
     )]
     NotPlanar {
         /// The vertex farthest off.
@@ -76,8 +79,8 @@ impl From<Polygon> for Vertices {
     }
 }
 
-/// Ray-plane, then point in polygon by sides (lecture: "same as triangle"): inside if the point is on the same side of all edges,
-/// whichever side that is.
+/// Ray-plane, then point in polygon by sides (lecture: "same as triangle"): inside if the point is
+/// on the same side of all edges, whichever side that is.
 pub fn intersect_algebraic(polygon: &Polygon, ray: &DRay) -> Option<f64> {
     let t = intersect_plane(ray, polygon.corners[0], polygon.normal)?;
     let p = ray.at(t);
@@ -86,18 +89,21 @@ pub fn intersect_algebraic(polygon: &Polygon, ray: &DRay) -> Option<f64> {
     inside.then_some(t)
 }
 
-/// The nearest of the triangles into which the polygon decomposes, a fan around the first vertex (lecture: "decompose into
-/// triangles, and check all of them"). By the watertight test, so there is no gap along the diagonals.
+/// The nearest of the triangles into which the polygon decomposes, a fan around the first vertex
+/// (lecture: "decompose into triangles, and check all of them"). By the watertight test, so there
+/// is no gap along the diagonals.
 pub fn intersect_fan(polygon: &Polygon, ray: &DRay) -> Option<f64> {
     let space = RaySpace::new(ray)?;
     polygon.fan().find_map(|triangle| space.intersect(&triangle)).map(|hit| hit.t)
 }
 
 impl Polygon {
-    /// How far vertices may be off a plane, and corners from convex, as part of the extent: what decimal files lose.
+    /// How far vertices may be off a plane, and corners from convex, as part of the extent: what
+    /// decimal files lose.
     pub const TOLERANCE: f64 = 1e-5;
 
-    /// The polygon with these vertices. Vertices that repeat their predecessor are ignored, and corners may be straight.
+    /// The polygon with these vertices. Vertices that repeat their predecessor are ignored, and
+    /// corners may be straight.
     pub fn new(vertices: Vec<DVec3>) -> Result<Self, PolygonError> {
         if let Some(bad) = vertices.iter().position(|v| !v.is_finite()) {
             return Err(PolygonError::NotFinite(bad));
@@ -133,7 +139,8 @@ impl Polygon {
         &self.vertices
     }
 
-    /// Polygons for tests and galleries: triangle, square, oblique with many corners, a straight corner, thin.
+    /// Polygons for tests and galleries: triangle, square, oblique with many corners, a straight
+    /// corner, thin.
     pub fn examples() -> Vec<Self> {
         let v = DVec3::new;
         let tilted = |i: i32| {
@@ -144,7 +151,13 @@ impl Polygon {
             vec![v(0.0, 0.0, 0.0), v(2.0, 0.0, 0.0), v(0.0, 0.0, 1.0)],
             vec![v(-1.0, 0.5, -1.0), v(-1.0, 0.5, 1.0), v(1.0, 0.5, 1.0), v(1.0, 0.5, -1.0)],
             (0..17).map(tilted).collect(),
-            vec![v(0.0, 0.0, 1.0), v(1.0, 0.0, 1.0), v(2.0, 0.0, 1.0), v(2.0, 3.0, 1.0), v(0.0, 1.0, 1.0)],
+            vec![
+                v(0.0, 0.0, 1.0),
+                v(1.0, 0.0, 1.0),
+                v(2.0, 0.0, 1.0),
+                v(2.0, 3.0, 1.0),
+                v(0.0, 1.0, 1.0),
+            ],
             vec![v(-50.0, 0.0, 0.0), v(50.0, 0.0, 0.0), v(50.0, 0.0, 0.01), v(-40.0, 0.0, 0.01)],
         ];
         sets.into_iter().filter_map(|s| Self::new(s).ok()).collect()
@@ -163,16 +176,23 @@ fn edges(corners: &[DVec3]) -> impl Iterator<Item = [DVec3; 2]> {
     (0..corners.len()).map(|i| [corners[i], corners[(i + 1) % corners.len()]])
 }
 
-/// Unit normal from the vector area (Newell's method; Sutherland et al., A characterization of ten hidden-surface algorithms,
-/// 1974). `None` without area.
+/// Unit normal from the vector area (Newell's method; Sutherland et al., A characterization of ten
+/// hidden-surface algorithms, 1974). `None` without area.
 fn newell_normal(corners: &[DVec3], center: DVec3, extent: f64) -> Option<DVec3> {
-    let area: DVec3 = edges(corners).map(|[a, b]| ((a - center) / extent).cross((b - center) / extent)).sum();
+    let area: DVec3 =
+        edges(corners).map(|[a, b]| ((a - center) / extent).cross((b - center) / extent)).sum();
     if area.length() > 1e-12 { area.try_normalize() } else { None }
 }
 
-/// Moves corners onto the plane through `center`: a ray that leaves the surface must not meet a bit of it that stands out. Those
-/// that are there but for rounding keep their bits, which neighbours may share.
-fn flatten(corners: &mut [DVec3], center: DVec3, normal: DVec3, extent: f64) -> Result<(), PolygonError> {
+/// Moves corners onto the plane through `center`: a ray that leaves the surface must not meet a bit
+/// of it that stands out. Those that are there but for rounding keep their bits, which neighbours
+/// may share.
+fn flatten(
+    corners: &mut [DVec3],
+    center: DVec3,
+    normal: DVec3,
+    extent: f64,
+) -> Result<(), PolygonError> {
     let allowed = Polygon::TOLERANCE * extent;
     for (vertex, corner) in corners.iter_mut().enumerate() {
         let distance = (*corner - center).dot(normal);
@@ -191,7 +211,8 @@ fn check_convex(corners: &[DVec3], normal: DVec3, extent: f64) -> Result<(), Pol
     let n = corners.len();
     let mut turned = 0.0;
     for i in 0..n {
-        let (before, after) = (corners[i] - corners[(i + n - 1) % n], corners[(i + 1) % n] - corners[i]);
+        let (before, after) =
+            (corners[i] - corners[(i + n - 1) % n], corners[(i + 1) % n] - corners[i]);
         let (sin, cos) = (before.cross(after).dot(normal), before.dot(after));
         // How far the corner is inside of the line between its neighbours.
         let dent = -sin / (before + after).length().max(f64::MIN_POSITIVE);
@@ -222,13 +243,16 @@ impl Shape for Polygon {
 
     fn surface(&self, position: DVec3, _face: u32) -> ShapeSurface {
         let position = position - self.normal * (position - self.corners[0]).dot(self.normal);
-        let along = |axis: DVec3| ((position - self.origin).dot(axis) / axis.length_squared()).clamp(0.0, 1.0);
+        let along = |axis: DVec3| {
+            ((position - self.origin).dot(axis) / axis.length_squared()).clamp(0.0, 1.0)
+        };
         let uv = DVec2::new(along(self.dpdu), along(self.dpdv));
         ShapeSurface { position, normal: self.normal, uv, dpdu: self.dpdu, dpdv: self.dpdv }
     }
 
     fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
-        let points = self.fan().map(|t| ShapePoint { position: on_triangle(metric, point, &t).0, face: 0 });
+        let points =
+            self.fan().map(|t| ShapePoint { position: on_triangle(metric, point, &t).0, face: 0 });
         metric.nearest(point, points)
     }
 
@@ -272,10 +296,19 @@ mod tests {
 
     #[test]
     fn what_is_not_a_convex_planar_polygon_is_refused_with_the_reason() {
-        assert_eq!(in_z0(&[(0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (0.0, 0.0)]), Err(PolygonError::TooFew(2)));
-        assert_eq!(in_z0(&[(0.0, 0.0), (1.0, f64::NAN), (1.0, 1.0)]), Err(PolygonError::NotFinite(1)));
+        assert_eq!(
+            in_z0(&[(0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (0.0, 0.0)]),
+            Err(PolygonError::TooFew(2))
+        );
+        assert_eq!(
+            in_z0(&[(0.0, 0.0), (1.0, f64::NAN), (1.0, 1.0)]),
+            Err(PolygonError::NotFinite(1))
+        );
         assert_eq!(in_z0(&[(0.0, 0.0), (1.0, 1.0), (2.0, 2.0)]), Err(PolygonError::NoArea));
-        assert_eq!(in_z0(&[(0.0, 0.0), (4.0, 0.0), (1.0, 1.0), (0.0, 4.0)]), Err(PolygonError::NotConvex(2)));
+        assert_eq!(
+            in_z0(&[(0.0, 0.0), (4.0, 0.0), (1.0, 1.0), (0.0, 4.0)]),
+            Err(PolygonError::NotConvex(2))
+        );
         let star: Vec<(f64, f64)> = (0..5).map(|i| (TAU * 0.4 * f64::from(i)).sin_cos()).collect();
         assert!(matches!(in_z0(&star), Err(PolygonError::NotConvex(_))));
         let bent = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.1), DVec3::Y];

@@ -9,7 +9,8 @@ use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
 /// A rectangle in the plane z = 0 around the origin, sides parallel to x and y, with normal +z.
 ///
-/// `uv` is (0, 0) at the corner (-x, +y) and (1, 1) at (+x, -y): a picture is upright when seen from +z with y up.
+/// `uv` is (0, 0) at the corner (-x, +y) and (1, 1) at (+x, -y): a picture is upright when seen
+/// from +z with y up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rectangle {
     /// Half the extent along x and y, both positive.
@@ -19,14 +20,17 @@ pub struct Rectangle {
 impl Rectangle {
     /// Rectangles for tests and galleries: square, long, tiny.
     pub fn examples() -> Vec<Self> {
-        [(1.0, 1.0), (300.0, 0.01), (1e-3, 2e-3)].map(|(x, y)| Self { half_size: DVec2::new(x, y) }).to_vec()
+        [(1.0, 1.0), (300.0, 0.01), (1e-3, 2e-3)]
+            .map(|(x, y)| Self { half_size: DVec2::new(x, y) })
+            .to_vec()
     }
 
     /// The two halves.
     fn triangles(&self) -> [[DVec3; 3]; 2] {
         let h = self.half_size;
         let corner = |x: f64, y: f64| DVec3::new(x * h.x, y * h.y, 0.0);
-        let (a, b, c, d) = (corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0));
+        let (a, b, c, d) =
+            (corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0));
         [[a, b, c], [a, c, d]]
     }
 }

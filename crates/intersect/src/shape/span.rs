@@ -1,13 +1,15 @@
 //! The stretch of a ray inside a convex solid: where it enters and where it leaves.
 //!
-//! Closed shapes here are convex, and a convex solid is a common part of simpler ones (a cylinder: a tube and a slab). Cutting
-//! *intervals* instead of testing sides and caps one by one cannot leak: a ray that leaves the tube before the slab leaves by the
-//! side, else by a cap, and there is no third way through the rim.
+//! Closed shapes here are convex, and a convex solid is a common part of simpler ones (a cylinder:
+//! a tube and a slab). Cutting *intervals* instead of testing sides and caps one by one cannot
+//! leak: a ray that leaves the tube before the slab leaves by the side, else by a cap, and there is
+//! no third way through the rim.
 
 use super::ShapeHit;
 use snell_math::{DRay, DVec3, robust};
 
-/// The closed interval of the ray parameter inside a convex solid; may be unbounded, is empty if `enter.t > exit.t`.
+/// The closed interval of the ray parameter inside a convex solid; may be unbounded, is empty if
+/// `enter.t > exit.t`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Span {
     /// Where the ray goes in.
@@ -17,7 +19,8 @@ pub(super) struct Span {
 }
 
 impl Span {
-    /// From `enter` to `exit`, with the faces met there. `None` if that is nothing, or a parameter is NaN.
+    /// From `enter` to `exit`, with the faces met there. `None` if that is nothing, or a parameter
+    /// is NaN.
     pub fn new(enter: f64, exit: f64, faces: [u32; 2]) -> Option<Self> {
         let hit = |t, face| ShapeHit { t, face };
         (enter <= exit).then_some(Self { enter: hit(enter, faces[0]), exit: hit(exit, faces[1]) })
@@ -31,18 +34,28 @@ impl Span {
     }
 }
 
-/// The part of the line `o + t d` in `[low, high]`, in one coordinate. `faces` are those at `low` and `high`.
+/// The part of the line `o + t d` in `[low, high]`, in one coordinate. `faces` are those at `low`
+/// and `high`.
 pub(super) fn slab(o: f64, d: f64, [low, high]: [f64; 2], faces: [u32; 2]) -> Option<Span> {
     if d == 0.0 {
-        return if low <= o && o <= high { Span::new(f64::NEG_INFINITY, f64::INFINITY, faces) } else { None };
+        return if low <= o && o <= high {
+            Span::new(f64::NEG_INFINITY, f64::INFINITY, faces)
+        } else {
+            None
+        };
     }
     // Divisions, not products with 1/d: their signs and order are exact.
     let (at_low, at_high) = ((low - o) / d, (high - o) / d);
-    if d > 0.0 { Span::new(at_low, at_high, faces) } else { Span::new(at_high, at_low, [faces[1], faces[0]]) }
+    if d > 0.0 {
+        Span::new(at_low, at_high, faces)
+    } else {
+        Span::new(at_high, at_low, [faces[1], faces[0]])
+    }
 }
 
-/// Ascending roots of `a t^2 + 2 b t + c = 0` for `a != 0` whose `discriminant = b^2 - a c >= 0` was computed in a better way than
-/// by this formula. The sign of a root near 0 is that of `c` (and `b`), so a line that starts off the surface is seen to do so.
+/// Ascending roots of `a t^2 + 2 b t + c = 0` for `a != 0` whose `discriminant = b^2 - a c >= 0`
+/// was computed in a better way than by this formula. The sign of a root near 0 is that of `c` (and
+/// `b`), so a line that starts off the surface is seen to do so.
 pub(super) fn roots(a: f64, b: f64, c: f64, discriminant: f64) -> (f64, f64) {
     let q = -(b + discriminant.sqrt().copysign(b));
     let (t0, t1) = if q == 0.0 { (0.0, 0.0) } else { (q / a, c / q) };
@@ -55,9 +68,10 @@ pub(super) fn accurate_cross(a: DVec3, b: DVec3) -> DVec3 {
     DVec3::new(minor(a.y, b.z, a.z, b.y), minor(a.z, b.x, a.x, b.z), minor(a.x, b.y, a.y, b.x))
 }
 
-/// The direction of a ray times the power of two that brings its largest coordinate to `[1, 2)`, and that power: so squares of very
-/// long or short directions neither overflow nor vanish, and nothing is rounded. A parameter along the scaled direction times the
-/// power is one along the ray. `None` for rays that hit nothing: not finite, or without direction.
+/// The direction of a ray times the power of two that brings its largest coordinate to `[1, 2)`,
+/// and that power: so squares of very long or short directions neither overflow nor vanish, and
+/// nothing is rounded. A parameter along the scaled direction times the power is one along the ray.
+/// `None` for rays that hit nothing: not finite, or without direction.
 pub(super) fn scaled_direction(ray: &DRay) -> Option<(DVec3, f64)> {
     let largest = ray.direction.abs().max_element();
     if !ray.origin.is_finite() || !ray.direction.is_finite() || largest == 0.0 {
@@ -68,8 +82,8 @@ pub(super) fn scaled_direction(ray: &DRay) -> Option<(DVec3, f64)> {
     Some((ray.direction * scale, scale))
 }
 
-/// The ends of the span of a ray that lie in its open interval and count, nearest first. `span` is asked with the origin and the scaled
-/// direction, and `counts` of which faces there are hits.
+/// The ends of the span of a ray that lie in its open interval and count, nearest first. `span` is
+/// asked with the origin and the scaled direction, and `counts` of which faces there are hits.
 #[inline]
 pub(super) fn crossings(
     ray: &DRay,

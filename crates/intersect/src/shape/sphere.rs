@@ -2,24 +2,26 @@
 
 use super::nearest::on_sphere;
 use super::span::{Span, accurate_cross, crossings, roots};
-use super::{AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
+use super::{
+    AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn,
+};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
 use std::f64::consts::{PI, TAU};
 
 /// A sphere of given radius around the origin.
 ///
-/// `uv` is (longitude / 2 pi, angle from the +y pole / pi): longitude 0 is +z and grows towards +x, so with y up a picture is upright
-/// and not mirrored when seen from outside.
+/// `uv` is (longitude / 2 pi, angle from the +y pole / pi): longitude 0 is +z and grows towards +x,
+/// so with y up a picture is upright and not mirrored when seen from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sphere {
     /// Radius, positive.
     pub radius: f64,
 }
 
-/// The roots of the sphere's quadratic, ascending (lecture: "ray-sphere intersection, algebraic method"): `P = P0 + tV` put into
-/// `|P - O|^2 = r^2`. The direction has any length, and `t` is in units of it. Short and plain; [`Sphere`] itself uses a discriminant
-/// that stays exact far away.
+/// The roots of the sphere's quadratic, ascending (lecture: "ray-sphere intersection, algebraic
+/// method"): `P = P0 + tV` put into `|P - O|^2 = r^2`. The direction has any length, and `t` is in
+/// units of it. Short and plain; [`Sphere`] itself uses a discriminant that stays exact far away.
 pub fn intersect_algebraic(sphere: &Sphere, ray: &DRay) -> Option<(f64, f64)> {
     let a = ray.direction.length_squared();
     let b = 2.0 * ray.direction.dot(ray.origin);
@@ -27,9 +29,10 @@ pub fn intersect_algebraic(sphere: &Sphere, ray: &DRay) -> Option<(f64, f64)> {
     robust::quadratic(a, b, c)
 }
 
-/// The parameters where the line of the ray meets the sphere, ascending (lecture: "ray-sphere intersection, geometric method"): from
-/// the point of the ray nearest to the centre half a chord back and forth. A centre behind the origin rejects only rays that start
-/// outside (such a ray has no hit ahead). The direction is normalised here, and `t` is given in units of the original one.
+/// The parameters where the line of the ray meets the sphere, ascending (lecture: "ray-sphere
+/// intersection, geometric method"): from the point of the ray nearest to the centre half a chord
+/// back and forth. A centre behind the origin rejects only rays that start outside (such a ray has
+/// no hit ahead). The direction is normalised here, and `t` is given in units of the original one.
 pub fn intersect_geometric(sphere: &Sphere, ray: &DRay) -> Option<(f64, f64)> {
     let length = ray.direction.length();
     let v = ray.direction / length;
@@ -51,9 +54,10 @@ impl Sphere {
         [1.0, 1e-3, 250.0].map(|radius| Self { radius }).to_vec()
     }
 
-    /// The part of a line inside. The discriminant `b^2 - a c` is written `r^2 |d|^2 - |o x d|^2` (Lagrange's identity): the squared
-    /// half chord as a difference of two lengths, without the cancellation that makes far or small spheres ragged (compare Haines et
-    /// al., Precision improvements for ray/sphere intersection, Ray Tracing Gems, 2019).
+    /// The part of a line inside. The discriminant `b^2 - a c` is written `r^2 |d|^2 - |o x d|^2`
+    /// (Lagrange's identity): the squared half chord as a difference of two lengths, without the
+    /// cancellation that makes far or small spheres ragged (compare Haines et al., Precision
+    /// improvements for ray/sphere intersection, Ray Tracing Gems, 2019).
     fn span(&self, o: DVec3, d: DVec3) -> Option<Span> {
         let (reach, distance) = (self.radius * d.length(), accurate_cross(o, d).length());
         if distance.is_nan() || distance > reach {
@@ -61,7 +65,8 @@ impl Sphere {
         }
         let from_center = o.length();
         let c = (from_center - self.radius) * (from_center + self.radius);
-        let (t0, t1) = roots(d.length_squared(), o.dot(d), c, (reach - distance) * (reach + distance));
+        let (t0, t1) =
+            roots(d.length_squared(), o.dot(d), c, (reach - distance) * (reach + distance));
         Span::new(t0, t1, [0, 0])
     }
 }
@@ -102,12 +107,16 @@ impl Shape for Sphere {
             None => (DVec2::X, DVec3::X * self.radius),
         };
         let theta = sin_theta.atan2(normal.y);
-        let dpdv = DVec3::new(along.y * normal.y, -sin_theta, along.x * normal.y) * (PI * self.radius);
+        let dpdv =
+            DVec3::new(along.y * normal.y, -sin_theta, along.x * normal.y) * (PI * self.radius);
         ShapeSurface { position, normal, uv: DVec2::new(turn(along), theta / PI), dpdu, dpdv }
     }
 
     fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
-        metric.nearest(point, [ShapePoint { position: on_sphere(metric, point, self.radius), face: 0 }])
+        metric.nearest(
+            point,
+            [ShapePoint { position: on_sphere(metric, point, self.radius), face: 0 }],
+        )
     }
 
     fn winding_number(&self, point: DVec3, _metric: &Metric) -> f64 {
@@ -153,8 +162,14 @@ mod tests {
     #[test]
     fn errata_e1_the_constant_term_is_the_squared_distance_to_the_centre_less_the_squared_radius() {
         // From distance 3: c = 9 - 1, roots 2 and 4, whose product is c / a.
-        pair_is(intersect_algebraic(&UNIT, &DRay::new(DVec3::new(0.0, 0.0, -3.0), DVec3::Z)), (2.0, 4.0));
-        pair_is(intersect_algebraic(&Sphere { radius: 2.0 }, &DRay::new(DVec3::X * -5.0, DVec3::X)), (3.0, 7.0));
+        pair_is(
+            intersect_algebraic(&UNIT, &DRay::new(DVec3::new(0.0, 0.0, -3.0), DVec3::Z)),
+            (2.0, 4.0),
+        );
+        pair_is(
+            intersect_algebraic(&Sphere { radius: 2.0 }, &DRay::new(DVec3::X * -5.0, DVec3::X)),
+            (3.0, 7.0),
+        );
     }
 
     #[test]
@@ -172,7 +187,9 @@ mod tests {
         pair_is(intersect_geometric(&UNIT, &ray), (0.5, 1.0));
         pair_is(intersect_algebraic(&UNIT, &ray), (0.5, 1.0));
         for scale in [1e-300, 1e-30, 1e30, 1e300] {
-            let hit = UNIT.closest(&DRay::new(DVec3::new(0.0, 0.0, -3.0), DVec3::Z * scale)).expect("straight at it");
+            let hit = UNIT
+                .closest(&DRay::new(DVec3::new(0.0, 0.0, -3.0), DVec3::Z * scale))
+                .expect("straight at it");
             assert!((hit.t * scale - 2.0).abs() < 1e-12);
         }
     }
@@ -180,7 +197,9 @@ mod tests {
     #[test]
     fn a_tiny_sphere_far_away_is_hit_on_its_front() {
         let (far, s) = (1e8, Sphere { radius: 1e-3 });
-        let hit = s.closest(&DRay::new(DVec3::new(0.0, 0.9e-3, -far), DVec3::Z)).expect("within the radius");
+        let hit = s
+            .closest(&DRay::new(DVec3::new(0.0, 0.9e-3, -far), DVec3::Z))
+            .expect("within the radius");
         let front = far - (1.0_f64 - 0.81).sqrt() * 1e-3;
         assert!((hit.t - front).abs() < 5e-8);
         assert_eq!(s.closest(&DRay::new(DVec3::new(0.0, 1.0001e-3, -far), DVec3::Z)), None);

@@ -1,4 +1,5 @@
-//! A single triangle, the lecture's two inside tests, and a watertight test. (Meshes have their own, faster kernel.)
+//! A single triangle, the lecture's two inside tests, and a watertight test. (Meshes have their
+//! own, faster kernel.)
 
 use super::nearest::on_triangle;
 use super::plane::intersect_plane;
@@ -26,17 +27,19 @@ pub struct TriangleHit {
     pub barycentrics: DVec2,
 }
 
-/// Whether a line along `direction` through `p`, a point of the triangle's plane, passes through the triangle, by sides (lecture:
-/// "ray-triangle intersection, algebraic"): for each side, on which side of the plane through it and an eye point is `p`? The eye
-/// is `p - direction`. Inside if all answers agree, whichever they are, so neither winding nor facing matters.
+/// Whether a line along `direction` through `p`, a point of the triangle's plane, passes through
+/// the triangle, by sides (lecture: "ray-triangle intersection, algebraic"): for each side, on
+/// which side of the plane through it and an eye point is `p`? The eye is `p - direction`. Inside
+/// if all answers agree, whichever they are, so neither winding nor facing matters.
 pub fn inside_algebraic([t1, t2, t3]: &[DVec3; 3], p: DVec3, direction: DVec3) -> bool {
     let side = |a: &DVec3, b: &DVec3| direction.dot((*b - p).cross(*a - p));
     let sides = [side(t1, t2), side(t2, t3), side(t3, t1)];
     sides.iter().all(|&s| s >= 0.0) || sides.iter().all(|&s| s <= 0.0)
 }
 
-/// Whether `p`, a point of the triangle's plane, is inside, by its barycentric coordinates (lecture: "ray-triangle intersection,
-/// parametric"): `p = T1 + u (T2 - T1) + v (T3 - T1)` with `u, v >= 0` and `u + v <= 1`. Degenerate triangles hold no point.
+/// Whether `p`, a point of the triangle's plane, is inside, by its barycentric coordinates
+/// (lecture: "ray-triangle intersection, parametric"): `p = T1 + u (T2 - T1) + v (T3 - T1)` with
+/// `u, v >= 0` and `u + v <= 1`. Degenerate triangles hold no point.
 pub fn inside_parametric([t1, t2, t3]: &[DVec3; 3], p: DVec3) -> bool {
     let (e1, e2, q) = (*t2 - *t1, *t3 - *t1, p - *t1);
     let normal = e1.cross(e2);
@@ -57,8 +60,9 @@ pub fn intersect_parametric(vertices: &[DVec3; 3], ray: &DRay) -> Option<f64> {
     inside_parametric(vertices, ray.at(t)).then_some(t)
 }
 
-/// The watertight test (Woop, Benthin and Wald, Watertight ray/triangle intersection, JCGT 2013), in double precision and winding
-/// free, with exact edge signs: a ray through a shared edge or vertex hits exactly one of the triangles that close around it.
+/// The watertight test (Woop, Benthin and Wald, Watertight ray/triangle intersection, JCGT 2013),
+/// in double precision and winding free, with exact edge signs: a ray through a shared edge or
+/// vertex hits exactly one of the triangles that close around it.
 pub fn intersect_watertight(vertices: &[DVec3; 3], ray: &DRay) -> Option<TriangleHit> {
     RaySpace::new(ray)?.intersect(vertices)
 }
@@ -82,15 +86,21 @@ impl<'a> RaySpace<'a> {
         Some(Self { ray, direction: d, axes, shear, scale })
     }
 
-    /// A point: position across the ray, and ray parameter. The same bits for the same point, whichever triangle it belongs to.
+    /// A point: position across the ray, and ray parameter. The same bits for the same point,
+    /// whichever triangle it belongs to.
     fn point(&self, p: DVec3) -> DVec3 {
         let p = p - self.ray.origin;
         let z = p[self.axes[2]];
-        DVec3::new(p[self.axes[0]] - self.shear.x * z, p[self.axes[1]] - self.shear.y * z, self.shear.z * z)
+        DVec3::new(
+            p[self.axes[0]] - self.shear.x * z,
+            p[self.axes[1]] - self.shear.y * z,
+            self.shear.z * z,
+        )
     }
 
-    /// Parameter of the plane along the scaled direction. Unlike the depths of the corners it is exactly 0 for a ray that starts in
-    /// a triangle parallel to an axis. `None` where it is ill-conditioned: nearly edge on, there the depths are better.
+    /// Parameter of the plane along the scaled direction. Unlike the depths of the corners it is
+    /// exactly 0 for a ray that starts in a triangle parallel to an axis. `None` where it is
+    /// ill-conditioned: nearly edge on, there the depths are better.
     fn plane_parameter(&self, vertices: &[DVec3; 3]) -> Option<f64> {
         let n = normal(vertices);
         let cos = self.direction.dot(n);
@@ -117,13 +127,18 @@ impl<'a> RaySpace<'a> {
     }
 }
 
-/// Whether the origin lies to the left of the edge from `p` to `q` (in x and y), exactly. On the edge, the origin counts as moved by
-/// (s, s^2) for a vanishing s > 0, so that of the two triangles at an edge exactly one holds it. `None` for an edge without length.
+/// Whether the origin lies to the left of the edge from `p` to `q` (in x and y), exactly. On the
+/// edge, the origin counts as moved by (s, s^2) for a vanishing s > 0, so that of the two triangles
+/// at an edge exactly one holds it. `None` for an edge without length.
 fn edge_side(p: DVec3, q: DVec3) -> Option<bool> {
-    // Rounding is monotonic: if the rounded products differ, so do the exact ones. Otherwise their rounding errors, which a fused
-    // operation gives exactly, decide.
+    // Rounding is monotonic: if the rounded products differ, so do the exact ones. Otherwise their
+    // rounding errors, which a fused operation gives exactly, decide.
     let (left, right) = (p.x * q.y, p.y * q.x);
-    let difference = if left == right { p.x.mul_add(q.y, -left) - p.y.mul_add(q.x, -right) } else { left - right };
+    let difference = if left == right {
+        p.x.mul_add(q.y, -left) - p.y.mul_add(q.x, -right)
+    } else {
+        left - right
+    };
     let moved = [difference, p.y - q.y, q.x - p.x];
     moved.into_iter().find(|&x| x != 0.0).map(|x| x > 0.0)
 }
@@ -133,9 +148,14 @@ fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
     accurate_cross(*b - *a, *c - *a)
 }
 
-/// Uniform barycentric coordinates of the second and third vertex (Heitz, A low-distortion map between triangle and square, 2019).
+/// Uniform barycentric coordinates of the second and third vertex (Heitz, A low-distortion map
+/// between triangle and square, 2019).
 pub(super) fn sample_barycentrics(u: DVec2) -> DVec2 {
-    if u.y > u.x { DVec2::new(u.x * 0.5, u.y - u.x * 0.5) } else { DVec2::new(u.x - u.y * 0.5, u.y * 0.5) }
+    if u.y > u.x {
+        DVec2::new(u.x * 0.5, u.y - u.x * 0.5)
+    } else {
+        DVec2::new(u.x - u.y * 0.5, u.y * 0.5)
+    }
 }
 
 impl Triangle {
@@ -155,9 +175,13 @@ impl Triangle {
 
 impl Shape for Triangle {
     fn validate(&self) -> Result<(), ShapeError> {
-        ShapeError::unless("triangle", "area", self.area(), "a positive number (vertices finite, not on a line)", |a| {
-            a > 0.0
-        })
+        ShapeError::unless(
+            "triangle",
+            "area",
+            self.area(),
+            "a positive number (vertices finite, not on a line)",
+            |a| a > 0.0,
+        )
     }
 
     fn bounds(&self) -> Bounds3d {
@@ -193,7 +217,10 @@ impl Shape for Triangle {
     }
 
     fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
-        metric.nearest(point, [ShapePoint { position: on_triangle(metric, point, &self.vertices).0, face: 0 }])
+        metric.nearest(
+            point,
+            [ShapePoint { position: on_triangle(metric, point, &self.vertices).0, face: 0 }],
+        )
     }
 
     fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
@@ -245,14 +272,19 @@ mod tests {
     #[test]
     fn errata_e4_each_edge_and_vertex_belongs_to_one_triangle_of_a_fan() {
         let center = DVec3::new(0.1, -0.2, 0.3);
-        let ring: Vec<DVec3> = (0..7).map(|i| DVec2::from_angle(f64::from(i)).extend(0.1 * f64::from(i % 3))).collect();
+        let ring: Vec<DVec3> = (0..7)
+            .map(|i| DVec2::from_angle(f64::from(i)).extend(0.1 * f64::from(i % 3)))
+            .collect();
         for k in 0..=100 {
             for i in 0..7 {
                 let target = center + (ring[i] - center) * (f64::from(k) * 0.0099);
-                for origin in [DVec3::new(0.3, 0.2, 5.0), target + DVec3::Z, DVec3::new(-4.0, 0.0, 9.0)] {
+                for origin in
+                    [DVec3::new(0.3, 0.2, 5.0), target + DVec3::Z, DVec3::new(-4.0, 0.0, 9.0)]
+                {
                     let ray = DRay::new(origin, target - origin);
-                    let hits =
-                        (0..7).filter(|&j| intersect_watertight(&[center, ring[j], ring[(j + 1) % 7]], &ray).is_some());
+                    let hits = (0..7).filter(|&j| {
+                        intersect_watertight(&[center, ring[j], ring[(j + 1) % 7]], &ray).is_some()
+                    });
                     assert_eq!(hits.count(), 1, "{ray:?}");
                 }
             }
@@ -268,7 +300,10 @@ mod tests {
             assert!(Triangle { vertices }.validate().is_err());
             for target in [DVec3::ZERO, DVec3::splat(0.5), DVec3::new(0.2, 0.2, 0.0)] {
                 let origin = DVec3::new(0.3, -0.4, 3.0);
-                assert_eq!(intersect_watertight(&vertices, &DRay::new(origin, target - origin)), None);
+                assert_eq!(
+                    intersect_watertight(&vertices, &DRay::new(origin, target - origin)),
+                    None
+                );
             }
         }
     }

@@ -1,13 +1,14 @@
-//! How often a surface goes around a point: the generalised winding number (Jacobson, Kavan and Sorkine-Hornung, Robust Inside-Outside
-//! Segmentation using Generalized Winding Numbers, 2013), which is the signed solid angle of the surface over `4 pi`. Positive seen
-//! from behind (the side the normal does not point to), so that it is 1 inside a closed surface and 0 outside.
+//! How often a surface goes around a point: the generalised winding number (Jacobson, Kavan and
+//! Sorkine-Hornung, Robust Inside-Outside Segmentation using Generalized Winding Numbers, 2013),
+//! which is the signed solid angle of the surface over `4 pi`. Positive seen from behind (the side
+//! the normal does not point to), so that it is 1 inside a closed surface and 0 outside.
 
 use super::Metric;
 use snell_math::{DMat3, DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// The winding number of a triangle around the origin (van Oosterom and Strackee, The Solid Angle of a Plane Triangle, 1983); 0 in its
-/// plane.
+/// The winding number of a triangle around the origin (van Oosterom and Strackee, The Solid Angle
+/// of a Plane Triangle, 1983); 0 in its plane.
 #[inline]
 pub(crate) fn of_triangle([a, b, c]: [DVec3; 3]) -> f64 {
     let determinant = a.dot(b.cross(c));
@@ -20,16 +21,22 @@ pub(crate) fn of_triangle([a, b, c]: [DVec3; 3]) -> f64 {
 }
 
 /// The winding number around `point` of triangles of a shape, in the world's measure.
-pub(super) fn of_triangles(metric: &Metric, point: DVec3, triangles: impl IntoIterator<Item = [DVec3; 3]>) -> f64 {
+pub(super) fn of_triangles(
+    metric: &Metric,
+    point: DVec3,
+    triangles: impl IntoIterator<Item = [DVec3; 3]>,
+) -> f64 {
     let in_world = |t: [DVec3; 3]| of_triangle(t.map(|v| *metric.linear() * (v - point)));
     triangles.into_iter().map(in_world).sum::<f64>() * metric.orientation()
 }
 
-/// The winding number around `point` of the disk across the axis number `axis` at height `h`, with its normal along the axis; 0 in its
-/// plane.
+/// The winding number around `point` of the disk across the axis number `axis` at height `h`, with
+/// its normal along the axis; 0 in its plane.
 ///
-/// The solid angle is the flux of a monopole at the point, and so the integral along the rim of a potential with its string (Dirac,
-/// 1931) led away from the disk. The integrand is smooth and periodic: the trapezoid rule converges exponentially, except for points
+/// The solid angle is the flux of a monopole at the point, and so the integral along the rim of a
+/// potential with its string (Dirac,
+/// 1931) led away from the disk. The integrand is smooth and periodic: the trapezoid rule converges
+///       exponentially, except for points
 /// within a hundredth of the radius of the rim, where the error may reach `1e-4`.
 pub(super) fn of_disk(metric: &Metric, point: DVec3, axis: usize, h: f64, radius: f64) -> f64 {
     let place = |p: DVec2, h: f64| {

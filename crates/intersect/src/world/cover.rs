@@ -1,5 +1,6 @@
-//! Many small boxes instead of one around what an instance shows: turned and put together again they make a box that is much tighter than
-//! the turned box (which is up to `sqrt(3)` times as long on each axis), so that fewer rays have to be brought into the instance.
+//! Many small boxes instead of one around what an instance shows: turned and put together again
+//! they make a box that is much tighter than the turned box (which is up to `sqrt(3)` times as long
+//! on each axis), so that fewer rays have to be brought into the instance.
 
 use crate::mesh::TriangleMesh;
 use rayon::prelude::*;
@@ -21,11 +22,15 @@ const CHUNK: usize = 1 << 14;
 /// Boxes of a group at most, besides those of its meshes; more are put together.
 const MAX_OBJECTS: usize = 512;
 
-/// The cover of a mesh: the boxes around the triangles whose middles are in the same cell of a grid.
+/// The cover of a mesh: the boxes around the triangles whose middles are in the same cell of a
+/// grid.
 pub(super) fn of_mesh(mesh: &TriangleMesh) -> Cover {
     let hittable = |i: &usize| !mesh.is_degenerate(*i);
     if mesh.indices.len() < FEW {
-        return (0..mesh.indices.len()).filter(hittable).map(|i| mesh.padded_bounds(i).into()).collect();
+        return (0..mesh.indices.len())
+            .filter(hittable)
+            .map(|i| mesh.padded_bounds(i).into())
+            .collect();
     }
     let all = mesh.bounds();
     let scale = Vec3::splat(CELLS as f32) / all.size();
@@ -44,16 +49,25 @@ pub(super) fn of_mesh(mesh: &TriangleMesh) -> Cover {
         }
         cells
     };
-    let union = |a: Vec<Bounds3>, b: Vec<Bounds3>| a.iter().zip(&b).map(|(a, b)| a.union(b)).collect();
-    let cells = (0..mesh.indices.len().div_ceil(CHUNK)).into_par_iter().fold(empty, of_chunk).reduce(empty, union);
+    let union =
+        |a: Vec<Bounds3>, b: Vec<Bounds3>| a.iter().zip(&b).map(|(a, b)| a.union(b)).collect();
+    let cells = (0..mesh.indices.len().div_ceil(CHUNK))
+        .into_par_iter()
+        .fold(empty, of_chunk)
+        .reduce(empty, union);
     cells.into_iter().filter(|b| !b.is_empty()).map(Bounds3d::from).collect()
 }
 
 /// The cover of a group, from those of its meshes and the boxes of its objects.
 pub(super) fn of_group<'a>(meshes: impl Iterator<Item = &'a Cover>, objects: &[Bounds3d]) -> Cover {
     let size = objects.len().div_ceil(MAX_OBJECTS).max(1);
-    let together = objects.chunks(size).map(|some| some.iter().fold(Bounds3d::EMPTY, |all, b| all.union(b)));
-    meshes.flat_map(|cover| cover.iter().copied()).chain(together).filter(|b| !b.is_empty()).collect()
+    let together =
+        objects.chunks(size).map(|some| some.iter().fold(Bounds3d::EMPTY, |all, b| all.union(b)));
+    meshes
+        .flat_map(|cover| cover.iter().copied())
+        .chain(together)
+        .filter(|b| !b.is_empty())
+        .collect()
 }
 
 #[cfg(test)]

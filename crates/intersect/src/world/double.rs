@@ -1,14 +1,15 @@
 //! Worlds in double precision: coordinates of a city in metres, with millimetres.
 //!
-//! Everything is as in [`World`], with [`DTriangleMesh`]es, [`snell_math::DRay`]s and [`crate::DHit`]s. The trees are the same too:
-//! they hold the meshes near their own centre, scaled and rounded to `f32`, to find out which few triangles a ray may hit; those are
-//! decided in `f64`. (Surfaces, [`World::interaction`], are those of [`World`] alone.)
+//! Everything is as in [`World`], with [`DTriangleMesh`]es, [`snell_math::DRay`]s and
+//! [`crate::DHit`]s. The trees are the same too: they hold the meshes near their own centre, scaled
+//! and rounded to `f32`, to find out which few triangles a ray may hit; those are decided in `f64`.
+//! (Surfaces, [`World::interaction`], are those of [`World`] alone.)
 
 use super::occurrence::Occurrences;
 use super::reuse::Summary;
 use super::{
-    BuildOptions, BuildStats, EditError, Geometry, GeometryId, GroupBounds, GroupId, Instance, InstanceId, World,
-    WorldBuilder, WorldError,
+    BuildOptions, BuildStats, EditError, Geometry, GeometryId, GroupBounds, GroupId, Instance,
+    InstanceId, World, WorldBuilder, WorldError,
 };
 use crate::geometry::PrimitiveSet;
 use crate::kernel::double::DoubleData;
@@ -19,7 +20,8 @@ use rayon::prelude::*;
 use snell_math::{Bounds3d, Transform};
 use std::sync::Arc;
 
-/// Collects groups, geometries and instances, then builds a [`DWorld`]. As [`WorldBuilder`], which see.
+/// Collects groups, geometries and instances, then builds a [`DWorld`]. As [`WorldBuilder`], which
+/// see.
 #[derive(Clone, Debug, Default)]
 pub struct DWorldBuilder {
     /// With an empty mesh in the place of each mesh.
@@ -37,16 +39,21 @@ impl DWorldBuilder {
         self.builder.add_group()
     }
 
-    /// Puts a mesh into a group, in the group's coordinates. The mesh must be valid ([`DTriangleMesh::validate`]); triangles with
-    /// two vertices in one place, or with one that is not finite, are never hit. A mesh in single precision converts into one in
-    /// double precision.
+    /// Puts a mesh into a group, in the group's coordinates. The mesh must be valid
+    /// ([`DTriangleMesh::validate`]); triangles with two vertices in one place, or with one that is
+    /// not finite, are never hit. A mesh in single precision converts into one in double precision.
     pub fn add_mesh(&mut self, group: GroupId, mesh: Arc<DTriangleMesh>) -> GeometryId {
         self.meshes.push(mesh);
         self.builder.add_mesh(group, Arc::default())
     }
 
     /// As [`WorldBuilder::add_shape`].
-    pub fn add_shape(&mut self, group: GroupId, shape: Arc<dyn Shape>, group_from_shape: Transform) -> GeometryId {
+    pub fn add_shape(
+        &mut self,
+        group: GroupId,
+        shape: Arc<dyn Shape>,
+        group_from_shape: Transform,
+    ) -> GeometryId {
         self.meshes.push(Arc::default());
         self.builder.add_shape(group, shape, group_from_shape)
     }
@@ -58,7 +65,12 @@ impl DWorldBuilder {
     }
 
     /// As [`WorldBuilder::add_instance`].
-    pub fn add_instance(&mut self, group: GroupId, child: GroupId, group_from_child: Transform) -> InstanceId {
+    pub fn add_instance(
+        &mut self,
+        group: GroupId,
+        child: GroupId,
+        group_from_child: Transform,
+    ) -> InstanceId {
         self.builder.add_instance(group, child, group_from_child)
     }
 
@@ -83,12 +95,17 @@ impl DWorldBuilder {
         self.builder.remove(geometry)
     }
 
-    /// Puts another mesh in the place of one: the same group and number, mask and filter as before. If the numbers of vertices and triangles
-    /// stay, [`Self::rebuild`] refits instead of building, if that is good enough.
+    /// Puts another mesh in the place of one: the same group and number, mask and filter as before.
+    /// If the numbers of vertices and triangles stay, [`Self::rebuild`] refits instead of building,
+    /// if that is good enough.
     ///
     /// # Errors
     /// If it was removed.
-    pub fn set_mesh(&mut self, geometry: GeometryId, mesh: Arc<DTriangleMesh>) -> Result<(), EditError> {
+    pub fn set_mesh(
+        &mut self,
+        geometry: GeometryId,
+        mesh: Arc<DTriangleMesh>,
+    ) -> Result<(), EditError> {
         self.builder.replace(geometry, Geometry::Mesh(Arc::default()))?;
         self.meshes[geometry.0 as usize] = mesh;
         Ok(())
@@ -109,25 +126,37 @@ impl DWorldBuilder {
         self.assemble(options, None)
     }
 
-    /// As [`WorldBuilder::rebuild`]: shares with `previous` what did not change, and refits what only moved.
+    /// As [`WorldBuilder::rebuild`]: shares with `previous` what did not change, and refits what
+    /// only moved.
     pub fn rebuild(&self, options: &BuildOptions, previous: &DWorld) -> Result<DWorld, WorldError> {
         self.clone().assemble(options, Some(previous))
     }
 
-    fn assemble(mut self, options: &BuildOptions, previous: Option<&DWorld>) -> Result<DWorld, WorldError> {
+    fn assemble(
+        mut self,
+        options: &BuildOptions,
+        previous: Option<&DWorld>,
+    ) -> Result<DWorld, WorldError> {
         let occurrences = Occurrences::count(&self.builder.groups)?;
         self.recognise(previous);
         let summaries = self.summaries(previous);
         let alike = WorldBuilder::alike(options, previous.map(|p| &p.world));
         let (mut bounds, unchanged) = self.builder.measure(&occurrences, &summaries, alike);
-        // The empty meshes that stand for those in double precision, before shadows take their places.
+        // The empty meshes that stand for those in double precision, before shadows take their
+        // places.
         let empty = self.builder.geometries.clone();
         let frame = |group: usize| match previous.filter(|_| unchanged[group]) {
             Some(previous) => previous.data.frames[group],
             None => self.enter_frame(group, &summaries, &mut bounds),
         };
         let frames = (0..unchanged.len()).map(frame).collect();
-        let parts = self.builder.structures(options, &occurrences, summaries, (bounds, unchanged), alike)?;
+        let parts = self.builder.structures(
+            options,
+            &occurrences,
+            summaries,
+            (bounds, unchanged),
+            alike,
+        )?;
         let mut world = self.builder.into_world(occurrences, parts);
         // The shadows have done their work.
         world.geometries = empty;
@@ -137,7 +166,8 @@ impl DWorldBuilder {
         Ok(DWorld { world, meshes: self.meshes, data })
     }
 
-    /// Gives meshes that the world before holds too what stands for them there, so that they are known to be the same.
+    /// Gives meshes that the world before holds too what stands for them there, so that they are
+    /// known to be the same.
     fn recognise(&mut self, previous: Option<&DWorld>) {
         let Some(previous) = previous else { return };
         for (i, geometry) in self.builder.geometries.iter_mut().enumerate() {
@@ -154,7 +184,8 @@ impl DWorldBuilder {
                 None => Summary {
                     bounds: mesh.bounds(),
                     count: mesh.indices.len() as u64,
-                    skipped: (0..mesh.indices.len()).filter(|&i| mesh.is_degenerate(i)).count() as u64,
+                    skipped: (0..mesh.indices.len()).filter(|&i| mesh.is_degenerate(i)).count()
+                        as u64,
                     cover: None,
                 },
             },
@@ -164,11 +195,18 @@ impl DWorldBuilder {
     }
 
     /// Chooses the frame of a group, and brings its meshes and the boxes of its objects into it.
-    fn enter_frame(&mut self, group: usize, summaries: &[Summary], bounds: &mut GroupBounds) -> Frame {
+    fn enter_frame(
+        &mut self,
+        group: usize,
+        summaries: &[Summary],
+        bounds: &mut GroupBounds,
+    ) -> Frame {
         let objects = &mut bounds.objects[group];
-        let finite = objects.iter().filter(|b| b.is_finite()).fold(Bounds3d::EMPTY, |all, b| all.union(b));
+        let finite =
+            objects.iter().filter(|b| b.is_finite()).fold(Bounds3d::EMPTY, |all, b| all.union(b));
         let ids = &self.builder.groups[group].geometries;
-        let meshes = ids.iter().map(|id| id.0 as usize).filter(|&id| !self.meshes[id].indices.is_empty());
+        let meshes =
+            ids.iter().map(|id| id.0 as usize).filter(|&id| !self.meshes[id].indices.is_empty());
         let all = meshes.fold(finite, |all, id| all.union(&summaries[id].bounds));
         let mut frame = Frame::of(&all);
         for b in objects {
@@ -205,7 +243,8 @@ impl DWorld {
         is_mesh.then(|| &self.meshes[id.0 as usize])
     }
 
-    /// The box around everything, in world coordinates; may have infinite sides, is empty for an empty world.
+    /// The box around everything, in world coordinates; may have infinite sides, is empty for an
+    /// empty world.
     pub fn bounds(&self) -> Bounds3d {
         self.world.bounds()
     }

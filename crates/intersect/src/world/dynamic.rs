@@ -1,4 +1,5 @@
-//! Worlds that change: edits are collected, a commit makes them visible, and readers keep what they have.
+//! Worlds that change: edits are collected, a commit makes them visible, and readers keep what they
+//! have.
 
 #[cfg(test)]
 mod tests;
@@ -8,9 +9,11 @@ use std::sync::{Arc, PoisonError, RwLock};
 
 /// A world that changes between batches.
 ///
-/// Edits go to a [`WorldBuilder`] and show when they are committed. Each commit makes a new immutable [`World`] that shares all it can
-/// with the one before: groups whose contents are the same keep their structures, groups in which things only moved are refitted, and
-/// only others (and those that refitting has made slow) are built. Readers in other threads keep tracing the snapshot they hold.
+/// Edits go to a [`WorldBuilder`] and show when they are committed. Each commit makes a new
+/// immutable [`World`] that shares all it can with the one before: groups whose contents are the
+/// same keep their structures, groups in which things only moved are refitted, and only others (and
+/// those that refitting has made slow) are built. Readers in other threads keep tracing the
+/// snapshot they hold.
 ///
 /// ```
 /// use snell_intersect::{AcceptAll, BuildOptions, DynamicWorld, Sphere, WorldBuilder};
@@ -65,7 +68,8 @@ impl DynamicWorld {
         &mut self.builder
     }
 
-    /// Builds what has changed since the last commit, on the threads of the current rayon pool, and makes it the current snapshot.
+    /// Builds what has changed since the last commit, on the threads of the current rayon pool, and
+    /// makes it the current snapshot.
     ///
     /// # Errors
     /// As [`WorldBuilder::build`]. The current snapshot stays then, and so do the edits.

@@ -1,4 +1,5 @@
-//! Changing what a builder holds: between builds, geometries and instances are added, removed, moved and replaced.
+//! Changing what a builder holds: between builds, geometries and instances are added, removed,
+//! moved and replaced.
 //!
 //! Numbers stay: a geometry that was removed leaves a hole, and no other ever gets its number.
 
@@ -7,8 +8,9 @@ use crate::mesh::{MeshError, TriangleMesh};
 use snell_math::{Transform, Vec3};
 use std::sync::Arc;
 
-/// Number of an instance, in order of insertion over all groups. (Not [`crate::Hit::instance`], which counts occurrences and changes
-/// when instances come and go; [`super::World::instance_id`] leads from there to here.)
+/// Number of an instance, in order of insertion over all groups. (Not [`crate::Hit::instance`],
+/// which counts occurrences and changes when instances come and go; [`super::World::instance_id`]
+/// leads from there to here.)
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct InstanceId(pub u32);
 
@@ -27,7 +29,8 @@ pub enum EditError {
 }
 
 impl WorldBuilder {
-    /// Takes a geometry out. Its number stays a hole ([`super::World::geometry`] gives an empty mesh). False if it was removed before.
+    /// Takes a geometry out. Its number stays a hole ([`super::World::geometry`] gives an empty
+    /// mesh). False if it was removed before.
     ///
     /// # Panics
     /// If there never was such a geometry.
@@ -38,7 +41,8 @@ impl WorldBuilder {
         true
     }
 
-    /// Puts another geometry in the place of one: the same group and number, mask and filter as before.
+    /// Puts another geometry in the place of one: the same group and number, mask and filter as
+    /// before.
     ///
     /// # Errors
     /// If it was removed.
@@ -56,21 +60,27 @@ impl WorldBuilder {
         self.geometries[id.0 as usize] = geometry;
     }
 
-    /// Moves the vertices of a mesh; all else stays. The next build refits instead of building, if that is good enough. (To change more
-    /// of a mesh, [`Self::replace`] it; if the numbers of vertices and triangles stay, that is refitted too.)
+    /// Moves the vertices of a mesh; all else stays. The next build refits instead of building, if
+    /// that is good enough. (To change more of a mesh, [`Self::replace`] it; if the numbers of
+    /// vertices and triangles stay, that is refitted too.)
     ///
     /// # Errors
-    /// If the geometry was removed or is not a mesh, or if there are not as many positions as vertices.
+    /// If the geometry was removed or is not a mesh, or if there are not as many positions as
+    /// vertices.
     ///
     /// # Panics
     /// If there never was such a geometry.
     pub fn set_positions(&mut self, id: GeometryId, positions: Vec<Vec3>) -> Result<(), EditError> {
         self.check(id)?;
-        let Geometry::Mesh(old) = &self.geometries[id.0 as usize] else { return Err(EditError::NotAMesh(id.0)) };
+        let Geometry::Mesh(old) = &self.geometries[id.0 as usize] else {
+            return Err(EditError::NotAMesh(id.0));
+        };
         let (found, expected) = (positions.len(), old.positions.len());
         if found != expected {
             let attribute = "positions";
-            return Err(MeshError::AttributeLength { attribute, found, expected, per: "vertex" }.into());
+            return Err(
+                MeshError::AttributeLength { attribute, found, expected, per: "vertex" }.into()
+            );
         }
         let mesh = TriangleMesh { positions, ..TriangleMesh::clone(old) };
         self.replace(id, Geometry::Mesh(Arc::new(mesh)))

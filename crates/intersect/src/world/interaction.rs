@@ -7,13 +7,15 @@ use crate::query::rays::{RayQuery, clamped_time};
 use crate::shape::ShapeSurface;
 use snell_math::{DRay, DVec2, DVec3, Frame, Ray, Transform, Vec2, Vec3};
 
-/// Bound of the relative error of a mapped coordinate in `f64` (four products, three sums), with room to spare.
+/// Bound of the relative error of a mapped coordinate in `f64` (four products, three sums), with
+/// room to spare.
 pub(super) const MAP_ERROR: f64 = 1.0 / (1u64 << 49) as f64;
 
 /// A surface in the coordinates of some group, on its way up to the world.
 struct LocalSurface {
     position: DVec3,
-    /// Bound of the error of each coordinate of the position, and of the start of a next ray when it comes down to here.
+    /// Bound of the error of each coordinate of the position, and of the start of a next ray when
+    /// it comes down to here.
     error: DVec3,
     normal: DVec3,
     shading_normal: DVec3,
@@ -34,7 +36,8 @@ impl LocalSurface {
         let position = map.point(self.position);
         let up = (grow * self.position.abs() + m.translation.abs()) * MAP_ERROR;
         // What a ray that starts there is off by down here, seen from up there.
-        let down = (abs_matrix(&inverse.matrix3) * position.abs() + inverse.translation.abs()) * MAP_ERROR;
+        let down =
+            (abs_matrix(&inverse.matrix3) * position.abs() + inverse.translation.abs()) * MAP_ERROR;
         Self {
             position,
             error: grow * (self.error + down) + up,
@@ -42,18 +45,22 @@ impl LocalSurface {
             shading_normal: map.normal(self.shading_normal).normalize_or_zero(),
             dpdu: map.vector(self.dpdu),
             dpdv: map.vector(self.dpdv),
-            tangent: self.tangent.map(|(t, sign)| (map.vector(t), if map.is_mirrored() { -sign } else { sign })),
+            tangent: self
+                .tangent
+                .map(|(t, sign)| (map.vector(t), if map.is_mirrored() { -sign } else { sign })),
             ..self
         }
     }
 }
 
 impl World {
-    /// Everything local about the surface at `hit`, which `ray` found (with its time, if anything moves).
+    /// Everything local about the surface at `hit`, which `ray` found (with its time, if anything
+    /// moves).
     ///
-    /// Positions come from the barycentrics of triangles, or are moved onto shapes, in `f64`; the error bound covers the way to the
-    /// world and the way of a next ray back down (the idea of Wächter and Binder, A Fast and Robust Method for Avoiding
-    /// Self-Intersection, Ray Tracing Gems 2019; the bounds as in Pharr, Jakob and Humphreys, 4th edition, section 6.8).
+    /// Positions come from the barycentrics of triangles, or are moved onto shapes, in `f64`; the
+    /// error bound covers the way to the world and the way of a next ray back down (the idea of
+    /// Wächter and Binder, A Fast and Robust Method for Avoiding Self-Intersection, Ray Tracing
+    /// Gems 2019; the bounds as in Pharr, Jakob and Humphreys, 4th edition, section 6.8).
     ///
     /// # Panics
     /// If `hit` is a miss or does not belong to this world.
@@ -68,20 +75,24 @@ impl World {
     pub fn point<'a>(&self, ray: impl Into<RayQuery<'a>>, hit: &Hit) -> SurfacePoint {
         let query = ray.into();
         // All else is not even computed once this is inlined.
-        self.shape_point(query.ray, hit).unwrap_or_else(|| SurfacePoint::from(&self.surface(query, hit)))
+        self.shape_point(query.ray, hit)
+            .unwrap_or_else(|| SurfacePoint::from(&self.surface(query, hit)))
     }
 
-    /// [`Self::point`] of a hit on an analytic shape that is not instanced; `None` for all other hits. Its shading normal is the
-    /// geometric normal.
+    /// [`Self::point`] of a hit on an analytic shape that is not instanced; `None` for all other
+    /// hits. Its shading normal is the geometric normal.
     pub fn shape_point(&self, ray: &Ray, hit: &Hit) -> Option<SurfacePoint> {
         if self.step(GroupId(0), hit.instance).is_some() {
             return None;
         }
-        let Geometry::Shape(shape, placed) = self.geometry(GeometryId(hit.geometry)) else { return None };
+        let Geometry::Shape(shape, placed) = self.geometry(GeometryId(hit.geometry)) else {
+            return None;
+        };
         let position = placed.inverse().ray(&DRay::from(ray)).at(hit.t.into());
         let (position, normal) = shape.normal(position, hit.primitive);
         let nothing = DVec3::ZERO;
-        let local = ShapeSurface { position, normal, uv: DVec2::ZERO, dpdu: nothing, dpdv: nothing };
+        let local =
+            ShapeSurface { position, normal, uv: DVec2::ZERO, dpdu: nothing, dpdv: nothing };
         Some(SurfacePoint::from(&in_world(shape_surface(local).mapped(placed), hit)))
     }
 
@@ -93,19 +104,40 @@ impl World {
         {
             return in_world(triangle_surface(mesh, &ray.direction.as_dvec3(), hit), hit);
         }
-        in_world(self.surface_in_group(GroupId(0), hit.instance, &DRay::from(ray), clamped_time(time), hit), hit)
+        in_world(
+            self.surface_in_group(
+                GroupId(0),
+                hit.instance,
+                &DRay::from(ray),
+                clamped_time(time),
+                hit,
+            ),
+            hit,
+        )
     }
 
-    /// The surface in the coordinates of `group`, for an occurrence `rest` below it. `ray` is in the same coordinates.
-    fn surface_in_group(&self, group: GroupId, rest: u32, ray: &DRay, time: f32, hit: &Hit) -> LocalSurface {
+    /// The surface in the coordinates of `group`, for an occurrence `rest` below it. `ray` is in
+    /// the same coordinates.
+    fn surface_in_group(
+        &self,
+        group: GroupId,
+        rest: u32,
+        ray: &DRay,
+        time: f32,
+        hit: &Hit,
+    ) -> LocalSurface {
         if let Some((step, left)) = self.step(group, rest) {
             let instance = &self.group(group).instances[step];
             let map = instance.at(time);
-            return self.surface_in_group(instance.child, left, &map.inverse().ray(ray), time, hit).mapped(&map);
+            return self
+                .surface_in_group(instance.child, left, &map.inverse().ray(ray), time, hit)
+                .mapped(&map);
         }
         match self.geometry(GeometryId(hit.geometry)) {
             Geometry::Mesh(mesh) => triangle_surface(mesh, &ray.direction, hit),
-            Geometry::Quads(quads) => triangle_surface(quads.triangles(), &ray.direction, &quads.triangle_hit(hit)),
+            Geometry::Quads(quads) => {
+                triangle_surface(quads.triangles(), &ray.direction, &quads.triangle_hit(hit))
+            }
             Geometry::MovingMesh(mesh) => {
                 let alone = mesh.triangle_at(hit.primitive as usize, time);
                 triangle_surface(&alone, &ray.direction, &Hit { primitive: 0, ..*hit })
@@ -196,8 +228,12 @@ fn triangle_surface(mesh: &TriangleMesh, direction: &DVec3, hit: &Hit) -> LocalS
     let (b1, b2) = (f64::from(hit.uv.x), f64::from(hit.uv.y));
     let b = [1.0 - b1 - b2, b1, b2];
     let single = b.map(|x| x as f32);
-    let normal = (p[1] - p[0]).cross(p[2] - p[0]).try_normalize().unwrap_or_else(|| line_normal(&p, direction));
-    let blend = |v: &[Vec3]| indices.iter().zip(b).map(|(&i, b)| v[i].as_dvec3() * b).sum::<DVec3>();
+    let normal = (p[1] - p[0])
+        .cross(p[2] - p[0])
+        .try_normalize()
+        .unwrap_or_else(|| line_normal(&p, direction));
+    let blend =
+        |v: &[Vec3]| indices.iter().zip(b).map(|(&i, b)| v[i].as_dvec3() * b).sum::<DVec3>();
     let uv = |v: &[Vec2]| indices.iter().zip(single).map(|(&i, b)| v[i] * b).sum::<Vec2>();
     let present = |v: &[Vec2]| if v.is_empty() { Vec2::ZERO } else { uv(v) };
     let (dpdu, dpdv) = if mesh.uvs[0].is_empty() {
@@ -206,14 +242,21 @@ fn triangle_surface(mesh: &TriangleMesh, direction: &DVec3, hit: &Hit) -> LocalS
         derivatives(&p, indices.map(|i| mesh.uvs[0][i].as_dvec2()), normal)
     };
     let tangent = || {
-        let direction = indices.iter().zip(b).map(|(&i, b)| mesh.tangents[i].truncate().as_dvec3() * b).sum();
+        let direction =
+            indices.iter().zip(b).map(|(&i, b)| mesh.tangents[i].truncate().as_dvec3() * b).sum();
         (direction, if mesh.tangents[indices[0]].w < 0.0 { -1.0 } else { 1.0 })
     };
-    let color = || std::array::from_fn(|c| indices.iter().zip(single).map(|(&i, b)| mesh.colors[i][c] * b).sum());
+    let color = || {
+        std::array::from_fn(|c| {
+            indices.iter().zip(single).map(|(&i, b)| mesh.colors[i][c] * b).sum()
+        })
+    };
     LocalSurface {
         position: p[0] * b[0] + p[1] * b[1] + p[2] * b[2],
         // The next ray's distance to the plane is found in `f64` from these corners.
-        error: DVec3::splat(p.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max) * 4.0 * MAP_ERROR),
+        error: DVec3::splat(
+            p.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max) * 4.0 * MAP_ERROR,
+        ),
         normal,
         shading_normal: if mesh.normals.is_empty() { normal } else { blend(&mesh.normals) },
         dpdu,
@@ -225,11 +268,13 @@ fn triangle_surface(mesh: &TriangleMesh, direction: &DVec3, hit: &Hit) -> LocalS
     }
 }
 
-/// What stands for the normal of three vertices on a line: across it, towards where the ray comes from.
+/// What stands for the normal of three vertices on a line: across it, towards where the ray comes
+/// from.
 fn line_normal(p: &[DVec3; 3], direction: &DVec3) -> DVec3 {
     let edges = [p[1] - p[0], p[2] - p[1], p[0] - p[2]];
-    let longest =
-        edges.into_iter().fold(DVec3::ZERO, |a, b| if b.length_squared() > a.length_squared() { b } else { a });
+    let longest = edges
+        .into_iter()
+        .fold(DVec3::ZERO, |a, b| if b.length_squared() > a.length_squared() { b } else { a });
     let across = longest.cross(longest.cross(*direction)).try_normalize();
     across.unwrap_or_else(|| -direction.normalize_or(DVec3::NEG_Z))
 }
@@ -238,7 +283,8 @@ fn line_normal(p: &[DVec3; 3], direction: &DVec3) -> DVec3 {
 #[inline(always)]
 pub(super) fn spanning(dpdu: Vec3, dpdv: Vec3, shading_normal: Vec3) -> (Vec3, Vec3) {
     let usable = |v: Vec3| {
-        let is_finite = (v.x.abs() < f32::INFINITY) & (v.y.abs() < f32::INFINITY) & (v.z.abs() < f32::INFINITY);
+        let is_finite =
+            (v.x.abs() < f32::INFINITY) & (v.y.abs() < f32::INFINITY) & (v.z.abs() < f32::INFINITY);
         is_finite & ((v.x != 0.0) | (v.y != 0.0) | (v.z != 0.0))
     };
     let are_usable = usable(dpdu) & usable(dpdv);
@@ -250,8 +296,9 @@ pub(super) fn spanning(dpdu: Vec3, dpdv: Vec3, shading_normal: Vec3) -> (Vec3, V
     (either(dpdu, frame.x), either(dpdv, frame.y))
 }
 
-/// Derivatives of the position by the texture coordinates (Pharr, Jakob and Humphreys, 4th edition, section 6.5.2); zero where the
-/// coordinates do not span a plane. Without branches, so that loops over it become vector code.
+/// Derivatives of the position by the texture coordinates (Pharr, Jakob and Humphreys, 4th edition,
+/// section 6.5.2); zero where the coordinates do not span a plane. Without branches, so that loops
+/// over it become vector code.
 #[inline(always)]
 pub(super) fn derivatives(p: &[DVec3; 3], uv: [DVec2; 3], normal: DVec3) -> (DVec3, DVec3) {
     let (e1, e2) = (p[1] - p[0], p[2] - p[0]);

@@ -13,7 +13,8 @@ pub(super) struct Occurrences {
     pub order: Vec<usize>,
     /// Per group, how many occurrences one instance of it adds: itself and all below.
     pub counts: Vec<u64>,
-    /// Per group and instance, what to add to the number of the group's occurrence to get that of the child. Ascending.
+    /// Per group and instance, what to add to the number of the group's occurrence to get that of
+    /// the child. Ascending.
     pub offsets: Vec<Vec<u32>>,
 }
 
@@ -36,7 +37,8 @@ impl Occurrences {
             }
             if nesting[group] > MAX_NESTING {
                 return Err(WorldError::Limit(format!(
-                    "instances are nested more than {MAX_NESTING} deep; apply some of the transforms to the geometry instead"
+                    "instances are nested more than {MAX_NESTING} deep; apply some of the \
+                        transforms to the geometry instead"
                 )));
             }
         }
@@ -44,7 +46,8 @@ impl Occurrences {
     }
 }
 
-/// All groups, children before parents. An explicit stack: files may nest deeper than the thread's stack.
+/// All groups, children before parents. An explicit stack: files may nest deeper than the thread's
+/// stack.
 fn children_first(groups: &[GroupContents]) -> Result<Vec<usize>, WorldError> {
     #[derive(Clone, Copy, PartialEq)]
     enum State {
@@ -87,16 +90,16 @@ impl World {
         self.occurrences.counts[0] as u32
     }
 
-    /// The instance of `group` that leads to the occurrence `rest` below it (0 is the group itself), and what is left of the number
-    /// there.
+    /// The instance of `group` that leads to the occurrence `rest` below it (0 is the group
+    /// itself), and what is left of the number there.
     pub(super) fn step(&self, group: GroupId, rest: u32) -> Option<(usize, u32)> {
         let offsets = &self.occurrences.offsets[group.0 as usize];
         let step = offsets.partition_point(|&o| o <= rest).checked_sub(1)?;
         Some((step, rest - offsets[step]))
     }
 
-    /// The way from the root to an occurrence: for each step the group and the position of the instance in its list. Empty for the
-    /// root.
+    /// The way from the root to an occurrence: for each step the group and the position of the
+    /// instance in its list. Empty for the root.
     pub fn instance_path(&self, instance: u32) -> Vec<(GroupId, usize)> {
         let mut path = Vec::new();
         let (mut group, mut rest) = (GroupId(0), instance);
@@ -112,16 +115,19 @@ impl World {
         self.world_from_instance_at(instance, 0.0)
     }
 
-    /// The map from the coordinates of an occurrence's group to the world at a time from 0 to 1. An instance that is flattened at that
-    /// time, so that nothing in it is hit, counts as if at time 0.
+    /// The map from the coordinates of an occurrence's group to the world at a time from 0 to 1. An
+    /// instance that is flattened at that time, so that nothing in it is hit, counts as if at time 0.
     pub fn world_from_instance_at(&self, instance: u32, time: f32) -> Transform {
         let mut world_from_group = Transform::IDENTITY;
         let (mut group, mut rest) = (GroupId(0), instance);
         while let Some((step, left)) = self.step(group, rest) {
             let instance = &self.group(group).instances[step];
             // The first step needs no product, and most paths have one step.
-            world_from_group =
-                if group.0 == 0 { instance.at(time) } else { world_from_group.compose(&instance.at(time)) };
+            world_from_group = if group.0 == 0 {
+                instance.at(time)
+            } else {
+                world_from_group.compose(&instance.at(time))
+            };
             (group, rest) = (instance.child, left);
         }
         world_from_group

@@ -2,7 +2,9 @@
 
 use super::cover::{self, Cover};
 use super::occurrence::Occurrences;
-use super::{BuildOptions, Geometry, GroupBounds, Parts, Structure, World, WorldBuilder, WorldError};
+use super::{
+    BuildOptions, Geometry, GroupBounds, Parts, Structure, World, WorldBuilder, WorldError,
+};
 use crate::accel::AcceleratorKind;
 use crate::accel::brute_force::GroupList;
 use crate::accel::bvh::{BvhOptions, Forest, GroupTree};
@@ -16,7 +18,8 @@ use std::sync::Arc;
 /// Groups with fewer triangles are always built: that takes no longer.
 const WORTH_REFITTING: u64 = 1024;
 
-/// A tree is built anew when refitting has made it this many times as costly to walk as it was when built.
+/// A tree is built anew when refitting has made it this many times as costly to walk as it was when
+/// built.
 const WORN: f32 = 1.3;
 
 /// What a world knows of its contents, besides what queries need.
@@ -68,14 +71,22 @@ impl Summary {
             Geometry::MovingMesh(mesh) => Self {
                 bounds: Bounds3d::EMPTY,
                 count: mesh.len() as u64,
-                skipped: (0..mesh.len()).into_par_iter().filter(|&i| mesh.bounds(i).is_none()).count() as u64,
+                skipped: (0..mesh.len())
+                    .into_par_iter()
+                    .filter(|&i| mesh.bounds(i).is_none())
+                    .count() as u64,
                 cover: None,
             },
-            Geometry::Shape(shape, _) => Self { bounds: shape.bounds(), count: 1, skipped: 0, cover: None },
+            Geometry::Shape(shape, _) => {
+                Self { bounds: shape.bounds(), count: 1, skipped: 0, cover: None }
+            }
             Geometry::Set(set) => Self {
                 bounds: Bounds3d::EMPTY,
                 count: set.len() as u64,
-                skipped: (0..set.len()).into_par_iter().filter(|&i| set.bounds(i).is_empty()).count() as u64,
+                skipped: (0..set.len())
+                    .into_par_iter()
+                    .filter(|&i| set.bounds(i).is_empty())
+                    .count() as u64,
                 cover: None,
             },
         }
@@ -83,7 +94,12 @@ impl Summary {
 
     fn of_mesh(mesh: &TriangleMesh) -> Self {
         let (bounds, degenerate) = mesh.survey();
-        Self { bounds: bounds.into(), count: mesh.indices.len() as u64, skipped: degenerate as u64, cover: None }
+        Self {
+            bounds: bounds.into(),
+            count: mesh.indices.len() as u64,
+            skipped: degenerate as u64,
+            cover: None,
+        }
     }
 
     /// With the cover of the geometry, if it is a mesh.
@@ -120,16 +136,27 @@ impl WorldBuilder {
             }
         }
         let summary = |(i, geometry): (usize, &Geometry)| {
-            let known = previous.and_then(|p| p.geometries.get(i).filter(|old| is_same(old, geometry)).map(|_| p));
-            let summary = known.map_or_else(|| Summary::of(geometry), |p| p.inventory.summaries[i].clone());
+            let known = previous
+                .and_then(|p| p.geometries.get(i).filter(|old| is_same(old, geometry)).map(|_| p));
+            let summary =
+                known.map_or_else(|| Summary::of(geometry), |p| p.inventory.summaries[i].clone());
             if is_shown[i] { summary.with_cover(geometry) } else { summary }
         };
         self.geometries.par_iter().enumerate().with_min_len(16).map(summary).collect()
     }
 
-    /// True if a group holds what it held in the world before, in the same places, under the same numbers.
-    fn is_unchanged(&self, group: usize, occurrences: &Occurrences, bounds: &GroupBounds, previous: &World) -> bool {
-        let (new, Some(old)) = (&self.groups[group], previous.groups.get(group)) else { return false };
+    /// True if a group holds what it held in the world before, in the same places, under the same
+    /// numbers.
+    fn is_unchanged(
+        &self,
+        group: usize,
+        occurrences: &Occurrences,
+        bounds: &GroupBounds,
+        previous: &World,
+    ) -> bool {
+        let (new, Some(old)) = (&self.groups[group], previous.groups.get(group)) else {
+            return false;
+        };
         let same_boxes = |child: usize| {
             let inventory = &previous.inventory;
             bounds.exact[child] == inventory.exact[child]
@@ -137,10 +164,9 @@ impl WorldBuilder {
                 && bounds.covers[child] == inventory.covers[child]
         };
         new.geometries == old.geometries
-            && new
-                .geometries
-                .iter()
-                .all(|g| is_same(&self.geometries[g.0 as usize], &previous.geometries[g.0 as usize]))
+            && new.geometries.iter().all(|g| {
+                is_same(&self.geometries[g.0 as usize], &previous.geometries[g.0 as usize])
+            })
             && new.instances.len() == old.instances.len()
             && occurrences.offsets[group] == previous.occurrences.offsets[group]
             && new.instances.iter().zip(&old.instances).all(|(a, b)| {
@@ -153,7 +179,10 @@ impl WorldBuilder {
     }
 
     /// The parts of `previous` that may be taken over: trees of the same kind.
-    pub(super) fn alike<'a>(options: &BuildOptions, previous: Option<&'a World>) -> Option<&'a World> {
+    pub(super) fn alike<'a>(
+        options: &BuildOptions,
+        previous: Option<&'a World>,
+    ) -> Option<&'a World> {
         previous.filter(|p| {
             let inventory = &p.inventory;
             options.accelerator == AcceleratorKind::Bvh
@@ -199,7 +228,12 @@ impl WorldBuilder {
         let lists = self.group_lists(occurrences)?;
         let n = self.groups.len();
         let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
-        let bvh = BvhOptions { quality: options.quality, compact: options.compact, simd, cache: options.cache.clone() };
+        let bvh = BvhOptions {
+            quality: options.quality,
+            compact: options.compact,
+            simd,
+            cache: options.cache.clone(),
+        };
         let mut inventory = Inventory {
             accelerator: options.accelerator,
             quality: options.quality,
@@ -214,7 +248,8 @@ impl WorldBuilder {
         let structure = match (options.accelerator.build(), options.accelerator) {
             (Some(build), _) => {
                 inventory.reuse.built = n;
-                let built = Structures::build(lists, &bounds.objects, build, &options.accelerator_options);
+                let built =
+                    Structures::build(lists, &bounds.objects, build, &options.accelerator_options);
                 Structure::Walked(built.map_err(WorldError::Limit)?)
             }
             (None, AcceleratorKind::None) => {
@@ -228,10 +263,12 @@ impl WorldBuilder {
                 });
                 let grown = (0..n).into_par_iter().map(|group| {
                     let old = old.filter(|(forest, _)| group < forest.trees.len());
-                    let old = old.map(|(forest, inventory)| (&forest.trees[group], inventory.costs[group]));
+                    let old = old
+                        .map(|(forest, inventory)| (&forest.trees[group], inventory.costs[group]));
                     tree(&lists[group], &bounds.objects[group], &bvh, old, unchanged[group])
                 });
-                let grown: Vec<Grown> = grown.collect::<Result<_, _>>().map_err(WorldError::Limit)?;
+                let grown: Vec<Grown> =
+                    grown.collect::<Result<_, _>>().map_err(WorldError::Limit)?;
                 for grown in &grown {
                     let count = match grown.how {
                         How::Kept => &mut inventory.reuse.kept,
@@ -241,7 +278,10 @@ impl WorldBuilder {
                     *count += 1;
                     inventory.costs.push(grown.cost);
                 }
-                Structure::Bvh(Forest::of(grown.into_iter().map(|g| g.tree).collect(), &occurrences.order))
+                Structure::Bvh(Forest::of(
+                    grown.into_iter().map(|g| g.tree).collect(),
+                    &occurrences.order,
+                ))
             }
         };
         let stats = self.count_triangles(occurrences, &structure, &inventory);

@@ -1,16 +1,20 @@
-//! The smooth surfaces that vertex normals stand for, and where rays leave them: so that coarse triangles that are meant to be round
-//! have no jagged edge between light and shadow (the *shadow terminator problem*).
+//! The smooth surfaces that vertex normals stand for, and where rays leave them: so that coarse
+//! triangles that are meant to be round have no jagged edge between light and shadow (the *shadow
+//! terminator problem*).
 //!
-//! A point of a triangle is lifted onto the mean of the planes that the vertex normals span at its corners, weighted by its barycentric
-//! coordinates (Hanika, Hacking the Shadow Terminator, Ray Tracing Gems II, 2021, chapter 4). Where the surface is hollow, seen from
-//! where the path comes, nothing is lifted: there no triangle is in the way.
+//! A point of a triangle is lifted onto the mean of the planes that the vertex normals span at its
+//! corners, weighted by its barycentric coordinates (Hanika, Hacking the Shadow Terminator, Ray
+//! Tracing Gems II, 2021, chapter 4). Where the surface is hollow, seen from where the path comes,
+//! nothing is lifted: there no triangle is in the way.
 //!
-//! Only rays that leave nearly along the triangle, or through its plane, start from there: all others are as right from where they are,
-//! and shadows of what touches the surface stay where they are (as in Blender's Cycles, where this is the *geometry offset*). The
-//! other remedy darkens what the normals would light, by a factor of the cosines alone (Chiang, Li and Burley, Taming the Shadow
-//! Terminator, 2019; Conty Estevez, Lecocq and Stein, A Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem,
-//! 2019). It is made for normals that are bent by maps, which know of no surface: on coarse triangles it keeps the border where the
-//! triangles have it and blurs it, while it is meant to be where the round surface has it.
+//! Only rays that leave nearly along the triangle, or through its plane, start from there: all
+//! others are as right from where they are, and shadows of what touches the surface stay where they
+//! are (as in Blender's Cycles, where this is the *geometry offset*). The other remedy darkens what
+//! the normals would light, by a factor of the cosines alone (Chiang, Li and Burley, Taming the
+//! Shadow Terminator, 2019; Conty Estevez, Lecocq and Stein, A Microfacet-Based Shadowing Function
+//! to Solve the Bump Terminator Problem, 2019). It is made for normals that are bent by maps, which
+//! know of no surface: on coarse triangles it keeps the border where the triangles have it and
+//! blurs it, while it is meant to be where the round surface has it.
 
 use super::triangles::{HitVectors, TRIANGLE_HITS, TriangleHits, TrianglePoints};
 use super::{Geometry, GeometryId, GroupId, World};
@@ -23,8 +27,9 @@ use snell_math::{DVec3, Vec3, at_level, robust};
 /// Rays that rise higher above a triangle than this sine are not lifted at all.
 const STEEP: f32 = 0.1;
 
-/// Cosines of the largest angle between the normal of a triangle and those of its corners: from the first on nothing is lifted, up to
-/// the second everything is. Normals that are bent further round off the edges of boxes and do not stand for a surface.
+/// Cosines of the largest angle between the normal of a triangle and those of its corners: from the
+/// first on nothing is lifted, up to the second everything is. Normals that are bent further round
+/// off the edges of boxes and do not stand for a surface.
 const BENT: [f32; 2] = [0.6, 0.8];
 
 /// From a point of a triangle to the smooth surface, on the side of `wo`.
@@ -50,26 +55,40 @@ fn lift(corners: [Vec3; 3], normals: [Vec3; 3], [b1, b2]: [f32; 2], flat: Vec3, 
     if is_bent & (lift.length_squared() < f32::INFINITY) { lift } else { Vec3::ZERO }
 }
 
-/// The start of a ray that leaves a surface of this [`World::lift`]: as [`robust::offset_ray_origin`] where that is zero.
+/// The start of a ray that leaves a surface of this [`World::lift`]: as
+/// [`robust::offset_ray_origin`] where that is zero.
 #[inline(always)]
-pub fn lifted_ray_origin(position: Vec3, error: Vec3, normal: Vec3, lift: Vec3, direction: Vec3) -> Vec3 {
+pub fn lifted_ray_origin(
+    position: Vec3,
+    error: Vec3,
+    normal: Vec3,
+    lift: Vec3,
+    direction: Vec3,
+) -> Vec3 {
     let is_lifted = lift != Vec3::ZERO;
     let rise = if lift.dot(normal) < 0.0 { -direction.dot(normal) } else { direction.dot(normal) };
     let share = most(least(1.0 - rise * (1.0 / STEEP), 1.0), 0.0);
     let lifted = position + lift * share;
     let pick = |lifted: f32, plain: f32| if is_lifted { lifted } else { plain };
-    let from = Vec3::new(pick(lifted.x, position.x), pick(lifted.y, position.y), pick(lifted.z, position.z));
-    let towards = Vec3::new(pick(lift.x, direction.x), pick(lift.y, direction.y), pick(lift.z, direction.z));
+    let from = Vec3::new(
+        pick(lifted.x, position.x),
+        pick(lifted.y, position.y),
+        pick(lifted.z, position.z),
+    );
+    let towards =
+        Vec3::new(pick(lift.x, direction.x), pick(lift.y, direction.y), pick(lift.z, direction.z));
     robust::offset_ray_origin(from, error, normal, towards)
 }
 
 impl World {
-    /// The way from a point of a mesh with vertex normals to the smooth surface that these stand for, on the side from which `ray`
-    /// arrives; zero for everything else, and where the smooth surface is behind the mesh. What rays that are reflected there do with
-    /// it is [`lifted_ray_origin`].
+    /// The way from a point of a mesh with vertex normals to the smooth surface that these stand
+    /// for, on the side from which `ray` arrives; zero for everything else, and where the smooth
+    /// surface is behind the mesh. What rays that are reflected there do with it is
+    /// [`lifted_ray_origin`].
     pub fn lift<'a>(&self, ray: impl Into<RayQuery<'a>>, surface: &SurfaceInteraction) -> Vec3 {
         let RayQuery { ray, time, .. } = ray.into();
-        let &SurfaceInteraction { t, primitive_uv: uv, instance, geometry, primitive, .. } = surface;
+        let &SurfaceInteraction { t, primitive_uv: uv, instance, geometry, primitive, .. } =
+            surface;
         let hit = Hit { t, uv, instance, geometry, primitive };
         let is_smooth = match self.geometry(GeometryId(geometry)) {
             Geometry::Mesh(mesh) => !mesh.normals.is_empty(),
@@ -80,8 +99,15 @@ impl World {
         if !is_smooth {
             return Vec3::ZERO;
         }
-        let lift =
-            self.lift_in_group(GroupId(0), instance, -ray.direction.as_dvec3(), clamped_time(time), &hit).as_vec3();
+        let lift = self
+            .lift_in_group(
+                GroupId(0),
+                instance,
+                -ray.direction.as_dvec3(),
+                clamped_time(time),
+                &hit,
+            )
+            .as_vec3();
         if lift.is_finite() { lift } else { Vec3::ZERO }
     }
 
@@ -90,7 +116,13 @@ impl World {
         if let Some((step, left)) = self.step(group, rest) {
             let instance = &self.group(group).instances[step];
             let map = instance.at(time);
-            return map.vector(self.lift_in_group(instance.child, left, map.inverse().vector(wo), time, hit));
+            return map.vector(self.lift_in_group(
+                instance.child,
+                left,
+                map.inverse().vector(wo),
+                time,
+                hit,
+            ));
         }
         match self.geometry(GeometryId(hit.geometry)) {
             Geometry::Mesh(mesh) => lift_in_mesh(mesh, wo, hit),
@@ -114,8 +146,15 @@ fn lift_in_mesh(mesh: &TriangleMesh, wo: DVec3, hit: &Hit) -> DVec3 {
 }
 
 impl TriangleHits {
-    /// What [`World::lift`] says of all lanes, bit for bit, for paths that come from the directions `wo`.
-    pub fn lifts(&self, points: &TrianglePoints, wo: &HitVectors, to: &mut HitVectors, wide: Option<Wide>) {
+    /// What [`World::lift`] says of all lanes, bit for bit, for paths that come from the directions
+    /// `wo`.
+    pub fn lifts(
+        &self,
+        points: &TrianglePoints,
+        wo: &HitVectors,
+        to: &mut HitVectors,
+        wide: Option<Wide>,
+    ) {
         at_level!(
             wide,
             lifts,
@@ -133,8 +172,10 @@ impl TriangleHits {
 fn lifts(hits: &TriangleHits, points: &TrianglePoints, wo: &HitVectors, to: &mut HitVectors) {
     for i in 0..TRIANGLE_HITS {
         let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
-        let corners = [vector(&hits.corners[0]), vector(&hits.corners[1]), vector(&hits.corners[2])];
-        let normals = [vector(&hits.normals[0]), vector(&hits.normals[1]), vector(&hits.normals[2])];
+        let corners =
+            [vector(&hits.corners[0]), vector(&hits.corners[1]), vector(&hits.corners[2])];
+        let normals =
+            [vector(&hits.normals[0]), vector(&hits.normals[1]), vector(&hits.normals[2])];
         let weights = [hits.weights[0][i], hits.weights[1][i]];
         let lift = lift(corners, normals, weights, vector(&points.geometric_normal), vector(wo));
         (to[0][i], to[1][i], to[2][i]) = (lift.x, lift.y, lift.z);
@@ -148,12 +189,15 @@ mod tests {
     use snell_math::simd::Level;
     use snell_math::{DMat4, Ray, Transform, Vec2, rng};
 
-    /// Triangles with their corners on the unit sphere, none of which spans more than so much of it.
+    /// Triangles with their corners on the unit sphere, none of which spans more than so much of
+    /// it.
     fn pieces_of_a_sphere(size: f32) -> TriangleMesh {
         let number = |i: u32, k: u32| rng::uniform2([i, k, 7, 7]).x * 2.0 - 1.0;
         let positions: Vec<Vec3> = (0..TRIANGLE_HITS as u32)
             .flat_map(|t| {
-                let vector = |k: u32| Vec3::new(number(t, 3 * k), number(t, 3 * k + 1), number(t, 3 * k + 2));
+                let vector = |k: u32| {
+                    Vec3::new(number(t, 3 * k), number(t, 3 * k + 1), number(t, 3 * k + 2))
+                };
                 [1, 2, 3].map(|k| (vector(0).normalize() + vector(k) * size).normalize())
             })
             .collect();
@@ -164,7 +208,13 @@ mod tests {
                 < 0.0
         };
         let indices = (0..TRIANGLE_HITS as u32)
-            .map(|t| if turned(t) { [3 * t, 3 * t + 2, 3 * t + 1] } else { [3 * t, 3 * t + 1, 3 * t + 2] })
+            .map(|t| {
+                if turned(t) {
+                    [3 * t, 3 * t + 2, 3 * t + 1]
+                } else {
+                    [3 * t, 3 * t + 1, 3 * t + 2]
+                }
+            })
             .collect();
         TriangleMesh { normals: positions.clone(), positions, indices, ..TriangleMesh::default() }
     }
@@ -177,7 +227,13 @@ mod tests {
 
     fn hits() -> Vec<Hit> {
         let uv = |t: u32| rng::uniform2([t, 1, 2, 3]) * 0.5;
-        let hit = |t: u32| Hit { t: 1.0, uv: Vec2::new(uv(t).x, uv(t).y), instance: 0, geometry: 0, primitive: t };
+        let hit = |t: u32| Hit {
+            t: 1.0,
+            uv: Vec2::new(uv(t).x, uv(t).y),
+            instance: 0,
+            geometry: 0,
+            primitive: t,
+        };
         (0..TRIANGLE_HITS as u32).map(hit).collect()
     }
 
@@ -187,7 +243,8 @@ mod tests {
         let world = world_of(mesh.clone());
         let mut deepest = 0.0f32;
         for hit in hits() {
-            let outward = world.interaction(&Ray::new(Vec3::ZERO, Vec3::Z), &hit).position.normalize();
+            let outward =
+                world.interaction(&Ray::new(Vec3::ZERO, Vec3::Z), &hit).position.normalize();
             let from_outside = Ray::new(outward * 2.0, -outward);
             let surface = world.interaction(&from_outside, &hit);
             let lift = world.lift(&from_outside, &surface);
@@ -196,7 +253,8 @@ mod tests {
             // Slivers do not lie along the sphere.
             let corners = mesh.indices[hit.primitive as usize].map(|i| mesh.normals[i as usize]);
             if corners.iter().all(|n| n.dot(surface.geometric_normal) > BENT[1]) {
-                // The planes touch the sphere at the corners and are above it elsewhere: by what the triangle is below.
+                // The planes touch the sphere at the corners and are above it elsewhere: by what
+                // the triangle is below.
                 assert!((0.8 * depth..1.2 * depth + 1e-6).contains(&left), "{left} of {depth}");
                 deepest = deepest.max(depth);
             }
@@ -266,11 +324,16 @@ mod tests {
         let group = builder.add_group();
         builder.add_mesh(group, pieces_of_a_sphere(0.2).into());
         builder.add_instance(WorldBuilder::ROOT, group, map);
-        let (world, alone) =
-            (builder.build(&BuildOptions::default()).expect("a world"), world_of(pieces_of_a_sphere(0.2)));
+        let (world, alone) = (
+            builder.build(&BuildOptions::default()).expect("a world"),
+            world_of(pieces_of_a_sphere(0.2)),
+        );
         for hit in hits() {
             let ray = Ray::new(Vec3::splat(9.0), Vec3::splat(-0.5));
-            let local = Ray::new(Vec3::splat(9.0), map.inverse().vector(ray.direction.as_dvec3()).as_vec3());
+            let local = Ray::new(
+                Vec3::splat(9.0),
+                map.inverse().vector(ray.direction.as_dvec3()).as_vec3(),
+            );
             let here = Hit { instance: 1, ..hit };
             let lift = world.lift(&ray, &world.interaction(&ray, &here));
             let expected = alone.lift(&local, &alone.interaction(&local, &hit));
@@ -280,7 +343,9 @@ mod tests {
 
     #[test]
     fn only_rays_along_the_surface_start_from_the_lifted_point() {
-        let origin = |lift, direction| lifted_ray_origin(Vec3::X, Vec3::splat(1e-7), Vec3::Z, lift, direction);
+        let origin = |lift, direction| {
+            lifted_ray_origin(Vec3::X, Vec3::splat(1e-7), Vec3::Z, lift, direction)
+        };
         let lift = Vec3::new(0.0, 0.0, 0.25);
         let near = |a: Vec3, b: Vec3| (a - b).length() < 1e-6;
         assert!(near(origin(lift, Vec3::new(0.6, 0.0, 0.8)), Vec3::X));

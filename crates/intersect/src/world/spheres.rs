@@ -12,7 +12,8 @@ type Doubles = [f64; LANES];
 /// An affine map for each hit: columns, the translation last, by axis.
 type Maps = [[Doubles; 3]; 4];
 
-/// Hits on spheres, gathered one by one with [`World::gather_sphere`] and worked on together by [`Self::points`].
+/// Hits on spheres, gathered one by one with [`World::gather_sphere`] and worked on together by
+/// [`Self::points`].
 #[derive(Clone, Debug)]
 pub struct SphereHits {
     origin: HitVectors,
@@ -44,12 +45,15 @@ impl Default for SphereHits {
 }
 
 impl World {
-    /// Puts a hit into a lane. False, and nothing is done, unless it is on a sphere that is not instanced.
+    /// Puts a hit into a lane. False, and nothing is done, unless it is on a sphere that is not
+    /// instanced.
     pub fn gather_sphere(&self, ray: &Ray, hit: &Hit, lane: usize, hits: &mut SphereHits) -> bool {
         if self.step(GroupId(0), hit.instance).is_some() {
             return false;
         }
-        let Geometry::Shape(shape, placed) = self.geometry(GeometryId(hit.geometry)) else { return false };
+        let Geometry::Shape(shape, placed) = self.geometry(GeometryId(hit.geometry)) else {
+            return false;
+        };
         let Some(sphere) = shape.as_sphere() else { return false };
         for axis in 0..3 {
             hits.origin[axis][lane] = ray.origin[axis];
@@ -97,7 +101,8 @@ fn points(hits: &SphereHits, to: &mut TrianglePoints) {
         let column = |v: &[Doubles; 3]| DVec3::new(v[0][i], v[1][i], v[2][i]);
         let matrix = |m: &Maps| DMat3::from_cols(column(&m[0]), column(&m[1]), column(&m[2]));
         let (out, back) = (matrix(&hits.world_from_sphere), matrix(&hits.sphere_from_world));
-        let (out_by, back_by) = (column(&hits.world_from_sphere[3]), column(&hits.sphere_from_world[3]));
+        let (out_by, back_by) =
+            (column(&hits.world_from_sphere[3]), column(&hits.sphere_from_world[3]));
         // In the coordinates of the sphere.
         let origin = back * vector(&hits.origin) + back_by;
         let met = origin + back * vector(&hits.direction) * f64::from(hits.t[i]);
@@ -112,7 +117,8 @@ fn points(hits: &SphereHits, to: &mut TrianglePoints) {
         let up = (grow * local.abs() + out_by.abs()) * MAP_ERROR;
         let down = (magnitudes(&back) * position.abs() + back_by.abs()) * MAP_ERROR;
         let error = grow * (rounding + down) + up;
-        let mapped = DVec3::new(back.x_axis.dot(normal), back.y_axis.dot(normal), back.z_axis.dot(normal));
+        let mapped =
+            DVec3::new(back.x_axis.dot(normal), back.y_axis.dot(normal), back.z_axis.dot(normal));
         let mapped_scale = 1.0 / mapped.length();
         let unit = mapped * mapped_scale;
         let unit = unit * (1.0 / unit.length());
@@ -131,8 +137,10 @@ fn points(hits: &SphereHits, to: &mut TrianglePoints) {
             let off = f32::from_bits(off.to_bits() + 1);
             to.position[axis][i] = marked(is_there, single, to.position[axis][i]);
             to.position_error[axis][i] = marked(is_there, off, to.position_error[axis][i]);
-            to.geometric_normal[axis][i] = marked(is_there, unit[axis] as f32, to.geometric_normal[axis][i]);
-            to.shading_normal[axis][i] = marked(is_there, unit[axis] as f32, to.shading_normal[axis][i]);
+            to.geometric_normal[axis][i] =
+                marked(is_there, unit[axis] as f32, to.geometric_normal[axis][i]);
+            to.shading_normal[axis][i] =
+                marked(is_there, unit[axis] as f32, to.shading_normal[axis][i]);
         }
         to.is_sound[i] = marked(is_there, u32::from(is_sound), to.is_sound[i]);
     }
@@ -168,15 +176,31 @@ mod tests {
         for i in 0..9 {
             let [x, y, z] = [0, 1, 2].map(|k| vector(i, k).as_dvec3());
             let matrix = DMat3::from_cols(x, y, z) + DMat3::IDENTITY * 1.5;
-            let map = DAffine3::from_mat3_translation(matrix, vector(i, 3).as_dvec3() * 10f64.powi(i as i32 - 3));
+            let map = DAffine3::from_mat3_translation(
+                matrix,
+                vector(i, 3).as_dvec3() * 10f64.powi(i as i32 - 3),
+            );
             let map = Transform::new(map).expect("an invertible map");
-            builder.add_shape(WorldBuilder::ROOT, Arc::new(Sphere { radius: 0.3 * f64::from(i + 1) }), map);
+            builder.add_shape(
+                WorldBuilder::ROOT,
+                Arc::new(Sphere { radius: 0.3 * f64::from(i + 1) }),
+                map,
+            );
         }
         let world = builder.build(&BuildOptions::default()).expect("a world");
         let hits: Vec<(Ray, Hit)> = (0..LANES as u32)
             .map(|i| {
                 let ray = Ray::new(vector(i, 10) * 9.0, vector(i, 11));
-                (ray, Hit { t: vector(i, 12).x + 1.0, instance: 0, geometry: i % 9, primitive: 0, ..Hit::MISS })
+                (
+                    ray,
+                    Hit {
+                        t: vector(i, 12).x + 1.0,
+                        instance: 0,
+                        geometry: i % 9,
+                        primitive: 0,
+                        ..Hit::MISS
+                    },
+                )
             })
             .collect();
         let mut gathered = SphereHits::default();

@@ -31,7 +31,11 @@ impl Random {
     }
 
     pub fn point(&mut self, extent: f32) -> Vec3 {
-        Vec3::new(self.range(-extent, extent), self.range(-extent, extent), self.range(-extent, extent))
+        Vec3::new(
+            self.range(-extent, extent),
+            self.range(-extent, extent),
+            self.range(-extent, extent),
+        )
     }
 
     pub fn direction(&mut self) -> Vec3 {
@@ -41,9 +45,13 @@ impl Random {
 
     /// Turned, stretched unevenly, sometimes mirrored, moved.
     pub fn transform(&mut self, extent: f32) -> Transform {
-        let turn = DMat3::from_axis_angle(self.direction().as_dvec3(), f64::from(self.range(0.0, 6.0)));
-        let mut scale =
-            DVec3::new(self.range(0.3, 1.5).into(), self.range(0.3, 1.5).into(), self.range(0.3, 1.5).into());
+        let turn =
+            DMat3::from_axis_angle(self.direction().as_dvec3(), f64::from(self.range(0.0, 6.0)));
+        let mut scale = DVec3::new(
+            self.range(0.3, 1.5).into(),
+            self.range(0.3, 1.5).into(),
+            self.range(0.3, 1.5).into(),
+        );
         if self.unit() < 0.5 {
             scale.x = -scale.x;
         }
@@ -127,7 +135,14 @@ pub(crate) fn default_world(builder: WorldBuilder) -> World {
 }
 
 pub(crate) fn bits(hit: &Hit) -> [u32; 6] {
-    [hit.t.to_bits(), hit.uv.x.to_bits(), hit.uv.y.to_bits(), hit.instance, hit.geometry, hit.primitive]
+    [
+        hit.t.to_bits(),
+        hit.uv.x.to_bits(),
+        hit.uv.y.to_bits(),
+        hit.instance,
+        hit.geometry,
+        hit.primitive,
+    ]
 }
 
 /// On a lattice, so that rays meet edges, vertices and flat boxes all the time.
@@ -136,8 +151,14 @@ pub(crate) fn lattice_point() -> impl Strategy<Value = Vec3> {
 }
 
 /// Compares all claims about hits, however rays are grouped, with the oracle.
-pub(crate) fn check(world: &World, oracle: &World, rays: Rays, filter: &dyn HitFilter) -> Result<(), TestCaseError> {
-    let expected: Vec<Hit> = (0..rays.len()).map(|i| oracle.closest_one(rays.get(i), filter)).collect();
+pub(crate) fn check(
+    world: &World,
+    oracle: &World,
+    rays: Rays,
+    filter: &dyn HitFilter,
+) -> Result<(), TestCaseError> {
+    let expected: Vec<Hit> =
+        (0..rays.len()).map(|i| oracle.closest_one(rays.get(i), filter)).collect();
     for grouping in [Grouping::Coherent, Grouping::None] {
         let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
         world.closest(rays, grouping, filter, &mut hits);
@@ -155,13 +176,19 @@ pub(crate) fn levels() -> impl Iterator<Item = Level> {
 }
 
 pub(crate) fn sphere_mesh(center: Vec3, radius: f32, rings: u32, segments: u32) -> TriangleMesh {
-    let DTriangleMesh { positions, indices } = double_sphere(center.as_dvec3(), radius.into(), rings, segments);
+    let DTriangleMesh { positions, indices } =
+        double_sphere(center.as_dvec3(), radius.into(), rings, segments);
     let positions = positions.iter().map(|p| p.as_vec3()).collect();
     TriangleMesh { positions, indices, ..TriangleMesh::default() }
 }
 
 /// A closed sphere of triangles between circles of latitude and longitude.
-pub(crate) fn double_sphere(center: DVec3, radius: f64, rings: u32, segments: u32) -> DTriangleMesh {
+pub(crate) fn double_sphere(
+    center: DVec3,
+    radius: f64,
+    rings: u32,
+    segments: u32,
+) -> DTriangleMesh {
     let mut mesh = DTriangleMesh::default();
     let mut add = |z: f64, r: f64, phi: f64| {
         mesh.positions.push(DVec3::new(r * phi.cos(), r * phi.sin(), z) * radius + center);
@@ -170,7 +197,11 @@ pub(crate) fn double_sphere(center: DVec3, radius: f64, rings: u32, segments: u3
     for ring in 1..rings {
         let theta = std::f64::consts::PI * f64::from(ring) / f64::from(rings);
         (0..segments).for_each(|s| {
-            add(theta.cos(), theta.sin(), std::f64::consts::TAU * f64::from(s) / f64::from(segments));
+            add(
+                theta.cos(),
+                theta.sin(),
+                std::f64::consts::TAU * f64::from(s) / f64::from(segments),
+            );
         });
     }
     add(-1.0, 0.0, 0.0);

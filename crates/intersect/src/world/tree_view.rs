@@ -114,7 +114,13 @@ impl<'w> TreeView<'w> {
 
     /// Visits the triangles of a leaf: the number of each within the group, and its corners in the
     /// coordinates of the group.
-    pub fn triangles(&self, group: usize, block: u32, count: u32, mut visit: impl FnMut(u32, [Vec3; 3])) {
+    pub fn triangles(
+        &self,
+        group: usize,
+        block: u32,
+        count: u32,
+        mut visit: impl FnMut(u32, [Vec3; 3]),
+    ) {
         let mut room = MaybeUninit::uninit();
         let block = self.tree(group).blocks.get(block as usize, &mut room);
         for lane in 0..count as usize {
@@ -145,8 +151,15 @@ impl<'w> TreeView<'w> {
     /// Tests one triangle by the exact test that decides in every structure. `ray` is the ray in
     /// the world, whose interval counts; `local` is the same ray in the coordinates of `corners`;
     /// `ids` are the instance, geometry and primitive that the hit will name.
-    pub fn test_triangle(&self, ray: &Ray, local: &DRay, corners: &[Vec3; 3], ids: [u32; 3]) -> Option<Hit> {
-        let context = Context { filter: &AcceptAll, options: &self.world.options, data: &(), cancel: None };
+    pub fn test_triangle(
+        &self,
+        ray: &Ray,
+        local: &DRay,
+        corners: &[Vec3; 3],
+        ids: [u32; 3],
+    ) -> Option<Hit> {
+        let context =
+            Context { filter: &AcceptAll, options: &self.world.options, data: &(), cancel: None };
         let mut search = Search::new(ray.into(), &context, Closest::new(ray));
         test_triangle(&mut search, &LocalRay::new(local), &corners.map(|p| p.to_array()), || ids);
         let hit = search.goal.result();

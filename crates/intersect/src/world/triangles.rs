@@ -1,4 +1,5 @@
-//! Many hits on triangles at once: what [`World::interaction`] says of each, bit for bit, without what only some materials ask for.
+//! Many hits on triangles at once: what [`World::interaction`] says of each, bit for bit, without
+//! what only some materials ask for.
 
 use super::interaction::{MAP_ERROR, derivatives, spanning};
 use super::{Geometry, GeometryId, World};
@@ -15,7 +16,8 @@ pub type HitLanes = [f32; TRIANGLE_HITS];
 /// A vector for each hit, by axis.
 pub type HitVectors = [HitLanes; 3];
 
-/// The triangles of a mesh without vertex colours that does not move, in the coordinates of its group.
+/// The triangles of a mesh without vertex colours that does not move, in the coordinates of its
+/// group.
 #[derive(Clone, Copy, Debug)]
 pub struct PlainMesh<'w> {
     positions: &'w [Vec3],
@@ -26,7 +28,8 @@ pub struct PlainMesh<'w> {
     indices: &'w [[u32; 3]],
 }
 
-/// Hits on triangles, put together with [`Self::gather`] and worked on together by [`Self::points`].
+/// Hits on triangles, put together with [`Self::gather`] and worked on together by
+/// [`Self::points`].
 #[derive(Clone, Debug)]
 pub struct TriangleHits {
     /// Numbers of the corners.
@@ -37,7 +40,8 @@ pub struct TriangleHits {
     has_normals: [bool; TRIANGLE_HITS],
     /// Barycentric coordinates of the second and third corner.
     pub(super) weights: [HitLanes; 2],
-    /// First texture coordinates of the corners, where they were [asked for](Self::gather_uvs); zero where there are none.
+    /// First texture coordinates of the corners, where they were [asked for](Self::gather_uvs);
+    /// zero where there are none.
     uvs: [[HitLanes; 2]; 3],
 }
 
@@ -52,7 +56,8 @@ pub struct TrianglePoints {
     pub geometric_normal: HitVectors,
     /// Unit shading normals.
     pub shading_normal: HitVectors,
-    /// 1 where all of this is sound; 0 for degenerate triangles and overflow, which only [`World::interaction`] can tell about.
+    /// 1 where all of this is sound; 0 for degenerate triangles and overflow, which only
+    /// [`World::interaction`] can tell about.
     pub is_sound: [u32; TRIANGLE_HITS],
 }
 
@@ -74,13 +79,19 @@ impl Default for TriangleHits {
 impl Default for TrianglePoints {
     fn default() -> Self {
         let is_sound = [0; TRIANGLE_HITS];
-        Self { position: ZERO, position_error: ZERO, geometric_normal: ZERO, shading_normal: ZERO, is_sound }
+        Self {
+            position: ZERO,
+            position_error: ZERO,
+            geometric_normal: ZERO,
+            shading_normal: ZERO,
+            is_sound,
+        }
     }
 }
 
 impl World {
-    /// The triangles of a geometry, if [`TriangleHits`] can hold them: a mesh that does not move and has no vertex colours. Hits on it
-    /// must be in the root group (`instance` 0).
+    /// The triangles of a geometry, if [`TriangleHits`] can hold them: a mesh that does not move
+    /// and has no vertex colours. Hits on it must be in the root group (`instance` 0).
     pub fn plain_mesh(&self, geometry: GeometryId) -> Option<PlainMesh<'_>> {
         match self.geometry(geometry) {
             Geometry::Mesh(mesh) if mesh.colors.is_empty() => {
@@ -95,7 +106,10 @@ impl World {
 impl TriangleHits {
     /// Puts hits into lanes: lane, mesh and hit of each.
     #[inline]
-    pub fn gather<'w>(&mut self, hits: impl Iterator<Item = (usize, &'w PlainMesh<'w>, &'w Hit)> + Clone) {
+    pub fn gather<'w>(
+        &mut self,
+        hits: impl Iterator<Item = (usize, &'w PlainMesh<'w>, &'w Hit)> + Clone,
+    ) {
         // In two steps, so that what is far away in memory is on its way for many hits at once.
         for (lane, mesh, hit) in hits.clone() {
             self.indices[lane] = mesh.indices[hit.primitive as usize];
@@ -114,7 +128,8 @@ impl TriangleHits {
         }
     }
 
-    /// Puts the texture coordinates of hits that are in lanes already beside them: [`Self::tangents`] needs them.
+    /// Puts the texture coordinates of hits that are in lanes already beside them:
+    /// [`Self::tangents`] needs them.
     #[inline]
     pub fn gather_uvs<'w>(&mut self, hits: impl Iterator<Item = (usize, &'w PlainMesh<'w>)>) {
         for (lane, mesh) in hits {
@@ -126,7 +141,8 @@ impl TriangleHits {
         }
     }
 
-    /// Which way the first texture coordinates run at the points of all lanes: [`crate::SurfaceInteraction::dpdu`].
+    /// Which way the first texture coordinates run at the points of all lanes:
+    /// [`crate::SurfaceInteraction::dpdu`].
     pub fn tangents(&self, points: &TrianglePoints, to: &mut HitVectors, wide: Option<Wide>) {
         at_level!(
             wide,
@@ -143,8 +159,12 @@ impl TriangleHits {
     /// The points of all lanes, also of those that nothing was put into.
     pub fn points(&self, to: &mut TrianglePoints, wide: Option<Wide>) {
         match self.has_normals() {
-            true => at_level!(wide, points::<true>, (hits: &TriangleHits = self, to: &mut TrianglePoints = to)),
-            false => at_level!(wide, points::<false>, (hits: &TriangleHits = self, to: &mut TrianglePoints = to)),
+            true => {
+                at_level!(wide, points::<true>, (hits: &TriangleHits = self, to: &mut TrianglePoints = to))
+            }
+            false => {
+                at_level!(wide, points::<false>, (hits: &TriangleHits = self, to: &mut TrianglePoints = to))
+            }
         }
     }
 }
@@ -189,7 +209,8 @@ fn points<const SMOOTH: bool>(hits: &TriangleHits, to: &mut TrianglePoints) {
         let error = greater(greater(largest(p0), largest(p1)), largest(p2)) * 4.0 * MAP_ERROR;
         let normal = cross(minus(p1, p0), minus(p2, p0));
         let scale = inverse_length(normal);
-        let mut is_sound = (scale > 0.0) & (scale < f64::INFINITY) & (error < f64::from(f32::MAX) * 1e-10);
+        let mut is_sound =
+            (scale > 0.0) & (scale < f64::INFINITY) & (error < f64::from(f32::MAX) * 1e-10);
         let mut flat = [0.0f32; 3];
         for axis in 0..3 {
             let position = p0[axis] * b0 + p1[axis] * b1 + p2[axis] * b2;
@@ -207,13 +228,18 @@ fn points<const SMOOTH: bool>(hits: &TriangleHits, to: &mut TrianglePoints) {
         }
         to.is_sound[i] = u32::from(is_sound);
         if SMOOTH {
-            let [n0, n1, n2] = [wide(&hits.normals[0]), wide(&hits.normals[1]), wide(&hits.normals[2])];
+            let [n0, n1, n2] =
+                [wide(&hits.normals[0]), wide(&hits.normals[1]), wide(&hits.normals[2])];
             // (Not by `map`, which is a call that would keep the loop from becoming vector code.)
             let blend = |axis: usize| n0[axis] * b0 + n1[axis] * b1 + n2[axis] * b2;
             let blended = [blend(0), blend(1), blend(2)];
             let scale = inverse_length(blended);
             let has_own = u32::from((scale > 0.0) & (scale < f64::INFINITY));
-            let smooth = [(blended[0] * scale) as f32, (blended[1] * scale) as f32, (blended[2] * scale) as f32];
+            let smooth = [
+                (blended[0] * scale) as f32,
+                (blended[1] * scale) as f32,
+                (blended[2] * scale) as f32,
+            ];
             let is_behind = smooth[0] * flat[0] + smooth[1] * flat[1] + smooth[2] * flat[2] < 0.0;
             let side = if is_behind { -1.0 } else { 1.0 };
             for axis in 0..3 {
@@ -232,9 +258,13 @@ fn tangents(hits: &TriangleHits, points: &TrianglePoints, to: &mut HitVectors) {
         let p = [corner(&hits.corners[0]), corner(&hits.corners[1]), corner(&hits.corners[2])];
         let normal = (p[1] - p[0]).cross(p[2] - p[0]);
         let normal = normal * (1.0 / normal.length());
-        let (dpdu, dpdv) = derivatives(&p, [uv(&hits.uvs[0]), uv(&hits.uvs[1]), uv(&hits.uvs[2])], normal);
-        let shading_normal =
-            Vec3::new(points.shading_normal[0][i], points.shading_normal[1][i], points.shading_normal[2][i]);
+        let (dpdu, dpdv) =
+            derivatives(&p, [uv(&hits.uvs[0]), uv(&hits.uvs[1]), uv(&hits.uvs[2])], normal);
+        let shading_normal = Vec3::new(
+            points.shading_normal[0][i],
+            points.shading_normal[1][i],
+            points.shading_normal[2][i],
+        );
         let (dpdu, _) = spanning(dpdu.as_vec3(), dpdv.as_vec3(), shading_normal);
         (to[0][i], to[1][i], to[2][i]) = (dpdu.x, dpdu.y, dpdu.z);
     }
@@ -257,13 +287,21 @@ mod tests {
 
     #[test]
     fn many_points_are_those_of_single_interactions_at_every_level() {
-        for (with_normals, with_uvs, far) in [(false, true, 0.0), (true, true, 0.0), (true, false, 1e5)] {
-            let positions = (0..3 * TRIANGLE_HITS as u32).map(|i| vector(i, 0) + Vec3::splat(far)).collect();
-            let normals = (0..3 * TRIANGLE_HITS as u32).map(|i| vector(i, 1)).filter(|_| with_normals).collect();
-            let indices = (0..TRIANGLE_HITS as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        for (with_normals, with_uvs, far) in
+            [(false, true, 0.0), (true, true, 0.0), (true, false, 1e5)]
+        {
+            let positions =
+                (0..3 * TRIANGLE_HITS as u32).map(|i| vector(i, 0) + Vec3::splat(far)).collect();
+            let normals = (0..3 * TRIANGLE_HITS as u32)
+                .map(|i| vector(i, 1))
+                .filter(|_| with_normals)
+                .collect();
+            let indices =
+                (0..TRIANGLE_HITS as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
             // (Coordinates that are the same at all corners now and then.)
             let uv = |i: u32| vector(if (i / 3).is_multiple_of(7) { 0 } else { i }, 2).truncate();
-            let uvs = [(0..3 * TRIANGLE_HITS as u32).map(uv).filter(|_| with_uvs).collect(), Vec::new()];
+            let uvs =
+                [(0..3 * TRIANGLE_HITS as u32).map(uv).filter(|_| with_uvs).collect(), Vec::new()];
             let mesh = TriangleMesh { positions, normals, uvs, indices, ..TriangleMesh::default() };
             let mut builder = WorldBuilder::default();
             builder.add_mesh(WorldBuilder::ROOT, mesh.into());
@@ -271,7 +309,13 @@ mod tests {
             let hits: Vec<Hit> = (0..TRIANGLE_HITS as u32)
                 .map(|t| {
                     let uv = rng::uniform2([t, 9, 9, 9]) * 0.5;
-                    Hit { t: 1.0, uv: Vec2::new(uv.x, uv.y), instance: 0, geometry: 0, primitive: t }
+                    Hit {
+                        t: 1.0,
+                        uv: Vec2::new(uv.x, uv.y),
+                        instance: 0,
+                        geometry: 0,
+                        primitive: t,
+                    }
                 })
                 .collect();
             let mut gathered = TriangleHits::default();
@@ -308,7 +352,13 @@ mod tests {
         let world = builder.build(&BuildOptions::default()).expect("a world");
         let mut gathered = TriangleHits::default();
         let mesh = world.plain_mesh(GeometryId(0)).expect("a mesh");
-        let hits = [0, 1].map(|primitive| Hit { t: 1.0, uv: Vec2::splat(0.3), instance: 0, geometry: 0, primitive });
+        let hits = [0, 1].map(|primitive| Hit {
+            t: 1.0,
+            uv: Vec2::splat(0.3),
+            instance: 0,
+            geometry: 0,
+            primitive,
+        });
         gathered.gather(hits.iter().enumerate().map(|(lane, hit)| (lane, &mesh, hit)));
         let mut points = TrianglePoints::default();
         gathered.points(&mut points, None);

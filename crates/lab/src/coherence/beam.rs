@@ -41,8 +41,9 @@ impl VisiblePiece {
 
 /// Traces beams through a world. One for each thread.
 ///
-/// A beam starts as one piece, in which nothing is visible. The triangles in it come nearest box first, and each cuts from the pieces what it
-/// hides, until all pieces are nearer than the next box. A beam of many pieces is divided, and its parts go on where it stopped.
+/// A beam starts as one piece, in which nothing is visible. The triangles in it come nearest box
+/// first, and each cuts from the pieces what it hides, until all pieces are nearer than the next
+/// box. A beam of many pieces is divided, and its parts go on where it stopped.
 #[derive(Debug)]
 pub struct BeamTracer<'w> {
     walk: Walk<'w>,
@@ -59,18 +60,33 @@ impl<'w> BeamTracer<'w> {
         self.walk.work
     }
 
-    /// Hands over all that is visible in a region of a view: pieces that do not overlap and cover it. A coordinate of a piece is off by
-    /// roundings of `f64` only. Where triangles are equally near the one with the lowest ids is seen; one that is seen edge-on is not.
-    pub fn visible(&mut self, view: &View, region: &ConvexPolygon, mut each: impl FnMut(&VisiblePiece)) {
+    /// Hands over all that is visible in a region of a view: pieces that do not overlap and cover
+    /// it. A coordinate of a piece is off by roundings of `f64` only. Where triangles are equally
+    /// near the one with the lowest ids is seen; one that is seen edge-on is not.
+    pub fn visible(
+        &mut self,
+        view: &View,
+        region: &ConvexPolygon,
+        mut each: impl FnMut(&VisiblePiece),
+    ) {
         let start = self.walk.start();
-        see_all(&mut self.walk, view, region, [0.0, view.horizon()], &start, MOST_DIVISIONS, &mut |walk, fragment| {
-            each(&piece(walk, fragment));
-        });
+        see_all(
+            &mut self.walk,
+            view,
+            region,
+            [0.0, view.horizon()],
+            &start,
+            MOST_DIVISIONS,
+            &mut |walk, fragment| {
+                each(&piece(walk, fragment));
+            },
+        );
     }
 
-    /// The nearest hit of each ray, as from [`World::closest`]: the beams say which triangle it is, and the rule that decides everywhere says
-    /// where it is hit. Only within roundings of an edge the answer may be another. Rays that do not come from the apex of the view are
-    /// traced one by one.
+    /// The nearest hit of each ray, as from [`World::closest`]: the beams say which triangle it is,
+    /// and the rule that decides everywhere says where it is hit. Only within roundings of an edge
+    /// the answer may be another. Rays that do not come from the apex of the view are traced one by
+    /// one.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -82,14 +98,17 @@ impl<'w> BeamTracer<'w> {
             let ray = &rays[query.index];
             hits[query.index] = match fragment.map(|f| f.source) {
                 Some(None) => Hit::MISS,
-                Some(Some(source)) => walk.confirm(ray, &source).unwrap_or_else(|| walk.closest(ray)),
+                Some(Some(source)) => {
+                    walk.confirm(ray, &source).unwrap_or_else(|| walk.closest(ray))
+                }
                 None => walk.closest(ray),
             };
         });
         others.into_iter().for_each(|i| hits[i] = self.walk.closest(&rays[i]));
     }
 
-    /// For rays that end at a point (at their `t_max`), whether anything lies in their interval, by beams from there. Others are traced one by one.
+    /// For rays that end at a point (at their `t_max`), whether anything lies in their interval, by
+    /// beams from there. Others are traced one by one.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -151,7 +170,9 @@ impl<'w> BeamTracer<'w> {
         };
         match seen {
             Outcome::Seen(fragments) => {
-                locate(&fragments, queries, &mut |query, fragment| take(&mut self.walk, query, fragment));
+                locate(&fragments, queries, &mut |query, fragment| {
+                    take(&mut self.walk, query, fragment)
+                });
                 self.walk.recycle(fragments);
             }
             Outcome::Crowded(inside) => {
@@ -160,7 +181,9 @@ impl<'w> BeamTracer<'w> {
                 for half in halves.into_iter().flatten() {
                     let parts = if half.len() > FEW_RAYS { queries::divide(half) } else { None };
                     match parts {
-                        Some((a, b)) => [a, b].into_iter().for_each(|q| self.few_or_trace(view, q, &inside, take)),
+                        Some((a, b)) => [a, b]
+                            .into_iter()
+                            .for_each(|q| self.few_or_trace(view, q, &inside, take)),
                         None => self.few_or_trace(view, half, &inside, take),
                     }
                 }
@@ -183,7 +206,8 @@ impl<'w> BeamTracer<'w> {
     }
 }
 
-/// Hands over the fragments of a region, divided where it is crowded. `near` and `floor` are those of a [`Window`].
+/// Hands over the fragments of a region, divided where it is crowded. `near` and `floor` are those
+/// of a [`Window`].
 pub(super) fn see_all(
     walk: &mut Walk,
     view: &View,
@@ -218,7 +242,11 @@ pub(super) fn see_all(
 }
 
 /// Finds the fragment in which each query is; `None` for those that fell between two.
-fn locate(fragments: &Fragments, queries: &[Query], take: &mut impl FnMut(&Query, Option<&Fragment>)) {
+fn locate(
+    fragments: &Fragments,
+    queries: &[Query],
+    take: &mut impl FnMut(&Query, Option<&Fragment>),
+) {
     for query in queries {
         take(query, fragments.list.iter().find(|f| f.contains(query.place, fragments.tolerance)));
     }

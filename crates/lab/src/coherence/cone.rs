@@ -31,7 +31,8 @@ pub struct Footprint {
 }
 
 impl Cone {
-    /// The cone around a ray with the given diameter and growth (as a camera gives them for a pixel). The ray's direction need not be of unit length.
+    /// The cone around a ray with the given diameter and growth (as a camera gives them for a
+    /// pixel). The ray's direction need not be of unit length.
     pub fn around(ray: &Ray, width: f64, spread: f64) -> Self {
         let direction = ray.direction.as_dvec3().normalize_or(DVec3::Z);
         Self { origin: ray.origin.as_dvec3(), direction, width, spread }
@@ -41,19 +42,29 @@ impl Cone {
     pub fn towards_ball(origin: DVec3, center: DVec3, radius: f64) -> Self {
         let to = center - origin;
         let direction = to.normalize_or(DVec3::Z);
-        Self { origin, direction, width: 0.0, spread: 2.0 * radius / to.length().max(f64::MIN_POSITIVE) }
+        Self {
+            origin,
+            direction,
+            width: 0.0,
+            spread: 2.0 * radius / to.length().max(f64::MIN_POSITIVE),
+        }
     }
 
-    /// The diameter at a distance from the origin: what a texture should be filtered over (Amanatides 1984).
+    /// The diameter at a distance from the origin: what a texture should be filtered over
+    /// (Amanatides 1984).
     pub fn width_at(&self, distance: f64) -> f64 {
         self.width + self.spread * distance
     }
 
-    /// Where the cone meets a plane with this unit normal, at this distance: the diameters of the ellipse, to first order in the spread. Flat angles are cut off at
-    /// a stretch of 1000.
+    /// Where the cone meets a plane with this unit normal, at this distance: the diameters of the
+    /// ellipse, to first order in the spread. Flat angles are cut off at a stretch of 1000.
     pub fn footprint(&self, distance: f64, normal: DVec3) -> Footprint {
         let width = self.width_at(distance);
-        let across = self.direction.cross(normal).try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
+        let across = self
+            .direction
+            .cross(normal)
+            .try_normalize()
+            .unwrap_or_else(|| normal.any_orthonormal_vector());
         let cosine = self.direction.dot(normal).abs().max(1e-3);
         Footprint { major: normal.cross(across) * (width / cosine), minor: across * width }
     }
@@ -64,7 +75,10 @@ impl Cone {
         if self.spread > 0.0 {
             let (before, radius) = (self.width / self.spread, self.spread * 0.5);
             let apex = self.origin - self.direction * before;
-            return Some((View::perspective(apex, self.direction, right * radius, up * radius)?, before));
+            return Some((
+                View::perspective(apex, self.direction, right * radius, up * radius)?,
+                before,
+            ));
         }
         let radius = self.width * 0.5;
         Some((View::parallel(self.direction, self.origin, right * radius, up * radius)?, 0.0))
@@ -123,8 +137,9 @@ impl<'w> ConeTracer<'w> {
         self.walk.work
     }
 
-    /// What the cone meets between two distances along its axis, each with the share of the cross-section that it covers. Shares are areas of
-    /// parts of triangles in the unit disk, seen from the apex of the cone, each hidden exactly by what is nearer. A cone without inside (or
+    /// What the cone meets between two distances along its axis, each with the share of the
+    /// cross-section that it covers. Shares are areas of parts of triangles in the unit disk, seen
+    /// from the apex of the cone, each hidden exactly by what is nearer. A cone without inside (or
     /// not finite) meets nothing.
     pub fn trace(&mut self, cone: &Cone, [start, end]: [f64; 2]) -> ConeHits {
         let Some((view, before)) = cone.view() else { return ConeHits::default() };
@@ -136,23 +151,32 @@ impl<'w> ConeTracer<'w> {
         let entries = self.walk.start();
         let mut hits: Vec<ConeHit> = Vec::new();
         let (region, range) = (ConvexPolygon::around_unit_disk(), [before + start.max(0.0), floor]);
-        see_all(&mut self.walk, &view, &region, range, &entries, MOST_DIVISIONS, &mut |walk, fragment| {
-            let Some(source) = fragment.source else { return };
-            let coverage = fragment.polygon.area_in_unit_disk() / DISK_AREA;
-            if coverage <= 0.0 {
-                return;
-            }
-            let primitive = walk.ids(&source).into();
-            let nearness = fragment.nearness.at(fragment.polygon.middle());
-            let distance = if view.apex().is_some() { 1.0 / nearness - before } else { -nearness };
-            match hits.iter_mut().find(|hit| hit.primitive == primitive) {
-                Some(hit) => {
-                    hit.coverage += coverage;
-                    hit.distance = hit.distance.min(distance);
+        see_all(
+            &mut self.walk,
+            &view,
+            &region,
+            range,
+            &entries,
+            MOST_DIVISIONS,
+            &mut |walk, fragment| {
+                let Some(source) = fragment.source else { return };
+                let coverage = fragment.polygon.area_in_unit_disk() / DISK_AREA;
+                if coverage <= 0.0 {
+                    return;
                 }
-                None => hits.push(ConeHit { primitive, coverage, opacity: 0.0, distance }),
-            }
-        });
+                let primitive = walk.ids(&source).into();
+                let nearness = fragment.nearness.at(fragment.polygon.middle());
+                let distance =
+                    if view.apex().is_some() { 1.0 / nearness - before } else { -nearness };
+                match hits.iter_mut().find(|hit| hit.primitive == primitive) {
+                    Some(hit) => {
+                        hit.coverage += coverage;
+                        hit.distance = hit.distance.min(distance);
+                    }
+                    None => hits.push(ConeHit { primitive, coverage, opacity: 0.0, distance }),
+                }
+            },
+        );
         hits.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.primitive.cmp(&b.primitive)));
         let mut opacity = 0.0;
         for hit in &mut hits {
@@ -162,8 +186,15 @@ impl<'w> ConeTracer<'w> {
         ConeHits { hits }
     }
 
-    /// The share of a round light that a point sees: 1 if all of it. `start` is the distance from which on things count.
-    pub fn visibility_of_ball(&mut self, origin: DVec3, center: DVec3, radius: f64, start: f64) -> f64 {
+    /// The share of a round light that a point sees: 1 if all of it. `start` is the distance from
+    /// which on things count.
+    pub fn visibility_of_ball(
+        &mut self,
+        origin: DVec3,
+        center: DVec3,
+        radius: f64,
+        start: f64,
+    ) -> f64 {
         let cone = Cone::towards_ball(origin, center, radius);
         1.0 - self.trace(&cone, [start, (center - origin).length()]).opacity()
     }

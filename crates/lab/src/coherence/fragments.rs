@@ -4,7 +4,8 @@ use super::polygon::{Affine, ConvexPolygon, Cut};
 use super::view::{Facet, Window};
 use snell_math::DVec2;
 
-/// Which triangle: the frame ([`super::walk::Walk`]) of the occurrence of its group, and its number in the group. In order of ids.
+/// Which triangle: the frame ([`super::walk::Walk`]) of the occurrence of its group, and its number
+/// in the group. In order of ids.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Source {
     pub frame: u32,
@@ -52,7 +53,8 @@ impl Fragment {
 /// Differences of nearness that are this small, relative to the nearness, are none.
 const EQUAL: f64 = 1e-12;
 
-/// The pieces of a region. Each triangle that comes in cuts out of them what it hides; triangles may intersect, and may come in any order.
+/// The pieces of a region. Each triangle that comes in cuts out of them what it hides; triangles
+/// may intersect, and may come in any order.
 #[derive(Clone, Debug)]
 pub(super) struct Fragments {
     pub list: Vec<Fragment>,
@@ -75,12 +77,14 @@ impl Fragments {
         self.list.iter().map(|f| f.farthest).fold(f64::INFINITY, f64::min)
     }
 
-    /// Puts a facet where it is nearer than what was there. True if it is within the region, seen or not.
+    /// Puts a facet where it is nearer than what was there. True if it is within the region, seen
+    /// or not.
     pub fn insert(&mut self, facet: &Facet, source: Source) -> bool {
         let new = Fragment::new(facet.polygon, facet.nearness, Some(source));
         let nearest = new.polygon.range(&new.nearness).1;
         let v = facet.polygon.vertices();
-        let edges = [Affine::left_of(v[0], v[1]), Affine::left_of(v[1], v[2]), Affine::left_of(v[2], v[0])];
+        let edges =
+            [Affine::left_of(v[0], v[1]), Affine::left_of(v[1], v[2]), Affine::left_of(v[2], v[0])];
         let mut i = 0;
         while i < self.list.len() {
             while let Some((a, b)) = self.list[i].polygon.halved() {
@@ -97,7 +101,9 @@ impl Fragments {
                 continue;
             }
             // Most are hidden, or beside it: no need to cut.
-            let beside = |edge: &Affine| old.polygon.vertices().iter().all(|p| edge.at(*p) <= self.tolerance);
+            let beside = |edge: &Affine| {
+                old.polygon.vertices().iter().all(|p| edge.at(*p) <= self.tolerance)
+            };
             if edges.iter().any(beside) {
                 continue;
             }
@@ -109,7 +115,9 @@ impl Fragments {
             if old.source.is_some() && old.polygon.range(&ahead).1 < -EQUAL * nearest.abs() {
                 continue;
             }
-            let Some(common) = edges.iter().try_fold(old.polygon, |p, e| p.clipped(e, self.tolerance)) else {
+            let Some(common) =
+                edges.iter().try_fold(old.polygon, |p, e| p.clipped(e, self.tolerance))
+            else {
                 continue;
             };
             self.hide(i, &edges, &common, &new);

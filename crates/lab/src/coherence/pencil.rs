@@ -3,11 +3,13 @@
 use snell_math::glam::{DMat2, DMat4};
 use snell_math::{DMat3, DRay, DVec2, DVec3, DVec4};
 
-/// An axial ray on its way through mirrors and glass, with the 4 by 4 *system matrix* of its paraxial rays (Shinya, Takahashi and Naito
-/// 1987, section 3): how far they are beside the axis and how they slope now, to first order, given how they were at the start. (What Igehy, Tracing
+/// An axial ray on its way through mirrors and glass, with the 4 by 4 *system matrix* of its
+/// paraxial rays (Shinya, Takahashi and Naito 1987, section 3): how far they are beside the axis
+/// and how they slope now, to first order, given how they were at the start. (What Igehy, Tracing
 /// Ray Differentials, SIGGRAPH 1999, keeps for two of the four directions.)
 ///
-/// A paraxial ray is `(x, y, slope of x, slope of y)` in the axes `right` and `up`, which are perpendicular to the axis.
+/// A paraxial ray is `(x, y, slope of x, slope of y)` in the axes `right` and `up`, which are
+/// perpendicular to the axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Pencil {
     origin: DVec3,
@@ -38,7 +40,8 @@ impl CurvedSurface {
         Self { normal, curvature: (DMat3::IDENTITY - along) * (1.0 / radius) }
     }
 
-    /// A triangle with a normal at each corner, where the normal is interpolated with the barycentrics `[b1, b2]`. `None` if it is degenerate.
+    /// A triangle with a normal at each corner, where the normal is interpolated with the
+    /// barycentrics `[b1, b2]`. `None` if it is degenerate.
     pub fn triangle(corners: [DVec3; 3], normals: [DVec3; 3], [b1, b2]: [f64; 2]) -> Option<Self> {
         let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
         let sum = normals[0] * (1.0 - b1 - b2) + normals[1] * b1 + normals[2] * b2;
@@ -56,9 +59,13 @@ impl CurvedSurface {
 
 /// How the barycentrics `b1` and `b2` grow along the plane of a triangle with these edges.
 pub(super) fn barycentric_gradients(e1: DVec3, e2: DVec3) -> Option<[DVec3; 2]> {
-    let metric = DMat2::from_cols(DVec2::new(e1.dot(e1), e1.dot(e2)), DVec2::new(e1.dot(e2), e2.dot(e2)));
+    let metric =
+        DMat2::from_cols(DVec2::new(e1.dot(e1), e1.dot(e2)), DVec2::new(e1.dot(e2), e2.dot(e2)));
     let inverse = metric.inverse();
-    let gradients = [e1 * inverse.x_axis.x + e2 * inverse.x_axis.y, e1 * inverse.y_axis.x + e2 * inverse.y_axis.y];
+    let gradients = [
+        e1 * inverse.x_axis.x + e2 * inverse.x_axis.y,
+        e1 * inverse.y_axis.x + e2 * inverse.y_axis.y,
+    ];
     gradients.iter().all(|g| g.is_finite()).then_some(gradients)
 }
 
@@ -88,7 +95,9 @@ impl Pencil {
     /// The ray of this direction from the same origin, as a paraxial ray; `None` if it goes back.
     pub fn paraxial(&self, direction: DVec3) -> Option<DVec4> {
         let along = direction.dot(self.direction);
-        (along > 0.0).then(|| DVec4::new(0.0, 0.0, direction.dot(self.right) / along, direction.dot(self.up) / along))
+        (along > 0.0).then(|| {
+            DVec4::new(0.0, 0.0, direction.dot(self.right) / along, direction.dot(self.up) / along)
+        })
     }
 
     /// The ray that a paraxial ray of the start has become; its direction is 1 along the axis.
@@ -100,7 +109,12 @@ impl Pencil {
     /// Goes on along the axis. (Exact, also for rays far from it.)
     pub fn transfer(&mut self, distance: f64) {
         self.origin += self.direction * distance;
-        let step = DMat4::from_cols(DVec4::X, DVec4::Y, DVec4::X * distance + DVec4::Z, DVec4::Y * distance + DVec4::W);
+        let step = DMat4::from_cols(
+            DVec4::X,
+            DVec4::Y,
+            DVec4::X * distance + DVec4::Z,
+            DVec4::Y * distance + DVec4::W,
+        );
         self.system = step * self.system;
     }
 
@@ -113,14 +127,19 @@ impl Pencil {
     pub fn reflect(&mut self, surface: &CurvedSurface) {
         let (n, e) = (surface.normal, self.direction);
         let direction = e - n * (2.0 * e.dot(n));
-        self.turn(surface, direction, |slope, dn| slope - (n * (slope.dot(n) + e.dot(dn)) + dn * e.dot(n)) * 2.0);
+        self.turn(surface, direction, |slope, dn| {
+            slope - (n * (slope.dot(n) + e.dot(dn)) + dn * e.dot(n)) * 2.0
+        });
     }
 
-    /// Refracts at a surface at the origin. `ratio` is the index of refraction before the surface by that behind. False, and nothing done, if the axis
-    /// is totally reflected.
+    /// Refracts at a surface at the origin. `ratio` is the index of refraction before the surface
+    /// by that behind. False, and nothing done, if the axis is totally reflected.
     pub fn refract(&mut self, surface: &CurvedSurface, ratio: f64) -> bool {
         let against = if self.direction.dot(surface.normal) > 0.0 { -1.0 } else { 1.0 };
-        let surface = CurvedSurface { normal: surface.normal * against, curvature: surface.curvature * against };
+        let surface = CurvedSurface {
+            normal: surface.normal * against,
+            curvature: surface.curvature * against,
+        };
         let (n, e) = (surface.normal, self.direction);
         let arriving = -e.dot(n);
         let squared = 1.0 - ratio * ratio * (1.0 - arriving * arriving);
@@ -132,13 +151,21 @@ impl Pencil {
         self.turn(&surface, direction, |slope, dn| {
             let arriving_change = -(slope.dot(n) + e.dot(dn));
             let leaving_change = ratio * ratio * arriving * arriving_change / leaving;
-            slope * ratio + n * (ratio * arriving_change - leaving_change) + dn * (ratio * arriving - leaving)
+            slope * ratio
+                + n * (ratio * arriving_change - leaving_change)
+                + dn * (ratio * arriving - leaving)
         });
         true
     }
 
-    /// Turns the axis at a surface. `change` gives the change of the direction after it, from the change before it and that of the normal.
-    fn turn(&mut self, surface: &CurvedSurface, direction: DVec3, change: impl Fn(DVec3, DVec3) -> DVec3) {
+    /// Turns the axis at a surface. `change` gives the change of the direction after it, from the
+    /// change before it and that of the normal.
+    fn turn(
+        &mut self,
+        surface: &CurvedSurface,
+        direction: DVec3,
+        change: impl Fn(DVec3, DVec3) -> DVec3,
+    ) {
         let (right, up) = direction.any_orthonormal_pair();
         let column = |start: DVec4| {
             let (offset, slope) = (self.across(start.x, start.y), self.across(start.z, start.w));
@@ -146,7 +173,12 @@ impl Pencil {
             let turned = change(slope, surface.curvature * on_surface);
             DVec4::new(on_surface.dot(right), on_surface.dot(up), turned.dot(right), turned.dot(up))
         };
-        let step = DMat4::from_cols(column(DVec4::X), column(DVec4::Y), column(DVec4::Z), column(DVec4::W));
+        let step = DMat4::from_cols(
+            column(DVec4::X),
+            column(DVec4::Y),
+            column(DVec4::Z),
+            column(DVec4::W),
+        );
         *self = Self { origin: self.origin, direction, right, up, system: step * self.system };
     }
 
@@ -166,11 +198,12 @@ impl Pencil {
     }
 }
 
-/// Bound of the distance between where rays from a point meet a plane and where their pencil says, by how far the plane is along the axis, the
-/// greatest slope of a ray, and the tangent of the angle between the axis and the normal of the plane.
+/// Bound of the distance between where rays from a point meet a plane and where their pencil says,
+/// by how far the plane is along the axis, the greatest slope of a ray, and the tangent of the
+/// angle between the axis and the normal of the plane.
 ///
-/// With `q` the slope of the ray towards the plane, the ray meets it at `distance / (1 + q)` and the pencil says `distance (1 - q)`: what is left
-/// is of second order.
+/// With `q` the slope of the ray towards the plane, the ray meets it at `distance / (1 + q)` and
+/// the pencil says `distance (1 - q)`: what is left is of second order.
 pub(super) fn plane_error(distance: f64, slope: f64, tangent: f64) -> f64 {
     let q = slope * tangent;
     if q >= 0.5 {

@@ -36,7 +36,8 @@ enum Sure {
 }
 
 impl<'w> PencilTracer<'w> {
-    /// For a world of triangles with a bounding volume hierarchy. Points that pencils find may be off by `tolerance`, relative to the distance.
+    /// For a world of triangles with a bounding volume hierarchy. Points that pencils find may be
+    /// off by `tolerance`, relative to the distance.
     pub fn new(world: &'w World, tolerance: f64) -> Result<Self, CoherenceError> {
         Ok(Self { walk: Walk::new(world)?, tolerance, linear: 0 })
     }
@@ -46,14 +47,16 @@ impl<'w> PencilTracer<'w> {
         self.walk.work
     }
 
-    /// How many rays were answered by the matrix of a pencil, or because theirs met nothing; all others were traced.
+    /// How many rays were answered by the matrix of a pencil, or because theirs met nothing; all
+    /// others were traced.
     pub fn linear_rays(&self) -> u64 {
         self.linear
     }
 
-    /// The nearest hit of each ray. Where a pencil surely meets one triangle, its axial ray is hit exactly and the others are where the
-    /// pencil says, within the tolerance; where it surely meets nothing they miss; the rest is traced one by one, also rays that do not
-    /// come from the apex of the view.
+    /// The nearest hit of each ray. Where a pencil surely meets one triangle, its axial ray is hit
+    /// exactly and the others are where the pencil says, within the tolerance; where it surely
+    /// meets nothing they miss; the rest is traced one by one, also rays that do not come from the
+    /// apex of the view.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -76,8 +79,9 @@ impl<'w> PencilTracer<'w> {
         others.into_iter().for_each(|i| hits[i] = self.walk.closest(&rays[i]));
     }
 
-    /// For rays that end at a point (at their `t_max`), whether anything lies in their interval: by pencils from there that surely meet nothing, or
-    /// surely one triangle. Others are traced one by one.
+    /// For rays that end at a point (at their `t_max`), whether anything lies in their interval: by
+    /// pencils from there that surely meet nothing, or surely one triangle. Others are traced one
+    /// by one.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -88,7 +92,9 @@ impl<'w> PencilTracer<'w> {
         for (view, mut queries) in sides {
             self.divide(&view, &mut queries, &start, &mut |tracer, queries, sure| {
                 match sure {
-                    None => queries.iter().for_each(|q| blocked[q.index] = tracer.walk.occluded(&rays[q.index])),
+                    None => queries
+                        .iter()
+                        .for_each(|q| blocked[q.index] = tracer.walk.occluded(&rays[q.index])),
                     Some(sure) => {
                         tracer.linear += queries.len() as u64;
                         let is_blocked = matches!(sure, Sure::Triangle(_));
@@ -136,15 +142,24 @@ impl<'w> PencilTracer<'w> {
         }
     }
 
-    /// What all rays of a window surely meet before anything else, if that is one thing; and where walks through parts of it start.
-    fn sure(&mut self, view: &View, window: &Window, queries: &[Query], from: &[Entry]) -> (Option<Sure>, Vec<Entry>) {
+    /// What all rays of a window surely meet before anything else, if that is one thing; and where
+    /// walks through parts of it start.
+    fn sure(
+        &mut self,
+        view: &View,
+        window: &Window,
+        queries: &[Query],
+        from: &[Entry],
+    ) -> (Option<Sure>, Vec<Entry>) {
         let region = ConvexPolygon::rectangle(window.low, window.high);
         let farthest_start = queries.iter().map(|q| q.floor).fold(f64::NEG_INFINITY, f64::max);
         let mut met: Vec<(Facet, Source, ConvexPolygon)> = Vec::new();
         let (mut entries, mut floor) = (Vec::new(), f64::NEG_INFINITY);
         let left = self.walk.visit(view, window, from, |entry, facets| {
             let before = met.len();
-            for (facet, source) in facets.iter().filter(|(facet, _)| queries::matters(queries, facet)) {
+            for (facet, source) in
+                facets.iter().filter(|(facet, _)| queries::matters(queries, facet))
+            {
                 let Some(common) = overlap(&region, facet) else { continue };
                 if covers(facet, &region) {
                     floor = f64::max(floor, region.range(&facet.nearness).0);
@@ -174,12 +189,21 @@ impl<'w> PencilTracer<'w> {
         (met.iter().find(is_first).map(|(_, source, _)| Sure::Triangle(*source)), entries)
     }
 
-    /// Answers rays that all meet one triangle from the axial one. False if the pencil is too wide for that.
-    fn follow(&mut self, source: &Source, queries: &[Query], rays: &[Ray], hits: &mut [Hit]) -> bool {
+    /// Answers rays that all meet one triangle from the axial one. False if the pencil is too wide
+    /// for that.
+    fn follow(
+        &mut self,
+        source: &Source,
+        queries: &[Query],
+        rays: &[Ray],
+        hits: &mut [Hit],
+    ) -> bool {
         let window = queries::window(queries);
         let middle = (window.low + window.high) * 0.5;
         let apart = |q: &&Query| q.place.distance_squared(middle);
-        let Some(axial) = queries.iter().min_by(|a, b| apart(a).total_cmp(&apart(b))) else { return true };
+        let Some(axial) = queries.iter().min_by(|a, b| apart(a).total_cmp(&apart(b))) else {
+            return true;
+        };
         let Some(hit) = self.walk.confirm(&rays[axial.index], source) else { return false };
         let axis = &rays[axial.index];
         let mut pencil = Pencil::new(axis.origin.as_dvec3(), axis.direction.as_dvec3());
@@ -203,7 +227,8 @@ impl<'w> PencilTracer<'w> {
             let ray = &rays[query.index];
             let offset = pencil.offset_on(normal, start);
             let direction = ray.direction.as_dvec3();
-            let t = (pencil.origin() + offset - ray.origin.as_dvec3()).dot(direction) / direction.length_squared();
+            let t = (pencil.origin() + offset - ray.origin.as_dvec3()).dot(direction)
+                / direction.length_squared();
             let by = gradients.map(|g| g.dot(offset) as f32);
             hits[query.index] = Hit { t: t as f32, uv: hit.uv + Vec2::from_array(by), ..hit };
         }

@@ -6,7 +6,8 @@ use std::f64::consts::PI;
 /// Vertices that a polygon may have.
 const CAPACITY: usize = 12;
 
-/// Polygons with more vertices are halved before they are cut by a facet: three edges and a line of equal depth add a vertex each.
+/// Polygons with more vertices are halved before they are cut by a facet: three edges and a line of
+/// equal depth add a vertex each.
 const LARGE: usize = CAPACITY - 4;
 
 /// A convex polygon of few vertices, counter-clockwise.
@@ -32,7 +33,8 @@ impl Affine {
         Self { normal: self.normal - other.normal, offset: self.offset - other.offset }
     }
 
-    /// Distance to the left of the line from `a` to `b`: exactly the opposite number for the line from `b` to `a`.
+    /// Distance to the left of the line from `a` to `b`: exactly the opposite number for the line
+    /// from `b` to `a`.
     pub fn left_of(a: DVec2, b: DVec2) -> Self {
         let scale = 1.0 / (b - a).length();
         Self { normal: DVec2::new(a.y - b.y, b.x - a.x) * scale, offset: a.perp_dot(b) * scale }
@@ -95,7 +97,12 @@ impl ConvexPolygon {
             return a.area_in_rectangle(low, high) + b.area_in_rectangle(low, high);
         }
         let side = |normal: DVec2, corner: DVec2| Affine { normal, offset: -normal.dot(corner) };
-        let sides = [side(DVec2::X, low), side(DVec2::Y, low), side(DVec2::NEG_X, high), side(DVec2::NEG_Y, high)];
+        let sides = [
+            side(DVec2::X, low),
+            side(DVec2::Y, low),
+            side(DVec2::NEG_X, high),
+            side(DVec2::NEG_Y, high),
+        ];
         let inside = sides.iter().try_fold(*self, |polygon, side| polygon.clipped(side, 0.0));
         inside.map_or(0.0, |polygon| polygon.area())
     }
@@ -114,7 +121,10 @@ impl ConvexPolygon {
     /// The least and the greatest value of a function.
     pub(super) fn range(&self, of: &Affine) -> (f64, f64) {
         let start = (f64::INFINITY, f64::NEG_INFINITY);
-        self.vertices().iter().map(|&p| of.at(p)).fold(start, |(low, high), x| (low.min(x), high.max(x)))
+        self.vertices()
+            .iter()
+            .map(|&p| of.at(p))
+            .fold(start, |(low, high), x| (low.min(x), high.max(x)))
     }
 
     /// Cuts along a line; values up to `tolerance` count as 0.
@@ -156,7 +166,8 @@ impl ConvexPolygon {
         }
     }
 
-    /// Puts the value of each vertex into `values`, 0 up to `tolerance`. Whether any are positive, and whether any are negative.
+    /// Puts the value of each vertex into `values`, 0 up to `tolerance`. Whether any are positive,
+    /// and whether any are negative.
     fn values(&self, line: &Affine, tolerance: f64, values: &mut [f64; CAPACITY]) -> (bool, bool) {
         let (mut any_in, mut any_out) = (false, false);
         for (value, &p) in values.iter_mut().zip(self.vertices()) {
@@ -211,8 +222,8 @@ impl ConvexPolygon {
     }
 }
 
-/// The signed area of what the triangle of the origin, `a` and `b` has in common with the unit disk: pieces of the edge inside of the
-/// circle make triangles, the others sectors.
+/// The signed area of what the triangle of the origin, `a` and `b` has in common with the unit
+/// disk: pieces of the edge inside of the circle make triangles, the others sectors.
 fn signed_area_in_disk(a: DVec2, b: DVec2) -> f64 {
     let along = b - a;
     let (qa, qb, qc) = (along.length_squared(), a.dot(along), a.length_squared() - 1.0);
@@ -246,7 +257,10 @@ mod tests {
 
     #[test]
     fn areas_of_known_polygons_are_exact() {
-        assert_eq!(ConvexPolygon::rectangle(DVec2::new(-1.0, 2.0), DVec2::new(3.0, 4.0)).area(), 8.0);
+        assert_eq!(
+            ConvexPolygon::rectangle(DVec2::new(-1.0, 2.0), DVec2::new(3.0, 4.0)).area(),
+            8.0
+        );
         assert_eq!(ConvexPolygon::triangle(DVec2::ZERO, DVec2::Y * 2.0, DVec2::X).area(), 1.0);
         let whole = ConvexPolygon::rectangle(DVec2::splat(-1.0), DVec2::ONE);
         assert!((whole.area_in_unit_disk() - PI).abs() < 1e-14);
@@ -265,10 +279,14 @@ mod tests {
         for i in 0..200 {
             let polygon = ConvexPolygon::triangle(random(i, 0), random(i, 1), random(i, 2));
             let corner = |k: u32| DVec2::new(f64::from(k % 6), f64::from(k / 6)) * 0.5 - 1.5;
-            let sum: f64 = (0..36).map(|k| polygon.area_in_rectangle(corner(k), corner(k) + 0.5)).sum();
+            let sum: f64 =
+                (0..36).map(|k| polygon.area_in_rectangle(corner(k), corner(k) + 0.5)).sum();
             assert!((sum - polygon.area()).abs() < 1e-12);
         }
-        assert_eq!(ConvexPolygon::around_unit_disk().area_in_rectangle(DVec2::ZERO, DVec2::splat(0.5)), 0.25);
+        assert_eq!(
+            ConvexPolygon::around_unit_disk().area_in_rectangle(DVec2::ZERO, DVec2::splat(0.5)),
+            0.25
+        );
     }
 
     #[test]
@@ -291,8 +309,13 @@ mod tests {
         for i in 0..40 {
             let polygon = ConvexPolygon::triangle(random(i, 0), random(i, 1), random(i, 2));
             let n = 200;
-            let point = |k: u32| (DVec2::new(f64::from(k % n), f64::from(k / n)) + 0.5) * (2.0 / f64::from(n)) - 1.0;
-            let inside = (0..n * n).map(point).filter(|p| p.length() < 1.0 && polygon.contains(*p, 0.0)).count();
+            let point = |k: u32| {
+                (DVec2::new(f64::from(k % n), f64::from(k / n)) + 0.5) * (2.0 / f64::from(n)) - 1.0
+            };
+            let inside = (0..n * n)
+                .map(point)
+                .filter(|p| p.length() < 1.0 && polygon.contains(*p, 0.0))
+                .count();
             let counted = 4.0 * inside as f64 / f64::from(n * n);
             assert!((counted - polygon.area_in_unit_disk()).abs() < 0.02, "{i}");
         }

@@ -19,7 +19,9 @@ pub(super) fn from_apex(view: &View, rays: &[Ray]) -> (Vec<Query>, Vec<usize>) {
     for (index, ray) in rays.iter().enumerate() {
         let is_from_apex = view.apex() == Some(ray.origin.as_dvec3()) && ray.is_valid();
         match view.place_of_direction(ray.direction.as_dvec3()) {
-            Some(place) if is_from_apex => queries.push(Query { place, floor: view.horizon(), index }),
+            Some(place) if is_from_apex => {
+                queries.push(Query { place, floor: view.horizon(), index })
+            }
             _ => others.push(index),
         }
     }
@@ -29,9 +31,11 @@ pub(super) fn from_apex(view: &View, rays: &[Ray]) -> (Vec<Query>, Vec<usize>) {
 /// Six views around a point, the queries of each, and the numbers of rays that have none.
 pub(super) type Around = ([(View, Vec<Query>); 6], Vec<usize>);
 
-/// The places, around a point, of rays that end there: each in one of six views. Their floors are where they start.
+/// The places, around a point, of rays that end there: each in one of six views. Their floors are
+/// where they start.
 pub(super) fn towards_point(point: snell_math::DVec3, rays: &[Ray]) -> Around {
-    let mut sides = std::array::from_fn(|i| (View::cube_side(point, i / 2, i % 2 == 1), Vec::new()));
+    let mut sides =
+        std::array::from_fn(|i| (View::cube_side(point, i / 2, i % 2 == 1), Vec::new()));
     let mut others = Vec::new();
     for (index, ray) in rays.iter().enumerate() {
         let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
@@ -44,10 +48,12 @@ pub(super) fn towards_point(point: snell_math::DVec3, rays: &[Ray]) -> Around {
         } else {
             1 + usize::from(from.y.abs() < from.z.abs())
         };
-        let (view, queries): &mut (View, Vec<Query>) = &mut sides[2 * axis + usize::from(from[axis] > 0.0)];
+        let (view, queries): &mut (View, Vec<Query>) =
+            &mut sides[2 * axis + usize::from(from[axis] > 0.0)];
         match view.project(start) {
             Some((_, floor)) if is_near => {
-                // All of the ray counts, so its place is that of its start only if it ends at the very point; the difference is below rounding.
+                // All of the ray counts, so its place is that of its start only if it ends at the
+                // very point; the difference is below rounding.
                 let place = view.project(origin).map_or(DVec2::ZERO, |(place, _)| place);
                 queries.push(Query { place, floor, index });
             }
@@ -60,18 +66,22 @@ pub(super) fn towards_point(point: snell_math::DVec3, rays: &[Ray]) -> Around {
 /// The window around some queries.
 pub(super) fn window(queries: &[Query]) -> Window {
     let start = (DVec2::INFINITY, DVec2::NEG_INFINITY, f64::INFINITY);
-    let (low, high, floor) =
-        queries.iter().fold(start, |(low, high, floor), q| (low.min(q.place), high.max(q.place), floor.min(q.floor)));
+    let (low, high, floor) = queries.iter().fold(start, |(low, high, floor), q| {
+        (low.min(q.place), high.max(q.place), floor.min(q.floor))
+    });
     // A little more, so that no query is on its edge, and that it has an inside.
-    let margin = (high - low).max_element() * 1e-6 + low.abs().max(high.abs()).max_element() * 1e-9 + 1e-12;
+    let margin =
+        (high - low).max_element() * 1e-6 + low.abs().max(high.abs()).max_element() * 1e-9 + 1e-12;
     Window { low: low - margin, high: high + margin, near: 0.0, floor }
 }
 
-/// True if a facet may be before the start of any of the rays. Those from an apex have no start: everything may matter to them.
+/// True if a facet may be before the start of any of the rays. Those from an apex have no start:
+/// everything may matter to them.
 pub(super) fn matters(queries: &[Query], facet: &Facet) -> bool {
     let (low, high) = facet.polygon.extent();
     // Far more than roundings.
-    let margin = (high - low).max_element() * 1e-6 + low.abs().max(high.abs()).max_element() * 1e-12;
+    let margin =
+        (high - low).max_element() * 1e-6 + low.abs().max(high.abs()).max_element() * 1e-12;
     let (near_low, near_high) = (low - margin, high + margin);
     queries.iter().any(|q| {
         let is_in_extent = || q.place.cmpge(near_low).all() && q.place.cmple(near_high).all();
@@ -80,7 +90,8 @@ pub(super) fn matters(queries: &[Query], facet: &Facet) -> bool {
     })
 }
 
-/// Divides queries in the middle of their window, across its longer side. `None` if they are all in one place.
+/// Divides queries in the middle of their window, across its longer side. `None` if they are all in
+/// one place.
 pub(super) fn divide(queries: &mut [Query]) -> Option<(&mut [Query], &mut [Query])> {
     let Window { low, high, .. } = window(queries);
     let (size, middle) = (high - low, (low + high) * 0.5);

@@ -54,7 +54,10 @@ fn soups() -> Vec<World> {
         world_of(vec![soup(3, 2000, 0.1), soup(4, 30, 0.5)], &[]),
         world_of(
             vec![soup(5, 100, 0.3)],
-            &[turned(0.3, 0.5, DVec3::new(0.1, 0.2, 0.3)), turned(2.0, -1.0, DVec3::new(1.0, 0.8, 0.9))],
+            &[
+                turned(0.3, 0.5, DVec3::new(0.1, 0.2, 0.3)),
+                turned(2.0, -1.0, DVec3::new(1.0, 0.8, 0.9)),
+            ],
         ),
     ]
 }
@@ -64,13 +67,16 @@ const EYE: Vec3 = Vec3::new(0.4, 0.6, -1.5);
 /// The unit cube, from [`EYE`], as the unit square.
 fn view() -> View {
     let corner = DVec3::new(-0.6, 0.6, 1.3);
-    View::perspective(EYE.as_dvec3(), corner, DVec3::X * 1.2, DVec3::NEG_Y * 1.2).expect("independent")
+    View::perspective(EYE.as_dvec3(), corner, DVec3::X * 1.2, DVec3::NEG_Y * 1.2)
+        .expect("independent")
 }
 
 fn camera_rays(side: u32) -> Vec<Ray> {
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(side);
     let place = |i: u32| DVec2::new(at(i % side), at(i / side));
-    (0..side * side).map(|i| Ray::new(EYE, view().direction(place(i)).as_vec3().normalize())).collect()
+    (0..side * side)
+        .map(|i| Ray::new(EYE, view().direction(place(i)).as_vec3().normalize()))
+        .collect()
 }
 
 fn closest(world: &World, rays: &[Ray]) -> Vec<Hit> {
@@ -125,21 +131,37 @@ fn beams_from_lights_give_the_shadows_of_rays() {
 #[test]
 fn the_pieces_of_a_beam_cover_its_region_once_and_show_what_rays_hit() {
     for (i, world) in soups().iter().enumerate() {
-        let region = ConvexPolygon::triangle(DVec2::new(0.1, 0.1), DVec2::new(0.9, 0.2), DVec2::new(0.3, 0.8));
+        let region = ConvexPolygon::triangle(
+            DVec2::new(0.1, 0.1),
+            DVec2::new(0.9, 0.2),
+            DVec2::new(0.3, 0.8),
+        );
         let mut pieces = Vec::new();
-        BeamTracer::new(world).expect("triangles").visible(&view(), &region, |piece| pieces.push(*piece));
+        BeamTracer::new(world)
+            .expect("triangles")
+            .visible(&view(), &region, |piece| pieces.push(*piece));
         let area: f64 = pieces.iter().map(|p| p.polygon.area()).sum();
         assert!((area - region.area()).abs() < 1e-11, "{i}: {area}");
         for (k, piece) in pieces.iter().enumerate().filter(|(_, p)| p.polygon.area() > 1e-9) {
             let place = piece.polygon.middle();
-            let at = pieces.iter().filter(|p| p.polygon.area() > 0.0 && p.polygon.contains(place, -1e-9)).count();
+            let at = pieces
+                .iter()
+                .filter(|p| p.polygon.area() > 0.0 && p.polygon.contains(place, -1e-9))
+                .count();
             assert_eq!(at, 1, "{i} {k}");
             let ray = Ray::new(EYE, view().direction(place).as_vec3());
             let hit = closest(world, &[ray])[0];
             let seen = piece.primitive.map(|p| [p.instance, p.geometry, p.primitive]);
             // The direction is rounded, so slivers may be missed.
-            if piece.polygon.contains(view().place_of_direction(ray.direction.as_dvec3()).expect("ahead"), -1e-6) {
-                assert_eq!(seen, hit.is_hit().then_some([hit.instance, hit.geometry, hit.primitive]), "{i} {k}");
+            if piece.polygon.contains(
+                view().place_of_direction(ray.direction.as_dvec3()).expect("ahead"),
+                -1e-6,
+            ) {
+                assert_eq!(
+                    seen,
+                    hit.is_hit().then_some([hit.instance, hit.geometry, hit.primitive]),
+                    "{i} {k}"
+                );
                 if hit.is_hit() {
                     let t = 1.0 / piece.nearness(place) * f64::from(1.0f32);
                     assert!((t - f64::from(hit.t)).abs() < 1e-4, "{i} {k}: {t} {}", hit.t);
@@ -161,7 +183,8 @@ fn rectangle(low: [f32; 2], high: [f32; 2], z: f32) -> TriangleMesh {
 
 #[test]
 fn coverage_of_known_polygons_is_exact() {
-    // A quarter of the picture, of which the nearer one hides a half; another crosses both planes and is behind.
+    // A quarter of the picture, of which the nearer one hides a half; another crosses both planes
+    // and is behind.
     let world = world_of(
         vec![
             rectangle([0.0; 2], [2.0; 2], 4.0),
@@ -174,9 +197,11 @@ fn coverage_of_known_polygons_is_exact() {
     let region = ConvexPolygon::rectangle(DVec2::splat(-1.0), DVec2::ONE);
     let mut areas = [0.0; 3];
     let mut nothing = 0.0;
-    BeamTracer::new(&world).expect("triangles").visible(&view, &region, |piece| match piece.primitive {
-        Some(primitive) => areas[primitive.geometry as usize] += piece.polygon.area(),
-        None => nothing += piece.polygon.area(),
+    BeamTracer::new(&world).expect("triangles").visible(&view, &region, |piece| {
+        match piece.primitive {
+            Some(primitive) => areas[primitive.geometry as usize] += piece.polygon.area(),
+            None => nothing += piece.polygon.area(),
+        }
     });
     for (area, expected) in areas.iter().chain([&nothing]).zip([0.125, 0.125, 0.0, 3.75]) {
         assert!((area - expected).abs() < 1e-14, "{area} {expected}");
@@ -185,7 +210,8 @@ fn coverage_of_known_polygons_is_exact() {
 
 #[test]
 fn crowds_that_no_division_thins_out_are_seen() {
-    // Sixty times the same triangle, sixty that intersect in a line, and a fan of two hundred around a point.
+    // Sixty times the same triangle, sixty that intersect in a line, and a fan of two hundred
+    // around a point.
     let mut mesh = TriangleMesh::default();
     let mut add = |corners: [Vec3; 3]| {
         let first = mesh.positions.len() as u32;
@@ -195,10 +221,20 @@ fn crowds_that_no_division_thins_out_are_seen() {
     for i in 0..60 {
         add([Vec3::new(-2.0, -2.0, 3.0), Vec3::new(2.0, -2.0, 3.0), Vec3::new(0.0, 2.0, 3.0)]);
         let slope = i as f32 * 0.03;
-        add([Vec3::new(-2.0, -2.0, 3.0 - slope), Vec3::new(2.0, -2.0, 3.0 + slope), Vec3::new(0.0, 2.0, 3.0)]);
+        add([
+            Vec3::new(-2.0, -2.0, 3.0 - slope),
+            Vec3::new(2.0, -2.0, 3.0 + slope),
+            Vec3::new(0.0, 2.0, 3.0),
+        ]);
     }
     for i in 0..200 {
-        let at = |k: i32| Vec3::new((k as f32 * 0.0314).cos(), (k as f32 * 0.0314).sin(), 1.5 + 0.3 * (k & 1) as f32);
+        let at = |k: i32| {
+            Vec3::new(
+                (k as f32 * 0.0314).cos(),
+                (k as f32 * 0.0314).sin(),
+                1.5 + 0.3 * (k & 1) as f32,
+            )
+        };
         add([Vec3::new(0.0, 0.0, 1.6), at(i), at(i + 1)]);
     }
     let world = world_of(vec![mesh], &[]);
@@ -209,7 +245,8 @@ fn crowds_that_no_division_thins_out_are_seen() {
     tracer.visible(&view, &region, |piece| {
         area += piece.polygon.area();
         count += 1;
-        let geometry_of_copies = piece.primitive.is_some_and(|p| p.primitive < 120 && p.primitive % 2 == 0);
+        let geometry_of_copies =
+            piece.primitive.is_some_and(|p| p.primitive < 120 && p.primitive % 2 == 0);
         assert!(!geometry_of_copies || piece.primitive.is_some_and(|p| p.primitive == 0));
     });
     assert!((area - 4.0).abs() < 1e-11 && count < 20_000, "{area} {count}");
@@ -218,7 +255,10 @@ fn crowds_that_no_division_thins_out_are_seen() {
 
 #[test]
 fn parallel_beams_see_what_is_ahead() {
-    let world = world_of(vec![rectangle([0.0; 2], [1.0; 2], 4.0), rectangle([0.0; 2], [0.5, 1.0], -1.0)], &[]);
+    let world = world_of(
+        vec![rectangle([0.0; 2], [1.0; 2], 4.0), rectangle([0.0; 2], [0.5, 1.0], -1.0)],
+        &[],
+    );
     let view = View::parallel(DVec3::Z, DVec3::ZERO, DVec3::X, DVec3::Y).expect("independent");
     let region = ConvexPolygon::rectangle(DVec2::ZERO, DVec2::splat(2.0));
     let mut areas = [0.0; 2];
@@ -233,7 +273,10 @@ fn parallel_beams_see_what_is_ahead() {
 
 #[test]
 fn the_beam_through_a_triangle_tells_how_much_of_it_is_lit() {
-    let world = world_of(vec![rectangle([0.0; 2], [2.0; 2], 4.0), rectangle([0.0; 2], [0.5, 0.5], 2.0)], &[]);
+    let world = world_of(
+        vec![rectangle([0.0; 2], [2.0; 2], 4.0), rectangle([0.0; 2], [0.5, 0.5], 2.0)],
+        &[],
+    );
     let corners = [DVec3::new(0.0, 0.0, 4.0), DVec3::new(2.0, 0.0, 4.0), DVec3::new(2.0, 2.0, 4.0)];
     let view = View::through_triangle(DVec3::ZERO, corners).expect("not flat");
     let region = ConvexPolygon::triangle(DVec2::ZERO, DVec2::X, DVec2::Y);
@@ -255,12 +298,23 @@ fn pencils_give_the_hits_of_rays_within_their_tolerance() {
         let mut tracer = PencilTracer::new(world, 1e-5).expect("triangles");
         tracer.closest(&view(), &rays, &mut hits);
         for (k, (a, b)) in hits.iter().zip(&expected).enumerate() {
-            assert_eq!([a.instance, a.geometry, a.primitive], [b.instance, b.geometry, b.primitive], "{i} {k}");
+            assert_eq!(
+                [a.instance, a.geometry, a.primitive],
+                [b.instance, b.geometry, b.primitive],
+                "{i} {k}"
+            );
             if b.is_hit() {
-                assert!((a.t - b.t).abs() <= 1.2e-5 * b.t && (a.uv - b.uv).length() < 1e-2, "{i} {k}: {a:?} {b:?}");
+                assert!(
+                    (a.t - b.t).abs() <= 1.2e-5 * b.t && (a.uv - b.uv).length() < 1e-2,
+                    "{i} {k}: {a:?} {b:?}"
+                );
             }
         }
-        assert!(i == 2 || tracer.linear_rays() > rays.len() as u64 / 4, "{i}: {}", tracer.linear_rays());
+        assert!(
+            i == 2 || tracer.linear_rays() > rays.len() as u64 / 4,
+            "{i}: {}",
+            tracer.linear_rays()
+        );
     }
 }
 
@@ -282,7 +336,10 @@ fn pencils_from_lights_give_the_shadows_of_rays() {
 /// A square that fills half of a cone, or what is left of it to the right of `x`.
 #[test]
 fn cones_are_covered_by_the_share_of_their_section() {
-    let world = world_of(vec![rectangle([0.0, -9.0], [9.0, 9.0], 5.0), rectangle([-9.0; 2], [9.0; 2], 7.0)], &[]);
+    let world = world_of(
+        vec![rectangle([0.0, -9.0], [9.0, 9.0], 5.0), rectangle([-9.0; 2], [9.0; 2], 7.0)],
+        &[],
+    );
     let mut tracer = ConeTracer::new(&world).expect("triangles");
     for cone in [
         Cone { origin: DVec3::ZERO, direction: DVec3::Z, width: 0.0, spread: 0.1 },
@@ -317,16 +374,22 @@ fn cone_coverage_agrees_with_many_rays() {
             let (right, up) = direction.any_orthonormal_pair();
             let rays: Vec<Ray> = (0..20_000)
                 .map(|j| {
-                    let disk = snell_math::sampling::concentric_disk(rng::uniform2([j, k, 5, 6])).as_dvec2() * 0.15;
+                    let disk = snell_math::sampling::concentric_disk(rng::uniform2([j, k, 5, 6]))
+                        .as_dvec2()
+                        * 0.15;
                     Ray::new(EYE, (direction + right * disk.x + up * disk.y).as_vec3())
                 })
                 .collect();
             let found = closest(world, &rays);
-            let share = |f: &dyn Fn(&Hit) -> bool| found.iter().filter(|h| f(h)).count() as f64 / rays.len() as f64;
+            let share = |f: &dyn Fn(&Hit) -> bool| {
+                found.iter().filter(|h| f(h)).count() as f64 / rays.len() as f64
+            };
             assert!((share(&|h| h.is_hit()) - hits.opacity()).abs() < 0.015, "{i} {k}");
             for hit in &hits.hits {
                 let PrimitiveId { instance, geometry, primitive } = hit.primitive;
-                let is_it = |h: &Hit| [h.instance, h.geometry, h.primitive] == [instance, geometry, primitive];
+                let is_it = |h: &Hit| {
+                    [h.instance, h.geometry, h.primitive] == [instance, geometry, primitive]
+                };
                 assert!((share(&is_it) - hit.coverage).abs() < 0.015, "{i} {k}");
             }
         }
@@ -340,7 +403,11 @@ fn footprints_grow_with_distance_and_stretch_with_the_angle() {
     let slanted = DVec3::new(0.0, 0.6, -0.8);
     let Footprint { major, minor } = cone.footprint(5.0, slanted);
     assert!((major.length() - 1.25).abs() < 1e-12 && (minor.length() - 1.0).abs() < 1e-12);
-    assert!(major.dot(slanted).abs() < 1e-12 && minor.dot(slanted).abs() < 1e-12 && major.dot(minor).abs() < 1e-12);
+    assert!(
+        major.dot(slanted).abs() < 1e-12
+            && minor.dot(slanted).abs() < 1e-12
+            && major.dot(minor).abs() < 1e-12
+    );
 }
 
 #[test]
@@ -369,15 +436,26 @@ fn nothing_is_seen_in_an_empty_world_and_odd_rays_miss() {
         let mut hits = [Hit { t: 1.0, ..Hit::MISS }; 4];
         BeamTracer::new(world).expect("triangles").closest(&view(), &odd, &mut hits);
         assert_eq!(hits, [Hit::MISS; 4]);
-        PencilTracer::new(world, 1e-5).expect("triangles").occluded(DVec3::ONE, &odd, &mut [true; 4]);
+        PencilTracer::new(world, 1e-5).expect("triangles").occluded(
+            DVec3::ONE,
+            &odd,
+            &mut [true; 4],
+        );
         let cone = Cone { origin: DVec3::NAN, direction: DVec3::Z, width: 0.1, spread: 0.1 };
-        assert_eq!(ConeTracer::new(world).expect("triangles").trace(&cone, [0.0, 1.0]), ConeHits::default());
+        assert_eq!(
+            ConeTracer::new(world).expect("triangles").trace(&cone, [0.0, 1.0]),
+            ConeHits::default()
+        );
         let flat = Cone { origin: DVec3::ZERO, direction: DVec3::Z, width: 0.0, spread: 0.0 };
-        assert_eq!(ConeTracer::new(world).expect("triangles").trace(&flat, [0.0, 1.0]), ConeHits::default());
+        assert_eq!(
+            ConeTracer::new(world).expect("triangles").trace(&flat, [0.0, 1.0]),
+            ConeHits::default()
+        );
     }
 }
 
-/// A ray of doubles reflected or refracted by a ball of radius 1 at the origin, from the plane where it starts to a plane beyond.
+/// A ray of doubles reflected or refracted by a ball of radius 1 at the origin, from the plane
+/// where it starts to a plane beyond.
 fn through_ball(ray: snell_math::DRay, ratio: Option<f64>) -> (DVec3, DVec3) {
     let d = ray.direction.normalize();
     let b = ray.origin.dot(d);
@@ -387,7 +465,9 @@ fn through_ball(ray: snell_math::DRay, ratio: Option<f64>) -> (DVec3, DVec3) {
         None => d - n * (2.0 * d.dot(n)),
         Some(ratio) => {
             let arriving = -d.dot(n);
-            d * ratio + n * (ratio * arriving - (1.0 - ratio * ratio * (1.0 - arriving * arriving)).sqrt())
+            d * ratio
+                + n * (ratio * arriving
+                    - (1.0 - ratio * ratio * (1.0 - arriving * arriving)).sqrt())
         }
     };
     (p, out)
@@ -410,7 +490,11 @@ fn the_system_matrix_follows_rays_to_second_order_through_mirrors_and_glass() {
         pencil.transfer(0.7);
         // The system keeps areas in phase space, times the ratio of the indices squared.
         let expected = ratio.map_or(1.0, |r| r * r);
-        assert!((pencil.system().determinant() - expected).abs() < 1e-9, "{:?}", pencil.system().determinant());
+        assert!(
+            (pencil.system().determinant() - expected).abs() < 1e-9,
+            "{:?}",
+            pencil.system().determinant()
+        );
         let error = |size: f64| {
             let state = snell_math::DVec4::new(0.5, -0.3, 0.7, 0.4) * size;
             let (p, out) = through_ball(start.ray(state), ratio);
@@ -427,10 +511,14 @@ fn the_system_matrix_follows_rays_to_second_order_through_mirrors_and_glass() {
 
 #[test]
 fn the_interpolated_normal_changes_as_the_surface_says() {
-    let corners = [DVec3::new(0.1, 0.0, 0.2), DVec3::new(1.2, 0.1, 0.0), DVec3::new(0.3, 1.1, -0.1)];
+    let corners =
+        [DVec3::new(0.1, 0.0, 0.2), DVec3::new(1.2, 0.1, 0.0), DVec3::new(0.3, 1.1, -0.1)];
     let normals = [DVec3::new(0.1, 0.0, 1.0), DVec3::new(0.4, 0.1, 0.9), DVec3::new(0.0, 0.5, 0.8)];
-    let at = |b: [f64; 2]| (normals[0] * (1.0 - b[0] - b[1]) + normals[1] * b[0] + normals[2] * b[1]).normalize();
-    let place = |b: [f64; 2]| corners[0] * (1.0 - b[0] - b[1]) + corners[1] * b[0] + corners[2] * b[1];
+    let at = |b: [f64; 2]| {
+        (normals[0] * (1.0 - b[0] - b[1]) + normals[1] * b[0] + normals[2] * b[1]).normalize()
+    };
+    let place =
+        |b: [f64; 2]| corners[0] * (1.0 - b[0] - b[1]) + corners[1] * b[0] + corners[2] * b[1];
     let b = [0.3, 0.2];
     let surface = CurvedSurface::triangle(corners, normals, b).expect("not flat");
     for step in [[1e-5, 0.0], [0.0, 1e-5], [1e-5, -2e-5]] {

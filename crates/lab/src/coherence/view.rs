@@ -3,10 +3,12 @@
 use super::polygon::{Affine, ConvexPolygon};
 use snell_math::{DAffine3, DVec2, DVec3, DVec4};
 
-/// A projection in which rays are points: all rays from one point (*perspective*) or of one direction (*parallel*).
+/// A projection in which rays are points: all rays from one point (*perspective*) or of one
+/// direction (*parallel*).
 ///
-/// A point in the world has a place `(x, y)` and a *nearness*, which is the same affine function of the place all over a plane, as in a z-buffer:
-/// the reciprocal of the depth in a perspective, the negative of it in a parallel projection.
+/// A point in the world has a place `(x, y)` and a *nearness*, which is the same affine function of
+/// the place all over a plane, as in a z-buffer: the reciprocal of the depth in a perspective, the
+/// negative of it in a parallel projection.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     rows: Rows,
@@ -31,29 +33,44 @@ pub(crate) struct Rows {
 }
 
 impl View {
-    /// Rays from `apex`: those of place `(x, y)` have the direction `corner + x across + y down`, and their depth counts in units of it.
-    /// `None` if the three vectors are not independent.
+    /// Rays from `apex`: those of place `(x, y)` have the direction `corner + x across + y down`,
+    /// and their depth counts in units of it. `None` if the three vectors are not independent.
     pub fn perspective(apex: DVec3, corner: DVec3, across: DVec3, down: DVec3) -> Option<Self> {
         let [x, y, depth] = inverse_rows(across, down, corner)?;
         let from = |row: DVec3| row.extend(-row.dot(apex));
-        let rows = Rows { x: from(x), y: from(y), nearness: DVec4::W, depth: from(depth), is_parallel: false };
+        let rows = Rows {
+            x: from(x),
+            y: from(y),
+            nearness: DVec4::W,
+            depth: from(depth),
+            is_parallel: false,
+        };
         Some(Self { rows, apex: Some(apex), corner, across, down, direction: DVec3::ZERO })
     }
 
-    /// Rays of one direction: those of place `(x, y)` start at `corner + x across + y down`, and depth counts in units of `direction`.
+    /// Rays of one direction: those of place `(x, y)` start at `corner + x across + y down`, and
+    /// depth counts in units of `direction`.
     pub fn parallel(direction: DVec3, corner: DVec3, across: DVec3, down: DVec3) -> Option<Self> {
         let [x, y, depth] = inverse_rows(across, down, direction)?;
         let from = |row: DVec3| row.extend(-row.dot(corner));
-        let rows = Rows { x: from(x), y: from(y), nearness: -from(depth), depth: DVec4::W, is_parallel: true };
+        let rows = Rows {
+            x: from(x),
+            y: from(y),
+            nearness: -from(depth),
+            depth: DVec4::W,
+            is_parallel: true,
+        };
         Some(Self { rows, apex: None, corner, across, down, direction })
     }
 
-    /// Rays from `apex` through a triangle, which is seen as the triangle of (0, 0), (1, 0) and (0, 1), at depth 1.
+    /// Rays from `apex` through a triangle, which is seen as the triangle of (0, 0), (1, 0) and (0,
+    /// 1), at depth 1.
     pub fn through_triangle(apex: DVec3, [a, b, c]: [DVec3; 3]) -> Option<Self> {
         Self::perspective(apex, a - apex, b - a, c - a)
     }
 
-    /// One of six that see everything around a point: along axis 0, 1 or 2, up or down. Each sees places from -1 to 1.
+    /// One of six that see everything around a point: along axis 0, 1 or 2, up or down. Each sees
+    /// places from -1 to 1.
     pub fn cube_side(apex: DVec3, axis: usize, up: bool) -> Self {
         let axes = DVec3::AXES;
         let towards = if up { axes[axis] } else { -axes[axis] };
@@ -91,7 +108,8 @@ impl View {
         }
     }
 
-    /// The place of the rays of this direction from the apex; `None` if the view does not look there.
+    /// The place of the rays of this direction from the apex; `None` if the view does not look
+    /// there.
     pub fn place_of_direction(&self, direction: DVec3) -> Option<DVec2> {
         self.project(self.apex? + direction).map(|(place, _)| place)
     }
@@ -164,7 +182,9 @@ impl Window {
     pub fn facets(&self, rows: &Rows, corners: &[DVec3; 3], mut each: impl FnMut(Facet)) {
         let points = corners.map(|p| p.extend(1.0));
         // x, y, nearness (each times depth), depth.
-        let h = points.map(|p| DVec4::new(rows.x.dot(p), rows.y.dot(p), rows.nearness.dot(p), rows.depth.dot(p)));
+        let h = points.map(|p| {
+            DVec4::new(rows.x.dot(p), rows.y.dot(p), rows.nearness.dot(p), rows.depth.dot(p))
+        });
         let beyond = |h: &DVec4| (if rows.is_parallel { -h.z } else { h.w }) - self.near;
         let outside = |side: &dyn Fn(&DVec4) -> f64| h.iter().all(|h| side(h) < 0.0);
         if outside(&|h| h.x - h.w * self.low.x)
@@ -195,13 +215,16 @@ impl Window {
         }
     }
 
-    /// The part of a triangle that is in the window, before the division by depth (Blinn and Newell, Clipping Using Homogeneous Coordinates,
-    /// SIGGRAPH 1978).
+    /// The part of a triangle that is in the window, before the division by depth (Blinn and
+    /// Newell, Clipping Using Homogeneous Coordinates, SIGGRAPH 1978).
     fn clipped(&self, h: &[DVec4; 3], beyond: &dyn Fn(&DVec4) -> f64) -> Vec<DVec4> {
-        let sides: [&dyn Fn(&DVec4) -> f64; 5] =
-            [beyond, &|h| h.x - h.w * self.low.x, &|h| h.w * self.high.x - h.x, &|h| h.y - h.w * self.low.y, &|h| {
-                h.w * self.high.y - h.y
-            }];
+        let sides: [&dyn Fn(&DVec4) -> f64; 5] = [
+            beyond,
+            &|h| h.x - h.w * self.low.x,
+            &|h| h.w * self.high.x - h.x,
+            &|h| h.y - h.w * self.low.y,
+            &|h| h.w * self.high.y - h.y,
+        ];
         let mut polygon = h.to_vec();
         for side in sides {
             let mut kept = Vec::with_capacity(polygon.len() + 1);
@@ -221,7 +244,8 @@ impl Window {
     }
 }
 
-/// Nearness on the plane through three projected points, as a function of the place; `None` if it is seen edge-on.
+/// Nearness on the plane through three projected points, as a function of the place; `None` if it
+/// is seen edge-on.
 fn plane(h: &[DVec4; 3]) -> Option<Affine> {
     let (u, v, w) = (h[0], h[1] - h[0], h[2] - h[0]);
     let minor = |pick: fn(DVec4) -> DVec3| pick(u).dot(pick(v).cross(pick(w)));
@@ -242,21 +266,32 @@ mod tests {
         let corner = DVec3::new(-1.0, 0.5, 2.0);
         let (across, down) = (DVec3::new(0.1, 0.02, 0.0), DVec3::new(0.0, -0.1, 0.03));
         let origin = DVec3::new(3.0, 4.0, 5.0);
-        for view in [View::perspective(origin, corner, across, down), View::parallel(corner, origin, across, down)] {
+        for view in [
+            View::perspective(origin, corner, across, down),
+            View::parallel(corner, origin, across, down),
+        ] {
             let view = view.expect("independent");
-            let corners = [(1.0, 2.0, 3.0), (4.0, -1.0, 9.0), (7.0, 7.0, 5.0)].map(|(x, y, depth)| {
-                let nearness = if view.apex().is_some() { 1.0 / depth } else { -depth };
-                let p = view.point(DVec2::new(x, y), nearness);
-                let (place, n) = view.project(p).expect("in front");
-                assert!((place - DVec2::new(x, y)).length() < 1e-9 && (n - nearness).abs() < 1e-9);
-                p
-            });
-            let window =
-                Window { low: DVec2::splat(-100.0), high: DVec2::splat(100.0), near: 0.0, floor: view.horizon() };
+            let corners =
+                [(1.0, 2.0, 3.0), (4.0, -1.0, 9.0), (7.0, 7.0, 5.0)].map(|(x, y, depth)| {
+                    let nearness = if view.apex().is_some() { 1.0 / depth } else { -depth };
+                    let p = view.point(DVec2::new(x, y), nearness);
+                    let (place, n) = view.project(p).expect("in front");
+                    assert!(
+                        (place - DVec2::new(x, y)).length() < 1e-9 && (n - nearness).abs() < 1e-9
+                    );
+                    p
+                });
+            let window = Window {
+                low: DVec2::splat(-100.0),
+                high: DVec2::splat(100.0),
+                near: 0.0,
+                floor: view.horizon(),
+            };
             let mut facets = Vec::new();
             window.facets(&view.rows(), &corners, |f| facets.push(f));
             assert_eq!(facets.len(), 1);
-            let (place, nearness) = view.project((corners[0] + corners[1] * 2.0 + corners[2]) / 4.0).expect("in front");
+            let (place, nearness) =
+                view.project((corners[0] + corners[1] * 2.0 + corners[2]) / 4.0).expect("in front");
             assert!((facets[0].nearness.at(place) - nearness).abs() < 1e-9);
             assert!(facets[0].polygon.contains(place, 0.0));
         }
@@ -267,7 +302,8 @@ mod tests {
         let view = View::cube_side(DVec3::ZERO, 2, true);
         let window = Window { low: DVec2::splat(-1.0), high: DVec2::ONE, near: 0.0, floor: 0.0 };
         // The plane y = -1/2 from far behind to far ahead: seen below the horizon.
-        let corners = [DVec3::new(-1e4, -0.5, -1e4), DVec3::new(1e4, -0.5, -1e4), DVec3::new(0.0, -0.5, 1e6)];
+        let corners =
+            [DVec3::new(-1e4, -0.5, -1e4), DVec3::new(1e4, -0.5, -1e4), DVec3::new(0.0, -0.5, 1e6)];
         let mut area = 0.0;
         window.facets(&view.rows(), &corners, |f| area += f.polygon.area());
         assert!((area - 2.0).abs() < 1e-2, "{area}");

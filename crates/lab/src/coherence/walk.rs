@@ -1,4 +1,5 @@
-//! The walk of a window of rays through the tree: nearest boxes first, and all triangles of the window handed over.
+//! The walk of a window of rays through the tree: nearest boxes first, and all triangles of the
+//! window handed over.
 
 use super::CoherenceError;
 use super::fragments::{Fragment, Fragments, Source};
@@ -77,7 +78,8 @@ impl Ord for Next {
 pub(super) enum Outcome {
     /// All that is visible in it.
     Seen(Fragments),
-    /// It has more pieces than were allowed; what is in it, as the start of walks through parts of it.
+    /// It has more pieces than were allowed; what is in it, as the start of walks through parts of
+    /// it.
     Crowded(Vec<Entry>),
 }
 
@@ -99,8 +101,8 @@ impl<'w> Walk<'w> {
     pub fn new(world: &'w World) -> Result<Self, CoherenceError> {
         let tree = TreeView::new(world).ok_or(CoherenceError::NotBvh)?;
         let is_instance = |group, object| tree.instance(group, object as u32).is_some();
-        let only_triangles =
-            (0..tree.group_count()).all(|group| (0..tree.object_count(group)).all(|object| is_instance(group, object)));
+        let only_triangles = (0..tree.group_count())
+            .all(|group| (0..tree.object_count(group)).all(|object| is_instance(group, object)));
         if !only_triangles {
             return Err(CoherenceError::NotTriangles);
         }
@@ -129,8 +131,9 @@ impl<'w> Walk<'w> {
         self.tree.root(0).map(entry).into_iter().collect()
     }
 
-    /// Finds all that is visible in a region of a window, unless that is more than so many pieces. (What is hidden does not count: dividing
-    /// the region would not help.) Facets that do not matter are left out.
+    /// Finds all that is visible in a region of a window, unless that is more than so many pieces.
+    /// (What is hidden does not count: dividing the region would not help.) Facets that do not
+    /// matter are left out.
     pub fn see(
         &mut self,
         view: &View,
@@ -166,8 +169,9 @@ impl<'w> Walk<'w> {
         self.spare.push(fragments.list);
     }
 
-    /// Visits the leaves that may be in the window, nearest first. `take` gets those with facets in it, and answers which nearness is of
-    /// interest from then on (infinite: none). Returns what was not visited.
+    /// Visits the leaves that may be in the window, nearest first. `take` gets those with facets in
+    /// it, and answers which nearness is of interest from then on (infinite: none). Returns what
+    /// was not visited.
     pub fn visit(
         &mut self,
         view: &View,
@@ -229,13 +233,24 @@ impl<'w> Walk<'w> {
                 }
             }
         }
-        let left = if floor == f64::INFINITY { heap.drain().map(|next| next.entry).collect() } else { Vec::new() };
+        let left = if floor == f64::INFINITY {
+            heap.drain().map(|next| next.entry).collect()
+        } else {
+            Vec::new()
+        };
         self.heap = heap;
         left
     }
 
     /// Makes the window known in the coordinates of a frame.
-    fn look(&self, view: &View, window: &Window, frame: u32, sight: &mut Sight, sight_of: &mut u32) {
+    fn look(
+        &self,
+        view: &View,
+        window: &Window,
+        frame: u32,
+        sight: &mut Sight,
+        sight_of: &mut u32,
+    ) {
         if frame != *sight_of {
             *sight = Sight::new(view, window, &self.frames[frame as usize]);
             *sight_of = frame;
@@ -305,9 +320,14 @@ impl<'w> Walk<'w> {
             None => Some(DRay::from(ray)),
             Some((outer, map)) => {
                 let ray = self.ray_in(*outer, ray)?;
-                let (origin, direction) = (map.transform_point3(ray.origin), map.transform_vector3(ray.direction));
+                let (origin, direction) =
+                    (map.transform_point3(ray.origin), map.transform_vector3(ray.direction));
                 // What overflows on the way hits nothing.
-                (origin.is_finite() && direction.is_finite()).then_some(DRay { origin, direction, ..ray })
+                (origin.is_finite() && direction.is_finite()).then_some(DRay {
+                    origin,
+                    direction,
+                    ..ray
+                })
             }
         }
     }
@@ -414,7 +434,10 @@ impl Sight {
             }
         }
         let (high, low) = (self.nearness.greatest_of(node), self.depth.greatest_of(node));
-        let met = inside.iter().enumerate().fold(0, |met, (slot, &inside)| met | u32::from(inside) << slot);
+        let met = inside
+            .iter()
+            .enumerate()
+            .fold(0, |met, (slot, &inside)| met | u32::from(inside) << slot);
         (met, std::array::from_fn(|slot| nearest(high[slot], -low[slot])))
     }
 }

@@ -1,8 +1,11 @@
-//! Visible areas as polygons, and of them the pixels (Weiler and Atherton, Hidden Surface Removal Using Polygon Area Sorting, SIGGRAPH 1977).
+//! Visible areas as polygons, and of them the pixels (Weiler and Atherton, Hidden Surface Removal
+//! Using Polygon Area Sorting, SIGGRAPH 1977).
 //!
-//! Weiler and Atherton cut all polygons by the outline of the nearest, and what is left by those behind it, until the picture consists of polygons that
-//! do not overlap. [`BeamTracer::visible`] does that here, with convex pieces, and with the bounding volume hierarchy in place of the sorted list.
-//! The pieces are exact areas, at any resolution; only to be compared with the others are they sampled at the centres of pixels.
+//! Weiler and Atherton cut all polygons by the outline of the nearest, and what is left by those
+//! behind it, until the picture consists of polygons that do not overlap. [`BeamTracer::visible`]
+//! does that here, with convex pieces, and with the bounding volume hierarchy in place of the
+//! sorted list. The pieces are exact areas, at any resolution; only to be compared with the others
+//! are they sampled at the centres of pixels.
 
 use super::canvas::{Canvas, Seen};
 use super::facet::centre;

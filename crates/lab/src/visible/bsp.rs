@@ -1,13 +1,16 @@
-//! Priority by a tree of planes: once for the scene, then for any eye (Schumacker, Brand, Gilliland and Sharp, Study for Applying Computer-Generated
-//! Images to Visual Simulation, 1969; Fuchs, Kedem and Naylor, On Visible Surface Generation by A Priori Tree Structures, SIGGRAPH 1980).
+//! Priority by a tree of planes: once for the scene, then for any eye (Schumacker, Brand, Gilliland
+//! and Sharp, Study for Applying Computer-Generated Images to Visual Simulation, 1969; Fuchs, Kedem
+//! and Naylor, On Visible Surface Generation by A Priori Tree Structures, SIGGRAPH 1980).
 //!
-//! Each node divides space by the plane of a polygon, which stays there with all others on the plane; polygons across it are cut. What is on the far
-//! side of the plane, as the eye sees it, can never hide what is on the plane, nor that what is on the near side. So a walk through the tree, far side
-//! first, gives an order to paint in, or near side first, to fill only what is still empty (Gordon and Chen, Front-to-Back Display of BSP Trees, IEEE
-//! Computer Graphics and Applications 1991).
+//! Each node divides space by the plane of a polygon, which stays there with all others on the
+//! plane; polygons across it are cut. What is on the far side of the plane, as the eye sees it, can
+//! never hide what is on the plane, nor that what is on the near side. So a walk through the tree,
+//! far side first, gives an order to paint in, or near side first, to fill only what is still empty
+//! (Gordon and Chen, Front-to-Back Display of BSP Trees, IEEE Computer Graphics and Applications
+//! 1991).
 //!
-//! Planes of polygons alone divide convex meshes badly, so large sets may also be divided by planes across an axis that hold no polygon, as Schumacker
-//! did between clusters of polygons.
+//! Planes of polygons alone divide convex meshes badly, so large sets may also be divided by planes
+//! across an axis that hold no polygon, as Schumacker did between clusters of polygons.
 
 use super::canvas::{Canvas, Seen};
 use super::facet::{Facet, Nearness};
@@ -73,14 +76,20 @@ impl Tree {
     /// Builds the tree of all triangles of the world, seen or not.
     pub(super) fn build(screen: &Screen) -> Result<Self, VisibleError> {
         let centre = centre(&screen.triangles);
-        let mut tree = Self { nodes: Vec::new(), on: Vec::new(), cuts: Vec::new(), centre, depth: 0 };
+        let mut tree =
+            Self { nodes: Vec::new(), on: Vec::new(), cuts: Vec::new(), centre, depth: 0 };
         let part = |(i, t): (usize, &Triangle)| {
             let polygon = t.corners.map(|c| c - centre).to_vec();
             Part { triangle: i as u32, cuts: WHOLE, polygon }
         };
         // What has no plane is not seen from anywhere.
-        let parts: Vec<Part> =
-            screen.triangles.iter().enumerate().map(part).filter(|p| plane_of(&p.polygon).is_some()).collect();
+        let parts: Vec<Part> = screen
+            .triangles
+            .iter()
+            .enumerate()
+            .map(part)
+            .filter(|p| plane_of(&p.polygon).is_some())
+            .collect();
         let most = (MOST_PARTS[0] * parts.len() as u64 + MOST_PARTS[1]).min(MOST_PARTS[2]);
         // Sets that are still to be divided, where the node goes, and how deep.
         let mut todo = vec![(parts, None::<(usize, usize)>, 1)];
@@ -95,7 +104,10 @@ impl Tree {
             tree.depth = tree.depth.max(depth);
             let [back, front] = tree.divide(screen, set);
             if (tree.on.len() + tree.cuts.len()) as u64 > most {
-                return Err(VisibleError::TooMuchWork { what: "parts of polygons in the tree", limit: most });
+                return Err(VisibleError::TooMuchWork {
+                    what: "parts of polygons in the tree",
+                    limit: most,
+                });
             }
             todo.push((back, Some((index, 0)), depth + 1));
             todo.push((front, Some((index, 1)), depth + 1));
@@ -120,7 +132,11 @@ impl Tree {
                     for (side, sign) in [(0, -1.0), (1, 1.0)] {
                         let mut polygon = Vec::with_capacity(part.polygon.len() + 1);
                         plane.cut(&part.polygon, sign, &mut polygon);
-                        self.cuts.push(CutNode { before: part.cuts, divider: node, side: side == 1 });
+                        self.cuts.push(CutNode {
+                            before: part.cuts,
+                            divider: node,
+                            side: side == 1,
+                        });
                         let cuts = self.cuts.len() as u32 - 1;
                         sides[side].push(Part { triangle: part.triangle, cuts, polygon });
                     }
@@ -139,7 +155,12 @@ impl Tree {
 
     /// Nodes, parts of polygons, cuts, and depth.
     pub fn statistics(&self) -> [u64; 4] {
-        [self.nodes.len() as u64, self.on.len() as u64, self.cuts.len() as u64 / 2, self.depth.into()]
+        [
+            self.nodes.len() as u64,
+            self.on.len() as u64,
+            self.cuts.len() as u64 / 2,
+            self.depth.into(),
+        ]
     }
 
     /// Bytes.
@@ -167,11 +188,13 @@ impl Candidate {
 
 /// Where a polygon lies, up to roundings.
 fn side_of(plane: &Plane, polygon: &[DVec3]) -> Side {
-    let reach = polygon.iter().fold(plane.offset.abs(), |reach, p| reach.max(p.abs().max_element()));
+    let reach =
+        polygon.iter().fold(plane.offset.abs(), |reach, p| reach.max(p.abs().max_element()));
     plane.side(polygon, reach * TOLERANCE)
 }
 
-/// A point in the middle of most of a scene: the median of corners by axis, which a few that are far away do not move.
+/// A point in the middle of most of a scene: the median of corners by axis, which a few that are
+/// far away do not move.
 fn centre(triangles: &[Triangle]) -> DVec3 {
     let median = |axis: usize| {
         let mut all: Vec<f64> = triangles.iter().map(|t| t.corners[0][axis]).collect();
@@ -193,12 +216,16 @@ fn plane_of_triangle(screen: &Screen, centre: DVec3, triangle: u32) -> Option<Pl
     plane_of(&screen.triangles[triangle as usize].corners.map(|c| c - centre))
 }
 
-/// A plane that divides a set well, and the part it is of, or `None` for one across an axis, which leaves fewer than all on either side.
+/// A plane that divides a set well, and the part it is of, or `None` for one across an axis, which
+/// leaves fewer than all on either side.
 fn choose(screen: &Screen, centre: DVec3, set: &[Part]) -> (Candidate, Option<usize>) {
     let count = set.len();
-    let pick = |k: usize, of: usize| (k * count / of + rng::hash32((k + count) as u32) as usize % count) % count;
-    let sample: Vec<&Part> =
-        (0..SAMPLE.min(count)).map(|k| if count <= SAMPLE { &set[k] } else { &set[pick(k, SAMPLE)] }).collect();
+    let pick = |k: usize, of: usize| {
+        (k * count / of + rng::hash32((k + count) as u32) as usize % count) % count
+    };
+    let sample: Vec<&Part> = (0..SAMPLE.min(count))
+        .map(|k| if count <= SAMPLE { &set[k] } else { &set[pick(k, SAMPLE)] })
+        .collect();
     let score = |candidate: &Candidate| {
         let (mut sides, mut cuts) = ([0.0f64; 2], 0.0);
         for part in &sample {
@@ -212,7 +239,9 @@ fn choose(screen: &Screen, centre: DVec3, set: &[Part]) -> (Candidate, Option<us
         (sides[0] - sides[1]).abs() + CUT_COST * cuts
     };
     let mut best: Option<(f64, Candidate, Option<usize>)> = None;
-    let consider = |candidate: Candidate, part: Option<usize>, best: &mut Option<(f64, Candidate, Option<usize>)>| {
+    let consider = |candidate: Candidate,
+                    part: Option<usize>,
+                    best: &mut Option<(f64, Candidate, Option<usize>)>| {
         let score = score(&candidate);
         if best.as_ref().is_none_or(|b| score < b.0) {
             *best = Some((score, candidate, part));
@@ -228,7 +257,10 @@ fn choose(screen: &Screen, centre: DVec3, set: &[Part]) -> (Candidate, Option<us
         for axis in DVec3::AXES {
             let mut middles: Vec<f64> = sample
                 .iter()
-                .map(|part| part.polygon.iter().map(|p| axis.dot(*p)).sum::<f64>() / part.polygon.len() as f64)
+                .map(|part| {
+                    part.polygon.iter().map(|p| axis.dot(*p)).sum::<f64>()
+                        / part.polygon.len() as f64
+                })
                 .collect();
             middles.sort_by(f64::total_cmp);
             let plane = Plane { normal: axis, offset: middles[middles.len() / 2] };
@@ -260,7 +292,8 @@ impl Sight<'_> {
         node.plane.distance(&self.eye) > 0.0
     }
 
-    /// A cut at the plane of a node as it is seen: what is before the plane is nearer than it if the eye is there too.
+    /// A cut at the plane of a node as it is seen: what is before the plane is nearer than it if
+    /// the eye is there too.
     fn cut(&self, node: u32, is_before: bool) -> (Divider, bool) {
         let (divider, true_is_before) = self.divider(node);
         (divider, is_before == true_is_before)
@@ -275,7 +308,8 @@ impl Sight<'_> {
             let item = self.screen.item(self.screen.triangles[node.triangle as usize].id);
             return (Divider::Plane(facet.nearness, item), self.is_eye_before(node));
         }
-        // On the ray of a place, the plane is where normal . direction / nearness is as far as the plane is from the eye.
+        // On the ray of a place, the plane is where normal . direction / nearness is as far as the
+        // plane is from the eye.
         let middle = DVec2::new(self.screen.size[0].into(), self.screen.size[1].into()) * 0.5;
         let along = |p: DVec2| node.plane.normal.dot(self.screen.view.direction(p));
         let value = along(middle);
@@ -286,7 +320,8 @@ impl Sight<'_> {
             let line = Nearness { anchor: middle, slope, value };
             return (Divider::EdgeOn(line, line.slack(middle * 2.0)), true);
         }
-        let nearness = Nearness { anchor: middle, slope: slope / distance, value: value / distance };
+        let nearness =
+            Nearness { anchor: middle, slope: slope / distance, value: value / distance };
         (Divider::Plane(nearness, NOTHING), self.is_eye_before(node))
     }
 }
@@ -294,7 +329,8 @@ impl Sight<'_> {
 /// Rows in which what is filled is skipped.
 struct Mask {
     width: usize,
-    /// Of each column, and one beyond, in each row: a column from here on before which nothing is empty.
+    /// Of each column, and one beyond, in each row: a column from here on before which nothing is
+    /// empty.
     next: Vec<u32>,
 }
 
@@ -381,10 +417,15 @@ pub(super) fn run(screen: &Screen, tree: &Tree, from_front: bool, with_cost: boo
                 let [first, end] = tree.nodes[index as usize].on.map(|i| i as usize);
                 for i in 0..end - first {
                     // The lowest number is seen where they coincide.
-                    let (triangle, last) = tree.on[if from_front { first + i } else { end - 1 - i }];
-                    let Some(facet) = screen.facet_of(triangle).filter(|f| f.has_pixels()) else { continue };
+                    let (triangle, last) =
+                        tree.on[if from_front { first + i } else { end - 1 - i }];
+                    let Some(facet) = screen.facet_of(triangle).filter(|f| f.has_pixels()) else {
+                        continue;
+                    };
                     cuts.clear();
-                    cuts.extend(pieces::chain(&tree.cuts, last).map(|(node, side)| sight.cut(node, side)));
+                    cuts.extend(
+                        pieces::chain(&tree.cuts, last).map(|(node, side)| sight.cut(node, side)),
+                    );
                     let Some(extent) = extent(screen, facet, &cuts) else { continue };
                     parts += 1;
                     let item = screen.item(screen.triangles[triangle as usize].id);
@@ -399,7 +440,13 @@ pub(super) fn run(screen: &Screen, tree: &Tree, from_front: bool, with_cost: boo
     }
     let [_, _, cuts, depth] = tree.statistics();
     let memory = tree.memory() + mask.map_or(0, |m| size_of_val(&m.next[..]));
-    let work = vec![("nodes", nodes), ("depth", depth), ("cuts", cuts), ("painted", parts), ("written", written)];
+    let work = vec![
+        ("nodes", nodes),
+        ("depth", depth),
+        ("cuts", cuts),
+        ("painted", parts),
+        ("written", written),
+    ];
     canvas.seen(work, memory)
 }
 

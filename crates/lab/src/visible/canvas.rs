@@ -13,11 +13,13 @@ pub(super) struct Canvas {
 /// What a method saw, and what that took.
 #[derive(Clone, Debug)]
 pub struct Seen {
-    /// Of each pixel, in rows from the top, the number of the facet that is visible at its centre ([`Screen::primitive`]), or [`NOTHING`].
+    /// Of each pixel, in rows from the top, the number of the facet that is visible at its centre
+    /// ([`Screen::primitive`]), or [`NOTHING`].
     pub items: Vec<u32>,
     /// What was done, in the method's own terms, and how often.
     pub work: Vec<(&'static str, u64)>,
-    /// Bytes that the method needed besides the facets and the picture: its largest lists. `None` if it cannot tell.
+    /// Bytes that the method needed besides the facets and the picture: its largest lists. `None`
+    /// if it cannot tell.
     pub memory: Option<usize>,
     /// Work by pixel, if it was asked for and has places: see [`super::Characterization::cost`].
     pub cost: Option<Vec<u32>>,
@@ -50,9 +52,15 @@ impl Canvas {
         }
     }
 
-    /// Keeps a facet in those pixels of a row where it is nearer than what is there; `depth` is of the row. Gives how many pixels it was tested in,
-    /// and how many it was written to.
-    pub fn keep_nearest(&mut self, screen: &Screen, item: u32, y: u32, depth: &mut [f64]) -> [u64; 2] {
+    /// Keeps a facet in those pixels of a row where it is nearer than what is there; `depth` is of
+    /// the row. Gives how many pixels it was tested in, and how many it was written to.
+    pub fn keep_nearest(
+        &mut self,
+        screen: &Screen,
+        item: u32,
+        y: u32,
+        depth: &mut [f64],
+    ) -> [u64; 2] {
         let facet = &screen.facets[item as usize];
         let [low, end] = facet.span(y);
         let mut written = 0;

@@ -1,8 +1,9 @@
-//! Depth sort, the painter's algorithm with all its tests (Newell, Newell and Sancha, A Solution to the Hidden Surface Problem, ACM Annual Conference
-//! 1972).
+//! Depth sort, the painter's algorithm with all its tests (Newell, Newell and Sancha, A Solution to
+//! the Hidden Surface Problem, ACM Annual Conference 1972).
 //!
-//! Facets are sorted by their farthest point and painted from the back. Before the last of the list is painted, it is compared with those whose depths
-//! overlap its own; it may be painted before one of them if any of five tests says so:
+//! Facets are sorted by their farthest point and painted from the back. Before the last of the list
+//! is painted, it is compared with those whose depths overlap its own; it may be painted before one
+//! of them if any of five tests says so:
 //!
 //! 1. their extents in x do not overlap,
 //! 2. nor those in y,
@@ -10,9 +11,11 @@
 //! 4. the other is before its plane,
 //! 5. their outlines do not overlap.
 //!
-//! If none does, the other is tried first. If that was tried before, they overlap in a cycle or intersect, and one is cut by the plane of the other.
-//! Where the planes do not cut them (a cycle of three or more, none of which reaches through the plane of its neighbour), it is cut along an edge of
-//! the other's outline. Cutting ends after so many cuts; what then is still undecided is painted as it comes, and counted.
+//! If none does, the other is tried first. If that was tried before, they overlap in a cycle or
+//! intersect, and one is cut by the plane of the other. Where the planes do not cut them (a cycle
+//! of three or more, none of which reaches through the plane of its neighbour), it is cut along an
+//! edge of the other's outline. Cutting ends after so many cuts; what then is still undecided is
+//! painted as it comes, and counted.
 
 use super::canvas::{Canvas, Seen};
 use super::facet::Edge;
@@ -20,7 +23,8 @@ use super::pieces::{self, CutNode, Divider, Drawn, LEAST, LEAST_PIXELS, WHOLE};
 use super::{Screen, VisibleError};
 use snell_math::DVec2;
 
-/// Pairs that may be compared by their extents; to compare them by planes takes as long as so many pairs, and by outlines so many.
+/// Pairs that may be compared by their extents; to compare them by planes takes as long as so many
+/// pairs, and by outlines so many.
 const MOST_PAIRS: u64 = 1_500_000_000;
 const PLANE_EFFORT: u64 = 12;
 const OUTLINE_EFFORT: u64 = 40;
@@ -100,8 +104,13 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Result<Seen, VisibleError
         let (verdict, tests) = sort.verdict(last);
         sort.count(tests);
         let w = &sort.work;
-        if w.pairs + PLANE_EFFORT * w.by_plane + OUTLINE_EFFORT * (w.by_outline + w.moves + w.cuts) > MOST_PAIRS {
-            return Err(VisibleError::TooMuchWork { what: "comparisons of facets", limit: MOST_PAIRS });
+        if w.pairs + PLANE_EFFORT * w.by_plane + OUTLINE_EFFORT * (w.by_outline + w.moves + w.cuts)
+            > MOST_PAIRS
+        {
+            return Err(VisibleError::TooMuchWork {
+                what: "comparisons of facets",
+                limit: MOST_PAIRS,
+            });
         }
         match verdict {
             Verdict::Paint => sort.list.pop().iter().for_each(|part| sort.paint(&mut canvas, part)),
@@ -121,7 +130,8 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Result<Seen, VisibleError
         ("painted", w.painted),
         ("written", w.written),
     ];
-    let memory = count * size_of::<Part>() + outlines + sort.cuts.len() * size_of::<CutNode<Divider>>();
+    let memory =
+        count * size_of::<Part>() + outlines + sort.cuts.len() * size_of::<CutNode<Divider>>();
     Ok(canvas.seen(work, memory))
 }
 
@@ -139,7 +149,17 @@ impl Sort<'_> {
         let start = (f64::INFINITY, f64::NEG_INFINITY);
         let near = outline.iter().map(|&p| nearness.at(p));
         let (farthest, nearest) = near.fold(start, |(low, high), n| (low.min(n), high.max(n)));
-        Some(Part { item, cuts, outline, low, high, farthest, nearest, is_moved: false, moved_at: 0 })
+        Some(Part {
+            item,
+            cuts,
+            outline,
+            low,
+            high,
+            farthest,
+            nearest,
+            is_moved: false,
+            moved_at: 0,
+        })
     }
 
     fn count(&mut self, [pairs, by_extent, by_plane, by_outline]: Tests) {
@@ -158,7 +178,11 @@ impl Sort<'_> {
                 break;
             }
             tests[0] += 1;
-            if p.high.x <= q.low.x || q.high.x <= p.low.x || p.high.y <= q.low.y || q.high.y <= p.low.y {
+            if p.high.x <= q.low.x
+                || q.high.x <= p.low.x
+                || p.high.y <= q.low.y
+                || q.high.y <= p.low.y
+            {
                 tests[1] += 1;
             } else if self.is_behind(p, q) {
                 tests[2] += 1;
@@ -173,12 +197,14 @@ impl Sort<'_> {
 
     /// The third and the fourth test.
     fn is_behind(&self, p: &Part, q: &Part) -> bool {
-        let (facet_p, facet_q) = (&self.screen.facets[p.item as usize], &self.screen.facets[q.item as usize]);
+        let (facet_p, facet_q) =
+            (&self.screen.facets[p.item as usize], &self.screen.facets[q.item as usize]);
         if facet_p.nearness == facet_q.nearness {
             return p.item >= q.item;
         }
         let slack = LEAST * (facet_p.slack + facet_q.slack);
-        let is_nearer = |place: &DVec2| facet_q.nearness.at(*place) - facet_p.nearness.at(*place) >= -slack;
+        let is_nearer =
+            |place: &DVec2| facet_q.nearness.at(*place) - facet_p.nearness.at(*place) >= -slack;
         p.outline.iter().all(is_nearer) || q.outline.iter().all(is_nearer)
     }
 
@@ -208,7 +234,9 @@ impl Sort<'_> {
 
     /// What parts two that are in each other's way, and whether it parts the first of them.
     fn divider(&self, p: &Part, q: &Part) -> Option<(bool, Divider)> {
-        let plane = |part: &Part| Divider::Plane(self.screen.facets[part.item as usize].nearness, part.item);
+        let plane = |part: &Part| {
+            Divider::Plane(self.screen.facets[part.item as usize].nearness, part.item)
+        };
         let is_parted = |part: &Part, divider: &Divider, least: f64| {
             let facet = &self.screen.facets[part.item as usize];
             let values = part.outline.iter().map(|&place| divider.value(facet, place, self.size));
@@ -234,9 +262,14 @@ impl Sort<'_> {
             let facet = &self.screen.facets[part.item as usize];
             let outline = pieces::clipped(&part.outline, facet, &divider, side, self.size);
             self.cuts.push(CutNode { before: part.cuts, divider, side });
-            let Some(new) = self.part(part.item, self.cuts.len() as u32 - 1, outline) else { continue };
-            let is_later =
-                |q: &Part| q.is_moved || q.farthest < new.farthest || (q.farthest == new.farthest && q.item > new.item);
+            let Some(new) = self.part(part.item, self.cuts.len() as u32 - 1, outline) else {
+                continue;
+            };
+            let is_later = |q: &Part| {
+                q.is_moved
+                    || q.farthest < new.farthest
+                    || (q.farthest == new.farthest && q.item > new.item)
+            };
             let at = self.list.iter().rposition(|q| !is_later(q)).map_or(0, |i| i + 1);
             self.list.insert(at, new);
         }
@@ -256,10 +289,12 @@ fn edges(outline: &[DVec2]) -> impl Iterator<Item = Edge> + '_ {
     pairs.filter(|(a, b)| a.distance(*b) > LEAST_PIXELS).map(|(a, b)| Edge::new(a, b))
 }
 
-/// The fifth test: an edge of one that has all of the other on its outer side (convex outlines need no other lines).
+/// The fifth test: an edge of one that has all of the other on its outer side (convex outlines need
+/// no other lines).
 fn are_apart(p: &Part, q: &Part) -> bool {
     let parts = |a: &Part, b: &Part| {
-        edges(&a.outline).any(|edge| b.outline.iter().all(|&place| edge.inside(place) <= LEAST_PIXELS))
+        edges(&a.outline)
+            .any(|edge| b.outline.iter().all(|&place| edge.inside(place) <= LEAST_PIXELS))
     };
     parts(p, q) || parts(q, p)
 }

@@ -1,10 +1,12 @@
 //! A triangle as the picture sees it: a convex polygon of pixels, with its nearness.
 //!
-//! All methods ask the same two questions about a pixel, here and nowhere else: is its centre in the polygon ([`Facet::covers`]), and how near is
-//! the plane there ([`Nearness::at`])? Both are evaluated by the same operations in the same order, so that all methods get the same bits.
-//! And both are *monotonic* along rows and columns, roundings included: an offset is subtracted, a factor multiplied and a number added, none of
-//! which can turn an order round. So what is said of the corners of a rectangle of pixels holds for all of it, and a row of pixels meets a polygon
-//! in one piece.
+//! All methods ask the same two questions about a pixel, here and nowhere else: is its centre in
+//! the polygon ([`Facet::covers`]), and how near is the plane there ([`Nearness::at`])? Both are
+//! evaluated by the same operations in the same order, so that all methods get the same bits. And
+//! both are *monotonic* along rows and columns, roundings included: an offset is subtracted, a
+//! factor multiplied and a number added, none of which can turn an order round. So what is said of
+//! the corners of a rectangle of pixels holds for all of it, and a row of pixels meets a polygon in
+//! one piece.
 
 use snell_math::{DVec2, DVec3};
 
@@ -14,10 +16,12 @@ pub(super) fn centre(x: u32, y: u32) -> DVec2 {
     DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)
 }
 
-/// A line, from the lesser of two points to the greater (by x, then y), with a polygon on one side of it.
+/// A line, from the lesser of two points to the greater (by x, then y), with a polygon on one side
+/// of it.
 ///
-/// Two polygons that share an edge have the same line with opposite sides, and a point on it belongs to the one on the left: as if all points
-/// were moved a little along y, and far less back along x. So it belongs to exactly one, also where many edges meet.
+/// Two polygons that share an edge have the same line with opposite sides, and a point on it
+/// belongs to the one on the left: as if all points were moved a little along y, and far less back
+/// along x. So it belongs to exactly one, also where many edges meet.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Edge {
     from: DVec2,
@@ -51,11 +55,13 @@ impl Edge {
         if self.is_left { left } else { -left }
     }
 
-    /// The columns of `low..end` whose centres in this row are on the side of the polygon: one piece, as the test is monotonic.
+    /// The columns of `low..end` whose centres in this row are on the side of the polygon: one
+    /// piece, as the test is monotonic.
     #[inline]
     fn clip(&self, row: f64, low: &mut u32, end: &mut u32) {
         // `left` falls with x where the line rises.
-        let holds_later = if self.along.y == 0.0 { None } else { Some((self.along.y < 0.0) == self.is_left) };
+        let holds_later =
+            if self.along.y == 0.0 { None } else { Some((self.along.y < 0.0) == self.is_left) };
         let holds = |x: u32| self.holds(DVec2::new(f64::from(x) + 0.5, row));
         let Some(holds_later) = holds_later else {
             if !holds(*low) {
@@ -65,7 +71,8 @@ impl Edge {
         };
         let crossing = self.from.x + self.along.x * ((row - self.from.y) / self.along.y);
         let guess = (crossing - 0.5).ceil().clamp(f64::from(*low), f64::from(*end)) as u32;
-        // The first column that is on the other side than `low` is, if the guess is off: by one, or where numbers are huge by any amount.
+        // The first column that is on the other side than `low` is, if the guess is off: by one, or
+        // where numbers are huge by any amount.
         let is_before = |x: u32| holds(x) != holds_later;
         let is_right = |x: u32| (x <= *low || is_before(x - 1)) && (x >= *end || !is_before(x));
         let first = match [guess, guess.saturating_sub(1), guess + 1]
@@ -120,7 +127,8 @@ pub(super) struct Facet {
     pub nearness: Nearness,
     /// More than rounding may do to the nearness.
     pub slack: f64,
-    /// The columns and rows whose centres are within its extent, ends excluded. Empty for one that falls between the centres.
+    /// The columns and rows whose centres are within its extent, ends excluded. Empty for one that
+    /// falls between the centres.
     pub columns: [u32; 2],
     pub rows: [u32; 2],
     /// The least and the greatest nearness.
@@ -129,9 +137,15 @@ pub(super) struct Facet {
 }
 
 impl Facet {
-    /// The polygon of three or four corners (place and nearness, in either sense of rotation). `None` if it has no area in the picture's plane, or
-    /// is so thin that its plane cannot be told.
-    pub fn new(triangle: u32, polygon: &[DVec3], nearness: Nearness, size: [u32; 2]) -> Option<Self> {
+    /// The polygon of three or four corners (place and nearness, in either sense of rotation).
+    /// `None` if it has no area in the picture's plane, or is so thin that its plane cannot be
+    /// told.
+    pub fn new(
+        triangle: u32,
+        polygon: &[DVec3],
+        nearness: Nearness,
+        size: [u32; 2],
+    ) -> Option<Self> {
         let mut facet = Self {
             triangle,
             corners: [DVec3::ZERO; 4],
@@ -151,13 +165,16 @@ impl Facet {
                 facet.count += 1;
             }
         }
-        if facet.count > 1 && facet.corners[0].truncate() == facet.corners[usize::from(facet.count) - 1].truncate() {
+        if facet.count > 1
+            && facet.corners[0].truncate() == facet.corners[usize::from(facet.count) - 1].truncate()
+        {
             facet.count -= 1;
         }
         let count = usize::from(facet.count);
         let places: Vec<DVec2> = facet.corners().iter().map(|p| p.truncate()).collect();
         let first = places.first()?;
-        let area: f64 = (0..count).map(|i| (places[i] - first).perp_dot(places[(i + 1) % count] - first)).sum();
+        let area: f64 =
+            (0..count).map(|i| (places[i] - first).perp_dot(places[(i + 1) % count] - first)).sum();
         if count < 3 || area == 0.0 || !area.is_finite() {
             return None;
         }
@@ -171,7 +188,8 @@ impl Facet {
         for p in &facet.corners[..count] {
             (facet.farthest, facet.nearest) = (facet.farthest.min(p.z), facet.nearest.max(p.z));
         }
-        let is_off = |p: &DVec3| (nearness.at(p.truncate()) - p.z).abs() > 1e-6 * facet.nearest.abs();
+        let is_off =
+            |p: &DVec3| (nearness.at(p.truncate()) - p.z).abs() > 1e-6 * facet.nearest.abs();
         if !facet.slack.is_finite() || facet.corners().iter().any(is_off) {
             return None;
         }
@@ -200,11 +218,13 @@ impl Facet {
     /// True if the centre of a pixel is in it.
     #[inline(always)]
     pub fn covers(&self, x: u32, y: u32) -> bool {
-        let is_near = (self.columns[0]..self.columns[1]).contains(&x) && (self.rows[0]..self.rows[1]).contains(&y);
+        let is_near = (self.columns[0]..self.columns[1]).contains(&x)
+            && (self.rows[0]..self.rows[1]).contains(&y);
         is_near && self.edges().iter().all(|edge| edge.holds(centre(x, y)))
     }
 
-    /// The columns of a row whose centres are in it, end excluded; empty if there are none. The row is one of [`Self::rows`].
+    /// The columns of a row whose centres are in it, end excluded; empty if there are none. The row
+    /// is one of [`Self::rows`].
     #[inline]
     pub fn span(&self, y: u32) -> [u32; 2] {
         let [mut low, mut end] = self.columns;
@@ -230,7 +250,8 @@ fn centres_within(low: f64, high: f64, count: u32) -> [u32; 2] {
     [bound((low - 0.5).ceil()), bound((high - 0.5).floor() + 1.0)]
 }
 
-/// True if the plane of `a` is nearer at a place than that of `b`, by number where they are equally near: what decides everywhere.
+/// True if the plane of `a` is nearer at a place than that of `b`, by number where they are equally
+/// near: what decides everywhere.
 #[inline(always)]
 pub(super) fn is_nearer((a, near_a): (u32, f64), (b, near_b): (u32, f64)) -> bool {
     near_a > near_b || (near_a == near_b && a < b)

@@ -1,17 +1,21 @@
-//! Hidden lines by quantitative invisibility (Appel, The Notion of Quantitative Invisibility and the Machine Rendering of Solids, ACM National
-//! Conference 1967).
+//! Hidden lines by quantitative invisibility (Appel, The Notion of Quantitative Invisibility and
+//! the Machine Rendering of Solids, ACM National Conference 1967).
 //!
-//! The *quantitative invisibility* of a point of an edge is the number of faces between it and the eye; it is seen if that is 0. Along an edge the
-//! number changes only where the edge passes behind a *contour* or through a face. (A contour is a border of the picture of a surface: both faces of the
-//! edge are on one side of it, or it has but one.) So all of an edge is known from one count and its crossings. Roberts (Machine Perception of
-//! Three-Dimensional Solids, 1963) tests edges with solids instead, Galimberti and Montanari (An Algorithm for Hidden Line Elimination, 1969) keep
-//! the set of hiding faces in place of its number, and Loutrel (A Solution to the Hidden-Line Problem for Computer-Drawn Polyhedra, 1970) carries the
-//! number as Appel does.
+//! The *quantitative invisibility* of a point of an edge is the number of faces between it and the
+//! eye; it is seen if that is 0. Along an edge the number changes only where the edge passes behind
+//! a *contour* or through a face. (A contour is a border of the picture of a surface: both faces of
+//! the edge are on one side of it, or it has but one.) So all of an edge is known from one count
+//! and its crossings. Roberts (Machine Perception of Three-Dimensional Solids, 1963) tests edges
+//! with solids instead, Galimberti and Montanari (An Algorithm for Hidden Line Elimination, 1969)
+//! keep the set of hiding faces in place of its number, and Loutrel (A Solution to the Hidden-Line
+//! Problem for Computer-Drawn Polyhedra, 1970) carries the number as Appel does.
 //!
-//! Appel carries the number through the vertices too, from edge to edge. Here each edge has a count of its own, at the middle of its first stretch,
-//! and another after it has touched the border of a face: a mistake then stays where it is, and surfaces need not be closed. Edges that are crossed at
-//! a vertex, or lie on each other in the picture, are told by the side of the line on which points are, so that each crossing counts once. Lines in
-//! which faces pierce each other are no edges, and are not drawn.
+//! Appel carries the number through the vertices too, from edge to edge. Here each edge has a count
+//! of its own, at the middle of its first stretch, and another after it has touched the border of a
+//! face: a mistake then stays where it is, and surfaces need not be closed. Edges that are crossed
+//! at a vertex, or lie on each other in the picture, are told by the side of the line on which
+//! points are, so that each crossing counts once. Lines in which faces pierce each other are no
+//! edges, and are not drawn.
 
 use super::facet::{Edge, Facet};
 use super::{Characterization, NOTHING, Screen, Space, VisibleError};
@@ -23,7 +27,8 @@ use std::collections::HashMap;
 /// What is nearer by less than this, relative to the nearness, is not in front.
 const EQUAL: f64 = 1e-9;
 
-/// A line touches the border of a face if it is as near to it as this, relative to the nearness or in pixels.
+/// A line touches the border of a face if it is as near to it as this, relative to the nearness or
+/// in pixels.
 const TOUCH: f64 = 1e-6;
 
 /// Pieces of a line that are shorter than this part of a pixel are not drawn.
@@ -72,9 +77,11 @@ pub struct LineWork {
     pub crossings: u64,
     /// Places where an edge goes through a face.
     pub piercings: u64,
-    /// Faces looked at, to find those that an edge goes through and to count those in front of a point.
+    /// Faces looked at, to find those that an edge goes through and to count those in front of a
+    /// point.
     pub faces: u64,
-    /// Stretches whose number was counted: the first of each edge, and those after it touched the border of a face.
+    /// Stretches whose number was counted: the first of each edge, and those after it touched the
+    /// border of a face.
     pub counts: u64,
 }
 
@@ -107,11 +114,14 @@ impl Stretch {
         world.occluded_one(&Ray { t_max: (BEFORE / near) as f32, ..ray }, &AcceptAll)
     }
 
-    /// Whether some face surely hides its middle: more than `tolerance` pixels inside its outline, and in front by more than a ray might take for
-    /// the same place. Looks at all faces.
+    /// Whether some face surely hides its middle: more than `tolerance` pixels inside its outline,
+    /// and in front by more than a ray might take for the same place. Looks at all faces.
     pub fn is_surely_hidden(&self, screen: &Screen, tolerance: f64) -> bool {
         let (place, near) = self.middle();
-        screen.facets.iter().any(|f| f.nearness.at(place) * BEFORE > near && f.inside(place) > tolerance)
+        screen
+            .facets
+            .iter()
+            .any(|f| f.nearness.at(place) * BEFORE > near && f.inside(place) > tolerance)
     }
 }
 
@@ -126,7 +136,8 @@ struct Line {
     kind: LineKind,
     /// The part of it that is in the picture, from 0 to 1.
     range: [f64; 2],
-    /// How many faces are to the left of it less those to the right, from the lesser to the greater end: what is hidden behind it changes by this.
+    /// How many faces are to the left of it less those to the right, from the lesser to the greater
+    /// end: what is hidden behind it changes by this.
     change: i32,
 }
 
@@ -134,7 +145,8 @@ struct Line {
 struct Event {
     at: f64,
     change: i32,
-    /// The line touches the border of a face here, so that rounding decides what it passes: the number is to be counted anew.
+    /// The line touches the border of a face here, so that rounding decides what it passes: the
+    /// number is to be counted anew.
     is_touch: bool,
 }
 
@@ -145,17 +157,20 @@ impl HiddenLines {
     /// What kind of method it is.
     pub const CHARACTERIZATION: Characterization = Characterization {
         space: Space::Object,
-        sorts: "x, y: cells of the picture; along each edge: crossings with contours; z: at each crossing",
+        sorts: "x, y: cells of the picture; along each edge: crossings with contours; z: at each \
+            crossing",
         coherence: "along edges (invisibility changes at contours only)",
         source: "Appel 1967; Roberts 1963, Galimberti and Montanari 1969, Loutrel 1970",
         cost: None,
     };
 
-    /// Finds what is seen of all edges. Takes time with the number of edges and of contours in the same parts of the picture.
+    /// Finds what is seen of all edges. Takes time with the number of edges and of contours in the
+    /// same parts of the picture.
     pub fn new(screen: &Screen) -> Result<Self, VisibleError> {
         let lines = lines(screen);
         let mut cells = Cells::new(screen, &lines);
-        let mut work = LineWork { edges: lines.len() as u64, contours: cells.contours, ..LineWork::default() };
+        let mut work =
+            LineWork { edges: lines.len() as u64, contours: cells.contours, ..LineWork::default() };
         let mut stretches = Vec::new();
         for line in &lines {
             cells.near(line);
@@ -206,7 +221,8 @@ fn lines(screen: &Screen) -> Vec<Line> {
     lines
 }
 
-/// The part of a line that is in the picture (Liang and Barsky, A New Concept and Method for Line Clipping, 1984).
+/// The part of a line that is in the picture (Liang and Barsky, A New Concept and Method for Line
+/// Clipping, 1984).
 fn range_within(line: &Line, size: DVec2) -> [f64; 2] {
     let [a, b] = line.ends.map(|p| p.truncate());
     let mut range = [0.0f64, 1.0f64];
@@ -230,16 +246,19 @@ impl Line {
         let edge = self.edge();
         let is_left = |item: &u32| {
             let facet = &screen.facets[*item as usize];
-            let middle = facet.corners().iter().map(|c| c.truncate()).sum::<DVec2>() / facet.corners().len() as f64;
+            let middle = facet.corners().iter().map(|c| c.truncate()).sum::<DVec2>()
+                / facet.corners().len() as f64;
             edge.inside(middle) > 0.0
         };
         let left = self.faces.iter().filter(|f| is_left(f)).count() as i32;
         self.change = 2 * left - self.faces.len() as i32;
         let normal = |item: u32| {
-            let [a, b, c] = screen.triangles[screen.facets[item as usize].triangle as usize].corners;
+            let [a, b, c] =
+                screen.triangles[screen.facets[item as usize].triangle as usize].corners;
             (b - a).cross(c - a).normalize_or_zero()
         };
-        let is_flat = || self.faces.iter().all(|&f| normal(f).dot(normal(self.faces[0])).abs() > FLAT);
+        let is_flat =
+            || self.faces.iter().all(|&f| normal(f).dot(normal(self.faces[0])).abs() > FLAT);
         self.kind = match self.change {
             0 if is_flat() => LineKind::Flat,
             0 => LineKind::Crease,
@@ -304,7 +323,13 @@ fn crossings(line: &Line, lines: &[Line], met: &[u32], work: &mut LineWork) -> V
 }
 
 /// Where a line goes through faces.
-fn piercings(screen: &Screen, line: &Line, met: &[u32], events: &mut Vec<Event>, work: &mut LineWork) {
+fn piercings(
+    screen: &Screen,
+    line: &Line,
+    met: &[u32],
+    events: &mut Vec<Event>,
+    work: &mut LineWork,
+) {
     work.faces += met.len() as u64;
     for &item in met {
         let facet = &screen.facets[item as usize];
@@ -314,13 +339,21 @@ fn piercings(screen: &Screen, line: &Line, met: &[u32], events: &mut Vec<Event>,
         let ahead = [0, 1].map(|i| line.ends[i].z - facet.nearness.at(line.ends[i].truncate()));
         let at = ahead[0] / (ahead[0] - ahead[1]);
         let is_level = |i: usize| ahead[i].abs() <= EQUAL * line.ends[i].z + facet.slack;
-        if (ahead[0] > 0.0) == (ahead[1] > 0.0) || !(at > 0.0 && at < 1.0) || is_level(0) || is_level(1) {
+        if (ahead[0] > 0.0) == (ahead[1] > 0.0)
+            || !(at > 0.0 && at < 1.0)
+            || is_level(0)
+            || is_level(1)
+        {
             continue;
         }
         let inside = facet.inside(line.place(at));
         if inside > -TOUCH {
             work.piercings += 1;
-            events.push(Event { at, change: if ahead[0] > 0.0 { 1 } else { -1 }, is_touch: inside < TOUCH });
+            events.push(Event {
+                at,
+                change: if ahead[0] > 0.0 { 1 } else { -1 },
+                is_touch: inside < TOUCH,
+            });
         }
     }
 }
@@ -331,7 +364,14 @@ fn touches(facet: &Facet, line: &Line) -> bool {
 }
 
 /// Makes stretches of a line.
-fn divide(screen: &Screen, line: &Line, events: &[Event], faces: &[u32], out: &mut Vec<Stretch>, work: &mut LineWork) {
+fn divide(
+    screen: &Screen,
+    line: &Line,
+    events: &[Event],
+    faces: &[u32],
+    out: &mut Vec<Stretch>,
+    work: &mut LineWork,
+) {
     let length = line.ends[0].truncate().distance(line.ends[1].truncate());
     let (mut from, mut number, mut is_unknown) = (line.range[0], 0i32, true);
     let start = out.len();
@@ -426,8 +466,14 @@ impl Cells {
     }
 
     /// The cells of a rectangle that are wanted.
-    fn within(&self, low: DVec2, high: DVec2, is_wanted: impl Fn(DVec2, DVec2) -> bool) -> Vec<usize> {
-        let bound = |x: f64, count: usize| (x / CELL).floor().clamp(0.0, count as f64 - 1.0) as usize;
+    fn within(
+        &self,
+        low: DVec2,
+        high: DVec2,
+        is_wanted: impl Fn(DVec2, DVec2) -> bool,
+    ) -> Vec<usize> {
+        let bound =
+            |x: f64, count: usize| (x / CELL).floor().clamp(0.0, count as f64 - 1.0) as usize;
         let mut all = Vec::new();
         for row in bound(low.y - 1e-6, self.rows)..=bound(high.y + 1e-6, self.rows) {
             for column in bound(low.x - 1e-6, self.columns)..=bound(high.x + 1e-6, self.columns) {
@@ -445,10 +491,14 @@ impl Cells {
         let [a, b] = line.ends.map(|p| p.truncate());
         let edge = line.edge();
         let is_inner = |low: DVec2, high: DVec2| {
-            low.x > 0.0 && low.y > 0.0 && high.x < self.columns as f64 * CELL && high.y < self.rows as f64 * CELL
+            low.x > 0.0
+                && low.y > 0.0
+                && high.x < self.columns as f64 * CELL
+                && high.y < self.rows as f64 * CELL
         };
         self.within(a.min(b), a.max(b), |low, high| {
-            let sides = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)].map(|p| edge.holds(p));
+            let sides = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)]
+                .map(|p| edge.holds(p));
             !is_inner(low, high) || sides.iter().any(|s| *s != sides[0])
         })
     }

@@ -32,7 +32,8 @@ pub enum Space {
     Object,
     /// In the picture, to the precision of pixels.
     Image,
-    /// What hides what is decided among objects, and what is hidden by painting over it (*list priority*).
+    /// What hides what is decided among objects, and what is hidden by painting over it (*list
+    /// priority*).
     ListPriority,
 }
 
@@ -105,7 +106,8 @@ impl Method {
             },
             Self::RayCasting => Characterization {
                 space: Space::Image,
-                sorts: "x, y and z together: tree of boxes once for the scene, then nearest box first for each pixel",
+                sorts: "x, y and z together: tree of boxes once for the scene, then nearest box \
+                    first for each pixel",
                 coherence: "of objects (boxes), and of neighbouring rays",
                 source: "Appel 1968; Rubin and Whitted 1980",
                 cost: None,
@@ -126,8 +128,10 @@ impl Method {
             },
             Self::ScanLine => Characterization {
                 space: Space::Image,
-                sorts: "y: buckets; x: insertion, from the order of the row above; z: at both ends of a span, then by halving",
-                coherence: "from row to row (order, and what was visible), and along the row (spans)",
+                sorts: "y: buckets; x: insertion, from the order of the row above; z: at both ends \
+                    of a span, then by halving",
+                coherence: "from row to row (order, and what was visible), and along the row \
+                    (spans)",
                 source: "Watkins 1970",
                 cost: Some("comparisons, at the left end of their span"),
             },
@@ -140,7 +144,8 @@ impl Method {
             },
             Self::Bsp => Characterization {
                 space: Space::ListPriority,
-                sorts: "x, y and z together: tree of planes once for the scene, walked once for an eye; x, y: by painting",
+                sorts: "x, y and z together: tree of planes once for the scene, walked once for an \
+                    eye; x, y: by painting",
                 coherence: "of the scene from picture to picture (the tree)",
                 source: "Schumacker 1969; Fuchs, Kedem and Naylor 1980",
                 cost: Some("paintings of a pixel"),
@@ -148,7 +153,8 @@ impl Method {
             Self::BspFrontToBack => Characterization {
                 space: Space::ListPriority,
                 sorts: "as bsp, nearest first; x, y: what is still empty in a row",
-                coherence: "of the scene from picture to picture, and along the row (filled stretches are skipped)",
+                coherence: "of the scene from picture to picture, and along the row (filled \
+                    stretches are skipped)",
                 source: "Gordon and Chen 1991",
                 cost: Some("visits of a pixel until it is filled"),
             },

@@ -1,15 +1,20 @@
-//! The lab of hidden-surface algorithms: which triangle is seen at each pixel, by every classical method.
+//! The lab of hidden-surface algorithms: which triangle is seen at each pixel, by every classical
+//! method.
 //!
-//! Sutherland, Sproull and Schumacker compared ten methods (A Characterization of Ten Hidden-Surface Algorithms, ACM Computing Surveys 6(1), 1974) by what
-//! they sort, in which order, and by the coherence they use. [`Method`] has these kinds of methods as they are taught today, each a file that reads like
-//! its paper, and [`Method::characterization`] says the same about each of them. They are here to be compared (`snell bench hidden-surfaces`); the renderer
-//! traces rays.
+//! Sutherland, Sproull and Schumacker compared ten methods (A Characterization of Ten
+//! Hidden-Surface Algorithms, ACM Computing Surveys 6(1), 1974) by what they sort, in which order,
+//! and by the coherence they use. [`Method`] has these kinds of methods as they are taught today,
+//! each a file that reads like its paper, and [`Method::characterization`] says the same about each
+//! of them. They are here to be compared (`snell bench hidden-surfaces`); the renderer traces rays.
 //!
-//! All see the same: [`Screen`] projects the triangles of a world as a pinhole sees them, and what is asked about a pixel is answered in one place
-//! (`facet.rs`), so that all methods but the two that trace rays give the same picture, bit for bit. (A painter's order may differ where two triangles
-//! are equally near up to rounding.) Both sides of triangles are seen; at equal nearness the lowest ids win.
+//! All see the same: [`Screen`] projects the triangles of a world as a pinhole sees them, and what
+//! is asked about a pixel is answered in one place (`facet.rs`), so that all methods but the two
+//! that trace rays give the same picture, bit for bit. (A painter's order may differ where two
+//! triangles are equally near up to rounding.) Both sides of triangles are seen; at equal nearness
+//! the lowest ids win.
 //!
-//! [`HiddenLines`] draws lines instead of surfaces: Appel's quantitative invisibility, from which all this began.
+//! [`HiddenLines`] draws lines instead of surfaces: Appel's quantitative invisibility, from which
+//! all this began.
 
 mod areas;
 mod bsp;
@@ -40,7 +45,8 @@ use snell_intersect::World;
 /// The item of a pixel where nothing is seen.
 pub const NOTHING: u32 = u32::MAX;
 
-/// The item of a pixel where a ray hit a triangle that is seen edge-on, which has no number. Only methods that trace rays give it.
+/// The item of a pixel where a ray hit a triangle that is seen edge-on, which has no number. Only
+/// methods that trace rays give it.
 pub const EDGE_ON: u32 = u32::MAX - 1;
 
 /// Why a world cannot be seen by a method.
@@ -50,13 +56,22 @@ pub enum VisibleError {
     #[error("hidden surfaces are found for a pinhole camera with a flat picture")]
     NotPinhole,
     /// Something is not a triangle, or moves.
-    #[error("hidden surfaces are found among triangles that do not move, and nothing else; take a scene of meshes")]
+    #[error(
+        "hidden surfaces are found among triangles that do not move, and nothing else; take a \
+            scene of meshes"
+    )]
     NotTriangles,
     /// Built with another structure.
-    #[error("areas are found with the bounding volume hierarchy; build the world with the accelerator bvh")]
+    #[error(
+        "areas are found with the bounding volume hierarchy; build the world with the accelerator \
+            bvh"
+    )]
     NotBvh,
     /// There are too many.
-    #[error("the scene has {count} triangles, and {most} is the most for hidden surfaces; take a smaller one")]
+    #[error(
+        "the scene has {count} triangles, and {most} is the most for hidden surfaces; take a \
+            smaller one"
+    )]
     TooManyTriangles {
         /// Instances counted each time.
         count: u64,
@@ -90,7 +105,8 @@ impl<'w> Prepared<'w> {
         Ok(Self { method, world, tree })
     }
 
-    /// Finds what is visible at the centre of each pixel; `with_cost` also counts work by pixel, if that has places.
+    /// Finds what is visible at the centre of each pixel; `with_cost` also counts work by pixel, if
+    /// that has places.
     pub fn run(&self, screen: &Screen, with_cost: bool) -> Result<Seen, VisibleError> {
         Ok(match self.method {
             Method::RayCastingAll => ray_casting::run_all(screen)?,
@@ -107,7 +123,8 @@ impl<'w> Prepared<'w> {
     }
 }
 
-/// What rays through the hierarchy cost for this picture: nodes whose eight boxes were tested, and triangles.
+/// What rays through the hierarchy cost for this picture: nodes whose eight boxes were tested, and
+/// triangles.
 pub fn ray_work(screen: &Screen, world: &World) -> [u64; 2] {
     ray_casting::work(screen, world)
 }

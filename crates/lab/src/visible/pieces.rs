@@ -1,8 +1,10 @@
 //! Parts of facets, for methods that cut them.
 //!
-//! A part is known in two ways. What decides about a pixel are the *cuts* it went through: each says on which side of a plane the centre of the pixel
-//! is, by the comparison of nearness that decides everywhere, so that the two parts have each pixel once between them. And its *outline* is a polygon
-//! around these pixels, a little too large, which tells where to look and how it lies to others.
+//! A part is known in two ways. What decides about a pixel are the *cuts* it went through: each
+//! says on which side of a plane the centre of the pixel is, by the comparison of nearness that
+//! decides everywhere, so that the two parts have each pixel once between them. And its *outline*
+//! is a polygon around these pixels, a little too large, which tells where to look and how it lies
+//! to others.
 
 use super::Screen;
 use super::canvas::Canvas;
@@ -38,7 +40,9 @@ impl Divider {
     #[inline]
     fn side(&self, item: u32, facet: &Facet, place: DVec2) -> bool {
         match self {
-            Self::Plane(plane, rank) => is_nearer((item, facet.nearness.at(place)), (*rank, plane.at(place))),
+            Self::Plane(plane, rank) => {
+                is_nearer((item, facet.nearness.at(place)), (*rank, plane.at(place)))
+            }
             Self::EdgeOn(line, _) => line.at(place) >= 0.0,
             Self::Line(edge) => edge.holds(place),
         }
@@ -47,7 +51,9 @@ impl Divider {
     /// Positive on the side that is `true`, and how much of it is nothing.
     pub fn value(&self, facet: &Facet, place: DVec2, size: DVec2) -> (f64, f64) {
         match self {
-            Self::Plane(plane, _) => (facet.nearness.at(place) - plane.at(place), facet.slack + plane.slack(size)),
+            Self::Plane(plane, _) => {
+                (facet.nearness.at(place) - plane.at(place), facet.slack + plane.slack(size))
+            }
             Self::EdgeOn(line, slack) => (line.at(place), *slack),
             Self::Line(edge) => (edge.inside(place), LINE_MARGIN / MARGIN),
         }
@@ -62,8 +68,15 @@ pub(super) struct CutNode<D> {
     pub side: bool,
 }
 
-/// The part of a convex outline on one side of a divider, grown a little; in the same sense of rotation.
-pub(super) fn clipped(outline: &[DVec2], facet: &Facet, divider: &Divider, side: bool, size: DVec2) -> Vec<DVec2> {
+/// The part of a convex outline on one side of a divider, grown a little; in the same sense of
+/// rotation.
+pub(super) fn clipped(
+    outline: &[DVec2],
+    facet: &Facet,
+    divider: &Divider,
+    side: bool,
+    size: DVec2,
+) -> Vec<DVec2> {
     let value = |p: DVec2| {
         let (value, slack) = divider.value(facet, p, size);
         (if side { value } else { -value }) + MARGIN * slack
@@ -90,16 +103,20 @@ pub(super) fn clipped(outline: &[DVec2], facet: &Facet, divider: &Divider, side:
     part
 }
 
-/// Corners may be this many pictures away, so that rounding does not matter where an edge enters the picture.
+/// Corners may be this many pictures away, so that rounding does not matter where an edge enters
+/// the picture.
 const FAR: f64 = 1e5;
 
-/// The outline of a facet within the picture; all of the picture for one whose corners are too far away.
+/// The outline of a facet within the picture; all of the picture for one whose corners are too far
+/// away.
 pub(super) fn whole(facet: &Facet, size: DVec2) -> Vec<DVec2> {
     let mut outline: Vec<DVec2> = facet.corners().iter().map(|c| c.truncate()).collect();
     if outline.iter().any(|p| p.abs().max_element() > FAR * size.max_element()) {
         return vec![DVec2::ZERO, DVec2::new(size.x, 0.0), size, DVec2::new(0.0, size.y)];
     }
-    for (normal, offset) in [(DVec2::X, 0.0), (DVec2::NEG_X, size.x), (DVec2::Y, 0.0), (DVec2::NEG_Y, size.y)] {
+    for (normal, offset) in
+        [(DVec2::X, 0.0), (DVec2::NEG_X, size.x), (DVec2::Y, 0.0), (DVec2::NEG_Y, size.y)]
+    {
         let mut part = Vec::with_capacity(outline.len() + 1);
         for (i, &a) in outline.iter().enumerate() {
             let b = outline[(i + 1) % outline.len()];
@@ -123,9 +140,13 @@ pub(super) fn extent(outline: &[DVec2]) -> (DVec2, DVec2) {
 }
 
 /// A cut and those before it.
-pub(super) fn chain<D: Copy>(all: &[CutNode<D>], last: u32) -> impl Iterator<Item = (D, bool)> + '_ {
+pub(super) fn chain<D: Copy>(
+    all: &[CutNode<D>],
+    last: u32,
+) -> impl Iterator<Item = (D, bool)> + '_ {
     let node = move |at: u32| all.get(at as usize);
-    std::iter::successors(node(last), move |cut| node(cut.before)).map(|cut| (cut.divider, cut.side))
+    std::iter::successors(node(last), move |cut| node(cut.before))
+        .map(|cut| (cut.divider, cut.side))
 }
 
 /// A part that is ready to be drawn.

@@ -1,5 +1,6 @@
-//! Ray casting: a ray through the centre of each pixel (Appel, Some Techniques for Shading Machine Renderings of Solids, AFIPS 1968), with every
-//! triangle, or through the bounding volume hierarchy.
+//! Ray casting: a ray through the centre of each pixel (Appel, Some Techniques for Shading Machine
+//! Renderings of Solids, AFIPS 1968), with every triangle, or through the bounding volume
+//! hierarchy.
 
 use super::canvas::{Canvas, Seen};
 use super::facet::centre;
@@ -16,18 +17,24 @@ const MOST_TESTS: u64 = 5_000_000_000;
 /// Rays of so many pixels a side are traced together.
 const BLOCK: u32 = 16;
 
-/// Tests every ray with every triangle in `f64`, in the coordinates of the world: nothing is projected.
+/// Tests every ray with every triangle in `f64`, in the coordinates of the world: nothing is
+/// projected.
 ///
-/// The test is that of Möller and Trumbore (Fast, Minimum Storage Ray/Triangle Intersection, 1997), of which all that does not depend on the ray
-/// is worked out once, as all rays have the same origin.
+/// The test is that of Möller and Trumbore (Fast, Minimum Storage Ray/Triangle Intersection, 1997),
+/// of which all that does not depend on the ray is worked out once, as all rays have the same
+/// origin.
 pub(super) fn run_all(screen: &Screen) -> Result<Seen, VisibleError> {
     let mut canvas = Canvas::new(screen, false);
     let tests = canvas.len() as u64 * screen.triangles.len() as u64;
     if tests > MOST_TESTS {
-        return Err(VisibleError::TooMuchWork { what: "tests of a ray with a triangle", limit: MOST_TESTS });
+        return Err(VisibleError::TooMuchWork {
+            what: "tests of a ray with a triangle",
+            limit: MOST_TESTS,
+        });
     }
     let eye = screen.view.apex().unwrap_or_default();
-    let prepared: Vec<Prepared> = screen.triangles.iter().map(|t| Prepared::new(&t.corners, eye)).collect();
+    let prepared: Vec<Prepared> =
+        screen.triangles.iter().map(|t| Prepared::new(&t.corners, eye)).collect();
     let mut hits = 0;
     for y in 0..screen.size[1] {
         for x in 0..screen.size[0] {
@@ -117,7 +124,8 @@ fn item_or_edge_on(screen: &Screen, id: PrimitiveId) -> u32 {
     }
 }
 
-/// What a ray from the eye asks of a triangle: the volumes it spans with each edge, and with the plane.
+/// What a ray from the eye asks of a triangle: the volumes it spans with each edge, and with the
+/// plane.
 struct Prepared {
     volume: DVec3,
     u: DVec3,
@@ -136,8 +144,10 @@ impl Prepared {
     fn nearness(&self, direction: DVec3) -> Option<f64> {
         let volume = self.volume.dot(direction);
         let sign = if volume < 0.0 { -1.0 } else { 1.0 };
-        let (size, u, v) = (volume * sign, self.u.dot(direction) * sign, self.v.dot(direction) * sign);
+        let (size, u, v) =
+            (volume * sign, self.u.dot(direction) * sign, self.v.dot(direction) * sign);
         let distance = self.distance * sign;
-        (u >= 0.0 && v >= 0.0 && u + v <= size && size > 0.0 && distance > 0.0).then(|| size / distance)
+        (u >= 0.0 && v >= 0.0 && u + v <= size && size > 0.0 && distance > 0.0)
+            .then(|| size / distance)
     }
 }

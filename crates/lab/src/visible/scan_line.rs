@@ -1,10 +1,13 @@
-//! Scan lines and sample spans (Watkins, A Real Time Visible Surface Algorithm, University of Utah 1970; Sutherland, Sproull and Schumacker, A
-//! Characterization of Ten Hidden-Surface Algorithms, Computing Surveys 1974, section on Watkins).
+//! Scan lines and sample spans (Watkins, A Real Time Visible Surface Algorithm, University of Utah
+//! 1970; Sutherland, Sproull and Schumacker, A Characterization of Ten Hidden-Surface Algorithms,
+//! Computing Surveys 1974, section on Watkins).
 //!
-//! A row of pixels meets each facet in a *segment*. Segments are sorted by their left ends, starting from the order of the row above, so that few
-//! have to move. From left to right, a *sample span* reaches from where segments begin or end to where they do so next. In a span the same segments
-//! cross all pixels; one that is in front at both ends is visible all along. Where none is surely so, because segments cross or nearly meet, the
-//! span is halved. The one that was visible on the row above is tried first.
+//! A row of pixels meets each facet in a *segment*. Segments are sorted by their left ends,
+//! starting from the order of the row above, so that few have to move. From left to right, a
+//! *sample span* reaches from where segments begin or end to where they do so next. In a span the
+//! same segments cross all pixels; one that is in front at both ends is visible all along. Where
+//! none is surely so, because segments cross or nearly meet, the span is halved. The one that was
+//! visible on the row above is tried first.
 
 use super::canvas::{Canvas, Seen};
 use super::facet::{centre, is_nearer};
@@ -46,7 +49,8 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
     // Of each facet the last row that met it.
     let mut met = vec![u32::MAX; screen.facets.len()];
     // Facets in the order in which the row above met them, and active ones that it did not meet.
-    let (mut order, mut waiting, mut fresh): (Vec<u32>, Vec<u32>, Vec<Segment>) = Default::default();
+    let (mut order, mut waiting, mut fresh): (Vec<u32>, Vec<u32>, Vec<Segment>) =
+        Default::default();
     for y in 0..screen.size[1] {
         let items = active.advance(y);
         waiting.extend(items.iter().filter(|&&item| screen.facets[item as usize].rows[0] == y));
@@ -91,7 +95,8 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
     canvas.seen(done, memory)
 }
 
-/// Sorts by insertion, which is quick for what is nearly sorted; if that takes too many moves, in one go. Gives the places that segments moved.
+/// Sorts by insertion, which is quick for what is nearly sorted; if that takes too many moves, in
+/// one go. Gives the places that segments moved.
 fn sort_from_left(segments: &mut [Segment]) -> u64 {
     let (mut moves, most) = (0, 16 * segments.len() as u64);
     for i in 1..segments.len() {
@@ -160,7 +165,8 @@ impl Row<'_> {
             self.canvas.fill(self.y, [low, end], only.item);
             return;
         }
-        let above = self.y.checked_sub(1).map_or(NOTHING, |y| self.canvas.items[self.canvas.pixel(low, y)]);
+        let above =
+            self.y.checked_sub(1).map_or(NOTHING, |y| self.canvas.items[self.canvas.pixel(low, y)]);
         if open.iter().any(|s| s.item == above) && self.is_in_front(above, open, low, end - 1) {
             self.work.guessed += 1;
             self.canvas.fill(self.y, [low, end], above);
@@ -186,11 +192,15 @@ impl Row<'_> {
         self.charge(x, open.len());
         let near = |s: &Segment| (s.item, self.screen.nearness(s.item, x, self.y));
         let start = near(&open[0]);
-        open[1..].iter().map(near).fold(start, |best, new| if is_nearer(new, best) { new } else { best }).0
+        open[1..]
+            .iter()
+            .map(near)
+            .fold(start, |best, new| if is_nearer(new, best) { new } else { best })
+            .0
     }
 
-    /// True if an item is in front of all others at both ends of a span, by so much that rounding cannot have it otherwise between them; or
-    /// if the span is one pixel and it is in front there.
+    /// True if an item is in front of all others at both ends of a span, by so much that rounding
+    /// cannot have it otherwise between them; or if the span is one pixel and it is in front there.
     fn is_in_front(&mut self, item: u32, open: &[Segment], low: u32, last: u32) -> bool {
         let facets = &self.screen.facets;
         let me = &facets[item as usize];
@@ -202,8 +212,12 @@ impl Row<'_> {
             compared += 1;
             // The same plane, to the bit: the number decides everywhere.
             let is_same = me.nearness == other.nearness;
-            let surely = || (0..2).all(|i| mine[i] - other.nearness.at(ends[i]) > 3.0 * (me.slack + other.slack));
-            let alone = || low == last && is_nearer((item, mine[0]), (s.item, other.nearness.at(ends[0])));
+            let surely = || {
+                (0..2)
+                    .all(|i| mine[i] - other.nearness.at(ends[i]) > 3.0 * (me.slack + other.slack))
+            };
+            let alone =
+                || low == last && is_nearer((item, mine[0]), (s.item, other.nearness.at(ends[0])));
             s.item == item || (is_same && item < s.item) || surely() || alone()
         });
         self.charge(low, compared);

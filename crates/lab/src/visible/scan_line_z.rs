@@ -1,6 +1,7 @@
-//! The scan-line z-buffer: row by row, with depths of one row only (Myers, An Efficient Visible Surface Program, Ohio State University 1975). It
-//! looks at all facets of a row at each pixel they cover, as Wylie, Romney, Evans and Erdahl did (Half-tone perspective drawings by computer,
-//! AFIPS 1967), and lets the row's own depths do the comparison.
+//! The scan-line z-buffer: row by row, with depths of one row only (Myers, An Efficient Visible
+//! Surface Program, Ohio State University 1975). It looks at all facets of a row at each pixel they
+//! cover, as Wylie, Romney, Evans and Erdahl did (Half-tone perspective drawings by computer, AFIPS
+//! 1967), and lets the row's own depths do the comparison.
 
 use super::Screen;
 use super::canvas::{Canvas, Seen};
@@ -20,6 +21,11 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
         }
     }
     let memory = size_of_val(&depth[..]) + active.memory();
-    let work = vec![("most active", active.most as u64), ("spans", spans), ("tested", tested), ("written", written)];
+    let work = vec![
+        ("most active", active.most as u64),
+        ("spans", spans),
+        ("tested", tested),
+        ("written", written),
+    ];
     canvas.seen(work, memory)
 }

@@ -21,8 +21,9 @@ pub(super) struct Triangle {
 
 /// A world of triangles seen through a picture: what all methods start from.
 ///
-/// Triangles are brought to the world, cut at a near plane just before the eye, and projected to places of the picture (in pixels, the corner of
-/// the picture at 0) with the reciprocal of their depth. There, planes are planes again, and all rays are parallel: nearer is greater.
+/// Triangles are brought to the world, cut at a near plane just before the eye, and projected to
+/// places of the picture (in pixels, the corner of the picture at 0) with the reciprocal of their
+/// depth. There, planes are planes again, and all rays are parallel: nearer is greater.
 #[derive(Debug)]
 pub struct Screen {
     pub(super) size: [u32; 2],
@@ -46,13 +47,18 @@ fn homogeneous(view: &View, p: DVec3) -> DVec3 {
 }
 
 impl Screen {
-    /// Projects a world as a view sees it: its places from (0, 0) to `size` are the picture, each pixel a square of side 1.
+    /// Projects a world as a view sees it: its places from (0, 0) to `size` are the picture, each
+    /// pixel a square of side 1.
     pub fn new(world: &World, view: &View, size: [u32; 2]) -> Result<Self, VisibleError> {
         if view.apex().is_none() {
             return Err(VisibleError::NotPinhole);
         }
         let triangles = triangles(world)?;
-        let deepest = triangles.iter().flat_map(|t| t.corners).map(|p| homogeneous(view, p).z).fold(0.0, f64::max);
+        let deepest = triangles
+            .iter()
+            .flat_map(|t| t.corners)
+            .map(|p| homogeneous(view, p).z)
+            .fold(0.0, f64::max);
         let mut screen = Self {
             size,
             view: *view,
@@ -72,7 +78,8 @@ impl Screen {
     fn add(&mut self, triangle: u32, near: f64) {
         let [w, h] = self.size.map(f64::from);
         let corners = self.triangles[triangle as usize].corners.map(|p| homogeneous(&self.view, p));
-        let outside = |side: fn(&DVec3, f64) -> f64, bound: f64| corners.iter().all(|c| side(c, bound) < 0.0);
+        let outside =
+            |side: fn(&DVec3, f64) -> f64, bound: f64| corners.iter().all(|c| side(c, bound) < 0.0);
         if outside(|c, near| c.z - near, near)
             || outside(|c, _| c.x, 0.0)
             || outside(|c, w| w * c.z - c.x, w)
@@ -101,7 +108,9 @@ impl Screen {
         }
         let polygon = &polygon[..count];
         let facet = plane(&corners)
-            .and_then(|slope| Some((slope, *polygon.iter().min_by(|a, b| self.nearest_first(a, b))?)))
+            .and_then(|slope| {
+                Some((slope, *polygon.iter().min_by(|a, b| self.nearest_first(a, b))?))
+            })
             .map(|(slope, at)| Nearness { anchor: at.truncate(), slope, value: at.z })
             .filter(|n| polygon.iter().all(|p| p.is_finite()) && n.slope.is_finite())
             .and_then(|nearness| Facet::new(triangle, polygon, nearness, self.size));
@@ -117,7 +126,8 @@ impl Screen {
         self.facets.push(facet);
     }
 
-    /// The corner nearest to the middle of the picture is the best to count nearness from; the same in any order of corners.
+    /// The corner nearest to the middle of the picture is the best to count nearness from; the same
+    /// in any order of corners.
     fn nearest_first(&self, a: &DVec3, b: &DVec3) -> std::cmp::Ordering {
         let middle = DVec2::new(self.size[0].into(), self.size[1].into()) * 0.5;
         let key = |p: &DVec3| [(p.truncate() - middle).abs().max_element(), p.x, p.y];
@@ -140,7 +150,8 @@ impl Screen {
         self.facets.len()
     }
 
-    /// How many facets have the centre of a pixel within their extent; the others cannot be seen in samples.
+    /// How many facets have the centre of a pixel within their extent; the others cannot be seen in
+    /// samples.
     pub fn sampled_count(&self) -> usize {
         self.sampled.len()
     }
@@ -156,7 +167,8 @@ impl Screen {
         Some(self.triangles[facet.triangle as usize].id)
     }
 
-    /// The item that stands for a triangle of the world; [`super::NOTHING`] if it is not in the picture.
+    /// The item that stands for a triangle of the world; [`super::NOTHING`] if it is not in the
+    /// picture.
     pub(super) fn item(&self, id: PrimitiveId) -> u32 {
         match self.triangles.binary_search_by(|t| t.id.cmp(&id)) {
             Ok(triangle) => self.facet_of[triangle],
@@ -190,16 +202,24 @@ impl Screen {
         best.0
     }
 
-    /// Why two methods may see different items at a pixel: its centre is within `tolerance` pixels of an edge of one of them, or both are equally
-    /// near there, or one is seen edge-on. `false` if there is no such reason.
+    /// Why two methods may see different items at a pixel: its centre is within `tolerance` pixels
+    /// of an edge of one of them, or both are equally near there, or one is seen edge-on. `false`
+    /// if there is no such reason.
     pub fn is_borderline(&self, x: u32, y: u32, a: u32, b: u32, tolerance: f64) -> bool {
         let place = centre(x, y);
         let facet = |item: u32| self.facets.get(item as usize);
-        let is_at_edge = |item: u32| facet(item).is_some_and(|f| f.inside(place).abs() <= tolerance);
-        let near = |item: u32| facet(item).map(|f| (f.nearness.at(place), f.nearness.slope.length(), f.slack));
+        let is_at_edge =
+            |item: u32| facet(item).is_some_and(|f| f.inside(place).abs() <= tolerance);
+        let near = |item: u32| {
+            facet(item).map(|f| (f.nearness.at(place), f.nearness.slope.length(), f.slack))
+        };
         let is_tie = match (near(a), near(b)) {
             (Some((a, slope_a, slack_a)), Some((b, slope_b, slack_b))) => {
-                (a - b).abs() <= (slope_a + slope_b) * tolerance + slack_a + slack_b + 1e-6 * a.abs().max(b.abs())
+                (a - b).abs()
+                    <= (slope_a + slope_b) * tolerance
+                        + slack_a
+                        + slack_b
+                        + 1e-6 * a.abs().max(b.abs())
             }
             _ => false,
         };
@@ -207,7 +227,8 @@ impl Screen {
     }
 }
 
-/// How nearness grows with the place on the plane of three homogeneous places; the same in any order. `None` for one that holds the eye.
+/// How nearness grows with the place on the plane of three homogeneous places; the same in any
+/// order. `None` for one that holds the eye.
 fn plane(corners: &[DVec3; 3]) -> Option<DVec2> {
     let mut c = *corners;
     c.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
@@ -233,7 +254,9 @@ fn triangles(world: &World) -> Result<Vec<Triangle>, VisibleError> {
         let mut geometries = contents.geometries.clone();
         geometries.sort();
         for id in geometries {
-            let Geometry::Mesh(mesh) = world.geometry(id) else { return Err(VisibleError::NotTriangles) };
+            let Geometry::Mesh(mesh) = world.geometry(id) else {
+                return Err(VisibleError::NotTriangles);
+            };
             for (i, indices) in mesh.indices.iter().enumerate() {
                 let local = indices.map(|k| mesh.positions[k as usize].as_dvec3());
                 let corners = local.map(|p| if placed.is_identity() { p } else { placed.point(p) });
@@ -246,7 +269,9 @@ fn triangles(world: &World) -> Result<Vec<Triangle>, VisibleError> {
         if contents.instances.iter().any(|i| !i.later.is_empty()) {
             return Err(VisibleError::NotTriangles);
         }
-        stack.extend(contents.instances.iter().rev().map(|i| (i.child, placed.compose(&i.group_from_child))));
+        stack.extend(
+            contents.instances.iter().rev().map(|i| (i.child, placed.compose(&i.group_from_child))),
+        );
         instance += 1;
     }
     Ok(all)

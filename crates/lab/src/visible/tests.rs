@@ -45,7 +45,8 @@ const EYE: Vec3 = Vec3::new(0.4, 0.6, -1.5);
 /// The unit cube, seen from [`EYE`].
 fn view([width, height]: [u32; 2]) -> View {
     let corner = DVec3::new(-0.6, 0.6, 1.3);
-    let (across, down) = (DVec3::X * 1.2 / f64::from(width), DVec3::NEG_Y * 1.2 / f64::from(height));
+    let (across, down) =
+        (DVec3::X * 1.2 / f64::from(width), DVec3::NEG_Y * 1.2 / f64::from(height));
     View::perspective(EYE.as_dvec3(), corner, across, down).expect("independent")
 }
 
@@ -70,7 +71,8 @@ fn is_exact(method: Method) -> bool {
 enum Demand {
     /// The same picture; from rays all but a few borderline pixels of it.
     Same,
-    /// The same picture; centres are on edges or triangles coincide, so that rays may see others in many pixels, but only in such.
+    /// The same picture; centres are on edges or triangles coincide, so that rays may see others in
+    /// many pixels, but only in such.
     SameDespiteTies,
     /// Differences in borderline pixels only.
     SameUpToTies,
@@ -83,7 +85,8 @@ fn check(world: &World, screen: &Screen, demand: Demand, what: &str) -> Vec<u32>
     for method in Method::ALL {
         let seen = Prepared::new(method, screen, world).and_then(|p| p.run(screen, true));
         let seen = seen.unwrap_or_else(|e| panic!("{what}: {}: {e}", method.name()));
-        let differences: Vec<usize> = (0..expected.len()).filter(|&i| seen.items[i] != expected[i]).collect();
+        let differences: Vec<usize> =
+            (0..expected.len()).filter(|&i| seen.items[i] != expected[i]).collect();
         if is_exact(method) && demand != Demand::SameUpToTies {
             assert_eq!(differences, [0; 0], "{what}: {}: {:?}", method.name(), seen.work);
         }
@@ -94,14 +97,25 @@ fn check(world: &World, screen: &Screen, demand: Demand, what: &str) -> Vec<u32>
             assert!(is_borderline, "{what}: {}: {x} {y}: {a} {b}", method.name());
         }
         let is_few = differences.len() * 200 <= expected.len();
-        assert!(is_few || demand != Demand::Same, "{what}: {}: {}", method.name(), differences.len());
+        assert!(
+            is_few || demand != Demand::Same,
+            "{what}: {}: {}",
+            method.name(),
+            differences.len()
+        );
     }
     expected
 }
 
 fn work(screen: &Screen, world: &World, method: Method, name: &str) -> u64 {
-    let seen = Prepared::new(method, screen, world).and_then(|p| p.run(screen, false)).expect("little work");
-    seen.work.iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("no {name}: {:?}", seen.work)).1
+    let seen = Prepared::new(method, screen, world)
+        .and_then(|p| p.run(screen, false))
+        .expect("little work");
+    seen.work
+        .iter()
+        .find(|(n, _)| *n == name)
+        .unwrap_or_else(|| panic!("no {name}: {:?}", seen.work))
+        .1
 }
 
 #[test]
@@ -115,7 +129,8 @@ fn all_methods_see_the_same_in_random_soups() {
     ];
     for (seed, count, size, picture) in soups {
         let world = world_of(vec![soup(seed, count, size)]);
-        let items = check(&world, &screen(&world, picture), Demand::Same, &format!("soup of {count}"));
+        let items =
+            check(&world, &screen(&world, picture), Demand::Same, &format!("soup of {count}"));
         assert!(items.iter().any(|i| *i != NOTHING));
     }
     for seed in 10..40 {
@@ -131,7 +146,8 @@ fn instances_are_seen_like_any_other_triangles() {
     builder.add_mesh(inner, Arc::new(soup(50, 30, 0.4)));
     builder.add_mesh(WorldBuilder::ROOT, Arc::new(soup(51, 10, 0.4)));
     let placed = |angle: f64, scale: f64, to: DVec3| {
-        Transform::new(DAffine3::from_mat3_translation(DMat3::from_rotation_y(angle) * scale, to)).expect("not flat")
+        Transform::new(DAffine3::from_mat3_translation(DMat3::from_rotation_y(angle) * scale, to))
+            .expect("not flat")
     };
     builder.add_instance(outer, inner, placed(0.3, 0.5, DVec3::new(0.1, 0.2, 0.3)));
     builder.add_instance(outer, inner, placed(0.0, 0.5, DVec3::new(0.4, 0.4, 0.1)));
@@ -152,7 +168,9 @@ fn cycle() -> TriangleMesh {
         let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 3.0 + turn).sin_cos();
         Vec3::new(0.4 + (r * cos) as f32, 0.6 + (r * sin) as f32, z as f32)
     };
-    mesh_of((0..3).map(|i| [corner(i, 0.4, 0.2, 0.0), corner(i, 0.4, 0.2, 0.35), corner(i + 1, 0.45, 0.6, 0.3)]))
+    mesh_of((0..3).map(|i| {
+        [corner(i, 0.4, 0.2, 0.0), corner(i, 0.4, 0.2, 0.35), corner(i + 1, 0.45, 0.6, 0.3)]
+    }))
 }
 
 #[test]
@@ -162,9 +180,13 @@ fn a_cycle_of_three_is_cut() {
     let items = check(&world, &screen, Demand::Same, "cycle");
     // Each is seen over another, and each is hidden by another.
     for (a, b) in [(0, 1), (1, 2), (2, 0)] {
-        let both =
-            |i: &usize| [a, b].iter().all(|&k| screen.facets[k as usize].covers(*i as u32 % 128, *i as u32 / 128));
-        let seen: std::collections::BTreeSet<_> = (0..items.len()).filter(both).map(|i| items[i]).collect();
+        let both = |i: &usize| {
+            [a, b]
+                .iter()
+                .all(|&k| screen.facets[k as usize].covers(*i as u32 % 128, *i as u32 / 128))
+        };
+        let seen: std::collections::BTreeSet<_> =
+            (0..items.len()).filter(both).map(|i| items[i]).collect();
         assert_eq!(seen.len(), 1, "{a} and {b} do not intersect, and overlap");
     }
     assert!(work(&screen, &world, Method::DepthSort, "cuts") >= 1);
@@ -250,7 +272,9 @@ fn scenes_in_which_everything_touches_differ_at_ties_only() {
     for i in 0..3 {
         let o = z(0.3 * i as f32, 0.0, 0.25 * i as f32);
         let (x, y, w) = (Vec3::X * 0.25, Vec3::Y * 0.4, Vec3::Z * 0.25);
-        for (corner, u, v) in [(o, x, y), (o + w, x, y), (o, w, y), (o + x, w, y), (o + y, x, w), (o, x, w)] {
+        for (corner, u, v) in
+            [(o, x, y), (o + w, x, y), (o, w, y), (o + x, w, y), (o + y, x, w), (o, x, w)]
+        {
             all.extend(quad(corner, corner + u, corner + v));
         }
         all.extend(quad(o + y * 0.5, o + y * 0.5 + x * 0.5, o + y));
@@ -269,7 +293,8 @@ fn hostile_triangles_end_well() {
         [z(f32::INFINITY, 0.0, 0.0), z(1.0, 0.0, 0.0), z(0.0, 1.0, 0.0)],
         [z(0.5, 0.5, 0.5); 3],
         [z(0.0, 0.0, 0.5), z(0.5, 0.5, 0.5), z(1.0, 1.0, 0.5)],
-        // Behind the eye, around it, through its plane, with it as a corner or on an edge, or in its plane.
+        // Behind the eye, around it, through its plane, with it as a corner or on an edge, or in
+        // its plane.
         [z(0.0, 0.0, -9.0), z(1.0, 0.0, -9.0), z(0.0, 1.0, -9.0)],
         [z(-50.0, -0.5, -50.0), z(50.0, -0.5, -50.0), z(0.0, -0.5, 90.0)],
         [z(0.0, 0.2, -4.0), z(1.0, 0.1, -4.0), z(0.3, 0.3, 4.0)],
@@ -291,18 +316,24 @@ fn hostile_triangles_end_well() {
             for size in [[24, 24], [1, 1], [31, 1], [1, 31]] {
                 let screen = screen(&world, size);
                 for method in Method::ALL {
-                    let seen = Prepared::new(method, &screen, &world).and_then(|p| p.run(&screen, true));
+                    let seen =
+                        Prepared::new(method, &screen, &world).and_then(|p| p.run(&screen, true));
                     let seen = seen.unwrap_or_else(|e| panic!("{i} {}: {e}", method.name()));
                     assert_eq!(seen.items.len(), (size[0] * size[1]) as usize);
-                    // In space, nothing is left of small triangles beside coordinates beyond all bounds.
+                    // In space, nothing is left of small triangles beside coordinates beyond all
+                    // bounds.
                     let is_huge = i == 10 || i == hostile.len();
-                    let is_in_space = matches!(method, Method::Bsp | Method::BspFrontToBack | Method::WeilerAtherton);
+                    let is_in_space = matches!(
+                        method,
+                        Method::Bsp | Method::BspFrontToBack | Method::WeilerAtherton
+                    );
                     if is_exact(method) && !(is_huge && is_in_space) {
                         let expected = looked_up(&screen);
                         let width = size[0] as usize;
                         for k in (0..expected.len()).filter(|&k| seen.items[k] != expected[k]) {
                             let (x, y) = ((k % width) as u32, (k / width) as u32);
-                            let is_tie = screen.is_borderline(x, y, seen.items[k], expected[k], 1e-3);
+                            let is_tie =
+                                screen.is_borderline(x, y, seen.items[k], expected[k], 1e-3);
                             assert!(is_tie, "{i} {with} {size:?} {}: {x} {y}", method.name());
                         }
                     }
@@ -318,9 +349,13 @@ fn an_empty_world_and_an_empty_picture_show_nothing() {
     for (world, size) in [(world_of(vec![]), [8, 8]), (world_of(vec![soup(1, 5, 0.5)]), [0, 0])] {
         let screen = Screen::new(&world, &view([8, 8]), size).expect("triangles");
         for method in Method::ALL {
-            let seen =
-                Prepared::new(method, &screen, &world).and_then(|p| p.run(&screen, true)).expect("nothing to do");
-            assert!(seen.items.iter().all(|i| *i == NOTHING) && seen.items.len() == (size[0] * size[1]) as usize);
+            let seen = Prepared::new(method, &screen, &world)
+                .and_then(|p| p.run(&screen, true))
+                .expect("nothing to do");
+            assert!(
+                seen.items.iter().all(|i| *i == NOTHING)
+                    && seen.items.len() == (size[0] * size[1]) as usize
+            );
         }
     }
 }
@@ -336,13 +371,16 @@ fn what_cannot_be_done_is_refused() {
     assert_eq!(Screen::new(&ball, &view([8, 8]), [8, 8]).err(), Some(VisibleError::NotTriangles));
     let many = world_of(vec![soup(1, 2000, 0.1)]);
     let large = screen(&many, [2048, 2048]);
-    let refused = Prepared::new(Method::RayCastingAll, &large, &many).and_then(|p| p.run(&large, false));
+    let refused =
+        Prepared::new(Method::RayCastingAll, &large, &many).and_then(|p| p.run(&large, false));
     assert!(matches!(refused.err(), Some(VisibleError::TooMuchWork { .. })));
 }
 
 /// The twelve triangles of a box.
 fn cube(low: Vec3, high: Vec3) -> TriangleMesh {
-    let corner = |i: usize| Vec3::new([low.x, high.x][i & 1], [low.y, high.y][i >> 1 & 1], [low.z, high.z][i >> 2]);
+    let corner = |i: usize| {
+        Vec3::new([low.x, high.x][i & 1], [low.y, high.y][i >> 1 & 1], [low.z, high.z][i >> 2])
+    };
     let mesh = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
     mesh_of(mesh.into_iter().flat_map(|f| {
         let [a, b, c, d] = f.map(corner);
@@ -356,11 +394,16 @@ fn of_the_edges_of_a_box_nine_are_seen() {
     let found = HiddenLines::new(&screen(&world, [256, 256])).expect("few edges");
     // Three faces are seen from a corner: nine of twelve edges, six of them contours.
     let count = |is_seen: bool, kind: LineKind| {
-        found.stretches.iter().filter(|s| (s.invisibility == 0) == is_seen && s.kind == kind).count()
+        found
+            .stretches
+            .iter()
+            .filter(|s| (s.invisibility == 0) == is_seen && s.kind == kind)
+            .count()
     };
     assert_eq!((count(true, LineKind::Contour), count(true, LineKind::Crease)), (6, 3));
     assert_eq!((count(false, LineKind::Contour), count(false, LineKind::Crease)), (0, 3));
-    // Behind a closed box two faces are in the way of a ray, but an edge in the back has one before it.
+    // Behind a closed box two faces are in the way of a ray, but an edge in the back has one before
+    // it.
     assert!(found.stretches.iter().all(|s| s.invisibility <= 1));
     assert_eq!((found.work.edges, found.work.counts), (18, 18));
 }
@@ -401,8 +444,10 @@ fn invisibility_is_the_number_of_faces_that_a_ray_meets_before_the_line() {
     let (mut compared, mut most) = (0, 0);
     for stretch in found.stretches.iter().filter(|s| s.length() > 1.0) {
         let (place, near) = stretch.middle();
-        let ray =
-            Ray { t_max: ((1.0 - 1e-4) / near) as f32, ..Ray::new(EYE, view([256, 256]).direction(place).as_vec3()) };
+        let ray = Ray {
+            t_max: ((1.0 - 1e-4) / near) as f32,
+            ..Ray::new(EYE, view([256, 256]).direction(place).as_vec3())
+        };
         let mut count = [0];
         world.count(&[ray], &AcceptAll, &mut count);
         assert_eq!(count[0], stretch.invisibility, "{stretch:?}");

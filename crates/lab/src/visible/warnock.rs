@@ -1,11 +1,14 @@
-//! Area subdivision (Warnock, A Hidden Surface Algorithm for Computer Generated Halftone Pictures, University of Utah 1969).
+//! Area subdivision (Warnock, A Hidden Surface Algorithm for Computer Generated Halftone Pictures,
+//! University of Utah 1969).
 //!
-//! A window of pixels that is easy is drawn; another is divided into four. The facets of a window are those of the window around it, each of
-//! which is now *disjoint* and forgotten, *surrounding*, or *contained* in the window or *intersecting* it. A window is easy if nothing is in it, if
-//! a single facet is, or if a surrounding one is in front of all others; at the latest when it is a pixel. What lies behind a surrounding facet is
-//! forgotten too.
+//! A window of pixels that is easy is drawn; another is divided into four. The facets of a window
+//! are those of the window around it, each of which is now *disjoint* and forgotten, *surrounding*,
+//! or *contained* in the window or *intersecting* it. A window is easy if nothing is in it, if a
+//! single facet is, or if a surrounding one is in front of all others; at the latest when it is a
+//! pixel. What lies behind a surrounding facet is forgotten too.
 //!
-//! A window is its pixels' centres, so the corners that decide are the centres of its corner pixels, and the decisions are exact.
+//! A window is its pixels' centres, so the corners that decide are the centres of its corner
+//! pixels, and the decisions are exact.
 
 use super::canvas::{Canvas, Seen};
 use super::facet::{Facet, centre};
@@ -39,14 +42,21 @@ struct Work {
 pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
     let mut canvas = Canvas::new(screen, with_cost);
     let mut work = Work::default();
-    // The guests of the windows around the present one, each list after that of the window around it.
-    let mut guests: Vec<Guest> = screen.sampled.iter().map(|&item| Guest { item, is_surrounding: false }).collect();
+    // The guests of the windows around the present one, each list after that of the window around
+    // it.
+    let mut guests: Vec<Guest> =
+        screen.sampled.iter().map(|&item| Guest { item, is_surrounding: false }).collect();
     let mut most = guests.len();
     let all = Window { low: [0; 2], end: screen.size };
     if !canvas.items.is_empty() {
         let inherited = guests.len();
-        let mut draw =
-            Subdivision { screen, canvas: &mut canvas, work: &mut work, guests: &mut guests, most: &mut most };
+        let mut draw = Subdivision {
+            screen,
+            canvas: &mut canvas,
+            work: &mut work,
+            guests: &mut guests,
+            most: &mut most,
+        };
         draw.window(all, 0, inherited);
     }
     let done = vec![
@@ -69,7 +79,8 @@ struct Subdivision<'a> {
 }
 
 impl Subdivision<'_> {
-    /// Draws a window whose candidates are `guests[from..to]`. It is divided at most 14 times or so, once for each bit of the picture's side.
+    /// Draws a window whose candidates are `guests[from..to]`. It is divided at most 14 times or
+    /// so, once for each bit of the picture's side.
     fn window(&mut self, w: Window, from: usize, to: usize) {
         self.work.windows += 1;
         self.canvas.charge_window(w.low, w.end);
@@ -98,11 +109,15 @@ impl Subdivision<'_> {
         self.guests.truncate(start);
     }
 
-    /// Appends the facets of a window, without those that are surely hidden by a surrounding one. Gives the surrounding facet that surely
-    /// hides all others, if there is one.
+    /// Appends the facets of a window, without those that are surely hidden by a surrounding one.
+    /// Gives the surrounding facet that surely hides all others, if there is one.
     fn classify(&mut self, w: &Window, from: usize, to: usize) -> u32 {
-        let corners =
-            [[w.low[0], w.low[1]], [w.end[0] - 1, w.low[1]], [w.low[0], w.end[1] - 1], [w.end[0] - 1, w.end[1] - 1]];
+        let corners = [
+            [w.low[0], w.low[1]],
+            [w.end[0] - 1, w.low[1]],
+            [w.low[0], w.end[1] - 1],
+            [w.end[0] - 1, w.end[1] - 1],
+        ];
         let start = self.guests.len();
         // Among the surrounding ones, that with the greatest least nearness.
         let (mut front, mut floor) = (NOTHING, f64::NEG_INFINITY);
@@ -164,7 +179,9 @@ fn quarters(w: &Window) -> [Option<Window>; 4] {
     let middle = [0, 1].map(|axis| w.low[axis] + (w.end[axis] - w.low[axis]).div_ceil(2));
     std::array::from_fn(|i| {
         let is_high = [i & 1 == 1, i & 2 == 2];
-        let pick = |axis: usize| if is_high[axis] { [middle[axis], w.end[axis]] } else { [w.low[axis], middle[axis]] };
+        let pick = |axis: usize| {
+            if is_high[axis] { [middle[axis], w.end[axis]] } else { [w.low[axis], middle[axis]] }
+        };
         let ([x0, x1], [y0, y1]) = (pick(0), pick(1));
         (x0 < x1 && y0 < y1).then_some(Window { low: [x0, y0], end: [x1, y1] })
     })
@@ -183,7 +200,8 @@ fn relation(facet: &Facet, w: &Window, corners: &[[u32; 2]; 4]) -> Relation {
     if (0..2).any(|axis| extent[axis][1] <= w.low[axis] || extent[axis][0] >= w.end[axis]) {
         return Relation::Disjoint;
     }
-    let mut is_surrounding = (0..2).all(|axis| extent[axis][0] <= w.low[axis] && extent[axis][1] >= w.end[axis]);
+    let mut is_surrounding =
+        (0..2).all(|axis| extent[axis][0] <= w.low[axis] && extent[axis][1] >= w.end[axis]);
     for edge in facet.edges() {
         let held = corners.iter().filter(|c| edge.holds(centre(c[0], c[1]))).count();
         if held == 0 {
@@ -194,7 +212,8 @@ fn relation(facet: &Facet, w: &Window, corners: &[[u32; 2]; 4]) -> Relation {
     if is_surrounding { Relation::Surrounding } else { Relation::Other }
 }
 
-/// The least and the greatest nearness of a facet's plane at the corners, not beyond what the facet itself has.
+/// The least and the greatest nearness of a facet's plane at the corners, not beyond what the facet
+/// itself has.
 fn range(facet: &Facet, corners: &[[u32; 2]; 4]) -> (f64, f64) {
     let start = (f64::INFINITY, f64::NEG_INFINITY);
     let near = corners.iter().map(|c| facet.nearness.at(centre(c[0], c[1])));
@@ -202,8 +221,11 @@ fn range(facet: &Facet, corners: &[[u32; 2]; 4]) -> (f64, f64) {
     (low.max(facet.farthest), high.min(facet.nearest))
 }
 
-/// True if the plane of `a` is nearer than that of `b` at all corners, by more than rounding may do anywhere between.
+/// True if the plane of `a` is nearer than that of `b` at all corners, by more than rounding may do
+/// anywhere between.
 fn is_surely_before(a: &Facet, b: &Facet, corners: &[[u32; 2]; 4]) -> bool {
     let slack = 3.0 * (a.slack + b.slack);
-    corners.iter().all(|c| a.nearness.at(centre(c[0], c[1])) - b.nearness.at(centre(c[0], c[1])) > slack)
+    corners
+        .iter()
+        .all(|c| a.nearness.at(centre(c[0], c[1])) - b.nearness.at(centre(c[0], c[1])) > slack)
 }

@@ -1,5 +1,6 @@
-//! The z-buffer: facets in any order, and for each pixel the nearest so far (Catmull, A Subdivision Algorithm for Computer Display of Curved
-//! Surfaces, University of Utah 1974, section 3.3; Strasser, Berlin 1974).
+//! The z-buffer: facets in any order, and for each pixel the nearest so far (Catmull, A Subdivision
+//! Algorithm for Computer Display of Curved Surfaces, University of Utah 1974, section 3.3;
+//! Strasser, Berlin 1974).
 
 use super::Screen;
 use super::canvas::{Canvas, Seen};
@@ -19,5 +20,8 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
         }
     }
     let memory = size_of_val(&depth[..]);
-    canvas.seen(vec![("facets", screen.sampled.len() as u64), ("tested", tested), ("written", written)], memory)
+    canvas.seen(
+        vec![("facets", screen.sampled.len() as u64), ("tested", tested), ("written", written)],
+        memory,
+    )
 }

@@ -3,8 +3,9 @@
 use super::Lanes8;
 use std::arch::x86_64::*;
 
-/// Eight lanes of AVX. A value exists only where `splat` or `load` was allowed to make it, so its operations are safe to call.
-/// Callers carry `#[target_feature(enable = "avx2,fma")]`; everything here is inlined into them.
+/// Eight lanes of AVX. A value exists only where `splat` or `load` was allowed to make it, so its
+/// operations are safe to call. Callers carry `#[target_feature(enable = "avx2,fma")]`; everything
+/// here is inlined into them.
 #[derive(Clone, Copy, Debug)]
 pub struct Avx8(pub(super) __m256);
 
@@ -25,7 +26,8 @@ impl Lanes8 for Avx8 {
 
     #[inline(always)]
     unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self {
-        // SAFETY: the caller guarantees AVX2; the references cover 32 bytes each. Only the lowest three bits of each lane are read.
+        // SAFETY: the caller guarantees AVX2; the references cover 32 bytes each. Only the lowest
+        // three bits of each lane are read.
         unsafe {
             let lanes = _mm256_loadu_si256(lanes.as_ptr().cast());
             Self(_mm256_permutevar8x32_ps(_mm256_loadu_ps(values.as_ptr()), lanes))
@@ -34,14 +36,21 @@ impl Lanes8 for Avx8 {
 
     #[inline(always)]
     fn store(self, to: &mut [f32; 8]) {
-        // SAFETY: a value of this type exists, so the machine has AVX; the reference covers 32 writable bytes.
+        // SAFETY: a value of this type exists, so the machine has AVX; the reference covers 32
+        // writable bytes.
         unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) }
     }
 
     #[inline(always)]
     fn store_where(self, mask: u32, to: &mut [f32; 8]) {
-        // SAFETY: a value of this type exists, so the machine has AVX; the reference covers 32 bytes.
-        unsafe { _mm256_storeu_ps(to.as_mut_ptr(), unknown(Self(_mm256_loadu_ps(to.as_ptr())).replace(mask, self).0)) }
+        // SAFETY: a value of this type exists, so the machine has AVX; the reference covers 32
+        // bytes.
+        unsafe {
+            _mm256_storeu_ps(
+                to.as_mut_ptr(),
+                unknown(Self(_mm256_loadu_ps(to.as_ptr())).replace(mask, self).0),
+            )
+        }
     }
 
     #[inline(always)]
@@ -115,7 +124,8 @@ impl Lanes8 for Avx8 {
         // SAFETY: a value of this type exists, and whoever made it promised AVX2.
         unsafe {
             let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-            let chosen = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(mask as i32), bits), bits);
+            let chosen =
+                _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(mask as i32), bits), bits);
             Self(_mm256_blendv_ps(self.0, other.0, _mm256_castsi256_ps(chosen)))
         }
     }
@@ -123,7 +133,9 @@ impl Lanes8 for Avx8 {
     #[inline(always)]
     fn where_less(self, low: Self, high: Self, other: Self) -> Self {
         // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe { _mm256_blendv_ps(self.0, other.0, _mm256_cmp_ps::<_CMP_LT_OQ>(low.0, high.0)) })
+        Self(unsafe {
+            _mm256_blendv_ps(self.0, other.0, _mm256_cmp_ps::<_CMP_LT_OQ>(low.0, high.0))
+        })
     }
 
     #[inline(always)]
@@ -137,10 +149,12 @@ impl Lanes8 for Avx8 {
 
     #[inline(always)]
     fn compress(self, mask: u32, order: u32, payload: &[u32; 8], to: &mut [[u32; 2]; 8]) {
-        // SAFETY: a value of this type exists, and whoever made it promised AVX2; the references cover 32 and 64 bytes.
+        // SAFETY: a value of this type exists, and whoever made it promised AVX2; the references
+        // cover 32 and 64 bytes.
         unsafe {
             let order = front(mask, order);
-            let payload = _mm256_permutevar8x32_epi32(_mm256_loadu_si256(payload.as_ptr().cast()), order);
+            let payload =
+                _mm256_permutevar8x32_epi32(_mm256_loadu_si256(payload.as_ptr().cast()), order);
             let numbers = _mm256_castps_si256(_mm256_permutevar8x32_ps(self.0, order));
             // (In the order of `front`, these are the first four pairs and the last four.)
             let to = to.as_mut_ptr().cast::<__m256i>();
@@ -155,7 +169,10 @@ impl Lanes8 for Avx8 {
         unsafe {
             let payload = _mm256_loadu_si256(payload.as_ptr().cast());
             let kept = _mm256_permutevar8x32_epi32(payload, front(mask, order));
-            _mm256_storeu_si256(to.as_mut_ptr().cast(), _mm256_permute4x64_epi64::<0b11_01_10_00>(kept));
+            _mm256_storeu_si256(
+                to.as_mut_ptr().cast(),
+                _mm256_permute4x64_epi64::<0b11_01_10_00>(kept),
+            );
         }
     }
 
@@ -181,24 +198,29 @@ impl Lanes8 for Avx8 {
         values_out: &mut [f32; 8],
         payload_out: &mut [u32; 8],
     ) -> usize {
-        // SAFETY: a value of this type exists, and whoever made it promised AVX2; the references cover 32 bytes each, and a mask
-        // of eight lanes is below 256.
+        // SAFETY: a value of this type exists, and whoever made it promised AVX2; the references
+        // cover 32 bytes each, and a mask of eight lanes is below 256.
         unsafe {
             let order = lanes_of(order);
-            let kept = _mm256_permutevar8x32_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, limit.0), order);
+            let kept =
+                _mm256_permutevar8x32_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, limit.0), order);
             let mask = _mm256_movemask_ps(kept) as usize;
             let front = _mm_loadl_epi64(FRONT.get_unchecked(mask).as_ptr().cast());
             let order = _mm256_permutevar8x32_epi32(order, _mm256_cvtepu8_epi32(front));
             let payload = _mm256_loadu_si256(payload.as_ptr().cast());
             _mm256_storeu_ps(values_out.as_mut_ptr(), _mm256_permutevar8x32_ps(self.0, order));
-            _mm256_storeu_si256(payload_out.as_mut_ptr().cast(), _mm256_permutevar8x32_epi32(payload, order));
+            _mm256_storeu_si256(
+                payload_out.as_mut_ptr().cast(),
+                _mm256_permutevar8x32_epi32(payload, order),
+            );
             mask.count_ones() as usize
         }
     }
 }
 
-/// The same numbers, but the compiler does not know how they came about: what is loaded, blended and stored would become a masked store, which the
-/// processors of several generations (Zen 2 to Zen 4) take twenty cycles for.
+/// The same numbers, but the compiler does not know how they came about: what is loaded, blended
+/// and stored would become a masked store, which the processors of several generations (Zen 2 to
+/// Zen 4) take twenty cycles for.
 ///
 /// # Safety
 /// The machine must have AVX.
@@ -206,18 +228,26 @@ impl Lanes8 for Avx8 {
 #[target_feature(enable = "avx")]
 unsafe fn unknown(mut numbers: __m256) -> __m256 {
     // SAFETY: no instructions.
-    unsafe { std::arch::asm!("/* {0} */", inout(ymm_reg) numbers, options(pure, nomem, nostack, preserves_flags)) };
+    unsafe {
+        std::arch::asm!("/* {0} */", inout(ymm_reg) numbers, options(pure, nomem, nostack, preserves_flags))
+    };
     numbers
 }
 
-/// Eight numbers of 3 bits, as the indices of a permutation (which reads only the lowest three bits of each lane).
+/// Eight numbers of 3 bits, as the indices of a permutation (which reads only the lowest three bits
+/// of each lane).
 ///
 /// # Safety
 /// The machine must have AVX2.
 #[inline(always)]
 unsafe fn lanes_of(order: u32) -> __m256i {
     // SAFETY: as promised by the caller.
-    unsafe { _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21)) }
+    unsafe {
+        _mm256_srlv_epi32(
+            _mm256_set1_epi32(order as i32),
+            _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21),
+        )
+    }
 }
 
 /// For each mask of eight lanes the numbers of the lanes that are set, in order.
@@ -238,7 +268,8 @@ static FRONT: [[u8; 8]; 256] = {
     table
 };
 
-/// Which lanes are kept, in [`PAIRED`] places. (A permutation reads only the lowest three bits of each.)
+/// Which lanes are kept, in [`PAIRED`] places. (A permutation reads only the lowest three bits of
+/// each.)
 ///
 /// # Safety
 /// The machine must have AVX2.
@@ -251,7 +282,8 @@ unsafe fn front(mask: u32, order: u32) -> __m256i {
     }
 }
 
-/// The place of what comes into each lane if the first four are to be in the lower halves of the two parts of a register.
+/// The place of what comes into each lane if the first four are to be in the lower halves of the
+/// two parts of a register.
 const PAIRED: [usize; 8] = [0, 1, 4, 5, 2, 3, 6, 7];
 
 /// [`FRONT`] times three, where the numbers are in an order; in [`PAIRED`] places.
@@ -287,11 +319,13 @@ mod tests {
         let (mut values, mut payload) = ([0.0; 8], [0; 8]);
         let items = [10, 11, 12, 13, 14, 15, 16, 17];
         let kept = x.compress_le(y, order, &items, &mut values, &mut payload);
-        let compressed: Vec<_> = values.iter().zip(payload).take(kept).map(|(v, p)| (v.to_bits(), p)).collect();
+        let compressed: Vec<_> =
+            values.iter().zip(payload).take(kept).map(|(v, p)| (v.to_bits(), p)).collect();
         let mask = x.le_in_order(y, order);
         let (mut pairs, mut alone) = ([[0; 2]; 8], [0; 8]);
         x.compress(mask, order, &items, &mut pairs);
-        let in_two_steps: Vec<_> = pairs.iter().take(kept).map(|&[payload, value]| (value, payload)).collect();
+        let in_two_steps: Vec<_> =
+            pairs.iter().take(kept).map(|&[payload, value]| (value, payload)).collect();
         assert_eq!(in_two_steps, compressed);
         // SAFETY: the test has checked the level.
         unsafe { L::compress_payload(mask, order, &items, &mut alone) };
@@ -323,8 +357,18 @@ mod tests {
             eprintln!("skipped: no AVX2");
             return;
         }
-        let special =
-            [0.0, -0.0, 1.0, -1.5, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 1e-45, 3e38, f32::MIN_POSITIVE];
+        let special = [
+            0.0,
+            -0.0,
+            1.0,
+            -1.5,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            f32::NAN,
+            1e-45,
+            3e38,
+            f32::MIN_POSITIVE,
+        ];
         for i in 0..special.len() * special.len() {
             let a = std::array::from_fn(|k| special[(i + k) % special.len()]);
             let b = std::array::from_fn(|k| special[(i / special.len() + 3 * k) % special.len()]);

@@ -97,13 +97,15 @@ impl Lanes4 for Avx4 {
 
     #[inline(always)]
     fn store(self, to: &mut [f64; 4]) {
-        // SAFETY: a value of this type exists, so the machine has AVX; the reference covers 32 writable bytes.
+        // SAFETY: a value of this type exists, so the machine has AVX; the reference covers 32
+        // writable bytes.
         unsafe { _mm256_storeu_pd(to.as_mut_ptr(), self.0) }
     }
 
     #[inline(always)]
     fn store_rounded(self, to: &mut [f32; 4]) {
-        // SAFETY: a value of this type exists, so the machine has AVX; the reference covers 16 writable bytes.
+        // SAFETY: a value of this type exists, so the machine has AVX; the reference covers 16
+        // writable bytes.
         unsafe { _mm_storeu_ps(to.as_mut_ptr(), _mm256_cvtpd_ps(self.0)) }
     }
 
@@ -136,7 +138,8 @@ impl Lanes4 for Avx4 {
         // SAFETY: a value of this type exists, and whoever made it promised AVX2.
         unsafe {
             let bits = _mm256_setr_epi64x(1, 2, 4, 8);
-            let chosen = _mm256_cmpeq_epi64(_mm256_and_si256(_mm256_set1_epi64x(mask.into()), bits), bits);
+            let chosen =
+                _mm256_cmpeq_epi64(_mm256_and_si256(_mm256_set1_epi64x(mask.into()), bits), bits);
             Self(_mm256_blendv_pd(self.0, other.0, _mm256_castsi256_pd(chosen)))
         }
     }
@@ -156,11 +159,14 @@ impl WideLanes for Avx8 {
 
     #[inline(always)]
     fn look_up(self, table: &[u32; 32], to: &mut [u32; 8]) {
-        // SAFETY: a value of this type exists, and whoever made it promised AVX2; the references cover all that is read and written.
+        // SAFETY: a value of this type exists, and whoever made it promised AVX2; the references
+        // cover all that is read and written.
         unsafe {
             // A permutation reads the lowest three bits of each lane, a blend the highest one.
             let tags = _mm256_castps_si256(self.0);
-            let part = |i: usize| _mm256_permutevar8x32_ps(_mm256_loadu_ps(table.as_ptr().add(8 * i).cast()), tags);
+            let part = |i: usize| {
+                _mm256_permutevar8x32_ps(_mm256_loadu_ps(table.as_ptr().add(8 * i).cast()), tags)
+            };
             let fourth = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(tags));
             let fifth = _mm256_castsi256_ps(_mm256_slli_epi32::<27>(tags));
             let low = _mm256_blendv_ps(part(0), part(1), fourth);
@@ -183,7 +189,8 @@ impl WideLanes for Avx8 {
     unsafe fn load_columns(rows: [&[f32; 8]; 8]) -> [Self; 8] {
         // SAFETY: the caller guarantees AVX; each reference covers 32 readable bytes.
         unsafe {
-            // No closures: they do not have the instructions, and vectors must not pass through calls.
+            // No closures: they do not have the instructions, and vectors must not pass through
+            // calls.
             let [r0, r1] = [_mm256_loadu_ps(rows[0].as_ptr()), _mm256_loadu_ps(rows[1].as_ptr())];
             let [r2, r3] = [_mm256_loadu_ps(rows[2].as_ptr()), _mm256_loadu_ps(rows[3].as_ptr())];
             let [r4, r5] = [_mm256_loadu_ps(rows[4].as_ptr()), _mm256_loadu_ps(rows[5].as_ptr())];
@@ -222,7 +229,8 @@ impl WideLanes for Avx8 {
     fn least(self) -> f32 {
         // SAFETY: a value of this type exists, so the machine has AVX.
         unsafe {
-            let four = _mm_min_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
+            let four =
+                _mm_min_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
             let two = _mm_min_ps(four, _mm_movehl_ps(four, four));
             _mm_cvtss_f32(_mm_min_ss(two, _mm_shuffle_ps::<1>(two, two)))
         }
@@ -232,7 +240,8 @@ impl WideLanes for Avx8 {
     fn greatest(self) -> f32 {
         // SAFETY: a value of this type exists, so the machine has AVX.
         unsafe {
-            let four = _mm_max_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
+            let four =
+                _mm_max_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
             let two = _mm_max_ps(four, _mm_movehl_ps(four, four));
             _mm_cvtss_f32(_mm_max_ss(two, _mm_shuffle_ps::<1>(two, two)))
         }

@@ -4,7 +4,8 @@ use super::{Avx8, Avx8Doubles, Avx16Doubles, Lanes8, Lanes16, WideLanes};
 use std::arch::x86_64::*;
 
 /// Sixteen lanes of AVX-512. As [`Avx8`]: a value exists only where it was allowed to make one.
-/// Callers carry `#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]` and what [`Avx8`] asks for.
+/// Callers carry `#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]` and what
+/// [`Avx8`] asks for.
 #[derive(Clone, Copy, Debug)]
 pub struct Avx16(pub(super) __m512);
 
@@ -29,15 +30,24 @@ impl Lanes16 for Avx16 {
     #[inline(always)]
     unsafe fn load_halves(low: &[f32; 8], high: &[f32; 8]) -> Self {
         // SAFETY: the caller guarantees AVX-512; the references cover 32 readable bytes each.
-        unsafe { Self::from_halves(Avx8(_mm256_loadu_ps(low.as_ptr())), Avx8(_mm256_loadu_ps(high.as_ptr()))) }
+        unsafe {
+            Self::from_halves(
+                Avx8(_mm256_loadu_ps(low.as_ptr())),
+                Avx8(_mm256_loadu_ps(high.as_ptr())),
+            )
+        }
     }
 
     #[inline(always)]
     unsafe fn pick(values: &[f32; 16], lanes: &[u32; 8]) -> Avx8 {
-        // SAFETY: the caller guarantees AVX-512; the references cover 64 and 32 readable bytes. The lowest four bits of each lane are read.
+        // SAFETY: the caller guarantees AVX-512; the references cover 64 and 32 readable bytes. The
+        // lowest four bits of each lane are read.
         unsafe {
             let lanes = _mm512_castsi256_si512(_mm256_loadu_si256(lanes.as_ptr().cast()));
-            Avx8(_mm512_castps512_ps256(_mm512_permutexvar_ps(lanes, _mm512_loadu_ps(values.as_ptr()))))
+            Avx8(_mm512_castps512_ps256(_mm512_permutexvar_ps(
+                lanes,
+                _mm512_loadu_ps(values.as_ptr()),
+            )))
         }
     }
 
@@ -55,13 +65,15 @@ impl Lanes16 for Avx16 {
 
     #[inline(always)]
     fn store(self, to: &mut [f32; 16]) {
-        // SAFETY: a value of this type exists, so the machine has AVX-512; the reference covers 64 writable bytes.
+        // SAFETY: a value of this type exists, so the machine has AVX-512; the reference covers 64
+        // writable bytes.
         unsafe { _mm512_storeu_ps(to.as_mut_ptr(), self.0) }
     }
 
     #[inline(always)]
     fn store_where(self, mask: u32, to: &mut [f32; 16]) {
-        // SAFETY: a value of this type exists, so the machine has AVX-512; the reference covers 64 writable bytes.
+        // SAFETY: a value of this type exists, so the machine has AVX-512; the reference covers 64
+        // writable bytes.
         unsafe { _mm512_mask_storeu_ps(to.as_mut_ptr(), mask as u16, self.0) }
     }
 
@@ -146,7 +158,9 @@ impl Lanes16 for Avx16 {
     #[inline(always)]
     fn where_less(self, low: Self, high: Self, other: Self) -> Self {
         // SAFETY: a value of this type exists, so the machine has AVX-512.
-        Self(unsafe { _mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(low.0, high.0), self.0, other.0) })
+        Self(unsafe {
+            _mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(low.0, high.0), self.0, other.0)
+        })
     }
 
     #[inline(always)]
@@ -161,7 +175,13 @@ impl Lanes16 for Avx16 {
     #[inline(always)]
     unsafe fn write_where(mask: u32, value: u32, to: &mut [u32; 16]) {
         // SAFETY: the caller guarantees AVX-512; the reference covers 64 writable bytes.
-        unsafe { _mm512_mask_storeu_epi32(to.as_mut_ptr().cast(), mask as u16, _mm512_set1_epi32(value as i32)) }
+        unsafe {
+            _mm512_mask_storeu_epi32(
+                to.as_mut_ptr().cast(),
+                mask as u16,
+                _mm512_set1_epi32(value as i32),
+            )
+        }
     }
 
     #[inline(always)]

@@ -3,7 +3,8 @@
 use super::{Avx8, Avx16, DoubleLanes, Doubles16, DoublesOf, Lanes16};
 use std::arch::x86_64::*;
 
-/// Sixteen lanes in two registers. As [`Avx16`]: a value exists only where it was allowed to make one.
+/// Sixteen lanes in two registers. As [`Avx16`]: a value exists only where it was allowed to make
+/// one.
 #[derive(Clone, Copy, Debug)]
 pub struct Avx16Doubles([__m512d; 2]);
 
@@ -26,7 +27,8 @@ impl Doubles16 for Avx16Doubles {
     #[inline(always)]
     fn store(self, to: &mut [f64; 16]) {
         let (eights, _) = to.as_chunks_mut::<8>();
-        // SAFETY: a value of this type exists, so the machine has AVX-512; each reference covers 64 writable bytes.
+        // SAFETY: a value of this type exists, so the machine has AVX-512; each reference covers 64
+        // writable bytes.
         unsafe {
             _mm512_storeu_pd(eights[0].as_mut_ptr(), self.0[0]);
             _mm512_storeu_pd(eights[1].as_mut_ptr(), self.0[1]);
@@ -105,7 +107,9 @@ impl Doubles16 for Avx16Doubles {
     fn lt(self, other: Self) -> u32 {
         let ([a, b], [c, d]) = (self.0, other.0);
         // SAFETY: a value of this type exists, so the machine has AVX-512.
-        let (low, high) = unsafe { (_mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, c), _mm512_cmp_pd_mask::<_CMP_LT_OQ>(b, d)) };
+        let (low, high) = unsafe {
+            (_mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, c), _mm512_cmp_pd_mask::<_CMP_LT_OQ>(b, d))
+        };
         u32::from(low) | u32::from(high) << 8
     }
 
@@ -113,7 +117,9 @@ impl Doubles16 for Avx16Doubles {
     fn replace(self, mask: u32, other: Self) -> Self {
         let ([a, b], [c, d]) = (self.0, other.0);
         // SAFETY: a value of this type exists, so the machine has AVX-512.
-        Self(unsafe { [_mm512_mask_blend_pd(mask as u8, a, c), _mm512_mask_blend_pd((mask >> 8) as u8, b, d)] })
+        Self(unsafe {
+            [_mm512_mask_blend_pd(mask as u8, a, c), _mm512_mask_blend_pd((mask >> 8) as u8, b, d)]
+        })
     }
 }
 
@@ -195,17 +201,20 @@ impl DoublesOf<Avx8> for Avx8Doubles {
     #[inline(always)]
     unsafe fn pick(values: &[f64; 16], lanes: &[u32; 8], _first: usize) -> Self {
         let (eights, _) = values.as_chunks::<8>();
-        // SAFETY: the caller guarantees AVX-512; the references cover 64, 64 and 32 readable bytes. The lowest four bits of each lane are read.
+        // SAFETY: the caller guarantees AVX-512; the references cover 64, 64 and 32 readable bytes.
+        // The lowest four bits of each lane are read.
         unsafe {
             let lanes = _mm512_cvtepu32_epi64(_mm256_loadu_si256(lanes.as_ptr().cast()));
-            let [low, high] = [_mm512_loadu_pd(eights[0].as_ptr()), _mm512_loadu_pd(eights[1].as_ptr())];
+            let [low, high] =
+                [_mm512_loadu_pd(eights[0].as_ptr()), _mm512_loadu_pd(eights[1].as_ptr())];
             Self(_mm512_permutex2var_pd(low, lanes, high))
         }
     }
 
     #[inline(always)]
     fn store_rounded_from(self, to: &mut [f32; 8], _first: usize) {
-        // SAFETY: a value of this type exists, so the machine has AVX-512; the reference covers 32 writable bytes.
+        // SAFETY: a value of this type exists, so the machine has AVX-512; the reference covers 32
+        // writable bytes.
         unsafe { _mm256_storeu_ps(to.as_mut_ptr(), _mm512_cvtpd_ps(self.0)) }
     }
 }

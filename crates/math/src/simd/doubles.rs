@@ -1,9 +1,11 @@
-//! Four `f64` at a time, and the way to them from eight `f32`: what exact decisions about several rays at once need.
+//! Four `f64` at a time, and the way to them from eight `f32`: what exact decisions about several
+//! rays at once need.
 
 use super::{Lanes8, Portable8};
 
-/// Numbers in double precision that are worked on together, as many as a register holds. Every implementation gives the same bits: nothing
-/// is fused, and `min` and `max` return the second operand if one is NaN.
+/// Numbers in double precision that are worked on together, as many as a register holds. Every
+/// implementation gives the same bits: nothing is fused, and `min` and `max` return the second
+/// operand if one is NaN.
 pub trait DoubleLanes: Copy {
     /// How many they are.
     const LANES: usize;
@@ -42,7 +44,8 @@ pub trait DoubleLanes: Copy {
     fn lt(self, other: Self) -> u32;
 }
 
-/// What some of eight numbers become in double precision: those from `first` on, a multiple of [`DoubleLanes::LANES`] below 8.
+/// What some of eight numbers become in double precision: those from `first` on, a multiple of
+/// [`DoubleLanes::LANES`] below 8.
 pub trait DoublesOf<S>: DoubleLanes {
     /// The numbers, exactly.
     ///
@@ -122,7 +125,8 @@ pub trait WideLanes: Lanes8 {
     /// Four of them in double precision.
     type Doubles: Lanes4 + DoublesOf<Self>;
 
-    /// The numbers with a tag instead of their lowest five bits. (What is infinite becomes NaN, zero a number that is not normal.)
+    /// The numbers with a tag instead of their lowest five bits. (What is infinite becomes NaN,
+    /// zero a number that is not normal.)
     fn with_tag(self, tag: u32) -> Self;
 
     /// Writes what a table has for the tags.
@@ -346,7 +350,11 @@ impl WideLanes for Portable8 {
     #[inline(always)]
     fn from_doubles(first: Portable4, last: Portable4) -> Self {
         // SAFETY: portable code.
-        unsafe { Self::load(&std::array::from_fn(|i| if i < 4 { first.0[i] } else { last.0[i - 4] } as f32)) }
+        unsafe {
+            Self::load(&std::array::from_fn(
+                |i| if i < 4 { first.0[i] } else { last.0[i - 4] } as f32,
+            ))
+        }
     }
 }
 
@@ -362,12 +370,25 @@ mod tests {
             eprintln!("skipped: no AVX2");
             return;
         }
-        let special =
-            [0.0, -0.0, 1.0, -1.5, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 5e-324, 3e38, 1e-45, 1.0 + f64::EPSILON];
+        let special = [
+            0.0,
+            -0.0,
+            1.0,
+            -1.5,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::NAN,
+            5e-324,
+            3e38,
+            1e-45,
+            1.0 + f64::EPSILON,
+        ];
         let n = special.len();
         for i in 0..n * n {
-            let a: [[f64; 4]; 4] = std::array::from_fn(|r| std::array::from_fn(|k| special[(i + r + k) % n]));
-            let b: [[f64; 4]; 4] = std::array::from_fn(|r| std::array::from_fn(|k| special[(i / n + 3 * r + k) % n]));
+            let a: [[f64; 4]; 4] =
+                std::array::from_fn(|r| std::array::from_fn(|k| special[(i + r + k) % n]));
+            let b: [[f64; 4]; 4] =
+                std::array::from_fn(|r| std::array::from_fn(|k| special[(i / n + 3 * r + k) % n]));
             assert_eq!(run::<Avx8>(&a, &b), run::<Portable8>(&a, &b), "{a:?} {b:?}");
         }
     }
@@ -380,8 +401,9 @@ mod tests {
             eprintln!("skipped: no AVX2");
             return;
         }
-        let rows: [[f32; 8]; 8] =
-            std::array::from_fn(|r| std::array::from_fn(|k| ((r * 8 + k) * 37 % 64) as f32 - 20.5 + r as f32));
+        let rows: [[f32; 8]; 8] = std::array::from_fn(|r| {
+            std::array::from_fn(|k| ((r * 8 + k) * 37 % 64) as f32 - 20.5 + r as f32)
+        });
         assert_eq!(columns::<Avx8>(&rows), columns::<Portable8>(&rows));
         assert_eq!(columns::<Avx8>(&rows)[3], rows.map(|row| row[3]));
     }
@@ -402,7 +424,10 @@ mod tests {
         all
     }
 
-    fn run<L: WideLanes>(a: &[[f64; 4]; 4], b: &[[f64; 4]; 4]) -> (Vec<([u32; 4], [u64; 4])>, [u32; 2]) {
+    fn run<L: WideLanes>(
+        a: &[[f64; 4]; 4],
+        b: &[[f64; 4]; 4],
+    ) -> (Vec<([u32; 4], [u64; 4])>, [u32; 2]) {
         // SAFETY: the test has checked the level.
         let (x, y, one, permuted) = unsafe {
             let [x, ..] = L::Doubles::load_columns(a.each_ref());

@@ -1,9 +1,11 @@
 //! Eight `f32` at a time: the few operations that kernels need, once for each instruction set.
 
-/// Eight numbers that are worked on together. Every implementation gives the same bits, except for the operations that say so:
-/// nothing else is fused, and `min` and `max` return the second operand if one is NaN.
+/// Eight numbers that are worked on together. Every implementation gives the same bits, except for
+/// the operations that say so: nothing else is fused, and `min` and `max` return the second operand
+/// if one is NaN.
 pub trait Lanes8: Copy {
-    /// True if [`Self::mul_add`] and [`Self::mul_sub`] round once, false if they round the product too.
+    /// True if [`Self::mul_add`] and [`Self::mul_sub`] round once, false if they round the product
+    /// too.
     const FUSED: bool;
 
     /// The same number in all lanes.
@@ -66,14 +68,17 @@ pub trait Lanes8: Copy {
     /// `other` where the mask has a bit, `self` elsewhere.
     fn replace(self, mask: u32, other: Self) -> Self;
 
-    /// `other` where `low < high` (not for NaN), `self` elsewhere. Cheaper than a mask that becomes bits in between.
+    /// `other` where `low < high` (not for NaN), `self` elsewhere. Cheaper than a mask that becomes
+    /// bits in between.
     fn where_less(self, low: Self, high: Self, other: Self) -> Self;
 
-    /// Bit `i` is set if `self <= limit` in the lane that comes `i`-th in `order` (eight numbers of 3 bits, the first lowest).
+    /// Bit `i` is set if `self <= limit` in the lane that comes `i`-th in `order` (eight numbers of
+    /// 3 bits, the first lowest).
     fn le_in_order(self, limit: Self, order: u32) -> u32;
 
-    /// Takes the lanes in `order`, keeps those whose bit is set in `mask` (as [`Self::le_in_order`] gives it), and writes their `payload`, each with the
-    /// bits of its number, to the front; what follows them there is unspecified.
+    /// Takes the lanes in `order`, keeps those whose bit is set in `mask` (as [`Self::le_in_order`]
+    /// gives it), and writes their `payload`, each with the bits of its number, to the front; what
+    /// follows them there is unspecified.
     fn compress(self, mask: u32, order: u32, payload: &[u32; 8], to: &mut [[u32; 2]; 8]);
 
     /// As [`Self::compress`], of the payload alone.
@@ -85,9 +90,9 @@ pub trait Lanes8: Copy {
     /// Writes the payload of each lane with the bits of its number.
     fn store_after(self, payload: &[u32; 8], to: &mut [[u32; 2]; 8]);
 
-    /// Takes the lanes in the order given by `order` (eight numbers of 3 bits, the first lowest), keeps those with
-    /// `self <= limit`, and writes them and their `payload` to the front of the outputs; what follows them there is unspecified.
-    /// Returns how many were kept.
+    /// Takes the lanes in the order given by `order` (eight numbers of 3 bits, the first lowest),
+    /// keeps those with `self <= limit`, and writes them and their `payload` to the front of the
+    /// outputs; what follows them there is unspecified. Returns how many were kept.
     fn compress_le(
         self,
         limit: Self,

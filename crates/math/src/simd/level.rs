@@ -62,17 +62,20 @@ impl Level {
         Self::ALL.into_iter().rev().find(|l| l.is_supported()).unwrap_or(Self::Scalar)
     }
 
-    /// The level named by the environment variable `SNELL_SIMD`, or the best one if it is unset or empty. The error says which
-    /// names exist.
+    /// The level named by the environment variable `SNELL_SIMD`, or the best one if it is unset or
+    /// empty. The error says which names exist.
     pub fn from_env() -> Result<Self, String> {
         match std::env::var("SNELL_SIMD") {
             Ok(name) if !name.is_empty() => match Self::from_name(&name) {
                 Some(level) if level.is_supported() => Ok(level),
                 Some(level) => Err(format!(
-                    "SNELL_SIMD={level} needs instructions that this machine lacks; the best it has is {}",
+                    "SNELL_SIMD={level} needs instructions that this machine lacks; the best it \
+                        has is {}",
                     Self::best()
                 )),
-                None => Err(format!("SNELL_SIMD={name} is not a level; use scalar, avx2 or avx512, or unset it")),
+                None => Err(format!(
+                    "SNELL_SIMD={name} is not a level; use scalar, avx2 or avx512, or unset it"
+                )),
             },
             _ => Ok(Self::best()),
         }

@@ -1,6 +1,7 @@
 //! Eight lanes without special instructions: the readable twin.
 //!
-//! What is long is inlined only without the checks of development: kernels of so many instructions take minutes to compile.
+//! What is long is inlined only without the checks of development: kernels of so many instructions
+//! take minutes to compile.
 
 use super::Lanes8;
 

@@ -2,8 +2,8 @@
 
 use super::{Doubles16, DoublesOf, PairDoubles, WideLanes};
 
-/// Sixteen numbers that are worked on together; masks have a bit for each, the first lowest. Every implementation gives the same bits, with
-/// the exception that [`super::Lanes8`] has.
+/// Sixteen numbers that are worked on together; masks have a bit for each, the first lowest. Every
+/// implementation gives the same bits, with the exception that [`super::Lanes8`] has.
 pub trait Lanes16: Copy {
     /// How many registers they are in.
     const REGISTERS: u32;
@@ -68,10 +68,12 @@ pub trait Lanes16: Copy {
     /// `self / other`.
     fn div(self, other: Self) -> Self;
 
-    /// `self * factor + summand`, fused or not: see [`FUSED`](super::Lanes8::FUSED) of [`Self::Half`].
+    /// `self * factor + summand`, fused or not: see [`FUSED`](super::Lanes8::FUSED) of
+    /// [`Self::Half`].
     fn mul_add(self, factor: Self, summand: Self) -> Self;
 
-    /// `self * factor - subtrahend`, fused or not: see [`FUSED`](super::Lanes8::FUSED) of [`Self::Half`].
+    /// `self * factor - subtrahend`, fused or not: see [`FUSED`](super::Lanes8::FUSED) of
+    /// [`Self::Half`].
     fn mul_sub(self, factor: Self, subtrahend: Self) -> Self;
 
     /// The lesser of both; `other` if either is NaN.
@@ -95,7 +97,8 @@ pub trait Lanes16: Copy {
     /// `other` where the mask has a bit, `self` elsewhere.
     fn replace(self, mask: u32, other: Self) -> Self;
 
-    /// `other` where `low < high` (not for NaN), `self` elsewhere. Cheaper than a mask that becomes bits in between.
+    /// `other` where `low < high` (not for NaN), `self` elsewhere. Cheaper than a mask that becomes
+    /// bits in between.
     fn where_less(self, low: Self, high: Self, other: Self) -> Self;
 
     /// The numbers with a tag instead of their lowest five bits; see [`WideLanes::with_tag`].
@@ -153,7 +156,9 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     unsafe fn pick(values: &[f32; 16], lanes: &[u32; 8]) -> L {
         let lane = |i: usize| values[lanes[i] as usize & 15];
         // SAFETY: passed on to the caller.
-        unsafe { L::load(&[lane(0), lane(1), lane(2), lane(3), lane(4), lane(5), lane(6), lane(7)]) }
+        unsafe {
+            L::load(&[lane(0), lane(1), lane(2), lane(3), lane(4), lane(5), lane(6), lane(7)])
+        }
     }
 
     #[inline(always)]
@@ -209,7 +214,10 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     #[inline(always)]
     fn mul_sub(self, factor: Self, subtrahend: Self) -> Self {
         let [low, high] = self.0;
-        Self([low.mul_sub(factor.0[0], subtrahend.0[0]), high.mul_sub(factor.0[1], subtrahend.0[1])])
+        Self([
+            low.mul_sub(factor.0[0], subtrahend.0[0]),
+            high.mul_sub(factor.0[1], subtrahend.0[1]),
+        ])
     }
 
     #[inline(always)]
@@ -244,13 +252,19 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
 
     #[inline(always)]
     fn replace(self, mask: u32, other: Self) -> Self {
-        Self([self.0[0].replace(mask & 0xff, other.0[0]), self.0[1].replace(mask >> 8 & 0xff, other.0[1])])
+        Self([
+            self.0[0].replace(mask & 0xff, other.0[0]),
+            self.0[1].replace(mask >> 8 & 0xff, other.0[1]),
+        ])
     }
 
     #[inline(always)]
     fn where_less(self, low: Self, high: Self, other: Self) -> Self {
         let [first, second] = self.0;
-        Self([first.where_less(low.0[0], high.0[0], other.0[0]), second.where_less(low.0[1], high.0[1], other.0[1])])
+        Self([
+            first.where_less(low.0[0], high.0[0], other.0[0]),
+            second.where_less(low.0[1], high.0[1], other.0[1]),
+        ])
     }
 
     #[inline(always)]
@@ -261,8 +275,11 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     #[inline(always)]
     unsafe fn write_where(mask: u32, value: u32, to: &mut [u32; 16]) {
         let to: *mut [u32; 16] = to;
-        // SAFETY: numbers of both kinds are as large and may hold any bits; the rest is passed on to the caller.
-        unsafe { Self::splat(f32::from_bits(value)).store_where(mask, &mut *to.cast::<[f32; 16]>()) };
+        // SAFETY: numbers of both kinds are as large and may hold any bits; the rest is passed on
+        // to the caller.
+        unsafe {
+            Self::splat(f32::from_bits(value)).store_where(mask, &mut *to.cast::<[f32; 16]>())
+        };
     }
 
     #[inline(always)]
@@ -290,7 +307,11 @@ mod tests {
     use super::*;
 
     /// Everything that [`Lanes16`] does with two vectors.
-    fn run<W: Lanes16>(a: &[f32; 16], b: &[f32; 16], mask: u32) -> (Vec<[u32; 16]>, [u32; 3], [u32; 2]) {
+    fn run<W: Lanes16>(
+        a: &[f32; 16],
+        b: &[f32; 16],
+        mask: u32,
+    ) -> (Vec<[u32; 16]>, [u32; 3], [u32; 2]) {
         let stored = |lanes: W| {
             let mut out = [0.0; 16];
             lanes.store(&mut out);
@@ -298,12 +319,22 @@ mod tests {
         };
         let (halves, _) = a.as_chunks::<8>();
         // SAFETY: the test has checked the level.
-        let (x, y, swapped, five) =
-            unsafe { (W::load(a), W::load(b), W::load_halves(&halves[1], &halves[0]), W::splat(5.0)) };
+        let (x, y, swapped, five) = unsafe {
+            (W::load(a), W::load(b), W::load_halves(&halves[1], &halves[0]), W::splat(5.0))
+        };
         let [low, high] = x.halves();
         // SAFETY: as above.
         let mut values = vec![x, y, swapped, five, unsafe { W::from_halves(high, low) }];
-        values.extend([x.add(y), x.sub(y), x.mul(y), x.div(y), x.min(y), x.max(y), x.abs(), x.replace(mask, y)]);
+        values.extend([
+            x.add(y),
+            x.sub(y),
+            x.mul(y),
+            x.div(y),
+            x.min(y),
+            x.max(y),
+            x.abs(),
+            x.replace(mask, y),
+        ]);
         values.extend([x.where_less(x, y, five), five.where_less(y, x, swapped)]);
         values.extend([x.with_tag(mask), y.with_tag(7)]);
         // Exact, so that it does not matter whether they are fused.
@@ -330,8 +361,13 @@ mod tests {
             let mut first = 0;
             while first < 8 {
                 let (low, high) = (W::HalfDoubles::of(low, first), W::HalfDoubles::of(high, first));
-                let more = W::HalfDoubles::pick(&wide, &lanes, first).mul(W::HalfDoubles::splat(3.0));
-                low.add(high).sub(more).min(low.div(high)).max(high.abs()).store_rounded_from(&mut widened, first);
+                let more =
+                    W::HalfDoubles::pick(&wide, &lanes, first).mul(W::HalfDoubles::splat(3.0));
+                low.add(high)
+                    .sub(more)
+                    .min(low.div(high))
+                    .max(high.abs())
+                    .store_rounded_from(&mut widened, first);
                 let bit = |compared: u32, lane: usize| compared >> lane & 1 == 1;
                 for lane in 0..W::HalfDoubles::LANES {
                     let (x, y) = (a[first + lane], a[8 + first + lane]);
@@ -356,14 +392,29 @@ mod tests {
             replaced.map(bits),
             std::array::from_fn(|lane| bits(if mask >> lane & 1 == 1 { a[lane] } else { b[lane] }))
         );
-        let extremes =
-            if a.iter().any(|x| x.is_nan()) { [0; 2] } else { [bits(x.least() + 0.0), bits(x.greatest() + 0.0)] };
+        let extremes = if a.iter().any(|x| x.is_nan()) {
+            [0; 2]
+        } else {
+            [bits(x.least() + 0.0), bits(x.greatest() + 0.0)]
+        };
         (values.into_iter().map(stored).collect(), [x.le(y), x.lt(y), x.signs()], extremes)
     }
 
     #[test]
     fn sixteen_lanes_of_every_level_give_the_bits_of_the_portable_ones() {
-        let special = [0.0, -0.0, 1.0, -1.5, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 1e-45, 3e38, 7.0, -2e9];
+        let special = [
+            0.0,
+            -0.0,
+            1.0,
+            -1.5,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            f32::NAN,
+            1e-45,
+            3e38,
+            7.0,
+            -2e9,
+        ];
         let n = special.len();
         // (Miri takes a second for each.)
         for i in (0..n * n).step_by(if cfg!(miri) { 10 } else { 1 }) {

@@ -2,7 +2,8 @@
 
 use super::{DoubleLanes, Lanes4, Lanes8, Lanes16, Pair, WideLanes};
 
-/// Sixteen numbers of double precision; masks as in [`Lanes16`]. Every implementation gives the same bits, except for [`Self::mul_add`].
+/// Sixteen numbers of double precision; masks as in [`Lanes16`]. Every implementation gives the
+/// same bits, except for [`Self::mul_add`].
 pub trait Doubles16: Copy {
     /// Sixteen of single precision.
     type Singles: Lanes16;
@@ -168,7 +169,12 @@ impl<L: WideLanes> Doubles16 for PairDoubles<L> {
     #[inline(always)]
     fn replace(self, mask: u32, other: Self) -> Self {
         let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
-        Self([a.replace(mask, e), b.replace(mask >> 4, f), c.replace(mask >> 8, g), d.replace(mask >> 12, h)])
+        Self([
+            a.replace(mask, e),
+            b.replace(mask >> 4, f),
+            c.replace(mask >> 8, g),
+            d.replace(mask >> 12, h),
+        ])
     }
 }
 
@@ -180,7 +186,8 @@ mod tests {
     /// Everything that [`Doubles16`] does with two vectors.
     fn run<D: Doubles16>(a: &[f32; 16], b: &[f32; 16], mask: u32) -> (Vec<[u32; 16]>, u32) {
         // SAFETY: the test has checked the level.
-        let (x, y, three) = unsafe { (D::of(D::Singles::load(a)), D::of(D::Singles::load(b)), D::splat(3.0)) };
+        let (x, y, three) =
+            unsafe { (D::of(D::Singles::load(a)), D::of(D::Singles::load(b)), D::splat(3.0)) };
         let third = x.div(three);
         // What is lost by rounding, too.
         let rest = third.sub(D::of(third.rounded()));
@@ -213,7 +220,19 @@ mod tests {
 
     #[test]
     fn sixteen_doubles_of_every_level_give_the_bits_of_the_portable_ones() {
-        let special = [0.0, -0.0, 1.0, -1.5, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 1e-45, 3e38, 7.0, -2e9];
+        let special = [
+            0.0,
+            -0.0,
+            1.0,
+            -1.5,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            f32::NAN,
+            1e-45,
+            3e38,
+            7.0,
+            -2e9,
+        ];
         let n = special.len();
         // (Miri takes a second for each.)
         for i in (0..n * n).step_by(if cfg!(miri) { 10 } else { 1 }) {

@@ -1,12 +1,15 @@
-//! Plain loops for wide registers: the same source compiled with and without the instructions of a level.
+//! Plain loops for wide registers: the same source compiled with and without the instructions of a
+//! level.
 //!
-//! A loop over arrays without branches (choices written as `if a { x } else { y }` of numbers that are there already) becomes vector
-//! code by itself where the instructions are allowed. Nothing is fused or reordered, so every level gives the same bits.
+//! A loop over arrays without branches (choices written as `if a { x } else { y }` of numbers that
+//! are there already) becomes vector code by itself where the instructions are allowed. Nothing is
+//! fused or reordered, so every level gives the same bits.
 
 use super::Level;
 use glam::Vec3;
 
-/// Proof that the machine has the instructions of [`Level::Avx2`], and perhaps those of [`Level::Avx512`].
+/// Proof that the machine has the instructions of [`Level::Avx2`], and perhaps those of
+/// [`Level::Avx512`].
 #[derive(Clone, Copy, Debug)]
 pub struct Wide {
     is_widest: bool,
@@ -28,8 +31,9 @@ impl Level {
     }
 }
 
-/// Calls `function`, which must be `#[inline(always)]`, compiled for wide registers if the first argument is `Some(Wide)`:
-/// `at_level!(wide, function, (a: A = value, b: B = value) -> C)`. If types depend on a parameter of the caller, that is named again:
+/// Calls `function`, which must be `#[inline(always)]`, compiled for wide registers if the first
+/// argument is `Some(Wide)`: `at_level!(wide, function, (a: A = value, b: B = value) -> C)`. If
+/// types depend on a parameter of the caller, that is named again:
 /// `at_level!(wide, <A: Bound> function::<A>, (a: A = value))`.
 #[macro_export]
 macro_rules! at_level {
@@ -109,9 +113,10 @@ impl Bits for f32 {
     }
 }
 
-/// The first of two numbers if a mark is 1, the second if it is 0. For what goes to where the second comes from: written as a condition that would
-/// become a masked store, which takes some processors (Zen 2 to 4, with AVX2) twenty cycles. The mark must come from memory; else it is known to be
-/// a condition.
+/// The first of two numbers if a mark is 1, the second if it is 0. For what goes to where the
+/// second comes from: written as a condition that would become a masked store, which takes some
+/// processors (Zen 2 to 4, with AVX2) twenty cycles. The mark must come from memory; else it is
+/// known to be a condition.
 #[inline(always)]
 pub fn marked<T: Bits>(mark: u32, a: T, b: T) -> T {
     let mask = mark.wrapping_neg();

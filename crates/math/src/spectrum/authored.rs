@@ -11,13 +11,16 @@ const SECOND_CONSTANT: f64 = 1.438_776_877e7;
 
 /// Illuminant A is a black body of 2848 K by the second radiation constant of 1931, 1.435e7 nm K.
 const KELVIN_OF_A: f64 = 2848.0 * SECOND_CONSTANT / 1.435e7;
-static LUMINANCE_OF_A: LazyLock<f64> = LazyLock::new(|| luminance(|lambda| planck(lambda.into(), KELVIN_OF_A)));
+static LUMINANCE_OF_A: LazyLock<f64> =
+    LazyLock::new(|| luminance(|lambda| planck(lambda.into(), KELVIN_OF_A)));
 
 /// A spectrum: of light, where it is emitted, or of a factor on light.
 ///
-/// Written as text, `"blackbody:3000"`, `"illuminant:A"` or `"metal:Au"`, or as a table of pairs of a wavelength in nm and a value.
+/// Written as text, `"blackbody:3000"`, `"illuminant:A"` or `"metal:Au"`, or as a table of pairs of
+/// a wavelength in nm and a value.
 ///
-/// Small to copy, because every colour may have one: what it is lives as long as the program. There are as many as authors write.
+/// Small to copy, because every colour may have one: what it is lives as long as the program. There
+/// are as many as authors write.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub struct Spectrum(&'static Definition);
@@ -60,7 +63,8 @@ impl Illuminant {
 }
 
 impl Spectrum {
-    /// Light of a black body of this temperature in kelvin, at least 100, with luminance 1. `None` for what is no temperature.
+    /// Light of a black body of this temperature in kelvin, at least 100, with luminance 1. `None`
+    /// for what is no temperature.
     pub fn blackbody(kelvin: f32) -> Option<Self> {
         if !(100.0..=1e9).contains(&kelvin) {
             return None;
@@ -74,13 +78,15 @@ impl Spectrum {
         Self::new(Kind::Metal(metal))
     }
 
-    /// Values at wavelengths in nm, linear between them and constant beyond. As light, a table of ones has luminance 1.
+    /// Values at wavelengths in nm, linear between them and constant beyond. As light, a table of
+    /// ones has luminance 1.
     pub fn table(pairs: &[[f32; 2]]) -> Result<Self, String> {
         let ascends = pairs.windows(2).all(|w| w[0][0] < w[1][0]);
         let is_sound = pairs.iter().flatten().all(|x| x.is_finite() && *x >= 0.0);
         if pairs.is_empty() || !ascends || !is_sound {
             return Err(
-                "a table of a spectrum needs pairs of a wavelength in nm, ascending, and a value that is not negative"
+                "a table of a spectrum needs pairs of a wavelength in nm, ascending, and a value \
+                    that is not negative"
                     .into(),
             );
         }
@@ -112,7 +118,9 @@ impl Spectrum {
 impl Kind {
     fn at(&self, lambda: f32) -> f64 {
         match self {
-            Self::Blackbody { kelvin, luminance } => planck(lambda.into(), (*kelvin).into()) / luminance,
+            Self::Blackbody { kelvin, luminance } => {
+                planck(lambda.into(), (*kelvin).into()) / luminance
+            }
             Self::Illuminant(Illuminant::A) => planck(lambda.into(), KELVIN_OF_A) / *LUMINANCE_OF_A,
             Self::Illuminant(Illuminant::D65) => white_light(lambda).into(),
             Self::Illuminant(Illuminant::E) => 1.0,
@@ -130,7 +138,8 @@ fn luminance(radiance: impl Fn(f32) -> f64) -> f64 {
     luminance_of_light(radiance).max(f64::MIN_POSITIVE)
 }
 
-/// Planck's law up to a factor: spectral radiance at a wavelength in nm and a temperature in kelvin.
+/// Planck's law up to a factor: spectral radiance at a wavelength in nm and a temperature in
+/// kelvin.
 fn planck(lambda: f64, kelvin: f64) -> f64 {
     // Relative to 560 nm, so that neither overflows.
     let x = |lambda: f64| SECOND_CONSTANT / (lambda * kelvin);
@@ -203,7 +212,10 @@ impl From<Spectrum> for Written {
         match &spectrum.0.kind {
             Kind::Blackbody { kelvin, .. } => Self::Text(format!("blackbody:{kelvin}")),
             Kind::Illuminant(which) => {
-                let name = Illuminant::ALL.iter().find(|(_, i)| i == which).map_or("D65", |(name, _)| name);
+                let name = Illuminant::ALL
+                    .iter()
+                    .find(|(_, i)| i == which)
+                    .map_or("D65", |(name, _)| name);
                 Self::Text(format!("illuminant:{name}"))
             }
             Kind::Metal(metal) => Self::Text(format!("metal:{}", metal.symbol())),
@@ -221,7 +233,9 @@ impl TryFrom<Written> for Spectrum {
             Written::Text(text) => text,
         };
         let known = match text.split_once(':') {
-            Some(("blackbody", kelvin)) => kelvin.trim().trim_end_matches('K').parse().ok().and_then(Self::blackbody),
+            Some(("blackbody", kelvin)) => {
+                kelvin.trim().trim_end_matches('K').parse().ok().and_then(Self::blackbody)
+            }
             Some(("illuminant", name)) => Illuminant::ALL
                 .iter()
                 .find(|(known, _)| known.eq_ignore_ascii_case(name))
@@ -231,7 +245,8 @@ impl TryFrom<Written> for Spectrum {
         };
         known.ok_or_else(|| {
             format!(
-                "\"{text}\" is not a spectrum; write blackbody:KELVIN (100 or more), illuminant:A, D65 or E, metal:NAME, or a table \
+                "\"{text}\" is not a spectrum; write blackbody:KELVIN (100 or more), illuminant:A, \
+                    D65 or E, metal:NAME, or a table \
                  [[nm, value], …]"
             )
         })
@@ -254,7 +269,8 @@ mod tests {
     #[test]
     fn lights_have_their_published_chromaticities() {
         let read = |text: &str| Spectrum::try_from(Written::Text(text.into())).expect("a spectrum");
-        // The Planckian locus of the CIE 1931 observer (Wyszecki and Stiles, Color Science, table 1(3.11)), and CIE 15.
+        // The Planckian locus of the CIE 1931 observer (Wyszecki and Stiles, Color Science, table
+        // 1(3.11)), and CIE 15.
         for (text, x, y) in [
             ("blackbody:2000", 0.5267, 0.4133),
             ("blackbody:3000", 0.4369, 0.4041),
@@ -266,7 +282,10 @@ mod tests {
             ("illuminant:E", 0.333_33, 0.333_33),
         ] {
             let [found_x, found_y] = chromaticity(read(text).light_rgb());
-            assert!((found_x - x).abs() < 3e-4 && (found_y - y).abs() < 3e-4, "{text}: {found_x} {found_y}");
+            assert!(
+                (found_x - x).abs() < 3e-4 && (found_y - y).abs() < 3e-4,
+                "{text}: {found_x} {found_y}"
+            );
             assert!((read(text).light_rgb().luminance() - 1.0).abs() < 2e-3, "{text}");
         }
     }
@@ -276,20 +295,33 @@ mod tests {
         for kelvin in [100.0, 500.0, 1e5, 1e9] {
             let spectrum = Spectrum::blackbody(kelvin).expect("a temperature");
             assert!(
-                spectrum.light_rgb().is_finite() && spectrum.at(360.0).is_finite() && spectrum.at(830.0).is_finite(),
+                spectrum.light_rgb().is_finite()
+                    && spectrum.at(360.0).is_finite()
+                    && spectrum.at(830.0).is_finite(),
                 "{kelvin}"
             );
         }
-        assert!([0.0, -5.0, f32::NAN, f32::INFINITY].iter().all(|&k| Spectrum::blackbody(k).is_none()));
+        assert!(
+            [0.0, -5.0, f32::NAN, f32::INFINITY].iter().all(|&k| Spectrum::blackbody(k).is_none())
+        );
     }
 
     #[test]
     fn spectra_are_read_as_they_are_written() {
-        for json in ["\"blackbody:3000\"", "\"illuminant:A\"", "\"metal:Au\"", "[[400.0,0.1],[700.0,0.9]]"] {
+        for json in
+            ["\"blackbody:3000\"", "\"illuminant:A\"", "\"metal:Au\"", "[[400.0,0.1],[700.0,0.9]]"]
+        {
             let spectrum: Spectrum = serde_json::from_str(json).expect("reads");
             assert_eq!(serde_json::to_string(&spectrum).expect("serialises"), json);
         }
-        for bad in ["\"blackbody:cold\"", "\"illuminant:X\"", "[]", "[[500,1],[400,1]]", "[[400,-1]]", "\"red\""] {
+        for bad in [
+            "\"blackbody:cold\"",
+            "\"illuminant:X\"",
+            "[]",
+            "[[500,1],[400,1]]",
+            "[[400,-1]]",
+            "\"red\"",
+        ] {
             assert!(serde_json::from_str::<Spectrum>(bad).is_err(), "{bad}");
         }
     }
@@ -303,7 +335,10 @@ mod tests {
             let color = Rgb::new(0.2, 0.5, 0.7);
             let [a, b] = [mode.reflectance(color), mode.spectral_reflectance(color, &ones)];
             assert!((0..4).all(|i| (a[i] - b[i]).abs() < 1e-4), "{a:?} {b:?}");
-            let [a, b] = [mode.illuminant(Rgb::splat(3.0)), mode.spectral_illuminant(Rgb::splat(3.0), &daylight)];
+            let [a, b] = [
+                mode.illuminant(Rgb::splat(3.0)),
+                mode.spectral_illuminant(Rgb::splat(3.0), &daylight),
+            ];
             assert!((0..4).all(|i| (a[i] - b[i]).abs() < 1e-4), "{a:?} {b:?}");
         }
     }

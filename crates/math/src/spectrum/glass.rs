@@ -2,15 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Fraunhofer's lines, nm: d is where a single index of refraction is measured, F and C are where dispersion is.
+/// Fraunhofer's lines, nm: d is where a single index of refraction is measured, F and C are where
+/// dispersion is.
 pub const LINE_D: f32 = 587.561_8;
 const LINE_F: f32 = 486.132_7;
 const LINE_C: f32 = 656.272_5;
 
 /// An index of refraction.
 ///
-/// Written as a number, or as text: the name of a glass (`"BK7"`), `"abbe:1.5,30"` for index 1.5 and Abbe number 30, or
-/// `"cauchy:1.5,0.004"` for `1.5 + 0.004 / lambda^2`.
+/// Written as a number, or as text: the name of a glass (`"BK7"`), `"abbe:1.5,30"` for index 1.5
+/// and Abbe number 30, or `"cauchy:1.5,0.004"` for `1.5 + 0.004 / lambda^2`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub enum RefractiveIndex {
@@ -28,8 +29,8 @@ pub enum RefractiveIndex {
 }
 
 impl RefractiveIndex {
-    /// The index `n` at the d-line with Abbe number `abbe = (n - 1) / (n_F - n_C)`, by Cauchy's formula. A smaller number disperses
-    /// more; one that is not positive and finite not at all.
+    /// The index `n` at the d-line with Abbe number `abbe = (n - 1) / (n_F - n_C)`, by Cauchy's
+    /// formula. A smaller number disperses more; one that is not positive and finite not at all.
     pub fn from_abbe(n: f32, abbe: f32) -> Self {
         if abbe.is_nan() || abbe <= 0.0 || abbe.is_infinite() {
             return Self::Constant(n);
@@ -119,7 +120,8 @@ impl TryFrom<Written> for RefractiveIndex {
         parsed.ok_or_else(|| {
             let known: Vec<_> = Glass::all().map(Glass::name).collect();
             format!(
-                "\"{text}\" is not an index of refraction; write a number, abbe:N,V, cauchy:A,B or one of {}",
+                "\"{text}\" is not an index of refraction; write a number, abbe:N,V, cauchy:A,B or \
+                    one of {}",
                 known.join(", ")
             )
         })
@@ -167,9 +169,9 @@ impl Glass {
     }
 }
 
-/// All glasses. BK7, SF11 and N-SF11: Schott's catalogue of 2017. Fused silica: Malitson, J. Opt. Soc. Am. 55 (1965). Sapphire
-/// (ordinary ray): Malitson, J. Opt. Soc. Am. 52 (1962). Diamond: Peter, Z. Phys. 15 (1923). Water at 20 degrees: Daimon and
-/// Masumura, Appl. Opt. 46 (2007).
+/// All glasses. BK7, SF11 and N-SF11: Schott's catalogue of 2017. Fused silica: Malitson, J. Opt.
+/// Soc. Am. 55 (1965). Sapphire (ordinary ray): Malitson, J. Opt. Soc. Am. 52 (1962). Diamond:
+/// Peter, Z. Phys. 15 (1923). Water at 20 degrees: Daimon and Masumura, Appl. Opt. 46 (2007).
 #[rustfmt::skip]
 const GLASSES: &[Entry] = &[
     Entry { name: "BK7", b: [1.03961212, 0.231792344, 1.01046945, 0.0], c: [0.00600069867, 0.0200179144, 103.560653, 0.0] },
@@ -199,7 +201,11 @@ mod tests {
         ] {
             let index = RefractiveIndex::Glass(Glass::named(name).expect("known"));
             assert!((index.at_line_d() - n).abs() < 5e-4, "{name}: {}", index.at_line_d());
-            assert!((index.abbe_number() / abbe - 1.0).abs() < 5e-3, "{name}: {}", index.abbe_number());
+            assert!(
+                (index.abbe_number() / abbe - 1.0).abs() < 5e-3,
+                "{name}: {}",
+                index.abbe_number()
+            );
             assert!(index.at(360.0) > index.at(830.0) && index.is_dispersive());
         }
     }
@@ -207,7 +213,9 @@ mod tests {
     #[test]
     fn an_abbe_number_is_kept() {
         let index = RefractiveIndex::from_abbe(1.6, 30.0);
-        assert!((index.at_line_d() - 1.6).abs() < 1e-5 && (index.abbe_number() - 30.0).abs() < 0.01);
+        assert!(
+            (index.at_line_d() - 1.6).abs() < 1e-5 && (index.abbe_number() - 30.0).abs() < 0.01
+        );
         assert_eq!(RefractiveIndex::from_abbe(1.6, f32::INFINITY), RefractiveIndex::Constant(1.6));
         assert_eq!(RefractiveIndex::from_abbe(1.6, 0.0), RefractiveIndex::Constant(1.6));
     }
@@ -216,9 +224,14 @@ mod tests {
     fn indices_are_written_as_numbers_or_text() {
         let read = |json: &str| serde_json::from_str::<RefractiveIndex>(json);
         assert_eq!(read("1.5").expect("a number"), RefractiveIndex::Constant(1.5));
-        assert_eq!(read("\"cauchy:1.5,0.004\"").expect("text"), RefractiveIndex::Cauchy { a: 1.5, b: 0.004 });
+        assert_eq!(
+            read("\"cauchy:1.5,0.004\"").expect("text"),
+            RefractiveIndex::Cauchy { a: 1.5, b: 0.004 }
+        );
         assert_eq!(read("\"abbe:1.5,30\"").expect("text"), RefractiveIndex::from_abbe(1.5, 30.0));
-        for index in [1.5.into(), RefractiveIndex::from_abbe(1.7, 40.0), read("\"sf11\"").expect("a glass")] {
+        for index in
+            [1.5.into(), RefractiveIndex::from_abbe(1.7, 40.0), read("\"sf11\"").expect("a glass")]
+        {
             let json = serde_json::to_string(&index).expect("serialises");
             assert_eq!(read(&json).expect("reads back"), index, "{json}");
         }

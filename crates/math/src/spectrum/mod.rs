@@ -1,8 +1,9 @@
 //! Radiometric quantities along a path: four lanes, whatever they stand for.
 //!
-//! In RGB mode (linear Rec. 709) the lanes hold red, green, blue and 0; in spectral mode they hold four wavelengths. Code that
-//! transports light works on all four lanes alike and never asks which mode it runs in: only where colours enter
-//! ([`ColorMode::reflectance`], [`ColorMode::illuminant`]) and leave ([`ColorMode::to_rgb`]) does the mode matter.
+//! In RGB mode (linear Rec. 709) the lanes hold red, green, blue and 0; in spectral mode they hold
+//! four wavelengths. Code that transports light works on all four lanes alike and never asks which
+//! mode it runs in: only where colours enter ([`ColorMode::reflectance`],
+//! [`ColorMode::illuminant`]) and leave ([`ColorMode::to_rgb`]) does the mode matter.
 
 mod authored;
 pub mod cie;
@@ -28,7 +29,8 @@ use std::ops::{Add, AddAssign, Div, Index, Mul, MulAssign, Sub};
 /// Number of lanes of a [`SampledSpectrum`].
 pub const LANES: usize = 4;
 
-/// Four values of radiance, reflectance, throughput or density. Radiance is in W / (m^2 sr) per lane.
+/// Four values of radiance, reflectance, throughput or density. Radiance is in W / (m^2 sr) per
+/// lane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(16))]
 pub struct SampledSpectrum(pub [f32; LANES]);

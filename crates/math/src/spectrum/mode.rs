@@ -26,7 +26,8 @@ impl ColorModel {
         }
     }
 
-    /// The mode of a path. `u` in `[0, 1)` draws its wavelengths; it is asked for only if there are any.
+    /// The mode of a path. `u` in `[0, 1)` draws its wavelengths; it is asked for only if there are
+    /// any.
     #[inline]
     pub fn mode(self, u: impl FnOnce() -> f32) -> ColorMode {
         match self {
@@ -47,7 +48,8 @@ pub enum ColorMode {
 }
 
 impl ColorMode {
-    /// The lanes of a reflectance, albedo or other factor, or of a coefficient that is not bounded by 1.
+    /// The lanes of a reflectance, albedo or other factor, or of a coefficient that is not bounded
+    /// by 1.
     #[inline]
     pub fn reflectance(self, color: impl Into<Color>) -> SampledSpectrum {
         let Color { rgb: color, spectrum } = color.into();
@@ -75,11 +77,14 @@ impl ColorMode {
     pub fn rgb_illuminant(self, color: Rgb) -> SampledSpectrum {
         match self {
             Self::Rgb => SampledSpectrum([color.r, color.g, color.b, 0.0]),
-            Self::Spectral(wavelengths) => Self::light_at(&wavelengths, &RgbSpectrum::of_light(color)),
+            Self::Spectral(wavelengths) => {
+                Self::light_at(&wavelengths, &RgbSpectrum::of_light(color))
+            }
         }
     }
 
-    /// [`Self::rgb_illuminant`] in spectral mode, by what [`RgbSpectrum::of_light`] gives: that takes longest, and many colours are always the same.
+    /// [`Self::rgb_illuminant`] in spectral mode, by what [`RgbSpectrum::of_light`] gives: that
+    /// takes longest, and many colours are always the same.
     #[inline(always)]
     pub fn light_at(wavelengths: &SampledWavelengths, spectrum: &RgbSpectrum) -> SampledSpectrum {
         spectrum.at(wavelengths) * SampledSpectrum(wavelengths.lambda().map(white_light))
@@ -90,7 +95,9 @@ impl ColorMode {
     pub fn in_white_light(self, reflectance: SampledSpectrum) -> SampledSpectrum {
         match self {
             Self::Rgb => reflectance,
-            Self::Spectral(wavelengths) => reflectance * SampledSpectrum(wavelengths.lambda().map(white_light)),
+            Self::Spectral(wavelengths) => {
+                reflectance * SampledSpectrum(wavelengths.lambda().map(white_light))
+            }
         }
     }
 
@@ -103,7 +110,8 @@ impl ColorMode {
         }
     }
 
-    /// The colour that a sensor sees: linear Rec. 709. In spectral mode the estimate from these wavelengths, which may be negative.
+    /// The colour that a sensor sees: linear Rec. 709. In spectral mode the estimate from these
+    /// wavelengths, which may be negative.
     #[inline]
     pub fn to_rgb(self, s: SampledSpectrum) -> Rgb {
         match self {
@@ -112,7 +120,8 @@ impl ColorMode {
         }
     }
 
-    /// Lane by lane, a quantity that depends on the wavelength (nm in vacuum); in RGB mode red, green and blue as they are given.
+    /// Lane by lane, a quantity that depends on the wavelength (nm in vacuum); in RGB mode red,
+    /// green and blue as they are given.
     #[inline]
     pub fn lanes(self, rgb: Rgb, at: impl Fn(f32) -> f32) -> SampledSpectrum {
         match self {
@@ -121,7 +130,8 @@ impl ColorMode {
         }
     }
 
-    /// The wavelength in nm by which a path goes where each has a way of its own: the hero's, or in RGB mode `otherwise`.
+    /// The wavelength in nm by which a path goes where each has a way of its own: the hero's, or in
+    /// RGB mode `otherwise`.
     #[inline]
     pub fn hero(self, otherwise: f32) -> f32 {
         match self {
@@ -130,15 +140,19 @@ impl ColorMode {
         }
     }
 
-    /// Factor on a path's throughput where its wavelengths part and only the hero's is followed: it stands for the others from
-    /// there on. 1 in RGB mode, where all go together, and in the hero's lane where the others are gone already.
+    /// Factor on a path's throughput where its wavelengths part and only the hero's is followed: it
+    /// stands for the others from there on. 1 in RGB mode, where all go together, and in the hero's
+    /// lane where the others are gone already.
     #[inline]
     pub fn hero_factor(self) -> SampledSpectrum {
         match self {
             Self::Rgb => self.unit(),
-            Self::Spectral(wavelengths) => {
-                SampledSpectrum([if wavelengths.is_hero_only() { 1.0 } else { LANES as f32 }, 0.0, 0.0, 0.0])
-            }
+            Self::Spectral(wavelengths) => SampledSpectrum([
+                if wavelengths.is_hero_only() { 1.0 } else { LANES as f32 },
+                0.0,
+                0.0,
+                0.0,
+            ]),
         }
     }
 

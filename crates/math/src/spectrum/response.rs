@@ -1,6 +1,8 @@
-//! What a sensor sees of a spectrum: CIE 1931 tristimulus values, and linear Rec. 709 with a white that is exactly (1, 1, 1).
+//! What a sensor sees of a spectrum: CIE 1931 tristimulus values, and linear Rec. 709 with a white
+//! that is exactly (1, 1, 1).
 //!
-//! The white is that of illuminant D65 by our own tables, so that the colour of the illuminant comes out without a tint of rounding.
+//! The white is that of illuminant D65 by our own tables, so that the colour of the illuminant
+//! comes out without a tint of rounding.
 
 use super::cie::{D65, LAMBDA_COUNT, LAMBDA_MAX, LAMBDA_MIN, OBSERVER_1931};
 use super::{LANES, Rgb, SampledSpectrum, SampledWavelengths};
@@ -8,10 +10,12 @@ use super::{LANES, Rgb, SampledSpectrum, SampledWavelengths};
 /// Chromaticities of red, green and blue (ITU-R BT.709).
 const PRIMARIES: [[f64; 2]; 3] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]];
 
-/// D65 at the wavelengths of the observer, scaled so that it is as luminous as a light of 1 at all wavelengths.
+/// D65 at the wavelengths of the observer, scaled so that it is as luminous as a light of 1 at all
+/// wavelengths.
 static WHITE: [f32; LAMBDA_COUNT] = white();
 
-/// What a nm of radiance adds to red, green and blue; a radiance of 1 at all wavelengths has luminance 1.
+/// What a nm of radiance adds to red, green and blue; a radiance of 1 at all wavelengths has
+/// luminance 1.
 static RESPONSE: [[f32; 3]; LAMBDA_COUNT] = response();
 
 /// D65 at a wavelength of the observer: linear between the entries.
@@ -78,7 +82,8 @@ const fn response() -> [[f32; 3]; LAMBDA_COUNT] {
 pub const RGB_FROM_XYZ: [[f64; 3]; 3] = rgb_from_xyz();
 
 const fn rgb_from_xyz() -> [[f64; 3]; 3] {
-    // Columns: X, Y, Z of each primary with Y = 1. Its inverse, scaled row by row so that white becomes (1, 1, 1).
+    // Columns: X, Y, Z of each primary with Y = 1. Its inverse, scaled row by row so that white
+    // becomes (1, 1, 1).
     let mut m = [[0.0; 3]; 3];
     let mut c = 0;
     while c < 3 {
@@ -111,7 +116,8 @@ const fn inverse(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
         }
         r += 1;
     }
-    let determinant = m[0][0] * cofactors[0][0] + m[0][1] * cofactors[1][0] + m[0][2] * cofactors[2][0];
+    let determinant =
+        m[0][0] * cofactors[0][0] + m[0][1] * cofactors[1][0] + m[0][2] * cofactors[2][0];
     let mut r = 0;
     while r < 3 {
         let mut c = 0;
@@ -132,16 +138,16 @@ fn place(lambda: f32) -> (usize, f32) {
     (i, x - i as f32)
 }
 
-/// Spectral radiance of white light (D65) whose colour is (1, 1, 1), in units of the light of luminance 1 that is the same at all
-/// wavelengths.
+/// Spectral radiance of white light (D65) whose colour is (1, 1, 1), in units of the light of
+/// luminance 1 that is the same at all wavelengths.
 #[inline]
 pub fn white_light(lambda: f32) -> f32 {
     let (i, t) = place(lambda);
     WHITE[i] * (1.0 - t) + WHITE[i + 1] * t
 }
 
-/// What a nm of radiance 1 at a wavelength adds to linear red, green and blue. Single wavelengths lie outside of the
-/// triangle of the primaries: some entries are negative.
+/// What a nm of radiance 1 at a wavelength adds to linear red, green and blue. Single wavelengths
+/// lie outside of the triangle of the primaries: some entries are negative.
 #[inline]
 pub fn rgb_response(lambda: f32) -> [f32; 3] {
     let (i, t) = place(lambda);
@@ -160,7 +166,9 @@ pub fn rgb_of_samples(spectrum: SampledSpectrum, wavelengths: &SampledWavelength
     for (value, lambda) in spectrum.0.into_iter().zip(wavelengths.lambda()) {
         let (whole, rest) = place(lambda);
         let weight = value * (1.0 / LANES as f32) * SampledWavelengths::inverse_pdf(whole, rest);
-        rgb.iter_mut().zip(response_at(whole, rest)).for_each(|(sum, response)| *sum += weight * response);
+        rgb.iter_mut()
+            .zip(response_at(whole, rest))
+            .for_each(|(sum, response)| *sum += weight * response);
     }
     rgb.into()
 }
@@ -199,7 +207,8 @@ mod tests {
         let [r, g, b] = rgb_of_reflectance(|_| 1.0).to_array();
         assert!([r, g, b].iter().all(|c| (c - 1.0).abs() < 1e-5), "{r} {g} {b}");
         // IEC 61966-2-1, for the white point (0.3127, 0.3290).
-        let standard = [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]];
+        let standard =
+            [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]];
         for (row, expected) in RGB_FROM_XYZ.iter().zip(standard) {
             assert!(row.iter().zip(expected).all(|(a, b)| (a - b).abs() < 2e-3), "{row:?}");
         }
@@ -213,34 +222,48 @@ mod tests {
         let mut mean = [0.0; 3];
         for i in 0..n {
             let wavelengths = SampledWavelengths::sample((i as f32 + 0.5) / n as f32);
-            let values = SampledSpectrum(wavelengths.lambda().map(|l| reflectance(l) * white_light(l)));
+            let values =
+                SampledSpectrum(wavelengths.lambda().map(|l| reflectance(l) * white_light(l)));
             let rgb = rgb_of_samples(values, &wavelengths).to_array();
             mean.iter_mut().zip(rgb).for_each(|(m, x)| *m += f64::from(x) / f64::from(n));
         }
-        assert!(mean.iter().zip(expected).all(|(m, e)| (m - f64::from(e)).abs() < 1e-3), "{mean:?} {expected:?}");
+        assert!(
+            mean.iter().zip(expected).all(|(m, e)| (m - f64::from(e)).abs() < 1e-3),
+            "{mean:?} {expected:?}"
+        );
     }
 
-    /// The rows of a file of comma-separated values, without its head; `None` where the shared data are not there.
+    /// The rows of a file of comma-separated values, without its head; `None` where the shared data
+    /// are not there.
     fn csv(name: &str) -> Option<Vec<Vec<String>>> {
-        let path = format!("{}/../../../shared/data/spectra/cie/{name}", env!("CARGO_MANIFEST_DIR"));
+        let path =
+            format!("{}/../../../shared/data/spectra/cie/{name}", env!("CARGO_MANIFEST_DIR"));
         let Ok(text) = std::fs::read_to_string(&path) else {
             eprintln!("skipped: there is no {path}");
             return None;
         };
-        Some(text.lines().skip(1).map(|line| line.split(',').map(str::to_string).collect()).collect())
+        Some(
+            text.lines()
+                .skip(1)
+                .map(|line| line.split(',').map(str::to_string).collect())
+                .collect(),
+        )
     }
 
-    /// Spectra of the 24 patches of the ColorChecker against colours computed elsewhere, and there and back from the colours.
+    /// Spectra of the 24 patches of the ColorChecker against colours computed elsewhere, and there
+    /// and back from the colours.
     #[test]
     fn a_colour_checker_has_its_colours_and_they_come_back() {
-        let (Some(spectra), Some(colors)) =
-            (csv("colorchecker_babelcolor_reflectance.csv"), csv("colorchecker_expected_XYZ_linear_sRGB_D65.csv"))
-        else {
+        let (Some(spectra), Some(colors)) = (
+            csv("colorchecker_babelcolor_reflectance.csv"),
+            csv("colorchecker_expected_XYZ_linear_sRGB_D65.csv"),
+        ) else {
             return;
         };
         let number = |text: &String| text.parse::<f32>().expect("a number");
         for (patch, row) in colors.iter().enumerate() {
-            let table: Vec<[f32; 2]> = spectra.iter().map(|r| [number(&r[0]), number(&r[patch + 1])]).collect();
+            let table: Vec<[f32; 2]> =
+                spectra.iter().map(|r| [number(&r[0]), number(&r[patch + 1])]).collect();
             let seen = rgb_of_reflectance(|lambda| {
                 let [value] = super::super::table::lookup(&table, lambda);
                 f64::from(value)
@@ -252,7 +275,11 @@ mod tests {
                 let [seen, expected, back] = [seen, expected, back].map(|rgb| rgb.to_array()[c]);
                 assert!((seen - expected).abs() < 2e-3, "{}: {seen} instead of {expected}", row[0]);
                 // One patch, cyan, is outside of what a screen shows.
-                assert!((back - expected.max(0.0)).abs() < 2e-3, "{}: {expected} comes back as {back}", row[0]);
+                assert!(
+                    (back - expected.max(0.0)).abs() < 2e-3,
+                    "{}: {expected} comes back as {back}",
+                    row[0]
+                );
             }
         }
     }

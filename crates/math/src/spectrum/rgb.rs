@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 use std::ops::{Add, Mul, Sub};
 
-/// A colour in linear Rec. 709 (the primaries of sRGB, without its curve). Not bounded: lights may be far above 1.
+/// A colour in linear Rec. 709 (the primaries of sRGB, without its curve). Not bounded: lights may
+/// be far above 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(from = "[f32; 3]", into = "[f32; 3]")]
 pub struct Rgb {

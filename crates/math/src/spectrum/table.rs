@@ -1,11 +1,16 @@
 //! Tabulated functions of the wavelength.
 
-/// The values of a table at a wavelength, linear between its rows and constant beyond its ends. Each row is the wavelength, which
-/// ascends, and the values there. Zero for an empty table.
-pub fn lookup<const ROW: usize, const VALUES: usize>(rows: &[[f32; ROW]], lambda: f32) -> [f32; VALUES] {
+/// The values of a table at a wavelength, linear between its rows and constant beyond its ends.
+/// Each row is the wavelength, which ascends, and the values there. Zero for an empty table.
+pub fn lookup<const ROW: usize, const VALUES: usize>(
+    rows: &[[f32; ROW]],
+    lambda: f32,
+) -> [f32; VALUES] {
     debug_assert_eq!(ROW, VALUES + 1);
     let above = rows.partition_point(|row| row[0] <= lambda);
-    let (Some(low), Some(high)) = (rows.get(above.saturating_sub(1)), rows.get(above).or(rows.last())) else {
+    let (Some(low), Some(high)) =
+        (rows.get(above.saturating_sub(1)), rows.get(above).or(rows.last()))
+    else {
         return [0.0; VALUES];
     };
     let width = high[0] - low[0];
@@ -20,7 +25,8 @@ mod tests {
     #[test]
     fn values_are_linear_between_rows_and_constant_beyond() {
         let rows = [[400.0, 1.0], [500.0, 3.0], [600.0, 2.0]];
-        for (lambda, expected) in [(300.0, 1.0), (400.0, 1.0), (450.0, 2.0), (500.0, 3.0), (575.0, 2.25), (700.0, 2.0)]
+        for (lambda, expected) in
+            [(300.0, 1.0), (400.0, 1.0), (450.0, 2.0), (500.0, 3.0), (575.0, 2.25), (700.0, 2.0)]
         {
             assert_eq!(lookup::<2, 1>(&rows, lambda), [expected], "{lambda}");
         }

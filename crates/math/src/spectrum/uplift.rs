@@ -1,12 +1,15 @@
-//! From colours to spectra: smooth reflectances that look like a given colour in white light (Jakob and Hanika, A Low-Dimensional
-//! Function Space for Efficient Spectral Upsampling, Eurographics 2019).
+//! From colours to spectra: smooth reflectances that look like a given colour in white light (Jakob
+//! and Hanika, A Low-Dimensional Function Space for Efficient Spectral Upsampling, Eurographics
+//! 2019).
 //!
-//! A reflectance is `S(c0 t^2 + c1 t + c2)` with the sigmoid `S(x) = 1/2 + x / (2 sqrt(1 + x^2))` and `t` from 0 to 1 over the
-//! visible range: between 0 and 1 whatever the coefficients are. Coefficients are found by Newton's method on a grid of colours
-//! when the first colour is asked for, and interpolated.
+//! A reflectance is `S(c0 t^2 + c1 t + c2)` with the sigmoid `S(x) = 1/2 + x / (2 sqrt(1 + x^2))`
+//! and `t` from 0 to 1 over the visible range: between 0 and 1 whatever the coefficients are.
+//! Coefficients are found by Newton's method on a grid of colours when the first colour is asked
+//! for, and interpolated.
 //!
-//! Only colours whose largest channel is at least one half need a place in the grid: a darker one is the scaled spectrum of a
-//! brighter one, which is as smooth, and gives the colour as exactly. The same goes for lights, which have no upper bound.
+//! Only colours whose largest channel is at least one half need a place in the grid: a darker one
+//! is the scaled spectrum of a brighter one, which is as smooth, and gives the colour as exactly.
+//! The same goes for lights, which have no upper bound.
 
 use super::cie::{LAMBDA_MAX, LAMBDA_MIN};
 use super::response::{rgb_response, white_light};
@@ -38,11 +41,12 @@ impl RgbSpectrum {
     /// Nothing.
     const BLACK: Self = Self { coefficients: [0.0; 3], scale: 0.0, offset: 0.0 };
 
-    /// The spectrum of a factor. Those of colours within `[0, 1]` are within `[0, 1]` too, those of greys are constant. Channels
-    /// below 0 count as 0; what exceeds 1 scales the spectrum.
+    /// The spectrum of a factor. Those of colours within `[0, 1]` are within `[0, 1]` too, those of
+    /// greys are constant. Channels below 0 count as 0; what exceeds 1 scales the spectrum.
     pub fn of_factor(color: Rgb) -> Self {
         let bits = color.to_array().map(f32::to_bits);
-        let place = bits.iter().fold(0u32, |hash, bits| (hash ^ bits).wrapping_mul(0x9e37_79b1)) >> (32 - RECENT_BITS);
+        let place = bits.iter().fold(0u32, |hash, bits| (hash ^ bits).wrapping_mul(0x9e37_79b1))
+            >> (32 - RECENT_BITS);
         RECENT.with(|recent| {
             let recent = &recent[place as usize];
             let (known, spectrum) = recent.get();
@@ -55,7 +59,8 @@ impl RgbSpectrum {
         })
     }
 
-    /// The spectrum by which white light is multiplied to give light of this colour, of whatever brightness.
+    /// The spectrum by which white light is multiplied to give light of this colour, of whatever
+    /// brightness.
     pub fn of_light(color: Rgb) -> Self {
         Self::new(color, DARKEST)
     }
@@ -71,11 +76,16 @@ impl RgbSpectrum {
         if r == g && g == b {
             return Self { coefficients: [0.0; 3], scale: 0.0, offset: largest };
         }
-        // Near white the coefficients run away: such a colour is a mixture of white and a colour farther away.
+        // Near white the coefficients run away: such a colour is a mixture of white and a colour
+        // farther away.
         let smallest = r.min(g).min(b) / scale;
         let white = ((smallest - PALEST) / (1.0 - PALEST)).max(0.0);
         let color = [r, g, b].map(|x| (x / scale - white) / (1.0 - white));
-        Self { coefficients: GRID.lookup(color), scale: scale * (1.0 - white), offset: scale * white }
+        Self {
+            coefficients: GRID.lookup(color),
+            scale: scale * (1.0 - white),
+            offset: scale * white,
+        }
     }
 
     /// The values at the wavelengths of a path.
@@ -103,8 +113,8 @@ fn sigmoid(x: f32) -> f32 {
     0.5 + 0.5 * x / (1.0 + x * x).sqrt()
 }
 
-/// Coefficients of colours on a grid: which channel is largest, its value, the ratios of the next two channels (in the order red,
-/// green, blue, red) to it.
+/// Coefficients of colours on a grid: which channel is largest, its value, the ratios of the next
+/// two channels (in the order red, green, blue, red) to it.
 struct Grid {
     ratios: [f32; RATIOS],
     nodes: Vec<[f32; 3]>,
@@ -112,11 +122,13 @@ struct Grid {
 
 static GRID: LazyLock<Grid> = LazyLock::new(Grid::new);
 
-/// Binary logarithm of the number of factors that are kept: scenes have few, which are asked for at every vertex.
+/// Binary logarithm of the number of factors that are kept: scenes have few, which are asked for at
+/// every vertex.
 const RECENT_BITS: u32 = 6;
 
 thread_local! {
-    /// The last factors by the bits of their colours, each at a place that follows from these. At first, black is everywhere.
+    /// The last factors by the bits of their colours, each at a place that follows from these. At
+    /// first, black is everywhere.
     static RECENT: [Cell<([u32; 3], RgbSpectrum)>; 1 << RECENT_BITS] =
         const { [const { Cell::new(([0; 3], RgbSpectrum::BLACK)) }; 1 << RECENT_BITS] };
 }
@@ -165,7 +177,11 @@ impl Grid {
                         let found = solver.solve(color, start);
                         nodes[index(channel, value, second, third)] = found;
                         // The next one is about as far from this one as this one from the last.
-                        let last = if value == 0 { found } else { nodes[index(channel, value - 1, second, third)] };
+                        let last = if value == 0 {
+                            found
+                        } else {
+                            nodes[index(channel, value - 1, second, third)]
+                        };
                         let change: [f32; 3] = std::array::from_fn(|i| found[i] - last[i]);
                         start = std::array::from_fn(|i| found[i] + change[i]);
                     }
@@ -195,7 +211,8 @@ impl Grid {
         let (v, tv) = value_place(largest);
         let (a, ta) = self.ratio_place(color[(channel + 1) % 3] / largest);
         let (b, tb) = self.ratio_place(color[(channel + 2) % 3] / largest);
-        let corner = |dv: usize, da: usize, db: usize| &self.nodes[index(channel, v + dv, a + da, b + db)];
+        let corner =
+            |dv: usize, da: usize, db: usize| &self.nodes[index(channel, v + dv, a + da, b + db)];
         let mut sum = [0.0; 3];
         for (dv, wv) in [(0, 1.0 - tv), (1, tv)] {
             for (db, wb) in [(0, 1.0 - tb), (1, tb)] {
@@ -227,7 +244,8 @@ struct Solver {
 
 impl Solver {
     fn new() -> Self {
-        // Exact for reflectances that are linear between the nodes: each nm is shared among its two nodes.
+        // Exact for reflectances that are linear between the nodes: each nm is shared among its two
+        // nodes.
         let mut sums = [[0.0; 3]; NODES];
         for i in 0..=(NODES - 1) * STEP {
             let lambda = LAMBDA_MIN + i as f32;
@@ -275,7 +293,8 @@ impl Solver {
 
     /// Coefficients whose colour is nearest, from a start: the method of Levenberg and Marquardt.
     fn solve(&self, target: [f32; 3], start: [f32; 3]) -> [f32; 3] {
-        let error = |color: &[f32; 3]| -> [f32; 3] { std::array::from_fn(|k| target[k] - color[k]) };
+        let error =
+            |color: &[f32; 3]| -> [f32; 3] { std::array::from_fn(|k| target[k] - color[k]) };
         let square = |e: &[f32; 3]| e.iter().map(|x| x * x).sum::<f32>();
         let mut c = start;
         let (color, mut derivatives) = self.evaluate(c);
@@ -394,14 +413,22 @@ mod tests {
 
     #[test]
     fn nonsense_is_dark_and_a_small_change_of_colour_is_one_of_the_spectrum() {
-        for bad in [Rgb::splat(f32::NAN), Rgb::splat(-1.0), Rgb::splat(f32::INFINITY), Rgb::new(f32::NAN, -2.0, 0.0)] {
+        for bad in [
+            Rgb::splat(f32::NAN),
+            Rgb::splat(-1.0),
+            Rgb::splat(f32::INFINITY),
+            Rgb::new(f32::NAN, -2.0, 0.0),
+        ] {
             assert_eq!(RgbSpectrum::of_factor(bad).at_wavelength(550.0), 0.0, "{bad:?}");
         }
-        assert!(RgbSpectrum::of_factor(Rgb::new(f32::NAN, 0.5, -1.0)).at_wavelength(550.0).is_finite());
+        assert!(
+            RgbSpectrum::of_factor(Rgb::new(f32::NAN, 0.5, -1.0)).at_wavelength(550.0).is_finite()
+        );
         for color in colors().step_by(11) {
             let other = color.map(|x| (x + 1e-4).min(1.0));
             for lambda in [420.0, 480.0, 530.0, 580.0, 640.0] {
-                let [a, b] = [color, other].map(|c| RgbSpectrum::of_factor(c).at_wavelength(lambda));
+                let [a, b] =
+                    [color, other].map(|c| RgbSpectrum::of_factor(c).at_wavelength(lambda));
                 assert!((a - b).abs() < 0.02, "{color:?} {lambda}: {a} {b}");
             }
         }

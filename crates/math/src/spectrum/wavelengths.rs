@@ -5,11 +5,13 @@ use super::cie::{LAMBDA_COUNT, LAMBDA_MAX, LAMBDA_MIN};
 use crate::exponentials::{exp, ln};
 use crate::simd::{least, most};
 
-/// The wavelengths of the lanes of a path: a *hero* and three that follow it at equal distances in the distribution, so that
-/// together they cover the visible range (Wilkie et al., Hero Wavelength Spectral Sampling, EGSR 2014).
+/// The wavelengths of the lanes of a path: a *hero* and three that follow it at equal distances in
+/// the distribution, so that together they cover the visible range (Wilkie et al., Hero Wavelength
+/// Spectral Sampling, EGSR 2014).
 ///
-/// They are drawn about in proportion to how much the eye sees of them, from the density of Radziszewski et al. (An improved
-/// technique for full spectral rendering, 2009) with the parameters of pbrt-v4: `sech^2(0.0072 (lambda - 538 nm))`.
+/// They are drawn about in proportion to how much the eye sees of them, from the density of
+/// Radziszewski et al. (An improved technique for full spectral rendering, 2009) with the
+/// parameters of pbrt-v4: `sech^2(0.0072 (lambda - 538 nm))`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampledWavelengths {
     /// Wavelengths in vacuum, nm; the first is the hero's.
@@ -79,14 +81,17 @@ impl SampledWavelengths {
         (4.0 * f64::from(STEEPNESS) / (f64::from(TANH_RANGE) * (e + 2.0 + 1.0 / e))) as f32
     }
 
-    /// One over [`Self::pdf`] of a wavelength that is so much above a whole number of nm from [`LAMBDA_MIN`] on, without an exponential.
+    /// One over [`Self::pdf`] of a wavelength that is so much above a whole number of nm from
+    /// [`LAMBDA_MIN`] on, without an exponential.
     #[inline(always)]
     pub(super) fn inverse_pdf(whole: usize, rest: f32) -> f32 {
         const FACTOR: f64 = TANH_RANGE as f64 / (4.0 * STEEPNESS as f64);
         let x = 2.0 * f64::from(STEEPNESS) * f64::from(rest);
         // Taylor's series; the argument is below 0.0145, and what is left out below 1e-14.
-        let (even, odd) =
-            (1.0 + x * x * (0.5 + x * x * (1.0 / 24.0)), x * (1.0 + x * x * (1.0 / 6.0 + x * x * (1.0 / 120.0))));
+        let (even, odd) = (
+            1.0 + x * x * (0.5 + x * x * (1.0 / 24.0)),
+            x * (1.0 + x * x * (1.0 / 6.0 + x * x * (1.0 / 120.0))),
+        );
         let [growth, decay] = EXPONENTIALS[whole.min(LAMBDA_COUNT - 1)];
         (FACTOR * (growth * (even + odd) + 2.0 + decay * (even - odd))) as f32
     }
@@ -122,7 +127,8 @@ mod tests {
         for i in 0..10_000 {
             let lambda = LAMBDA_MIN + (LAMBDA_MAX - LAMBDA_MIN) * (i as f32 / 1e4);
             let whole = lambda - LAMBDA_MIN;
-            let found = SampledWavelengths::inverse_pdf(whole as usize, whole - (whole as usize) as f32);
+            let found =
+                SampledWavelengths::inverse_pdf(whole as usize, whole - (whole as usize) as f32);
             let product = f64::from(found) * f64::from(SampledWavelengths::pdf(lambda));
             assert!((product - 1.0).abs() < 1e-6, "{lambda} {product}");
         }
@@ -151,6 +157,8 @@ mod tests {
         let b = SampledWavelengths::sample(0.35).lambda();
         assert!((0..3).all(|i| (a[i + 1] - b[i]).abs() < 0.01) && (b[3] - a[0]).abs() < 0.01);
         let ends = [SampledWavelengths::sample(0.0), SampledWavelengths::sample(0.999_999_94)];
-        assert!(ends.iter().all(|w| w.lambda().iter().all(|l| (LAMBDA_MIN..=LAMBDA_MAX).contains(l))));
+        assert!(
+            ends.iter().all(|w| w.lambda().iter().all(|l| (LAMBDA_MIN..=LAMBDA_MAX).contains(l)))
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! The class `Scene`: what it holds. What it is asked is in [`rays`] and [`points`], what is around its objects in [`crate::stage`].
+//! The class `Scene`: what it holds. What it is asked is in [`rays`] and [`points`], what is around
+//! its objects in [`crate::stage`].
 
 mod points;
 mod rays;
@@ -17,13 +18,16 @@ use std::sync::Arc;
 
 /// Things to cast rays at: meshes, shapes and instances of other scenes.
 ///
-/// Objects are added and changed at any time, also while other threads ask; a query sees the scene as it was when it began. What has
-/// changed is built when the next query needs it. `add_` methods give ids, which count from 0 and are never used again.
+/// Objects are added and changed at any time, also while other threads ask; a query sees the scene
+/// as it was when it began. What has changed is built when the next query needs it. `add_` methods
+/// give ids, which count from 0 and are never used again.
 ///
-/// The dtype of a question decides its precision. `float32` rays and points are answered in single precision. `float64` ones (and integers
-/// and plain Python numbers) are answered in double precision, from vertices as they were given: nothing is rounded to `float32`.
+/// The dtype of a question decides its precision. `float32` rays and points are answered in single
+/// precision. `float64` ones (and integers and plain Python numbers) are answered in double
+/// precision, from vertices as they were given: nothing is rounded to `float32`.
 ///
-/// Lengths are in the units of the scene, whatever they are; `t` is in units of the direction's length.
+/// Lengths are in the units of the scene, whatever they are; `t` is in units of the direction's
+/// length.
 ///
 /// Examples
 /// --------
@@ -69,9 +73,11 @@ impl Scene {
     /// vertices : array (n, 3), or a mesh of trimesh, Open3D or meshio
     ///     Finite positions. `float32` is kept as it is; all else is kept in double precision.
     /// faces : array (m, 3) of integers
-    ///     Vertex numbers; seen from the outer side they go around counterclockwise. Left out for a mesh of another library.
+    ///     Vertex numbers; seen from the outer side they go around counterclockwise. Left out for a
+    ///     mesh of another library.
     /// transform : array (4, 4) or (3, 4), optional
-    ///     Map from the coordinates of the mesh to the scene's; column vectors, so the translation is the last column.
+    ///     Map from the coordinates of the mesh to the scene's; column vectors, so the translation
+    ///     is the last column.
     /// name : str, optional
     ///     For people; see :attr:`names`.
     /// mask : int, optional
@@ -79,11 +85,13 @@ impl Scene {
     /// normals : array (n, 3), optional
     ///     Normals at the vertices, of any length, for :attr:`Hits.normals`.
     /// uvs : array (n, 2), optional
-    ///     Texture coordinates at the vertices, for :attr:`Hits.uvs` and textures. (0, 0) is the upper left corner of an image.
+    ///     Texture coordinates at the vertices, for :attr:`Hits.uvs` and textures. (0, 0) is the
+    ///     upper left corner of an image.
     /// colors : array (n, 3) or (n, 4), optional
     ///     Linear colours at the vertices, which the material's colour is multiplied by.
     /// material : Material or list of Material, optional
-    ///     For rendering; grey if left out. Of a list, each face takes the one that `material_ids` says.
+    ///     For rendering; grey if left out. Of a list, each face takes the one that `material_ids`
+    ///     says.
     /// material_ids : array (m,) of integers, optional
     ///     Which material of the list each face has; the first if left out.
     ///
@@ -112,12 +120,14 @@ impl Scene {
         self.add(vertices.py(), Kind::Mesh(Arc::new(mesh)), transform, name, mask, material)
     }
 
-    /// Adds an analytic shape and gives its id. :data:`SHAPES` lists the shapes and their parameters.
+    /// Adds an analytic shape and gives its id. :data:`SHAPES` lists the shapes and their
+    /// parameters.
     ///
     /// Parameters
     /// ----------
     /// shape : str
-    ///     Which, such as `"sphere"`. Shapes are centred at the origin; see the user's guide for each.
+    ///     Which, such as `"sphere"`. Shapes are centred at the origin; see the user's guide for
+    ///     each.
     /// transform : array (4, 4) or (3, 4), optional
     ///     Map from the coordinates of the shape to the scene's.
     /// name, mask
@@ -185,14 +195,15 @@ impl Scene {
     /// Parameters
     /// ----------
     /// points : array (n, 3)
-    ///     Finite positions of the points of all strands, one strand after the other; kept in single precision.
+    ///     Finite positions of the points of all strands, one strand after the other; kept in
+    ///     single precision.
     /// radii : array (n,) or float
     ///     At each point, 0 or more.
     /// strands : sequence of int, optional
     ///     How many points each strand has. One strand if left out.
     /// basis : str
-    ///     ``"linear"`` (2 points or more for each strand), ``"bezier"`` (3 for each segment and 1 more), ``"b-spline"`` or
-    ///     ``"catmull-rom"`` (4 or more).
+    ///     ``"linear"`` (2 points or more for each strand), ``"bezier"`` (3 for each segment and 1
+    ///     more), ``"b-spline"`` or ``"catmull-rom"`` (4 or more).
     /// transform, name, mask, material
     ///     As for :meth:`add_mesh`.
     ///
@@ -224,7 +235,8 @@ impl Scene {
 
     /// Adds all that another scene holds now, as one object, and gives its id.
     ///
-    /// Its geometry is stored and accelerated once, however often it is instanced. Later changes of the other scene do not show here.
+    /// Its geometry is stored and accelerated once, however often it is instanced. Later changes of
+    /// the other scene do not show here.
     ///
     /// Parameters
     /// ----------
@@ -282,7 +294,8 @@ impl Scene {
         })
     }
 
-    /// Moves the vertices of a mesh. The faces stay, and so the structure of a mesh in single precision is adapted, not built anew.
+    /// Moves the vertices of a mesh. The faces stay, and so the structure of a mesh in single
+    /// precision is adapted, not built anew.
     ///
     /// Parameters
     /// ----------
@@ -313,7 +326,9 @@ impl Scene {
         let positions = objects::positions(vertices, "vertices")?;
         let (found, expected) = (positions.len(), old.vertex_count());
         if found != expected {
-            return Err(PyValueError::new_err(format!("vertices: there are {found}, expected {expected} as before")));
+            return Err(PyValueError::new_err(format!(
+                "vertices: there are {found}, expected {expected} as before"
+            )));
         }
         let normals = objects::normals(normals, expected)?;
         let mesh = Arc::new(py.detach(|| old.moved(positions, normals)));
@@ -362,16 +377,23 @@ impl Scene {
     /// >>> vertices, faces = scene.mesh(id)
     /// >>> vertices.shape, faces.tolist()
     /// ((3, 3), [[0, 1, 2]])
-    fn mesh<'py>(&self, py: Python<'py>, id: i64) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    fn mesh<'py>(
+        &self,
+        py: Python<'py>,
+        id: i64,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let contents = self.0.contents(py);
         let mesh = contents.mesh(id)?;
-        let faces = from_vec(py, mesh.indices().as_flattened().to_vec(), &[mesh.indices().len(), 3])?;
+        let faces =
+            from_vec(py, mesh.indices().as_flattened().to_vec(), &[mesh.indices().len(), 3])?;
         let shape = [mesh.vertex_count(), 3];
         let vertices = if mesh.is_double() {
-            let values = mesh.double().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<f64>>();
+            let values =
+                mesh.double().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<f64>>();
             from_vec(py, values, &shape)?
         } else {
-            let values = mesh.single().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<f32>>();
+            let values =
+                mesh.single().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<f32>>();
             from_vec(py, values, &shape)?
         };
         Ok((vertices, faces))
@@ -414,11 +436,17 @@ impl Scene {
 
     fn __repr__(&self, py: Python<'_>) -> String {
         let contents = self.0.contents(py);
-        let count = |wanted: fn(&Kind) -> bool| contents.objects().filter(|(_, object)| wanted(&object.kind)).count();
+        let count = |wanted: fn(&Kind) -> bool| {
+            contents.objects().filter(|(_, object)| wanted(&object.kind)).count()
+        };
         let meshes = count(|kind| matches!(kind, Kind::Mesh(_)));
         let instances = count(|kind| matches!(kind, Kind::Instance(_)));
-        let others = count(|kind| matches!(kind, Kind::Shape(_) | Kind::Spheres(_) | Kind::Curves(_)));
-        format!("<snell.Scene: {meshes} meshes, {others} shapes and sets of spheres, {instances} instances>")
+        let others =
+            count(|kind| matches!(kind, Kind::Shape(_) | Kind::Spheres(_) | Kind::Curves(_)));
+        format!(
+            "<snell.Scene: {meshes} meshes, {others} shapes and sets of spheres, {instances} \
+                instances>"
+        )
     }
 
     /// Builds now what the next query would build first.
@@ -444,8 +472,8 @@ impl Scene {
         }
     }
 
-    /// The box around everything: least and greatest corner, an array `(2, 3)` of float64. Infinite where an object is; the least is greater
-    /// than the greatest if there is nothing.
+    /// The box around everything: least and greatest corner, an array `(2, 3)` of float64. Infinite
+    /// where an object is; the least is greater than the greatest if there is nothing.
     ///
     /// Examples
     /// --------
@@ -461,8 +489,9 @@ impl Scene {
         from_vec(py, [bounds.min.to_array(), bounds.max.to_array()].concat(), &[2, 3])
     }
 
-    /// Whether the structures of meshes take less memory: corners that triangles share are kept once. The same hits; queries of rays in no
-    /// order take up to a quarter longer. It counts for all that is instanced here, too.
+    /// Whether the structures of meshes take less memory: corners that triangles share are kept
+    /// once. The same hits; queries of rays in no order take up to a quarter longer. It counts for
+    /// all that is instanced here, too.
     ///
     /// Examples
     /// --------
@@ -485,7 +514,8 @@ impl Scene {
         })
     }
 
-    /// What was built: numbers of triangles and nodes, and bytes of the structures without the vertices.
+    /// What was built: numbers of triangles and nodes, and bytes of the structures without the
+    /// vertices.
     ///
     /// Examples
     /// --------
@@ -495,7 +525,11 @@ impl Scene {
     /// >>> scene.statistics()["triangles"]
     /// 1
     #[pyo3(signature = (dtype=None))]
-    fn statistics<'py>(&self, py: Python<'py>, dtype: Option<&Bound<'_, PyAny>>) -> PyResult<Bound<'py, PyDict>> {
+    fn statistics<'py>(
+        &self,
+        py: Python<'py>,
+        dtype: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
         let stats = if precision(py, dtype)? {
             *self.0.snapshot::<f64>(py)?.world.stats()
         } else {
@@ -523,7 +557,10 @@ impl Scene {
         self.__copy__(py)
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         crate::pickle::reduce(py, &self.0.contents(py))
     }
 }
@@ -543,6 +580,8 @@ fn precision(py: Python<'_>, dtype: Option<&Bound<'_, PyAny>>) -> PyResult<bool>
     match name.as_str() {
         "float32" => Ok(false),
         "float64" => Ok(true),
-        other => Err(PyValueError::new_err(format!("dtype is {other}, expected float32 or float64"))),
+        other => {
+            Err(PyValueError::new_err(format!("dtype is {other}, expected float32 or float64")))
+        }
     }
 }

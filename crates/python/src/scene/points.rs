@@ -46,9 +46,15 @@ impl Scene {
             };
             let mut near = vec![Nearest::default(); values.len()];
             if values.len() <= POINTS {
-                near.chunks_mut(POINTS).zip(values.chunks(POINTS)).enumerate().try_for_each(each)?;
+                near.chunks_mut(POINTS)
+                    .zip(values.chunks(POINTS))
+                    .enumerate()
+                    .try_for_each(each)?;
             } else {
-                near.par_chunks_mut(POINTS).zip(values.par_chunks(POINTS)).enumerate().try_for_each(each)?;
+                near.par_chunks_mut(POINTS)
+                    .zip(values.par_chunks(POINTS))
+                    .enumerate()
+                    .try_for_each(each)?;
             }
             let found = near.iter().map(|near| near.found).collect::<Vec<_>>();
             Ok((found, near.iter().map(|near| near.position).collect()))
@@ -133,11 +139,19 @@ impl Scene {
             }
             let is_limit = limit.into() >= 0.0 && point.iter().all(|&x| x.into().is_finite());
             let distance = if found.t.into().is_infinite() && is_limit { limit } else { found.t };
-            if distance != zero && P::is_inside(world, point) { P::round(-distance.into()) } else { distance }
+            if distance != zero && P::is_inside(world, point) {
+                P::round(-distance.into())
+            } else {
+                distance
+            }
         })
     }
 
-    fn prepare<P: Kept + PointPrecision>(&self, py: Python<'_>, snapshot: &Arc<Snapshot<P>>) -> PyResult<()> {
+    fn prepare<P: Kept + PointPrecision>(
+        &self,
+        py: Python<'_>,
+        snapshot: &Arc<Snapshot<P>>,
+    ) -> PyResult<()> {
         self.0.prepare_winding(py, snapshot)
     }
 
@@ -165,7 +179,10 @@ impl Scene {
 }
 
 /// How far to look.
-fn limit<'py, P: Precision>(max_distance: Option<&Bound<'py, PyAny>>, shape: &[usize]) -> PyResult<Column<'py, P>> {
+fn limit<'py, P: Precision>(
+    max_distance: Option<&Bound<'py, PyAny>>,
+    shape: &[usize],
+) -> PyResult<Column<'py, P>> {
     match max_distance {
         None => Ok(Column::All(P::round(f64::INFINITY))),
         Some(limit) => Column::new(limit, shape, "max_distance"),
@@ -179,7 +196,8 @@ impl Scene {
     /// Parameters
     /// ----------
     /// points : array (..., 3)
-    ///     `float32` is answered in single precision, all else in double: of the vertices as they are, not rounded.
+    ///     `float32` is answered in single precision, all else in double: of the vertices as they
+    ///     are, not rounded.
     /// max_distance : float or array (...), optional
     ///     What is farther is not looked for.
     /// mask : int, optional
@@ -215,8 +233,8 @@ impl Scene {
         }
     }
 
-    /// The distance of each point to the nearest surface, not negative: an array `(...)`. Infinite where nothing is near enough.
-    /// Parameters as of :meth:`closest_points`.
+    /// The distance of each point to the nearest surface, not negative: an array `(...)`. Infinite
+    /// where nothing is near enough. Parameters as of :meth:`closest_points`.
     ///
     /// Examples
     /// --------
@@ -236,8 +254,9 @@ impl Scene {
         self.distances(points, max_distance, mask, threads, false)
     }
 
-    /// The distance of each point to the nearest surface, negative inside (see :meth:`occupancy`): an array `(...)`. Where nothing is near
-    /// enough it is `max_distance`, with the sign. Parameters as of :meth:`closest_points`; the mask does not matter to the sign.
+    /// The distance of each point to the nearest surface, negative inside (see :meth:`occupancy`):
+    /// an array `(...)`. Where nothing is near enough it is `max_distance`, with the sign.
+    /// Parameters as of :meth:`closest_points`; the mask does not matter to the sign.
     ///
     /// Examples
     /// --------
@@ -259,8 +278,9 @@ impl Scene {
 
     /// Whether each point is inside of what the scene holds: an array `(...)` of bool.
     ///
-    /// Inside is where the generalised winding number of all surfaces is more than a half: right for closed meshes, and sensible for open
-    /// ones, soups and overlaps. Masks do not matter. Points that are not finite are outside.
+    /// Inside is where the generalised winding number of all surfaces is more than a half: right
+    /// for closed meshes, and sensible for open ones, soups and overlaps. Masks do not matter.
+    /// Points that are not finite are outside.
     ///
     /// Examples
     /// --------
@@ -270,12 +290,17 @@ impl Scene {
     /// >>> scene.occupancy([[0, 0, -5], [0, 0.25, 0]]).tolist()
     /// [False, True]
     #[pyo3(signature = (points, *, threads=None))]
-    fn occupancy<'py>(&self, points: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn occupancy<'py>(
+        &self,
+        points: &Bound<'py, PyAny>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         self.around(points, threads, f32::is_inside, f64::is_inside)
     }
 
-    /// The generalised winding number of all surfaces around each point: an array `(...)` of float64. 1 inside of a closed surface, 0 outside,
-    /// something between around open ones (to some hundredths next to large open surfaces).
+    /// The generalised winding number of all surfaces around each point: an array `(...)` of
+    /// float64. 1 inside of a closed surface, 0 outside, something between around open ones (to
+    /// some hundredths next to large open surfaces).
     ///
     /// Examples
     /// --------
@@ -285,7 +310,11 @@ impl Scene {
     /// >>> scene.winding_number([[0, 0, -5], [0, 0.25, 0]]).tolist()
     /// [0.0, 1.0]
     #[pyo3(signature = (points, *, threads=None))]
-    fn winding_number<'py>(&self, points: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn winding_number<'py>(
+        &self,
+        points: &Bound<'py, PyAny>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         self.around(points, threads, f32::winding_number, f64::winding_number)
     }
 }

@@ -44,13 +44,15 @@ impl Scene {
         let invalid_wanted = options.warn_invalid.then_some(&invalid);
         let stats = P::stats(&snapshot.world);
         let piece = piece_size(rays.len(), options.threads.count(), stats);
-        let question = Question { rays: arrays.view()?, piece, alike: alike(stats), invalid: invalid_wanted };
+        let question =
+            Question { rays: arrays.view()?, piece, alike: alike(stats), invalid: invalid_wanted };
         let result = answer(&snapshot, &arrays, &question)?;
         match invalid.into_inner() {
             0 => {}
             n => {
                 let message = format!(
-                    "{n} of {} rays can hit nothing: not finite, without direction, or with t_min >= t_max",
+                    "{n} of {} rays can hit nothing: not finite, without direction, or with t_min \
+                        >= t_max",
                     rays.len()
                 );
                 let message = std::ffi::CString::new(message).unwrap_or_default();
@@ -72,10 +74,13 @@ impl Scene {
             let (mut hits, mut writable) = Columns::new(py, count)?;
             let places = writable.places()?;
             run(py, options.threads, count <= FEW, |cancel| {
-                question.hits(cancel, places, |rays, grouping, hits| P::closest(world, rays, grouping, hits))
+                question.hits(cancel, places, |rays, grouping, hits| {
+                    P::closest(world, rays, grouping, hits)
+                })
             })?;
             drop(writable);
-            // Where the ray met a shape decides its surface; for meshes the distances are given away as they are.
+            // Where the ray met a shape decides its surface; for meshes the distances are given
+            // away as they are.
             let is_distance_needed = !snapshot.names.are_all_meshes();
             let t = if is_distance_needed { None } else { hits.take_t() };
             let named = Named::new(Live::<P, P> {
@@ -151,7 +156,10 @@ impl Scene {
             let listed = run(py, options.threads, count <= FEW, |cancel| {
                 let pieces = question.all(cancel, |rays| {
                     let all = P::all(world, rays);
-                    if found.fetch_add(all.hits.len() as u64, Ordering::Relaxed) + all.hits.len() as u64 > most {
+                    if found.fetch_add(all.hits.len() as u64, Ordering::Relaxed)
+                        + all.hits.len() as u64
+                        > most
+                    {
                         cancel.stop();
                     }
                     all
@@ -174,7 +182,9 @@ impl Scene {
             });
             let found = found.into_inner();
             if found > most {
-                let message = format!("the list of more than {found} hits does not fit into memory; ask fewer rays");
+                let message = format!(
+                    "the list of more than {found} hits does not fit into memory; ask fewer rays"
+                );
                 return Err(PyMemoryError::new_err(message));
             }
             let (hits, splits, ids) = listed?;
@@ -229,7 +239,8 @@ queries! {
     /// Parameters
     /// ----------
     /// rays : array (..., 6), or a tuple of two arrays (..., 3)
-    ///     Origin and direction of each ray; a tuple `(origins, directions)` is broadcast. Directions have any length but 0.
+    ///     Origin and direction of each ray; a tuple `(origins, directions)` is broadcast.
+    ///     Directions have any length but 0.
     /// t_min, t_max : float or array (...), optional
     ///     Only hits between them count, ends excluded. 0 and infinity if left out.
     /// mask : int or array (...) of integers, optional
@@ -237,7 +248,8 @@ queries! {
     /// threads : int, optional
     ///     How many work on it. All cores if left out. The answer does not depend on it.
     /// warn_invalid : bool
-    ///     Warn (RuntimeWarning) about rays that can hit nothing: not finite, direction 0, or `t_min >= t_max`. They miss.
+    ///     Warn (RuntimeWarning) about rays that can hit nothing: not finite, direction 0, or
+    ///     `t_min >= t_max`. They miss.
     ///
     /// Returns
     /// -------
@@ -253,7 +265,8 @@ queries! {
     /// [4.0, 2.0, inf]
     cast_rays -> Hits = cast;
 
-    /// Whether each ray hits anything: an array `(...)` of bool. Faster than the nearest hit. Parameters as of :meth:`cast_rays`.
+    /// Whether each ray hits anything: an array `(...)` of bool. Faster than the nearest hit.
+    /// Parameters as of :meth:`cast_rays`.
     ///
     /// Examples
     /// --------
@@ -295,9 +308,11 @@ queries! {
 
 #[pymethods]
 impl Scene {
-    /// Rays of one of :attr:`cameras`, one through the centre of each pixel: an array `(height_px, width_px, 6)` of float32.
+    /// Rays of one of :attr:`cameras`, one through the centre of each pixel: an array
+    /// `(height_px, width_px, 6)` of float32.
     ///
-    /// Directions have unit length, so `t_hit` is the distance; where a projection shows nothing (outside of a fisheye's circle) they are 0.
+    /// Directions have unit length, so `t_hit` is the distance; where a projection shows nothing
+    /// (outside of a fisheye's circle) they are 0.
     ///
     /// Parameters
     /// ----------

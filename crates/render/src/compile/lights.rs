@@ -17,7 +17,8 @@ use std::collections::HashMap;
 use std::f64::consts::PI;
 use std::sync::OnceLock;
 
-/// Work and memory for the table of emissive surfaces: a small file may place an emissive mesh billions of times.
+/// Work and memory for the table of emissive surfaces: a small file may place an emissive mesh
+/// billions of times.
 const BUDGET: u64 = 1 << 28;
 const COST_OF_INSTANCE: u64 = 4096;
 const COST_OF_TRIANGLE: u64 = 64;
@@ -68,7 +69,11 @@ impl BareLight {
     }
 
     fn color_of(&self, light: &PunctualLight, mode: ColorMode) -> SampledSpectrum {
-        if mode == ColorMode::Rgb { mode.illuminant(light.color) } else { self.spectrum(light).at(mode) }
+        if mode == ColorMode::Rgb {
+            mode.illuminant(light.color)
+        } else {
+            self.spectrum(light).at(mode)
+        }
     }
 }
 
@@ -135,7 +140,9 @@ impl LightSpectrum {
     /// Its lanes in this mode.
     pub fn at(&self, mode: ColorMode) -> SampledSpectrum {
         match (self, mode) {
-            (Self::Rgb(spectrum), ColorMode::Spectral(wavelengths)) => ColorMode::light_at(&wavelengths, spectrum),
+            (Self::Rgb(spectrum), ColorMode::Spectral(wavelengths)) => {
+                ColorMode::light_at(&wavelengths, spectrum)
+            }
             (Self::Rgb(_), ColorMode::Rgb) => SampledSpectrum::ZERO,
             (Self::Given(color), mode) => mode.illuminant(*color),
         }
@@ -178,7 +185,10 @@ impl LightTable {
         let mut table = Self::default();
         let radius = if scene_radius > 0.0 { scene_radius } else { 1.0 };
         for light in &scene.lights {
-            table.push(CompiledLight::Light(Box::new(BareLight::new(light.clone()))), light.power(radius));
+            table.push(
+                CompiledLight::Light(Box::new(BareLight::new(light.clone()))),
+                light.power(radius),
+            );
         }
         let emissive = EmissiveGroups::new(world, surfaces, materials);
         if !emissive.is_empty() {
@@ -193,7 +203,10 @@ impl LightTable {
         if let Some(environment) = environment {
             table.environment = Some(table.lights.len());
             // Power through a disk of the scene's size from every direction (pbrt, section 12.5).
-            table.push(CompiledLight::Environment, 4.0 * PI * PI * radius * radius * environment.mean_luminance());
+            table.push(
+                CompiledLight::Environment,
+                4.0 * PI * PI * radius * radius * environment.mean_luminance(),
+            );
             let total: f64 = table.powers.iter().sum();
             let even = table.powers[table.powers.len() - 1] * (1.0 - environment.excess());
             table.even_share = if total > 0.0 { even / total } else { 0.0 };
@@ -206,8 +219,8 @@ impl LightTable {
         self.even_share > 0.5
     }
 
-    /// False if the scene has more emissive surfaces than the table lists. The others give light too, but only to rays that find
-    /// them by chance.
+    /// False if the scene has more emissive surfaces than the table lists. The others give light
+    /// too, but only to rays that find them by chance.
     pub fn is_complete(&self) -> bool {
         self.spent <= BUDGET
     }
@@ -217,16 +230,17 @@ impl LightTable {
         self.has_glowing_curves
     }
 
-    /// What light samplers look at; the bounds of all parts only if asked for. The light `left_out` is not sampled.
+    /// What light samplers look at; the bounds of all parts only if asked for. The light `left_out`
+    /// is not sampled.
     pub fn summaries(&self, with_parts: bool, left_out: Option<usize>) -> Vec<LightSummary> {
         let parts = |i: usize| match &self.lights[i] {
             CompiledLight::Light(bare) => bare.light.bounds().into_iter().collect(),
-            CompiledLight::Area(area) => {
-                (0..area.part_count()).map(|part| area.part_bounds(part, self.two_sided[i])).collect()
-            }
-            CompiledLight::Moving(light) => {
-                (0..light.first.part_count()).map(|part| light.part_bounds(part, self.two_sided[i])).collect()
-            }
+            CompiledLight::Area(area) => (0..area.part_count())
+                .map(|part| area.part_bounds(part, self.two_sided[i]))
+                .collect(),
+            CompiledLight::Moving(light) => (0..light.first.part_count())
+                .map(|part| light.part_bounds(part, self.two_sided[i]))
+                .collect(),
             CompiledLight::Medium(_, glow) => vec![LightBounds {
                 bounds: glow.bounds(),
                 axis: Vec3::Z,
@@ -295,7 +309,8 @@ impl LightTable {
                 let triangles: Vec<u32> = (0..mesh.indices.len() as u32).filter(emits).collect();
                 self.spent += mesh.indices.len() as u64 + COST_OF_TRIANGLE * triangles.len() as u64;
                 let emitting = Emitting::of(triangles.iter().map(|&t| material(t)));
-                let plain = PlainEmission::of(parts.materials, triangles.iter().map(|&t| material_id(t)));
+                let plain =
+                    PlainEmission::of(parts.materials, triangles.iter().map(|&t| material_id(t)));
                 (EmissiveGeometry::Mesh { mesh: mesh.clone(), triangles }, emitting, plain)
             }
             Geometry::Shape(shape, group_from_shape) => {
@@ -308,7 +323,8 @@ impl LightTable {
                 self.has_glowing_curves |= is_light(material(0));
                 return;
             }
-            // Shine when they are hit, but are not sampled; so do meshes that are bent while the shutter is open.
+            // Shine when they are hit, but are not sampled; so do meshes that are bent while the
+            // shutter is open.
             Geometry::Quads(_) | Geometry::MovingMesh(_) => return,
         };
         if !emitting.any {
@@ -339,7 +355,11 @@ impl LightTable {
         let compiled = match place.is_moving() {
             true => {
                 let carriers = place.carriers.clone();
-                CompiledLight::Moving(Box::new(MovingAreaLight::new(light, carriers, group_from_geometry)))
+                CompiledLight::Moving(Box::new(MovingAreaLight::new(
+                    light,
+                    carriers,
+                    group_from_geometry,
+                )))
             }
             false => CompiledLight::Area(Box::new(light)),
         };
@@ -362,7 +382,10 @@ impl Place {
     fn within(&self, instance: &Instance) -> Self {
         let mut carriers = self.carriers.clone();
         carriers.push(instance.clone());
-        Self { world_from_group: self.world_from_group.compose(&instance.group_from_child), carriers }
+        Self {
+            world_from_group: self.world_from_group.compose(&instance.group_from_child),
+            carriers,
+        }
     }
 
     fn is_moving(&self) -> bool {

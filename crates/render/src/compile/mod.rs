@@ -1,9 +1,10 @@
-//! Scene graph to compiled scene: instances over geometries, flat tables of lights, materials and textures. After this there are
-//! only ids.
+//! Scene graph to compiled scene: instances over geometries, flat tables of lights, materials and
+//! textures. After this there are only ids.
 //!
-//! A node with one parent is folded into the group of its parent, its transforms composed in double precision and applied to the
-//! vertices. A node with several parents becomes a group of its own and is stored once, whatever its depth. So does a mesh that
-//! several surfaces share, and a node that moves: so the frames of an animation have most of their structures in common.
+//! A node with one parent is folded into the group of its parent, its transforms composed in double
+//! precision and applied to the vertices. A node with several parents becomes a group of its own
+//! and is stored once, whatever its depth. So does a mesh that several surfaces share, and a node
+//! that moves: so the frames of an animation have most of their structures in common.
 
 mod lights;
 mod surfaces;
@@ -16,12 +17,15 @@ pub(crate) use volumes::{Boundary, VolumeTable};
 use crate::light_sampler::{LightSampler, LightSamplerKind};
 use crate::settings::LightStrategy;
 use lights::LightTable;
-use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, RayQuery, SurfaceInteraction, World, WorldError};
+use snell_intersect::{
+    BuildOptions, GeometryId, Hit, HitFilter, RayQuery, SurfaceInteraction, World, WorldError,
+};
 use snell_math::{Bounds3d, ColorMode, Ray, Rgb, Vec3, rng};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::material::{AlphaMode, Prepared, ShadingPoint};
 use snell_scene::{
-    Background, Environment, Material, MaterialId, MediumId, NodeId, Pose, Scene, SceneError, TextureSet, Warning,
+    Background, Environment, Material, MaterialId, MediumId, NodeId, Pose, Scene, SceneError,
+    TextureSet, Warning,
 };
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -49,11 +53,12 @@ pub enum CompileError {
 /// What of a scene moves.
 #[derive(Clone, Debug, Default)]
 pub struct Moving {
-    /// Nodes that move from one compilation to the next, or while the shutter is open ([`snell_scene::Player::moving_nodes`]). Each
-    /// becomes an instance of a group of its own, so that the rest stays as it is.
+    /// Nodes that move from one compilation to the next, or while the shutter is open
+    /// ([`snell_scene::Player::moving_nodes`]). Each becomes an instance of a group of its own, so
+    /// that the rest stays as it is.
     pub nodes: BTreeSet<NodeId>,
-    /// The poses while the shutter is open, after the one that the scene is in: evenly spread until it closes. Between poses everything
-    /// moves on straight lines.
+    /// The poses while the shutter is open, after the one that the scene is in: evenly spread until
+    /// it closes. Between poses everything moves on straight lines.
     pub later: Vec<Pose>,
 }
 
@@ -105,8 +110,9 @@ impl CompiledScene {
         Self::moving(scene, &Moving::default(), options, None)
     }
 
-    /// Compiles a scene in which some nodes move. What has not changed since `previous` is taken over: that must be the same scene, and
-    /// compiled with the same moving nodes, but in another pose. The result does not depend on whether there is a previous one.
+    /// Compiles a scene in which some nodes move. What has not changed since `previous` is taken
+    /// over: that must be the same scene, and compiled with the same moving nodes, but in another
+    /// pose. The result does not depend on whether there is a previous one.
     pub fn moving(
         scene: &Scene,
         moving: &Moving,
@@ -129,7 +135,9 @@ impl CompiledScene {
         });
         world.warnings().into_iter().for_each(|message| Warning::note(&mut warnings, message, 1));
         let (textures, environment) = match previous {
-            Some(previous) => (TextureSet::placed(previous.textures, &scene.textures), previous.environment),
+            Some(previous) => {
+                (TextureSet::placed(previous.textures, &scene.textures), previous.environment)
+            }
             None => (
                 Arc::new(TextureSet::new(&scene.textures, &scene.images)),
                 scene.environment.as_ref().map(|e| Arc::new(EnvironmentLight::new(e))),
@@ -140,13 +148,16 @@ impl CompiledScene {
         Self::over(scene, materials, warnings, built)
     }
 
-    /// The same scene after changes of materials, lights, media and surroundings. `before` is what this was compiled from; its nodes,
-    /// geometries, textures and images must be those of `scene`. Nothing is built again that need not be. `None` if the structure
-    /// has to be: a surface has become cut out, blended or an interface, or is so no more.
+    /// The same scene after changes of materials, lights, media and surroundings. `before` is what
+    /// this was compiled from; its nodes, geometries, textures and images must be those of `scene`.
+    /// Nothing is built again that need not be. `None` if the structure has to be: a surface has
+    /// become cut out, blended or an interface, or is so no more.
     pub fn changed(&self, before: &Scene, scene: &Scene) -> Result<Option<Self>, CompileError> {
         let materials = materials(scene);
         let is_alike = |(a, b): (&Material, &Material)| a.needs_filter() == b.needs_filter();
-        if materials.len() != self.materials.len() || !self.materials.iter().zip(&materials).all(is_alike) {
+        if materials.len() != self.materials.len()
+            || !self.materials.iter().zip(&materials).all(is_alike)
+        {
             return Ok(None);
         }
         scene.topological_order()?;
@@ -154,7 +165,8 @@ impl CompiledScene {
             (Some(old), Some(new)) if is_same(old, new) => self.environment.clone(),
             (_, new) => new.as_ref().map(|e| Arc::new(EnvironmentLight::new(e))),
         };
-        let (world, surfaces, textures) = (self.world.clone(), self.surfaces.clone(), self.textures.clone());
+        let (world, surfaces, textures) =
+            (self.world.clone(), self.surfaces.clone(), self.textures.clone());
         let built = Built { world, surfaces, textures, environment, moves: self.moves };
         Self::over(scene, materials, self.warnings.clone(), built).map(Some)
     }
@@ -170,15 +182,26 @@ impl CompiledScene {
         let bounds = finite_part(&scene_bounds(&world));
         let (sky, radius) = (environment.as_deref(), bounds.radius());
         let mut volumes = VolumeTable::new(scene, &materials)?;
-        let lights = LightTable::new(scene, &world, &surfaces, &materials, &textures, sky, volumes.as_ref(), radius);
+        let lights = LightTable::new(
+            scene,
+            &world,
+            &surfaces,
+            &materials,
+            &textures,
+            sky,
+            volumes.as_ref(),
+            radius,
+        );
         if let Some(volumes) = &mut volumes {
             volumes.beacons = Beacons::new(&lights.summaries(true, None));
         }
-        let found = "curves that shine are not sampled; their light is found by chance only, with more noise";
+        let found = "curves that shine are not sampled; their light is found by chance only, with \
+            more noise";
         if lights.has_glowing_curves() && !warnings.iter().any(|w| w.message == found) {
             Warning::note(&mut warnings, found.into(), 1);
         }
-        let message = "there are too many emissive surfaces to list; light from the rest is found by chance only, with more noise";
+        let message = "there are too many emissive surfaces to list; light from the rest is found \
+            by chance only, with more noise";
         if !lights.is_complete() && !warnings.iter().any(|w| w.message == message) {
             Warning::note(&mut warnings, message.into(), 1);
         }
@@ -210,7 +233,8 @@ impl CompiledScene {
         self.surfaces.material(&self.world, hit.instance, hit.geometry, hit.primitive)
     }
 
-    /// The material of all primitives of a geometry in the root group; `None` if there may be several.
+    /// The material of all primitives of a geometry in the root group; `None` if there may be
+    /// several.
     pub fn only_material(&self, geometry: u32) -> Option<MaterialId> {
         self.surfaces.only_material(geometry)
     }
@@ -226,7 +250,8 @@ impl CompiledScene {
         self.world.interaction(RayQuery { time, ..RayQuery::from(ray) }, hit)
     }
 
-    /// The way from that surface to the smooth one that its vertex normals stand for ([`snell_intersect::World::lift`]).
+    /// The way from that surface to the smooth one that its vertex normals stand for
+    /// ([`snell_intersect::World::lift`]).
     pub fn lift(&self, ray: &Ray, time: f32, surface: &SurfaceInteraction) -> Vec3 {
         self.world.lift(RayQuery { time, ..RayQuery::from(ray) }, surface)
     }
@@ -273,13 +298,18 @@ impl CompiledScene {
         self.environment.is_none() && !shows_color
     }
 
-    /// True if most light comes from all around alike: paths that leave the scene bring much the same then.
+    /// True if most light comes from all around alike: paths that leave the scene bring much the
+    /// same then.
     pub fn is_evenly_lit(&self) -> bool {
         self.lights.is_even()
     }
 
     /// A chooser among the lights, made when it is first asked for.
-    pub fn light_sampler(&self, kind: LightSamplerKind, strategy: LightStrategy) -> Arc<LightSampler> {
+    pub fn light_sampler(
+        &self,
+        kind: LightSamplerKind,
+        strategy: LightStrategy,
+    ) -> Arc<LightSampler> {
         let mut known = self.light_samplers.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((.., sampler)) = known.iter().find(|(k, s, _)| (*k, *s) == (kind, strategy)) {
             return sampler.clone();
@@ -292,13 +322,16 @@ impl CompiledScene {
     fn new_light_sampler(&self, kind: LightSamplerKind, strategy: LightStrategy) -> LightSampler {
         let left_out = self.environment_light().filter(|_| !self.samples_environment(strategy));
         let mut lights = self.lights.summaries(kind == LightSamplerKind::Bvh, left_out);
-        if let (Some(i), Some(sky), LightStrategy::Mis) = (self.environment_light(), &self.environment, strategy) {
+        if let (Some(i), Some(sky), LightStrategy::Mis) =
+            (self.environment_light(), &self.environment, strategy)
+        {
             lights[i].power *= sky.excess();
         }
         LightSampler::new(kind, &lights, self.world.simd().wide())
     }
 
-    /// False if the environment is left to BSDF samples. For one that is constant that is half the work and less variance.
+    /// False if the environment is left to BSDF samples. For one that is constant that is half the
+    /// work and less variance.
     pub fn samples_environment(&self, strategy: LightStrategy) -> bool {
         self.environment.as_ref().is_some_and(|sky| match strategy {
             LightStrategy::Mis => sky.excess() > 0.0,
@@ -323,7 +356,8 @@ impl CompiledScene {
     }
 }
 
-/// Cut-out, blended and single-sided surfaces: a pure function of ray and hit, so shadows and any batching agree.
+/// Cut-out, blended and single-sided surfaces: a pure function of ray and hit, so shadows and any
+/// batching agree.
 impl HitFilter for CompiledScene {
     fn accept(&self, ray: &Ray, hit: &Hit) -> bool {
         self.accept_at(ray, 0.0, hit)
@@ -340,10 +374,19 @@ impl HitFilter for CompiledScene {
             return material.double_sided || point().is_front_facing(ray.direction);
         }
         let surface = self.interaction(ray, time, hit);
-        let bits =
-            |v: Vec3| rng::pcg4d([v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), hit.primitive ^ hit.geometry << 16]);
+        let bits = |v: Vec3| {
+            rng::pcg4d([
+                v.x.to_bits(),
+                v.y.to_bits(),
+                v.z.to_bits(),
+                hit.primitive ^ hit.geometry << 16,
+            ])
+        };
         let [a, b, ..] = bits(ray.direction);
-        let u = rng::to_unit(rng::hash_combine(rng::hash_combine(a ^ b, bits(ray.origin)[0]), hit.t.to_bits()));
+        let u = rng::to_unit(rng::hash_combine(
+            rng::hash_combine(a ^ b, bits(ray.origin)[0]),
+            hit.t.to_bits(),
+        ));
         // What is present has no colour.
         material.is_present(ray.direction, &self.shading_point(&surface, 0.0, ColorMode::Rgb), u)
     }
@@ -377,7 +420,8 @@ fn scene_bounds(world: &World) -> Bounds3d {
     world.bounds()
 }
 
-/// Bounds with infinite sides cut to the finite ones, so that planes do not make the scene infinite.
+/// Bounds with infinite sides cut to the finite ones, so that planes do not make the scene
+/// infinite.
 fn finite_part(bounds: &Bounds3d) -> Bounds3d {
     if bounds.is_finite() || bounds.is_empty() {
         return *bounds;

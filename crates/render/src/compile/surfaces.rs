@@ -1,7 +1,9 @@
 //! Nodes and surfaces to groups and geometries.
 
 use super::{CompileError, Moving, index};
-use snell_intersect::{Curves, GeometryId, GroupId, Instance, MeshKey, MovingMesh, TriangleMesh, World, WorldBuilder};
+use snell_intersect::{
+    Curves, GeometryId, GroupId, Instance, MeshKey, MovingMesh, TriangleMesh, World, WorldBuilder,
+};
 use snell_math::{DAffine3, DVec3, Transform, Vec3};
 use snell_scene::{Geometry, Material, MaterialId, NodeId, Scene, Surface, Warning};
 use std::collections::HashMap;
@@ -40,16 +42,25 @@ struct GeometryMaterials {
     mesh: Option<Arc<TriangleMesh>>,
     /// The node that holds the surface; none for a mesh in a group of its own.
     visit: Option<u32>,
-    /// For a mesh that was brought into the coordinates of its group: what it was before, its place there, and what became of it.
+    /// For a mesh that was brought into the coordinates of its group: what it was before, its place
+    /// there, and what became of it.
     placed: Option<(Arc<TriangleMesh>, Transform, Arc<TriangleMesh>)>,
 }
 
 impl SurfaceTable {
     /// The material of a primitive.
-    pub fn material(&self, world: &World, instance: u32, geometry: u32, primitive: u32) -> MaterialId {
+    pub fn material(
+        &self,
+        world: &World,
+        instance: u32,
+        geometry: u32,
+        primitive: u32,
+    ) -> MaterialId {
         let materials = &self.geometries[geometry as usize];
-        let slot =
-            materials.mesh.as_ref().map_or(0, |m| m.material_slots.get(primitive as usize).copied().unwrap_or(0));
+        let slot = materials
+            .mesh
+            .as_ref()
+            .map_or(0, |m| m.material_slots.get(primitive as usize).copied().unwrap_or(0));
         if let Some(Some(id)) = materials.slots.get(usize::from(slot)) {
             return *id;
         }
@@ -58,11 +69,15 @@ impl SurfaceTable {
         }
         // The innermost instance that hands a material down.
         let path = world.instance_path(instance);
-        let handed = path.iter().rev().find_map(|&(group, step)| self.instances[group.0 as usize][step].material);
+        let handed = path
+            .iter()
+            .rev()
+            .find_map(|&(group, step)| self.instances[group.0 as usize][step].material);
         handed.unwrap_or(self.default)
     }
 
-    /// The material of all primitives of a geometry in the root group; `None` if there may be several.
+    /// The material of all primitives of a geometry in the root group; `None` if there may be
+    /// several.
     pub fn only_material(&self, geometry: u32) -> Option<MaterialId> {
         let materials = &self.geometries[geometry as usize];
         let is_only = materials.mesh.as_ref().is_none_or(|mesh| mesh.material_slots.is_empty());
@@ -132,7 +147,8 @@ struct Compiler<'a> {
     warnings: &'a mut Vec<Warning>,
 }
 
-/// Compiles all surfaces of a scene. `previous` is the table of the same scene in another pose, if there is one.
+/// Compiles all surfaces of a scene. `previous` is the table of the same scene in another pose, if
+/// there is one.
 pub fn compile(
     scene: &Scene,
     moving: &Moving,
@@ -156,7 +172,8 @@ pub fn compile(
         for surface in &node.surfaces {
             if let Geometry::Mesh(mesh) = &surface.geometry {
                 *mesh_uses.entry(Arc::as_ptr(mesh)).or_insert(0) += 1;
-                mesh.validate().map_err(|source| CompileError::Mesh { node: node.name.clone(), source })?;
+                mesh.validate()
+                    .map_err(|source| CompileError::Mesh { node: node.name.clone(), source })?;
             }
         }
     }
@@ -191,7 +208,9 @@ pub fn compile(
         }
     }
     match Transform::new(scene.nodes[scene.root.index()].transform) {
-        Some(world_from_root) => compiler.fold_node(scene.root, WorldBuilder::ROOT, &world_from_root, None)?,
+        Some(world_from_root) => {
+            compiler.fold_node(scene.root, WorldBuilder::ROOT, &world_from_root, None)?
+        }
         None => compiler.warn_singular(&scene.nodes[scene.root.index()].name),
     }
     // Everything below is asked about, once all materials that may be handed down are known.
@@ -199,7 +218,9 @@ pub fn compile(
     let needs_filter = |id: MaterialId| materials[id.index()].needs_filter();
     let handed_down = table.handed_down().any(needs_filter);
     for geometry in 0..table.geometries.len() as u32 {
-        if table.own_materials(geometry).any(needs_filter) || (handed_down && table.inherits(geometry)) {
+        if table.own_materials(geometry).any(needs_filter)
+            || (handed_down && table.inherits(geometry))
+        {
             builder.set_filtered(GeometryId(geometry));
             table.any_filtered = true;
         }
@@ -220,7 +241,8 @@ impl Compiler<'_> {
 
     fn warn_singular(&mut self, name: &str) {
         self.warn(format!(
-            "node \"{name}\" has a singular or non-finite transform; it and what is below it is left out"
+            "node \"{name}\" has a singular or non-finite transform; it and what is below it is \
+                left out"
         ));
     }
 
@@ -228,7 +250,8 @@ impl Compiler<'_> {
         Warning::note(self.warnings, message, 1);
     }
 
-    /// Puts a node's surfaces, and those of the nodes that only it holds, into `group`. `inherited` is the material from above.
+    /// Puts a node's surfaces, and those of the nodes that only it holds, into `group`. `inherited`
+    /// is the material from above.
     fn fold_node(
         &mut self,
         id: NodeId,
@@ -246,7 +269,13 @@ impl Compiler<'_> {
             let material = node.material.or(inherited);
             for (number, surface) in node.surfaces.iter().enumerate() {
                 let later = self.later_meshes(id, number, surface);
-                self.add_surface(surface, &later, group, &group_from_node, Handed { material, visit });
+                self.add_surface(
+                    surface,
+                    &later,
+                    group,
+                    &group_from_node,
+                    Handed { material, visit },
+                );
             }
             // Reversed, so that the first child is folded first.
             for &child in node.children.iter().rev() {
@@ -254,7 +283,8 @@ impl Compiler<'_> {
                 if moves && !self.has_surfaces[child.index()] {
                     continue;
                 }
-                let Some(node_from_child) = Transform::new(scene.nodes[child.index()].transform) else {
+                let Some(node_from_child) = Transform::new(scene.nodes[child.index()].transform)
+                else {
                     // Animations scale things to nothing to hide them.
                     if !moves {
                         self.warn_singular(&scene.nodes[child.index()].name);
@@ -275,9 +305,15 @@ impl Compiler<'_> {
     }
 
     /// Where a node is while the shutter is open, after its first place; none if it stays there.
-    fn later_places(&self, node: NodeId, group_from_parent: &Transform, first: &Transform) -> Vec<Transform> {
+    fn later_places(
+        &self,
+        node: NodeId,
+        group_from_parent: &Transform,
+        first: &Transform,
+    ) -> Vec<Transform> {
         let still = self.scene.nodes[node.index()].transform;
-        let of_pose = |pose: &snell_scene::Pose| pose.transforms.get(&node).copied().unwrap_or(still);
+        let of_pose =
+            |pose: &snell_scene::Pose| pose.transforms.get(&node).copied().unwrap_or(still);
         let places: Vec<DAffine3> = self.moving.later.iter().map(of_pose).collect();
         if places.iter().all(|place| *place == still) {
             return Vec::new();
@@ -291,10 +327,17 @@ impl Compiler<'_> {
         places.iter().map(&mut place).collect()
     }
 
-    /// The meshes of a surface while the shutter is open, after its first one; none if it stays as it is.
-    fn later_meshes(&self, node: NodeId, number: usize, surface: &Surface) -> Vec<Arc<TriangleMesh>> {
+    /// The meshes of a surface while the shutter is open, after its first one; none if it stays as
+    /// it is.
+    fn later_meshes(
+        &self,
+        node: NodeId,
+        number: usize,
+        surface: &Surface,
+    ) -> Vec<Arc<TriangleMesh>> {
         let Geometry::Mesh(first) = &surface.geometry else { return Vec::new() };
-        let of_pose = |pose: &snell_scene::Pose| pose.meshes.get(&(node, number)).unwrap_or(first).clone();
+        let of_pose =
+            |pose: &snell_scene::Pose| pose.meshes.get(&(node, number)).unwrap_or(first).clone();
         let meshes: Vec<_> = self.moving.later.iter().map(of_pose).collect();
         if meshes.iter().all(|mesh| Arc::ptr_eq(mesh, first)) { Vec::new() } else { meshes }
     }
@@ -314,21 +357,28 @@ impl Compiler<'_> {
             Geometry::Shape(shape) => {
                 self.builder.add_shape(group, shape.clone(), *placed);
                 let slots = surface.materials.first().map_or(vec![inherited], |m| vec![resolve(m)]);
-                self.table.geometries.push(GeometryMaterials { slots, mesh: None, visit, placed: None });
+                self.table.geometries.push(GeometryMaterials {
+                    slots,
+                    mesh: None,
+                    visit,
+                    placed: None,
+                });
             }
             Geometry::Curves(curves) => {
                 let slot = surface.materials.first().map_or(inherited, resolve);
                 self.add_curves(curves, slot, group, placed, handed);
             }
             Geometry::Mesh(mesh) => {
-                let slot_count = mesh.material_slots.iter().max().map_or(1, |&m| usize::from(m) + 1);
+                let slot_count =
+                    mesh.material_slots.iter().max().map_or(1, |&m| usize::from(m) + 1);
                 let mut slots: Vec<_> = surface.materials.iter().map(resolve).collect();
                 slots.resize(slots.len().max(slot_count), inherited);
                 if !later.is_empty() {
                     self.add_moving_mesh(mesh, later, placed, group, slots, visit);
                     return;
                 }
-                let shared = self.mesh_uses[&Arc::as_ptr(mesh)] > 1 && mesh.indices.len() >= SMALL_MESH;
+                let shared =
+                    self.mesh_uses[&Arc::as_ptr(mesh)] > 1 && mesh.indices.len() >= SMALL_MESH;
                 if shared {
                     let mesh_use = (Arc::as_ptr(mesh), slots.clone());
                     let child = match self.mesh_groups.get(&mesh_use) {
@@ -362,7 +412,8 @@ impl Compiler<'_> {
         placed: &Transform,
         handed: Handed,
     ) {
-        let alone = |visit| GeometryMaterials { slots: vec![material], mesh: None, visit, placed: None };
+        let alone =
+            |visit| GeometryMaterials { slots: vec![material], mesh: None, visit, placed: None };
         if placed.is_identity() {
             self.builder.add_set(group, curves.clone());
             self.table.geometries.push(alone(Some(handed.visit)));
@@ -384,7 +435,9 @@ impl Compiler<'_> {
 
     /// The mesh in the coordinates of a group: that of the table before, if it was the same there.
     fn brought(&self, mesh: &Arc<TriangleMesh>, placed: &Transform) -> Arc<TriangleMesh> {
-        let before = self.previous.and_then(|table| table.geometries.get(self.table.geometries.len())?.placed.as_ref());
+        let before = self
+            .previous
+            .and_then(|table| table.geometries.get(self.table.geometries.len())?.placed.as_ref());
         match before {
             Some((old, at, there)) if Arc::ptr_eq(old, mesh) && at == placed => there.clone(),
             _ => Arc::new(mesh.transformed(placed)),
@@ -428,13 +481,18 @@ impl Compiler<'_> {
         let degenerate = mesh.degenerate_triangles();
         if degenerate > 0 {
             let message =
-                "a degenerate or non-finite triangle is never hit; `snell doctor` on the file shows where".to_string();
+                "a degenerate or non-finite triangle is never hit; `snell doctor` on the file \
+                    shows where"
+                    .to_string();
             Warning::note(self.warnings, message, degenerate as u64);
         }
         let count = mesh.indices.len();
-        if degenerate < count && (0..count).all(|i| mesh.is_degenerate(i) || is_flat(&mesh.corners(i))) {
+        if degenerate < count
+            && (0..count).all(|i| mesh.is_degenerate(i) || is_flat(&mesh.corners(i)))
+        {
             self.warn(
-                "no face of a mesh has an area, so nothing is seen of it: export it again with its faces".to_string(),
+                "no face of a mesh has an area, so nothing is seen of it: export it again with its \
+                    faces".to_string(),
             );
         }
         let id = self.builder.add_mesh(group, mesh.clone());

@@ -40,7 +40,10 @@ fn look_down(x: f32) -> Ray {
 fn nested(mesh: Arc<TriangleMesh>) -> Scene {
     let mut scene = Scene::new("nested");
     let red = scene.add_material(Material::new("red", Diffuse::new(Rgb::new(1.0, 0.0, 0.0))));
-    let leaf = scene.add_node(Node { surfaces: vec![Surface::new(Geometry::Mesh(mesh))], ..Node::named("leaf") });
+    let leaf = scene.add_node(Node {
+        surfaces: vec![Surface::new(Geometry::Mesh(mesh))],
+        ..Node::named("leaf")
+    });
     let pair = scene.add_node(Node::named("pair"));
     for (x, name) in [(-3.0, "left"), (3.0, "right")] {
         let place = scene.add_child(pair, moved(x, name));
@@ -57,11 +60,15 @@ fn nested(mesh: Arc<TriangleMesh>) -> Scene {
 fn a_shared_subtree_is_stored_once_at_any_depth() {
     for (mesh, copies) in [(square(2), 1), (square(10), 1)] {
         let triangles = mesh.indices.len() as u64;
-        let compiled = CompiledScene::new(&nested(mesh), &BuildOptions::default()).expect("a valid scene");
+        let compiled =
+            CompiledScene::new(&nested(mesh), &BuildOptions::default()).expect("a valid scene");
         assert_eq!(compiled.world.triangle_count(), triangles * copies);
         assert_eq!(compiled.world.instanced_triangle_count(), triangles * 4);
         for x in [-13.0, -7.0, 7.0, 13.0] {
-            assert!(compiled.world.closest_one(&look_down(x), &AcceptAll).is_hit(), "the copy at {x}");
+            assert!(
+                compiled.world.closest_one(&look_down(x), &AcceptAll).is_hit(),
+                "the copy at {x}"
+            );
         }
     }
 }
@@ -88,7 +95,11 @@ fn a_singular_node_is_left_out_with_a_warning() {
     let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
     assert!(!compiled.world.closest_one(&look_down(-13.0), &AcceptAll).is_hit());
     assert!(compiled.world.closest_one(&look_down(13.0), &AcceptAll).is_hit());
-    assert!(compiled.warnings.iter().any(|w| w.message.contains("singular")), "{:?}", compiled.warnings);
+    assert!(
+        compiled.warnings.iter().any(|w| w.message.contains("singular")),
+        "{:?}",
+        compiled.warnings
+    );
 }
 
 #[test]
@@ -96,9 +107,12 @@ fn a_vertex_so_far_out_that_all_rays_are_slow_is_told() {
     for (x, is_told) in [(1e11, false), (3e38, true)] {
         let mut mesh = TriangleMesh::clone(&square(2));
         mesh.positions[0].x = -x;
-        let compiled = CompiledScene::new(&nested(Arc::new(mesh)), &BuildOptions::default()).expect("a valid scene");
-        let told =
-            compiled.warnings.iter().any(|w| w.message.starts_with("coordinates reach 3.0e38, and beyond 1e12 "));
+        let compiled = CompiledScene::new(&nested(Arc::new(mesh)), &BuildOptions::default())
+            .expect("a valid scene");
+        let told = compiled
+            .warnings
+            .iter()
+            .any(|w| w.message.starts_with("coordinates reach 3.0e38, and beyond 1e12 "));
         assert_eq!(told, is_told, "{:?}", compiled.warnings);
     }
 }
@@ -108,13 +122,21 @@ fn things_smaller_than_the_steps_of_coordinates_so_far_out_are_told() {
     for (radius, is_told) in [(1e4, false), (4_294_967_295.0, true)] {
         let mut scene = Scene::new("far");
         for i in 0..80 {
-            let transform = DAffine3::from_translation(DVec3::new(f64::from(i % 9), f64::from(i / 9), 0.0));
+            let transform =
+                DAffine3::from_translation(DVec3::new(f64::from(i % 9), f64::from(i / 9), 0.0));
             let sphere = AnyShape::from(Sphere { radius: if i == 40 { radius } else { 0.1 } });
-            let surface = Surface { geometry: Geometry::Shape(Arc::new(sphere)), materials: Vec::new() };
-            scene.add_child(scene.root, Node { transform, surfaces: vec![surface], ..Node::named("ball") });
+            let surface =
+                Surface { geometry: Geometry::Shape(Arc::new(sphere)), materials: Vec::new() };
+            scene.add_child(
+                scene.root,
+                Node { transform, surfaces: vec![surface], ..Node::named("ball") },
+            );
         }
         let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
-        let told = compiled.warnings.iter().any(|w| w.message.starts_with("coordinates reach 4.3e9, where single"));
+        let told = compiled
+            .warnings
+            .iter()
+            .any(|w| w.message.starts_with("coordinates reach 4.3e9, where single"));
         assert_eq!(told, is_told, "{:?}", compiled.warnings);
     }
 }
@@ -134,8 +156,12 @@ fn a_mesh_of_faces_without_an_area_is_told_and_one_with_a_good_face_is_not() {
             mesh.positions.extend([0.0, 0.3, 1.0].map(|x| Vec3::new(x, 0.0, 0.0)));
             mesh.indices[i] = [first, first + 1, first + 2];
         }
-        let compiled = CompiledScene::new(&nested(Arc::new(mesh)), &BuildOptions::default()).expect("a valid scene");
-        let told = compiled.warnings.iter().any(|w| w.message.starts_with("no face of a mesh has an area"));
+        let compiled = CompiledScene::new(&nested(Arc::new(mesh)), &BuildOptions::default())
+            .expect("a valid scene");
+        let told = compiled
+            .warnings
+            .iter()
+            .any(|w| w.message.starts_with("no face of a mesh has an area"));
         assert_eq!(told, is_told, "{:?}", compiled.warnings);
     }
 }
@@ -149,12 +175,17 @@ fn a_changed_scene_is_the_scene_compiled_anew() {
         snell_scene::overrides::apply(&mut scene, definition).expect("the scene has them");
     }
     scene.materials[1].emission = snell_scene::material::ColorParam::constant(Rgb::splat(2.0));
-    let changed = compiled.changed(&before, &scene).expect("a valid scene").expect("the structure stays");
+    let changed =
+        compiled.changed(&before, &scene).expect("a valid scene").expect("the structure stays");
     assert!(Arc::ptr_eq(&changed.world, &compiled.world));
     let anew = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
-    assert!(changed.lights().len() > compiled.lights().len() && changed.lights().len() == anew.lights().len());
+    assert!(
+        changed.lights().len() > compiled.lights().len()
+            && changed.lights().len() == anew.lights().len()
+    );
     let settings = crate::Settings { size: [16, 12], spp: 4, ..crate::Settings::default() };
-    let picture = |scene| crate::Job::new(scene, &before.cameras[0], &settings).run(2, &|_| true).0.image();
+    let picture =
+        |scene| crate::Job::new(scene, &before.cameras[0], &settings).run(2, &|_| true).0.image();
     assert_eq!(picture(&changed), picture(&anew));
 
     scene.materials[0].double_sided = false;
@@ -164,8 +195,9 @@ fn a_changed_scene_is_the_scene_compiled_anew() {
 #[test]
 fn it_is_known_whether_light_comes_from_all_around() {
     let mut scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
-    let is_even =
-        |scene: &Scene| CompiledScene::new(scene, &BuildOptions::default()).expect("a valid scene").is_evenly_lit();
+    let is_even = |scene: &Scene| {
+        CompiledScene::new(scene, &BuildOptions::default()).expect("a valid scene").is_evenly_lit()
+    };
     assert!(!is_even(&scene), "the lamp is all the light");
     scene.environment = Some(snell_scene::Environment::Constant(Rgb::splat(1e-4)));
     assert!(!is_even(&scene), "the lamp is most of the light");
@@ -194,10 +226,18 @@ fn strands_are_stored_once_keep_their_materials_and_are_passed_from_within() {
         let hit = compiled.world.closest_one(&ray, &AcceptAll);
         assert_eq!((hit.t, compiled.material_id(&hit)), (4.5, MaterialId(material)));
         let surface = compiled.interaction(&ray, 0.0, &hit);
-        assert!(surface.on_curve && surface.geometric_normal.z > 0.99 && surface.dpdu.normalize().y > 0.99);
+        assert!(
+            surface.on_curve
+                && surface.geometric_normal.z > 0.99
+                && surface.dpdu.normalize().y > 0.99
+        );
         assert!((surface.uv[0].x - 0.55).abs() < 0.01);
         let within = Ray::new(surface.ray_origin(Vec3::NEG_Z), Vec3::NEG_Z);
         assert!(!compiled.world.closest_one(&within, &AcceptAll).is_hit(), "the way out is free");
     }
-    assert!(compiled.warnings.iter().any(|w| w.message.contains("curves that shine")), "{:?}", compiled.warnings);
+    assert!(
+        compiled.warnings.iter().any(|w| w.message.contains("curves that shine")),
+        "{:?}",
+        compiled.warnings
+    );
 }

@@ -6,7 +6,8 @@ use snell_scene::material::Interior;
 use snell_scene::medium::{Beacon, Glow, PreparedMedium};
 use snell_scene::{Material, MaterialId, MediumId, Scene, SceneError};
 
-/// The media of a scene and the surfaces that bound them. A scene without has none of this, and pays nothing for it.
+/// The media of a scene and the surfaces that bound them. A scene without has none of this, and
+/// pays nothing for it.
 #[derive(Debug)]
 pub struct VolumeTable {
     media: Vec<PreparedMedium>,
@@ -44,10 +45,14 @@ impl Beacons {
         };
         let beacons: Vec<_> = lights.iter().map(beacon).collect();
         let powers: Vec<f64> = lights.iter().map(|light| light.power).collect();
-        beacons.iter().any(Option::is_some).then(|| Self { table: LightTable::new(&powers), beacons })
+        beacons
+            .iter()
+            .any(Option::is_some)
+            .then(|| Self { table: LightTable::new(&powers), beacons })
     }
 
-    /// A beacon, or none if light from far was chosen. `u` is asked for a uniform number if there is a choice.
+    /// A beacon, or none if light from far was chosen. `u` is asked for a uniform number if there
+    /// is a choice.
     pub fn sample(&self, u: impl FnOnce() -> f32) -> Option<Beacon> {
         self.beacons[self.table.sample(u)?.light]
     }
@@ -76,7 +81,10 @@ impl VolumeTable {
         };
         check(scene.medium, "the scene")?;
         for material in materials {
-            check(material.interior.and_then(|i| i.medium), &format!("material \"{}\"", material.name))?;
+            check(
+                material.interior.and_then(|i| i.medium),
+                &format!("material \"{}\"", material.name),
+            )?;
         }
         let says = |m: &Material| m.interior.is_some() || m.has_own_medium();
         if scene.medium.is_none() && !materials.iter().any(says) {
@@ -109,7 +117,8 @@ impl VolumeTable {
     /// The media that are anywhere and glow so that points of them can be sampled.
     pub fn glows(&self) -> impl Iterator<Item = (MediumId, Glow)> {
         let is_used = |id: MediumId| {
-            self.everywhere == Some(id) || self.boundaries.iter().flatten().any(|b| b.interior.medium == Some(id))
+            self.everywhere == Some(id)
+                || self.boundaries.iter().flatten().any(|b| b.interior.medium == Some(id))
         };
         let ids = (0..self.media.len() as u32).map(MediumId).filter(move |&id| is_used(id));
         ids.filter_map(|id| Some((id, self.medium(id).glow()?)))

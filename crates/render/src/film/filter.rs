@@ -1,5 +1,6 @@
-//! Reconstruction filters, importance sampled: a sample is displaced from the pixel's centre in proportion to the filter, and so
-//! touches one pixel only (Ernst, Stamminger and Greiner, Filter importance sampling, 2006).
+//! Reconstruction filters, importance sampled: a sample is displaced from the pixel's centre in
+//! proportion to the filter, and so touches one pixel only (Ernst, Stamminger and Greiner, Filter
+//! importance sampling, 2006).
 
 use snell_math::{DVec2, Vec2};
 use std::f64::consts::PI;
@@ -24,8 +25,14 @@ pub enum Filter {
 
 impl Filter {
     /// All filters.
-    pub const ALL: [Self; 6] =
-        [Self::Box, Self::Tent, Self::Gaussian, Self::Mitchell, Self::BlackmanHarris, Self::Lanczos];
+    pub const ALL: [Self; 6] = [
+        Self::Box,
+        Self::Tent,
+        Self::Gaussian,
+        Self::Mitchell,
+        Self::BlackmanHarris,
+        Self::Lanczos,
+    ];
 
     /// The name on the command line.
     pub fn name(self) -> &'static str {
@@ -74,7 +81,9 @@ impl Filter {
             Self::Mitchell => {
                 let (b, c) = (1.0 / 3.0, 1.0 / 3.0);
                 if d < 1.0 {
-                    ((12.0 - 9.0 * b - 6.0 * c) * d * d * d + (-18.0 + 12.0 * b + 6.0 * c) * d * d + (6.0 - 2.0 * b))
+                    ((12.0 - 9.0 * b - 6.0 * c) * d * d * d
+                        + (-18.0 + 12.0 * b + 6.0 * c) * d * d
+                        + (6.0 - 2.0 * b))
                         / 6.0
                 } else {
                     ((-b - 6.0 * c) * d * d * d
@@ -97,7 +106,8 @@ impl Filter {
 #[derive(Clone, Debug)]
 pub struct FilterSampler {
     radius: f64,
-    /// Inverse of the cumulative distribution of |f|, at equal steps of probability, with the sign of f there.
+    /// Inverse of the cumulative distribution of |f|, at equal steps of probability, with the sign
+    /// of f there.
     offsets: Vec<f64>,
     filter: Filter,
     /// Integral of f over that of |f|.
@@ -156,7 +166,8 @@ impl FilterSampler {
         if !self.filter.has_negative_lobes() {
             return (x, 1.0);
         }
-        let sign = if self.filter.evaluate(x.clamp(-self.radius, self.radius)) < 0.0 { -1.0 } else { 1.0 };
+        let sign =
+            if self.filter.evaluate(x.clamp(-self.radius, self.radius)) < 0.0 { -1.0 } else { 1.0 };
         (x, sign)
     }
 }

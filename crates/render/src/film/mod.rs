@@ -1,5 +1,6 @@
-//! The film: running sums of every pixel and AOV, kept per fixed block of samples and added in order, so that the bits of the
-//! picture do not depend on threads, tile order or splitting. Memory does not grow with the number of samples.
+//! The film: running sums of every pixel and AOV, kept per fixed block of samples and added in
+//! order, so that the bits of the picture do not depend on threads, tile order or splitting. Memory
+//! does not grow with the number of samples.
 
 pub mod filter;
 pub mod noise;
@@ -11,10 +12,12 @@ use rayon::prelude::*;
 use snell_math::Rgb;
 use snell_scene::{Layer, LayeredImage};
 
-/// Samples whose values are summed before the sum is added to the pixel: the unit of splitting a render.
+/// Samples whose values are summed before the sum is added to the pixel: the unit of splitting a
+/// render.
 pub const BLOCK: u32 = 16;
 
-/// What the layer `noise` shows where too few samples tell nothing: the largest number of half precision.
+/// What the layer `noise` shows where too few samples tell nothing: the largest number of half
+/// precision.
 const UNKNOWN: f64 = 65504.0;
 
 /// One sample of one pixel, as the film sees it.
@@ -28,10 +31,12 @@ pub struct FilmSample {
     pub weight: f32,
 }
 
-/// Tiles whose values are worked out at least by one thread: to wake others for fewer takes longer than the work.
+/// Tiles whose values are worked out at least by one thread: to wake others for fewer takes longer
+/// than the work.
 const MANY_TILES: usize = 64;
 
-/// Pixels along the side of a tile. Tiles lie on a grid over the whole picture, so a crop has parts of the same tiles.
+/// Pixels along the side of a tile. Tiles lie on a grid over the whole picture, so a crop has parts
+/// of the same tiles.
 pub const TILE: u32 = 16;
 
 /// Sums of one channel group of a tile, pixel by pixel.
@@ -55,7 +60,8 @@ impl Sums {
         Self { sum: zeros(), square: zeros(), weight: vec![0.0; pixels], plain, channels }
     }
 
-    /// Adds samples of a pixel that have no other channels than these, all of weight 1 if there is no plain sum.
+    /// Adds samples of a pixel that have no other channels than these, all of weight 1 if there is
+    /// no plain sum.
     fn add_plain(&mut self, pixel: usize, samples: &[FilmSample]) {
         let range = 4 * pixel..4 * pixel + 4;
         let (Some(sum), Some(square)) =
@@ -85,7 +91,9 @@ impl Sums {
                 *plain += f64::from(value);
             }
         }
-        for ((sum, square), &value) in self.sum[range.clone()].iter_mut().zip(&mut self.square[range]).zip(values) {
+        for ((sum, square), &value) in
+            self.sum[range.clone()].iter_mut().zip(&mut self.square[range]).zip(values)
+        {
             let value = f64::from(value * weight);
             *sum += value;
             *square += value * value;
@@ -101,8 +109,15 @@ impl Sums {
     }
 
     fn add_all(&mut self, other: &Self) {
-        let mine = self.sum.iter_mut().chain(&mut self.square).chain(&mut self.weight).chain(&mut self.plain);
-        for (a, b) in mine.zip(other.sum.iter().chain(&other.square).chain(&other.weight).chain(&other.plain)) {
+        let mine = self
+            .sum
+            .iter_mut()
+            .chain(&mut self.square)
+            .chain(&mut self.weight)
+            .chain(&mut self.plain);
+        for (a, b) in
+            mine.zip(other.sum.iter().chain(&other.square).chain(&other.weight).chain(&other.plain))
+        {
             *a += b;
         }
     }
@@ -134,8 +149,9 @@ impl ChannelSums {
 
     /// Mean over `n` samples without weights, and what the weighted sum differs from it.
     ///
-    /// The sum of the weights of few samples may be 0 or of the wrong sign where the filter is partly negative, so it is no
-    /// divisor. Only what differs from the plain mean is weighted, and divided by the weight that is expected.
+    /// The sum of the weights of few samples may be 0 or of the wrong sign where the filter is
+    /// partly negative, so it is no divisor. Only what differs from the plain mean is weighted, and
+    /// divided by the weight that is expected.
     fn plain_mean(&self, n: f64) -> (f64, f64) {
         match self.plain {
             None => (self.sum / n, 0.0),
@@ -185,7 +201,8 @@ pub struct FilmTile {
     pub samples: u32,
     /// Samples of each pixel.
     taken: Vec<u32>,
-    /// Sum of the intensities of whole blocks, and of their squares, of each pixel; empty before the first.
+    /// Sum of the intensities of whole blocks, and of their squares, of each pixel; empty before
+    /// the first.
     blocks: Vec<[f64; 2]>,
     /// Of pixels that have stopped, the deviation of blocks that decided; empty if none has.
     decided: Vec<Option<f64>>,
@@ -198,7 +215,8 @@ pub struct FilmTile {
     partial: Option<Sums>,
     /// Values of AOVs that cannot be averaged: of the first sample.
     first: Vec<f32>,
-    /// What covers each pixel, and how many of its samples: a list for each AOV of kind [`AovKind::Coverage`].
+    /// What covers each pixel, and how many of its samples: a list for each AOV of kind
+    /// [`AovKind::Coverage`].
     coverage: Vec<Vec<(u64, u32)>>,
 }
 
@@ -239,7 +257,9 @@ impl FilmTile {
         while done < samples {
             // Those that are left of the block.
             let run = ((BLOCK - self.samples % BLOCK) as usize).min(samples - done);
-            let partial = self.partial.get_or_insert_with(|| Sums::new(count, self.channels, self.mean_weight < 1.0));
+            let partial = self
+                .partial
+                .get_or_insert_with(|| Sums::new(count, self.channels, self.mean_weight < 1.0));
             for (number, &pixel) in pixels.iter().enumerate() {
                 let begin = number * samples + done;
                 if self.samples == 0 {
@@ -285,7 +305,8 @@ impl FilmTile {
         }
     }
 
-    /// The picture of this tile so far, row by row: red, green, blue (linear Rec. 709), alpha (premultiplied).
+    /// The picture of this tile so far, row by row: red, green, blue (linear Rec. 709), alpha
+    /// (premultiplied).
     pub fn colors(&self) -> Vec<f32> {
         let value = |i: usize| self.mean(i / 4, i % 4) as f32;
         (0..self.taken.len() * 4).map(value).collect()
@@ -295,7 +316,8 @@ impl FilmTile {
         let Some(partial) = self.partial.take() else { return };
         self.blocks.resize(self.taken.len(), [0.0; 2]);
         for &pixel in pixels {
-            let mean = |channel| partial.channel(pixel, channel).mean(f64::from(BLOCK), self.mean_weight);
+            let mean =
+                |channel| partial.channel(pixel, channel).mean(f64::from(BLOCK), self.mean_weight);
             let intensity = (mean(0) + mean(1) + mean(2)) / 3.0;
             self.blocks[pixel][0] += intensity;
             self.blocks[pixel][1] += intensity * intensity;
@@ -386,13 +408,14 @@ impl Film {
         self.tiles.iter().flat_map(|t| t.taken.iter().copied())
     }
 
-    /// The picture: first the layer of colour and alpha (premultiplied), then one layer per AOV. Linear Rec. 709.
+    /// The picture: first the layer of colour and alpha (premultiplied), then one layer per AOV.
+    /// Linear Rec. 709.
     pub fn image(&self) -> LayeredImage {
         self.layers(false)
     }
 
-    /// What covers each pixel, row by row, by the keys of [`Aov::key`] with the number of samples of each, and the number of all
-    /// samples of the pixel. Empty if the AOV was not asked for.
+    /// What covers each pixel, row by row, by the keys of [`Aov::key`] with the number of samples
+    /// of each, and the number of all samples of the pixel. Empty if the AOV was not asked for.
     pub fn coverage(&self, aov: Aov) -> Vec<(&[(u64, u32)], u32)> {
         let mut kinds = self.aovs.iter().filter(|a| a.kind() == AovKind::Coverage);
         let count = kinds.clone().count();
@@ -401,15 +424,17 @@ impl Film {
         let mut pixels: Vec<(&[(u64, u32)], u32)> = vec![(&[], 0); width * height];
         for tile in &self.tiles {
             for (number, [x, y]) in noise::positions(&tile.area).enumerate() {
-                let [column, row] = [x - self.crop.min[0], y - self.crop.min[1]].map(|p| p as usize);
-                pixels[row * width + column] = (&tile.coverage[number * count + kind], tile.taken[number]);
+                let [column, row] =
+                    [x - self.crop.min[0], y - self.crop.min[1]].map(|p| p as usize);
+                pixels[row * width + column] =
+                    (&tile.coverage[number * count + kind], tile.taken[number]);
             }
         }
         pixels
     }
 
-    /// The variance of each value of [`Self::image`] as an estimate (that of the mean, not of one sample). 0 for values that are
-    /// not averaged.
+    /// The variance of each value of [`Self::image`] as an estimate (that of the mean, not of one
+    /// sample). 0 for values that are not averaged.
     pub fn variance(&self) -> LayeredImage {
         self.layers(true)
     }
@@ -421,37 +446,57 @@ impl Film {
         let mut layers = Vec::new();
         let mut first_channel = 0;
         for aov in std::iter::once(None).chain(aovs.map(Some)) {
-            let (name, channels) = aov.map_or(("", &["R", "G", "B", "A"][..]), |a| (a.name(), a.channels()));
+            let (name, channels) =
+                aov.map_or(("", &["R", "G", "B", "A"][..]), |a| (a.name(), a.channels()));
             let kind = aov.map_or(AovKind::Averaged, |a| a.kind());
-            let value = |tile: &FilmTile, pixel: usize, [column, row]: [usize; 2], channel: usize| match kind {
+            let value = |tile: &FilmTile,
+                         pixel: usize,
+                         [column, row]: [usize; 2],
+                         channel: usize| match kind {
                 AovKind::Averaged => {
                     let channel = first_channel + channel;
                     // The square of a large number may not fit.
-                    let value = if variance { tile.variance(pixel, channel) } else { tile.mean(pixel, channel) };
+                    let value = if variance {
+                        tile.variance(pixel, channel)
+                    } else {
+                        tile.mean(pixel, channel)
+                    };
                     value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
                 }
                 _ if variance => 0.0,
                 AovKind::Coverage => 0.0,
-                AovKind::First => tile.first[pixel * (tile.channels - 4) + first_channel + channel - 4],
+                AovKind::First => {
+                    tile.first[pixel * (tile.channels - 4) + first_channel + channel - 4]
+                }
                 AovKind::OfFilm => match &map {
                     Some(map) if aov == Some(&Aov::Noise) => {
-                        map.error(row * width as usize + column, self.noise_floor).min(UNKNOWN) as f32
+                        map.error(row * width as usize + column, self.noise_floor).min(UNKNOWN)
+                            as f32
                     }
                     _ => tile.taken[pixel] as f32,
                 },
             };
             let count = channels.len();
             let channels = channels.iter().map(|s| s.to_string()).collect();
-            layers.push(Layer { name: name.to_string(), channels, values: self.gathered(count, value) });
+            layers.push(Layer {
+                name: name.to_string(),
+                channels,
+                values: self.gathered(count, value),
+            });
             first_channel += if kind == AovKind::OfFilm { 0 } else { count };
         }
         LayeredImage { width, height, layers, metadata: Vec::new() }
     }
 
-    /// So many values of each pixel, row by row: `value` has the tile, the pixel's number in it and its place in the picture, and the
-    /// number of the value.
-    fn gathered(&self, count: usize, value: impl Fn(&FilmTile, usize, [usize; 2], usize) -> f32 + Sync) -> Vec<f32> {
-        let place = |[x, y]: [u32; 2]| [(x - self.crop.min[0]) as usize, (y - self.crop.min[1]) as usize];
+    /// So many values of each pixel, row by row: `value` has the tile, the pixel's number in it and
+    /// its place in the picture, and the number of the value.
+    fn gathered(
+        &self,
+        count: usize,
+        value: impl Fn(&FilmTile, usize, [usize; 2], usize) -> f32 + Sync,
+    ) -> Vec<f32> {
+        let place =
+            |[x, y]: [u32; 2]| [(x - self.crop.min[0]) as usize, (y - self.crop.min[1]) as usize];
         let [width, height] = self.crop.size().map(|side| side as usize);
         let mut values = vec![0.0; width * height * count];
         // Rows of tiles, each with the rows of pixels that it fills.
@@ -489,7 +534,14 @@ mod tests {
             FilmSample { color: Rgb::splat(value), alpha: 1.0, weight: 1.0 }
         });
         let values = values.collect();
-        FilmPart { area: Crop::full([1, 1]), samples, pixels: None, values, aovs: Vec::new(), keys: Vec::new() }
+        FilmPart {
+            area: Crop::full([1, 1]),
+            samples,
+            pixels: None,
+            values,
+            aovs: Vec::new(),
+            keys: Vec::new(),
+        }
     }
 
     fn film(splits: &[u32]) -> Film {
@@ -541,7 +593,11 @@ mod tests {
         for samples in 1..20 {
             for seed in 0..50 {
                 let film = signed_film(seed, samples, |_| 3.0);
-                assert_eq!(film.image().layers[0].values, [3.0, 3.0, 3.0, 1.0], "{samples} samples");
+                assert_eq!(
+                    film.image().layers[0].values,
+                    [3.0, 3.0, 3.0, 1.0],
+                    "{samples} samples"
+                );
                 assert_eq!(film.variance().layers[0].values, [0.0; 4], "{samples} samples");
             }
         }
@@ -549,11 +605,14 @@ mod tests {
 
     #[test]
     fn negative_weights_count_and_the_variance_is_that_of_the_mean() {
-        let films: Vec<Film> = (0..2000).map(|seed| signed_film(seed, 64, |u| u * u + 1.0)).collect();
-        let values: Vec<f64> = films.iter().map(|f| f64::from(f.image().layers[0].values[0])).collect();
+        let films: Vec<Film> =
+            (0..2000).map(|seed| signed_film(seed, 64, |u| u * u + 1.0)).collect();
+        let values: Vec<f64> =
+            films.iter().map(|f| f64::from(f.image().layers[0].values[0])).collect();
         let mean = values.iter().sum::<f64>() / 2000.0;
         let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 2000.0;
-        let estimated = films.iter().map(|f| f64::from(f.variance().layers[0].values[0])).sum::<f64>() / 2000.0;
+        let estimated =
+            films.iter().map(|f| f64::from(f.variance().layers[0].values[0])).sum::<f64>() / 2000.0;
         // The integral of u^2 over [1/4, 1] less that over [0, 1/4], by 1/2; 1 is what was added.
         let expected = (1.0 - 2.0 / 64.0) / 3.0 / 0.5 + 1.0;
         // The plain mean depends on the samples that it is taken from: a bias of order 1 / n.

@@ -1,25 +1,29 @@
 //! How wrong a pixel still is, and when it is good enough.
 //!
-//! **The error of a pixel.** Its *intensity* I is the mean of its linear red, green and blue. Samples come in blocks of [`BLOCK`],
-//! each an independent estimate of I ([`crate::sampler::Sampler::in_blocks`]), so Student's t gives a 95 % confidence interval
-//! I ± h from the mean and the spread of the blocks. The error is h in *tone-mapped units*: those of the curve T(I) = ln(1 + I / f),
-//! whose slope makes it
+//! **The error of a pixel.** Its *intensity* I is the mean of its linear red, green and blue.
+//! Samples come in blocks of [`BLOCK`], each an independent estimate of I
+//! ([`crate::sampler::Sampler::in_blocks`]), so Student's t gives a 95 % confidence interval I ± h
+//! from the mean and the spread of the blocks. The error is h in *tone-mapped units*: those of the
+//! curve T(I) = ln(1 + I / f), whose slope makes it
 //!
 //! ```text
 //! error = h / (I + f)
 //! ```
 //!
-//! For light that is bright beside the floor f it is the relative error; in the dark it is an absolute one, because nobody sees what
-//! is relative there. f is 0.1, divided by the exposure: middle grey is 0.18. An error of 0.02 at white is 2.2 % of it, at middle
-//! grey 3.1 % of it, at black 0.002 of white.
+//! For light that is bright beside the floor f it is the relative error; in the dark it is an
+//! absolute one, because nobody sees what is relative there. f is 0.1, divided by the exposure:
+//! middle grey is 0.18. An error of 0.02 at white is 2.2 % of it, at middle grey 3.1 % of it, at
+//! black 0.002 of white.
 //!
-//! **When a pixel stops.** It is looked at after 128 samples and each time it has a quarter more. It stops when its error is small
-//! enough, and would be so too if its blocks were spread as those of the 3 x 3 pixels around it are in the mean: few blocks of one
-//! pixel may happen to agree. Looking again and again at an interval that shrinks to a given width is the sequential procedure of
-//! Chow and Robbins (On the asymptotic theory of fixed-width sequential confidence intervals, 1965): as the width goes to zero the
-//! interval covers with the stated probability, and the mean converges to the truth, for any finite variance. On the way there,
-//! pixels whose blocks agree by chance stop first, so the spread of a pixel alone is a little too small. The interval that is stated
-//! goes a quarter of the way from that spread to the one that decided.
+//! **When a pixel stops.** It is looked at after 128 samples and each time it has a quarter more.
+//! It stops when its error is small enough, and would be so too if its blocks were spread as those
+//! of the 3 x 3 pixels around it are in the mean: few blocks of one pixel may happen to agree.
+//! Looking again and again at an interval that shrinks to a given width is the sequential procedure
+//! of Chow and Robbins (On the asymptotic theory of fixed-width sequential confidence intervals,
+//! 1965): as the width goes to zero the interval covers with the stated probability, and the mean
+//! converges to the truth, for any finite variance. On the way there, pixels whose blocks agree by
+//! chance stop first, so the spread of a pixel alone is a little too small. The interval that is
+//! stated goes a quarter of the way from that spread to the one that decided.
 
 use super::{BLOCK, Film};
 use crate::settings::Crop;
@@ -27,8 +31,9 @@ use crate::settings::Crop;
 /// Samples before a pixel may stop.
 pub const LEAST_SAMPLES: u32 = 8 * BLOCK;
 
-/// How far the stated interval goes from the deviation of a pixel alone to the one that decides: by trial, on pixels of the Cornell box
-/// and on random numbers from normal to logarithmic normal ones.
+/// How far the stated interval goes from the deviation of a pixel alone to the one that decides: by
+/// trial, on pixels of the Cornell box and on random numbers from normal to logarithmic normal
+/// ones.
 const CAUTION: f64 = 0.25;
 
 /// Intensity of each pixel of a film, row by row, and how far it is known.
@@ -66,7 +71,8 @@ impl NoiseMap {
         let mut pixels = vec![Pixel::default(); size[0] * size[1]];
         for tile in &film.tiles {
             for (number, [x, y]) in positions(&tile.area).enumerate() {
-                let [column, row] = [x - film.crop.min[0], y - film.crop.min[1]].map(|p| p as usize);
+                let [column, row] =
+                    [x - film.crop.min[0], y - film.crop.min[1]].map(|p| p as usize);
                 let intensity = (0..3).map(|channel| tile.mean(number, channel)).sum::<f64>() / 3.0;
                 let blocks = tile.taken[number] / BLOCK;
                 let (n, [sum, square]) = (f64::from(blocks.max(2)), tile.blocks_of(number));
@@ -83,7 +89,8 @@ impl NoiseMap {
         self.pixels[pixel].intensity
     }
 
-    /// Half of the 95 % confidence interval of a pixel's intensity; infinite with fewer than two blocks of samples.
+    /// Half of the 95 % confidence interval of a pixel's intensity; infinite with fewer than two
+    /// blocks of samples.
     pub fn half_width(&self, pixel: usize) -> f64 {
         let own = &self.pixels[pixel];
         own.half_width(own.deviation + (self.cautious_deviation(pixel) - own.deviation) * CAUTION)
@@ -94,13 +101,15 @@ impl NoiseMap {
         self.half_width(pixel) / (self.pixels[pixel].intensity.max(0.0) + floor)
     }
 
-    /// The same, with what decides in place of the deviation: not less than that of the pixels around.
+    /// The same, with what decides in place of the deviation: not less than that of the pixels
+    /// around.
     pub fn cautious_error(&self, pixel: usize, floor: f64) -> f64 {
         let own = &self.pixels[pixel];
         own.half_width(self.cautious_deviation(pixel)) / (own.intensity.max(0.0) + floor)
     }
 
-    /// The larger of a pixel's deviation and the mean over it and those around. For a pixel that has stopped, as it was then.
+    /// The larger of a pixel's deviation and the mean over it and those around. For a pixel that
+    /// has stopped, as it was then.
     fn cautious_deviation(&self, pixel: usize) -> f64 {
         if let Some(deviation) = self.pixels[pixel].decided {
             return deviation;
@@ -108,8 +117,10 @@ impl NoiseMap {
         let [width, height] = self.size;
         let (column, row) = (pixel % width, pixel / width);
         let around = |p: usize, end: usize| p.saturating_sub(1)..(p + 2).min(end);
-        let window = || around(row, height).flat_map(|y| around(column, width).map(move |x| y * width + x));
-        let mean = window().map(|p| self.pixels[p].deviation).sum::<f64>() / window().count() as f64;
+        let window =
+            || around(row, height).flat_map(|y| around(column, width).map(move |x| y * width + x));
+        let mean =
+            window().map(|p| self.pixels[p].deviation).sum::<f64>() / window().count() as f64;
         self.pixels[pixel].deviation.max(mean)
     }
 }
@@ -120,8 +131,14 @@ pub fn positions(area: &Crop) -> impl Iterator<Item = [u32; 2]> + use<> {
     (min[1]..max[1]).flat_map(move |y| (min[0]..max[0]).map(move |x| [x, y]))
 }
 
-/// Of the pixels of each tile that are active (all if `None`), those whose error is still above `noise`. The others stop.
-pub fn unconverged(film: &mut Film, active: &[Option<Vec<u32>>], noise: f64, floor: f64) -> Vec<Option<Vec<u32>>> {
+/// Of the pixels of each tile that are active (all if `None`), those whose error is still above
+/// `noise`. The others stop.
+pub fn unconverged(
+    film: &mut Film,
+    active: &[Option<Vec<u32>>],
+    noise: f64,
+    floor: f64,
+) -> Vec<Option<Vec<u32>>> {
     let map = NoiseMap::new(film);
     let mut noisy = Vec::new();
     for (tile, active) in film.tiles.iter_mut().zip(active) {
@@ -152,8 +169,8 @@ pub fn next_look(samples: u32) -> u32 {
     }
 }
 
-/// The 0.975 quantile of Student's distribution (Abramowitz and Stegun, Handbook of Mathematical Functions, 26.7.5, and the exact
-/// values for one and two degrees of freedom).
+/// The 0.975 quantile of Student's distribution (Abramowitz and Stegun, Handbook of Mathematical
+/// Functions, 26.7.5, and the exact values for one and two degrees of freedom).
 fn student_t(degrees: u32) -> f64 {
     const Z: f64 = 1.959_963_984_540_054;
     let z = |p: i32| Z.powi(p);
@@ -166,7 +183,8 @@ fn student_t(degrees: u32) -> f64 {
             Z + (z(3) + Z) / (4.0 * v)
                 + (5.0 * z(5) + 16.0 * z(3) + 3.0 * Z) / (96.0 * v.powi(2))
                 + (3.0 * z(7) + 19.0 * z(5) + 17.0 * z(3) - 15.0 * Z) / (384.0 * v.powi(3))
-                + (79.0 * z(9) + 776.0 * z(7) + 1482.0 * z(5) - 1920.0 * z(3) - 945.0 * Z) / (92160.0 * v.powi(4))
+                + (79.0 * z(9) + 776.0 * z(7) + 1482.0 * z(5) - 1920.0 * z(3) - 945.0 * Z)
+                    / (92160.0 * v.powi(4))
         }
     }
 }
@@ -177,14 +195,21 @@ mod tests {
 
     #[test]
     fn quantiles_are_those_of_the_tables() {
-        for (degrees, quantile) in [(1, 12.706), (2, 4.303), (3, 3.182), (7, 2.365), (30, 2.042), (1000, 1.962)] {
-            assert!((student_t(degrees) - quantile).abs() < 5e-3, "{degrees}: {}", student_t(degrees));
+        for (degrees, quantile) in
+            [(1, 12.706), (2, 4.303), (3, 3.182), (7, 2.365), (30, 2.042), (1000, 1.962)]
+        {
+            assert!(
+                (student_t(degrees) - quantile).abs() < 5e-3,
+                "{degrees}: {}",
+                student_t(degrees)
+            );
         }
     }
 
     #[test]
     fn looks_are_at_ends_of_blocks_and_never_stop() {
-        let looks: Vec<u32> = std::iter::successors(Some(0), |&n| Some(next_look(n))).take(12).collect();
+        let looks: Vec<u32> =
+            std::iter::successors(Some(0), |&n| Some(next_look(n))).take(12).collect();
         assert_eq!(looks[..4], [0, 128, 160, 192]);
         assert!(looks.windows(2).all(|w| w[0] < w[1] && w[1] % BLOCK == 0));
     }

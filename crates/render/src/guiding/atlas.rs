@@ -1,6 +1,7 @@
-//! What a field knows, laid out to be looked up at many points at once. Each look-up is a walk through a few tables, every step of which waits
-//! for memory, and how many there are cannot be foretold. So all points take a step together, and the list of those that have
-//! further to go is made without a branch.
+//! What a field knows, laid out to be looked up at many points at once. Each look-up is a walk
+//! through a few tables, every step of which waits for memory, and how many there are cannot be
+//! foretold. So all points take a step together, and the list of those that have further to go is
+//! made without a branch.
 
 use super::density::{COORDINATE_DIGITS, DIGITS, Density, ONE};
 use super::parallax::Parallax;
@@ -37,9 +38,11 @@ impl Brief {
 pub struct Atlas {
     regions: Regions,
     briefs: Vec<Brief>,
-    /// Of all densities: what lies in each of 4 times 4 squares, a density per steradian or a table of its own.
+    /// Of all densities: what lies in each of 4 times 4 squares, a density per steradian or a table
+    /// of its own.
     tables: Vec<[u32; 16]>,
-    /// The first quads of parts, the probabilities of quads (as in [`Density`]), and their corners and sizes.
+    /// The first quads of parts, the probabilities of quads (as in [`Density`]), and their corners
+    /// and sizes.
     starts: Vec<u32>,
     ends: Vec<u32>,
     quads: Vec<[f32; 3]>,
@@ -52,12 +55,19 @@ impl Atlas {
     }
 
     /// Adds the next region.
-    pub fn add(&mut self, density: Option<&Density>, bsdf_share: f32, expected: f32, parallax: Parallax) {
+    pub fn add(
+        &mut self,
+        density: Option<&Density>,
+        bsdf_share: f32,
+        expected: f32,
+        parallax: Parallax,
+    ) {
         let mut brief = Brief { table: 0, starts: 0, parts: 1, bsdf_share, expected, parallax };
         if let Some(density) = density {
             let (first_table, first_quad) = (self.tables.len() as u32, self.quads.len() as u32);
             brief.table = first_table | TABLE;
-            self.tables.extend(density.tables(|pdf| pdf.to_bits(), |table| (first_table + table) | TABLE));
+            self.tables
+                .extend(density.tables(|pdf| pdf.to_bits(), |table| (first_table + table) | TABLE));
             (brief.starts, brief.parts) = (self.starts.len() as u32, density.starts().len() as u32);
             self.starts.extend(density.starts().iter().map(|&quad| first_quad + u32::from(quad)));
             self.ends.extend_from_slice(density.ends());
@@ -78,11 +88,18 @@ impl Atlas {
     }
 
     /// The regions of the first places, so many.
-    pub fn regions<const N: usize>(&self, faces: &[u32; N], places: &[[u32; N]; 3], count: usize, to: &mut [u32; N]) {
+    pub fn regions<const N: usize>(
+        &self,
+        faces: &[u32; N],
+        places: &[[u32; N]; 3],
+        count: usize,
+        to: &mut [u32; N],
+    ) {
         self.regions.find_many(faces, places, count, to);
     }
 
-    /// Densities per steradian at [coordinates](super::density::coordinates) in regions, where they are wanted; 0 elsewhere.
+    /// Densities per steradian at [coordinates](super::density::coordinates) in regions, where they
+    /// are wanted; 0 elsewhere.
     pub fn pdfs<const N: usize>(
         &self,
         regions: &[u32; N],
@@ -182,7 +199,8 @@ mod tests {
                 for i in 0..3000 {
                     let [u, jitter] = [0, 1].map(|k| uniform2([i, round, size, k]));
                     let direction = snell_math::sampling::uniform_sphere(u);
-                    let near = direction.dot(Vec3::new(0.6, -0.48, 0.64)) > 1.0 - 0.5 / (size as f32 * size as f32);
+                    let near = direction.dot(Vec3::new(0.6, -0.48, 0.64))
+                        > 1.0 - 0.5 / (size as f32 * size as f32);
                     gatherer.add(direction, 0.02 + f32::from(near) * size as f32, jitter);
                 }
                 shares = gatherer.shares(Moment::First, 0.0);
@@ -210,21 +228,27 @@ mod tests {
             atlas.add(None, 1.0, 0.0, Parallax::default());
         }
         for round in 0..50 {
-            let numbers = |k: u32| std::array::from_fn::<f32, MANY, _>(|i| uniform2([round, i as u32, k, 8]).x);
+            let numbers = |k: u32| {
+                std::array::from_fn::<f32, MANY, _>(|i| uniform2([round, i as u32, k, 8]).x)
+            };
             let (choice, u, at) = (numbers(0), [1, 2].map(numbers), [3, 4].map(numbers));
-            let regions: [u32; MANY] = std::array::from_fn(|i| i as u32 * 5 % (2 * densities.len() as u32));
+            let regions: [u32; MANY] =
+                std::array::from_fn(|i| i as u32 * 5 % (2 * densities.len() as u32));
             let is_wanted: [u32; MANY] = std::array::from_fn(|i| u32::from(i % 7 != 3));
-            let places: [[u32; 2]; MANY] = std::array::from_fn(|i| coordinates(Vec2::new(at[0][i], at[1][i])));
+            let places: [[u32; 2]; MANY] =
+                std::array::from_fn(|i| coordinates(Vec2::new(at[0][i], at[1][i])));
             let (mut pdfs, mut points) = ([0.0; MANY], [[-1.0; MANY]; 2]);
             let columns = [0, 1].map(|axis| places.map(|place| place[axis]));
             atlas.pdfs(&regions, &columns, &is_wanted, &mut pdfs);
             atlas.points(&regions, &choice, &u, &is_wanted, &mut points);
             for i in 0..MANY {
-                let density = regions[i].is_multiple_of(2).then(|| &densities[regions[i] as usize / 2]);
+                let density =
+                    regions[i].is_multiple_of(2).then(|| &densities[regions[i] as usize / 2]);
                 let density = density.filter(|_| is_wanted[i] != 0);
                 let pdf = density.map_or(0.0, |d| d.pdf_at(places[i]));
                 assert_eq!(pdfs[i], pdf, "{i}");
-                let point = density.map_or(Vec2::NEG_ONE, |d| d.point(choice[i], Vec2::new(u[0][i], u[1][i])));
+                let point = density
+                    .map_or(Vec2::NEG_ONE, |d| d.point(choice[i], Vec2::new(u[0][i], u[1][i])));
                 assert_eq!([points[0][i], points[1][i]], point.to_array(), "{i}");
             }
         }

@@ -1,12 +1,12 @@
-//! Densities of directions to sample from: quadtrees as tables, so that neither drawing a direction nor looking up its density walks a tree
-//! step by step.
+//! Densities of directions to sample from: quadtrees as tables, so that neither drawing a direction
+//! nor looking up its density walks a tree step by step.
 
 use super::directional::{Node, direction_from_square, square_from_direction};
 use snell_math::{Vec2, Vec3};
 use std::f32::consts::PI;
 
-/// Numbers between 0 and 1 that are drawn have this many digits. Probabilities are multiples of the least of them, so that what is
-/// drawn is exactly as likely as is stated.
+/// Numbers between 0 and 1 that are drawn have this many digits. Probabilities are multiples of the
+/// least of them, so that what is drawn is exactly as likely as is stated.
 pub(super) const DIGITS: u32 = 24;
 /// What [`DIGITS`] make.
 pub(super) const ONE: f32 = (1 << DIGITS) as f32;
@@ -33,16 +33,19 @@ pub struct Density {
     quads: Vec<Quad>,
     /// Probability of all quads up to and with each, in units of the least number.
     ends: Vec<u32>,
-    /// The quad where each of equally many parts of the numbers between 0 and 1 begins; there are a power of two.
+    /// The quad where each of equally many parts of the numbers between 0 and 1 begins; there are a
+    /// power of two.
     starts: Vec<u16>,
-    /// What lies in each of 4 times 4 squares, row by row: a quad (see [`QUAD`]), or a table of its own.
+    /// What lies in each of 4 times 4 squares, row by row: a quad (see [`QUAD`]), or a table of its
+    /// own.
     tables: Vec<[u16; 16]>,
 }
 
 impl Density {
     /// Of a tree of which the nodes hold shares of their parents' light, times 4.
     pub(super) fn new(nodes: &[Node]) -> Self {
-        let mut density = Self { quads: Vec::new(), ends: Vec::new(), starts: Vec::new(), tables: Vec::new() };
+        let mut density =
+            Self { quads: Vec::new(), ends: Vec::new(), starts: Vec::new(), tables: Vec::new() };
         let mut shares = Vec::new();
         density.add_table(nodes, 0, [0.0; 2], 1.0, 1.0, &mut shares);
         density.set_probabilities(&shares);
@@ -70,7 +73,9 @@ impl Density {
                 }
                 continue;
             }
-            for (inner, corner, child, share) in quadrants(&nodes[child], corner, size * 0.25, share) {
+            for (inner, corner, child, share) in
+                quadrants(&nodes[child], corner, size * 0.25, share)
+            {
                 let cell = (y + inner / 2) * 4 + x + inner % 2;
                 self.tables[number][cell] = match child {
                     0 => self.add_quad(corner, size * 0.25, share, shares),
@@ -108,8 +113,8 @@ impl Density {
         }
     }
 
-    /// A point of the [square](direction_from_square), as densely as the directions that points stand for; `choice` and `u` are three
-    /// independent numbers.
+    /// A point of the [square](direction_from_square), as densely as the directions that points
+    /// stand for; `choice` and `u` are three independent numbers.
     #[inline]
     pub fn point(&self, choice: f32, u: Vec2) -> Vec2 {
         let Quad { corner, size, .. } = self.quads[self.quad(choice)];
@@ -208,7 +213,8 @@ fn quadrants(
 #[inline(always)]
 pub fn coordinates(point: Vec2) -> [u32; 2] {
     const SIDE: f32 = (1u32 << COORDINATE_DIGITS) as f32;
-    // By way of signed numbers, of which wide registers have a conversion. (Points lie in the square.)
+    // By way of signed numbers, of which wide registers have a conversion. (Points lie in the
+    // square.)
     [(point.x * SIDE) as i32 as u32, (point.y * SIDE) as i32 as u32]
 }
 
@@ -247,7 +253,8 @@ mod tests {
             let density = learnt(rounds);
             let area: f64 = density.quads.iter().map(|q| f64::from(q.size).powi(2)).sum();
             assert!((area - 1.0).abs() < 1e-9, "{area}");
-            let integral: f64 = density.quads.iter().map(|q| f64::from(q.size).powi(2) * f64::from(q.pdf)).sum();
+            let integral: f64 =
+                density.quads.iter().map(|q| f64::from(q.size).powi(2) * f64::from(q.pdf)).sum();
             assert!((integral * 4.0 * std::f64::consts::PI - 1.0).abs() < 1e-6, "{integral}");
             for quad in &density.quads {
                 for u in [Vec2::ZERO, Vec2::splat(0.5), Vec2::splat(0.999)] {
@@ -258,7 +265,8 @@ mod tests {
         }
     }
 
-    /// Every number that can be drawn is drawn once: what comes out must be what is stated, to the last digit.
+    /// Every number that can be drawn is drawn once: what comes out must be what is stated, to the
+    /// last digit.
     #[test]
     fn quads_are_drawn_exactly_as_often_as_is_stated() {
         let density = learnt(6);
@@ -267,7 +275,8 @@ mod tests {
             counts[density.quad(to_unit(number << (32 - DIGITS)))] += 1;
         }
         for (quad, count) in density.quads.iter().zip(counts) {
-            let stated = f64::from(quad.pdf) * f64::from(quad.size).powi(2) * 4.0 * std::f64::consts::PI;
+            let stated =
+                f64::from(quad.pdf) * f64::from(quad.size).powi(2) * 4.0 * std::f64::consts::PI;
             assert!(
                 (stated * f64::from(ONE) - f64::from(count)).abs() < 1e-6 * f64::from(count) + 1e-6,
                 "{quad:?} {count}"
@@ -275,7 +284,8 @@ mod tests {
         }
     }
 
-    /// The integral of a density over cells of the square: quads lie within cells, or cover whole ones.
+    /// The integral of a density over cells of the square: quads lie within cells, or cover whole
+    /// ones.
     fn shares(density: &Density, rows: usize, columns: usize) -> Vec<f64> {
         let mut shares = vec![0.0; rows * columns];
         for quad in &density.quads {
@@ -284,7 +294,8 @@ mod tests {
                 first..first + ((quad.size * cells as f32) as usize).max(1)
             };
             let (x, y) = (covered(quad.corner[0], columns), covered(quad.corner[1], rows));
-            let share = f64::from(quad.pdf) * f64::from(quad.size).powi(2) * 4.0 * std::f64::consts::PI;
+            let share =
+                f64::from(quad.pdf) * f64::from(quad.size).powi(2) * 4.0 * std::f64::consts::PI;
             let each = share / (x.len() * y.len()) as f64;
             for row in y {
                 x.clone().for_each(|column| shares[row * columns + column] += each);
@@ -293,21 +304,28 @@ mod tests {
         shares
     }
 
-    /// Counts against the integral of the density over cells of the sphere, with a bound that holds for all cells together.
+    /// Counts against the integral of the density over cells of the sphere, with a bound that holds
+    /// for all cells together.
     #[test]
     fn samples_are_distributed_as_the_density_says_by_chi_squared() {
         let (rows, columns, n) = (16usize, 32usize, 400_000u32);
         for rounds in [1, 3, 6] {
             let density = learnt(rounds);
-            let expected: Vec<f64> =
-                shares(&density, rows, columns).into_iter().map(|share| share * f64::from(n)).collect();
+            let expected: Vec<f64> = shares(&density, rows, columns)
+                .into_iter()
+                .map(|share| share * f64::from(n))
+                .collect();
             let mut counts = vec![0u32; rows * columns];
             for i in 0..n {
                 let p = square_from_direction(sample(&density, i, rounds));
-                counts[(p.y * rows as f32) as usize * columns + (p.x * columns as f32) as usize] += 1;
+                counts[(p.y * rows as f32) as usize * columns + (p.x * columns as f32) as usize] +=
+                    1;
             }
             let deviation = chi_squared_deviation(&counts, &expected);
-            assert!(deviation < sidak_deviation(0.01, 3), "{rounds} rounds: {deviation} standard deviations");
+            assert!(
+                deviation < sidak_deviation(0.01, 3),
+                "{rounds} rounds: {deviation} standard deviations"
+            );
         }
     }
 

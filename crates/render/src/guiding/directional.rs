@@ -1,5 +1,6 @@
-//! Light by direction, learnt from weighted directions: quadtrees over the equal-area cylindrical map (Müller, Gross and Novák,
-//! Practical Path Guiding for Efficient Light-Transport Simulation, 2017, section 3.2).
+//! Light by direction, learnt from weighted directions: quadtrees over the equal-area cylindrical
+//! map (Müller, Gross and Novák, Practical Path Guiding for Efficient Light-Transport Simulation,
+//! 2017, section 3.2).
 
 use super::density::Density;
 use snell_math::rng::ONE_MINUS_EPSILON;
@@ -14,7 +15,8 @@ const MAX_DEPTH: u32 = 16;
 /// No more nodes than this in one tree.
 const MAX_NODES: usize = 256;
 
-/// The point of the unit square that stands for a unit direction. Equal areas stand for equal solid angles.
+/// The point of the unit square that stands for a unit direction. Equal areas stand for equal solid
+/// angles.
 #[inline(always)]
 pub fn square_from_direction(d: Vec3) -> Vec2 {
     let turn = angles::atan2(d.y, d.x) * (1.0 / TAU);
@@ -68,8 +70,9 @@ impl Shares {
 pub enum Moment {
     /// Light: the density becomes proportional to it.
     First,
-    /// Squares of light: the density of a quad becomes proportional to the square root of their mean, which is best for the variance
-    /// where light is noisy or finer than quads (Rath et al., Variance-aware path guiding, 2020, section 4).
+    /// Squares of light: the density of a quad becomes proportional to the square root of their
+    /// mean, which is best for the variance where light is noisy or finer than quads (Rath et al.,
+    /// Variance-aware path guiding, 2020, section 4).
     Second,
 }
 
@@ -88,8 +91,8 @@ impl Default for Gatherer {
 }
 
 impl Gatherer {
-    /// Adds light from a direction. The direction is first moved by up to half of the width of its quad, as `u` says: what is
-    /// found in one quad tells something of its neighbours.
+    /// Adds light from a direction. The direction is first moved by up to half of the width of its
+    /// quad, as `u` says: what is found in one quad tells something of its neighbours.
     pub fn add(&mut self, direction: Vec3, light: f32, u: Vec2) {
         let point = square_from_direction(direction);
         let (_, _, size) = self.find(point);
@@ -102,7 +105,8 @@ impl Gatherer {
         } else {
             moved.y
         };
-        let moved = Vec2::new(moved.x - moved.x.floor(), y).clamp(Vec2::ZERO, Vec2::splat(ONE_MINUS_EPSILON));
+        let moved = Vec2::new(moved.x - moved.x.floor(), y)
+            .clamp(Vec2::ZERO, Vec2::splat(ONE_MINUS_EPSILON));
         let (node, quadrant, _) = self.find(moved);
         self.nodes[node].light[quadrant] += light;
     }
@@ -120,8 +124,8 @@ impl Gatherer {
         }
     }
 
-    /// Shares of what was gathered, and of what was known before with weight `trust` in `[0, 1]`; `None` if both are nothing, or not
-    /// finite.
+    /// Shares of what was gathered, and of what was known before with weight `trust` in `[0, 1]`;
+    /// `None` if both are nothing, or not finite.
     pub fn shares(&self, moment: Moment, trust: f32) -> Option<Shares> {
         let mut nodes = self.nodes.clone();
         if moment == Moment::Second {
@@ -129,7 +133,8 @@ impl Gatherer {
         }
         let gathered: f32 = nodes.iter().flat_map(|n| n.light).sum();
         if !self.known.is_empty() {
-            let (old, new) = if gathered > 0.0 { (trust, (1.0 - trust) / gathered) } else { (1.0, 0.0) };
+            let (old, new) =
+                if gathered > 0.0 { (trust, (1.0 - trust) / gathered) } else { (1.0, 0.0) };
             for (node, known) in nodes.iter_mut().zip(&self.known) {
                 node.light = std::array::from_fn(|q| node.light[q] * new + known[q] * old);
             }
@@ -154,7 +159,8 @@ impl Gatherer {
         Some(Shares { nodes })
     }
 
-    /// An empty gatherer whose quads suit what is known: those with much light divided, those with little joined.
+    /// An empty gatherer whose quads suit what is known: those with much light divided, those with
+    /// little joined.
     pub fn suited_to(shares: &Shares) -> Self {
         // Node to make from: the old one if there is one; its share of all light.
         let (mut nodes, mut known) = (vec![Node::default()], vec![[0.0; 4]]);
@@ -170,7 +176,12 @@ impl Gatherer {
                 };
                 if quad_share > SHARE && depth < MAX_DEPTH && nodes.len() < MAX_NODES {
                     nodes[new].children[q] = nodes.len() as u32;
-                    queue.push_back((nodes.len(), (child != 0).then_some(child), quad_share, depth + 1));
+                    queue.push_back((
+                        nodes.len(),
+                        (child != 0).then_some(child),
+                        quad_share,
+                        depth + 1,
+                    ));
                     nodes.push(Node::default());
                     known.push([0.0; 4]);
                 } else {
@@ -211,7 +222,10 @@ mod tests {
             assert!(pole || (back - p).abs().max_element() < 1e-4, "{p} {back}");
         }
         for axis in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z] {
-            assert!((direction_from_square(square_from_direction(axis)) - axis).length() < 2e-3, "{axis}");
+            assert!(
+                (direction_from_square(square_from_direction(axis)) - axis).length() < 2e-3,
+                "{axis}"
+            );
         }
     }
 

@@ -1,7 +1,9 @@
-//! Where which light comes from: a density of directions for each region of space and each way that surfaces face.
+//! Where which light comes from: a density of directions for each region of space and each way that
+//! surfaces face.
 //!
-//! Regions are the leaves of binary trees, one for each of the six ways that a surface may face (by the largest component of its
-//! normal), so that what shines on one side of a wall is not looked for on the other. A region that sees many records is halved.
+//! Regions are the leaves of binary trees, one for each of the six ways that a surface may face (by
+//! the largest component of its normal), so that what shines on one side of a wall is not looked
+//! for on the other. A region that sees many records is halved.
 
 use super::atlas::{Atlas, Brief};
 use super::density::Density;
@@ -59,9 +61,14 @@ impl Weights {
         self.squares += f64::from(weight) * f64::from(weight);
     }
 
-    /// The number of equal weights that would say as much (Kish's effective sample size): one that outweighs all others is one.
+    /// The number of equal weights that would say as much (Kish's effective sample size): one that
+    /// outweighs all others is one.
     fn count(&self) -> f64 {
-        if self.squares > 0.0 && self.squares.is_finite() { self.sum * self.sum / self.squares } else { 0.0 }
+        if self.squares > 0.0 && self.squares.is_finite() {
+            self.sum * self.sum / self.squares
+        } else {
+            0.0
+        }
     }
 
     /// The weight of what was known before, against these.
@@ -90,7 +97,8 @@ impl Cell {
         self.records += 1;
         if record.light > 0.0 {
             let jitter = rng::uniform2([key, self.records, 3, 1]);
-            let (direction, _) = from_anchor(record.direction, self.parallax.shift(record.position));
+            let (direction, _) =
+                from_anchor(record.direction, self.parallax.shift(record.position));
             self.gatherer.add(direction, record.light, jitter);
             self.gathered.add(record.light.sqrt());
             self.found.add(record.found);
@@ -106,7 +114,8 @@ impl Cell {
             self.expected = (f64::from(self.expected) * trust + mean * (1.0 - trust)) as f32;
         }
         if self.density.is_some() && self.found.count() > 0.0 {
-            // A step of expectation maximisation of the mixture of both, from the share that was used.
+            // A step of expectation maximisation of the mixture of both, from the share that was
+            // used.
             let (share, trust) = (self.found_by_bsdf / self.found.sum, self.found.trust());
             let share = (f64::from(self.bsdf_share) * trust + share * (1.0 - trust)) as f32;
             self.bsdf_share = share.clamp(BSDF_SHARE[0], BSDF_SHARE[1]);
@@ -123,7 +132,8 @@ impl Cell {
     /// Finds how directions turn, and forgets all that was known of them.
     fn find_parallax<'a>(&mut self, records: impl Iterator<Item = &'a Record>) {
         let found: Vec<Record> = records.filter(|record| record.light > 0.0).copied().collect();
-        (self.parallax, self.density, self.gatherer) = (Parallax::of(&found), None, Gatherer::default());
+        (self.parallax, self.density, self.gatherer) =
+            (Parallax::of(&found), None, Gatherer::default());
     }
 
     /// True if anything is known of directions.
@@ -138,7 +148,8 @@ impl Cell {
 
     /// Drops sums that belong to a pass.
     fn forget(&mut self) {
-        (self.gathered, self.found, self.found_by_bsdf) = (Weights::default(), Weights::default(), 0.0);
+        (self.gathered, self.found, self.found_by_bsdf) =
+            (Weights::default(), Weights::default(), 0.0);
     }
 }
 
@@ -187,7 +198,9 @@ impl Halves for NodeOf<'_> {
     fn halves(self) -> Result<[Self; 2], u32> {
         match self.node {
             Node::Region(region) => Err(region),
-            Node::Halves { first } => Ok([0, 1].map(|half| NodeOf { node: self.nodes[first as usize + half], ..self })),
+            Node::Halves { first } => {
+                Ok([0, 1].map(|half| NodeOf { node: self.nodes[first as usize + half], ..self }))
+            }
         }
     }
 }
@@ -247,7 +260,8 @@ impl Field {
         }
     }
 
-    /// What is known at a point of a surface that faces along `normal`. Points outside of the ball count as on its border.
+    /// What is known at a point of a surface that faces along `normal`. Points outside of the ball
+    /// count as on its border.
     pub fn cell(&self, position: Vec3, normal: Vec3) -> &Cell {
         let (place, face) = self.place(position, normal);
         self.cell_at(place, face)
@@ -290,8 +304,8 @@ impl Field {
         Vec3::new(inside(p.x), inside(p.y), inside(p.z))
     }
 
-    /// The region that a record counts for: that of a point near by, at most half of a region's size away, so that what is found
-    /// in one region tells something of its neighbours.
+    /// The region that a record counts for: that of a point near by, at most half of a region's
+    /// size away, so that what is found in one region tells something of its neighbours.
     fn region_of(&self, record: &Record, key: u32) -> u32 {
         let (p, face) = (self.unit(record.position), face(record.normal));
         let region = |p: Vec3| self.atlas.region(face, p.to_array().map(place));
@@ -331,7 +345,8 @@ impl Field {
         let key = |i: usize| rng::hash_combine(key, i as u32);
         let mut regions = vec![0u32; records.len()];
         let piece = records.len().div_ceil(threads.max(1)).max(1);
-        let (this, pieces) = (&*self, regions.chunks_mut(piece).zip(records.chunks(piece)).enumerate());
+        let (this, pieces) =
+            (&*self, regions.chunks_mut(piece).zip(records.chunks(piece)).enumerate());
         let queue = std::sync::Mutex::new(pieces);
         let next = || queue.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next();
         on_threads(threads, || {
@@ -354,7 +369,10 @@ impl Field {
         }
         let of = |cell: usize| &order[starts[cell] as usize..starts[cell + 1] as usize];
         self.for_each_cell(threads, |i, cell| {
-            f(cell, &mut of(i).iter().map(|&record| (&records[record as usize], key(record as usize))));
+            f(
+                cell,
+                &mut of(i).iter().map(|&record| (&records[record as usize], key(record as usize))),
+            );
         });
     }
 
@@ -369,7 +387,8 @@ impl Field {
         });
     }
 
-    /// Ends a pass: what was gathered (records of this moment) becomes what is known, and regions of more than `most` records are halved.
+    /// Ends a pass: what was gathered (records of this moment) becomes what is known, and regions
+    /// of more than `most` records are halved.
     pub fn learn(&mut self, moment: Moment, most: u32, threads: usize) {
         self.for_each_cell(threads, |_, cell| cell.learn(moment));
         for root in 0..FACES {
@@ -412,7 +431,8 @@ impl Field {
 
     /// Bytes of what samples are drawn from.
     pub fn memory_bytes(&self) -> usize {
-        let densities: usize = self.cells.iter().filter_map(|c| c.density.as_ref()).map(Density::memory_bytes).sum();
+        let densities: usize =
+            self.cells.iter().filter_map(|c| c.density.as_ref()).map(Density::memory_bytes).sum();
         densities + self.cells.len() * size_of::<Cell>() + self.atlas.memory_bytes()
     }
 
@@ -461,7 +481,14 @@ mod tests {
                     0 => uniform_sphere(v),
                     _ => (lamp - position).normalize(),
                 };
-                Record { position, normal: Vec3::Y, direction, light: 1.0, found: 0.0, bsdf_share: 0.0 }
+                Record {
+                    position,
+                    normal: Vec3::Y,
+                    direction,
+                    light: 1.0,
+                    found: 0.0,
+                    bsdf_share: 0.0,
+                }
             })
             .collect();
         let mut field = Field::new(Vec3::ZERO, 1.5);
@@ -476,7 +503,8 @@ mod tests {
         field
     }
 
-    /// The corner of a region sees the lamp where the corner's own density says, not where its middle sees it.
+    /// The corner of a region sees the lamp where the corner's own density says, not where its
+    /// middle sees it.
     #[test]
     fn directions_turn_within_a_region() {
         let field = learnt();
@@ -485,10 +513,12 @@ mod tests {
         for i in 0..1000 {
             let u = uniform2([i, 5, 6, 7]);
             let position = Vec3::new(u.x * 2.0 - 1.0, 0.0, u.y * 2.0 - 1.0);
-            let guide = field.cell(position, Vec3::Y).guide(position).expect("all of the floor is known");
+            let guide =
+                field.cell(position, Vec3::Y).guide(position).expect("all of the floor is known");
             sum += guide.pdf((lamp - position).normalize()) / 1000.0;
         }
-        // Some 330. If directions are not turned it is 2 or 3, since regions are some 30 degrees wide, seen from the lamp.
+        // Some 330. If directions are not turned it is 2 or 3, since regions are some 30 degrees
+        // wide, seen from the lamp.
         assert!(sum > 100.0, "{sum}");
     }
 
@@ -499,13 +529,15 @@ mod tests {
         let n = 1_000_000;
         for (place, x, z) in [(0u32, -0.45, 0.3), (1, 0.2, 0.26), (2, 0.93, -0.88)] {
             let position = Vec3::new(x, 0.0, z);
-            let guide = field.cell(position, Vec3::Y).guide(position).expect("all of the floor is known");
+            let guide =
+                field.cell(position, Vec3::Y).guide(position).expect("all of the floor is known");
             assert_ne!(guide.shift, Vec3::ZERO);
             let mut integrals = [0.0f64; 7];
             for i in 0..n {
                 let [u, v] = [1, 2].map(|k| uniform2([i, place, k, 6]));
                 let d = guide.sample(u.x, v);
-                // (By rounding, one in many lies where nothing is ever drawn, as seen by the density.)
+                // (By rounding, one in many lies where nothing is ever drawn, as seen by the
+                // density.)
                 let pdf = f64::from(guide.pdf(d));
                 let weight = if pdf > 0.0 { 1.0 / pdf / f64::from(n) } else { 0.0 };
                 integrals[0] += weight;
@@ -515,7 +547,10 @@ mod tests {
                 }
             }
             for integral in integrals {
-                assert!((integral / (4.0 * std::f64::consts::PI) - 1.0).abs() < 0.02, "{position}: {integrals:?}");
+                assert!(
+                    (integral / (4.0 * std::f64::consts::PI) - 1.0).abs() < 0.02,
+                    "{position}: {integrals:?}"
+                );
             }
         }
     }

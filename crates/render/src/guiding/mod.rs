@@ -1,16 +1,20 @@
 //! Path guiding: `path` learns where light comes from before it renders, and looks there.
 //!
-//! Passes of twice as many paths each write down at every vertex what arrived from the direction that the path took. A [`Field`]
-//! turns these records into densities of directions, region by region, and each pass draws its directions from what the one before
-//! has learnt. Then the field is frozen, and the picture is rendered with samples that have nothing to do with those of the passes:
-//! it is unbiased, whatever was learnt (Müller, Gross and Novák, Practical Path Guiding for Efficient Light-Transport Simulation,
-//! 2017; Müller's notes in the SIGGRAPH course Path Guiding in Production, 2019).
+//! Passes of twice as many paths each write down at every vertex what arrived from the direction
+//! that the path took. A [`Field`] turns these records into densities of directions, region by
+//! region, and each pass draws its directions from what the one before has learnt. Then the field
+//! is frozen, and the picture is rendered with samples that have nothing to do with those of the
+//! passes: it is unbiased, whatever was learnt (Müller, Gross and Novák, Practical Path Guiding for
+//! Efficient Light-Transport Simulation, 2017; Müller's notes in the SIGGRAPH course Path Guiding
+//! in Production, 2019).
 //!
-//! Before the first pass, photons tell where to look at all; half of them go where others were focused. Directions are kept as one place of each region sees
-//! them, and turned for all others ([`parallax`]); and what is known is looked up for many points at once ([`atlas`]).
+//! Before the first pass, photons tell where to look at all; half of them go where others were
+//! focused. Directions are kept as one place of each region sees them, and turned for all others
+//! ([`parallax`]); and what is known is looked up for many points at once ([`atlas`]).
 //!
-//! Nothing here is added up in an order that depends on threads: records are kept until a batch of parts is done, and each region
-//! reads its own in the order of the parts. So what is learnt is a function of scene, camera, size, seed and settings.
+//! Nothing here is added up in an order that depends on threads: records are kept until a batch of
+//! parts is done, and each region reads its own in the order of the parts. So what is learnt is a
+//! function of scene, camera, size, seed and settings.
 
 pub(crate) mod atlas;
 pub(crate) mod density;
@@ -26,7 +30,8 @@ pub use record::{Choice, Record, Recorder};
 /// Path guiding of a render.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Guiding {
-    /// Training passes: the first of [`Self::FIRST_PASS`] paths, each of twice as many as the one before.
+    /// Training passes: the first of [`Self::FIRST_PASS`] paths, each of twice as many as the one
+    /// before.
     pub passes: u32,
     /// Photons that are shot before the first pass.
     pub photons: u32,
@@ -37,8 +42,8 @@ impl Guiding {
     pub const FIRST_PASS: u64 = 1 << 14;
     /// Most passes: more paths than anybody waits for.
     pub const MAX_PASSES: u32 = 20;
-    /// Photons if nothing else is asked for: the same number whatever the passes, so that passes that the clock has counted can be
-    /// asked for by their number.
+    /// Photons if nothing else is asked for: the same number whatever the passes, so that passes
+    /// that the clock has counted can be asked for by their number.
     pub const PHOTONS: u32 = 1 << 19;
     /// The share of all work that training may take if nothing else is asked for.
     pub const SHARE: f64 = 0.25;
@@ -50,13 +55,14 @@ impl Guiding {
 
     /// As many passes as fit into [`Self::SHARE`] of a picture of this size; at least one.
     pub fn for_picture(size: [u32; 2], spp: u32) -> Self {
-        let paths = size.iter().map(|&x| f64::from(x)).product::<f64>() * f64::from(spp) * Self::SHARE;
+        let paths =
+            size.iter().map(|&x| f64::from(x)).product::<f64>() * f64::from(spp) * Self::SHARE;
         let passes = (paths / Self::FIRST_PASS as f64 + 1.0).log2().floor();
         Self::with_passes((passes as u32).clamp(1, Self::MAX_PASSES))
     }
 
-    /// Records after which a region is halved in a pass: the square root of the number of paths makes both regions and what is
-    /// known of each grow.
+    /// Records after which a region is halved in a pass: the square root of the number of paths
+    /// makes both regions and what is known of each grow.
     pub(crate) fn most_records(pass: u32) -> u32 {
         (RECORDS_OF_REGION * f64::from(1u32 << pass.min(31)).sqrt()) as u32
     }

@@ -1,7 +1,9 @@
-//! How the direction to a light turns from place to place in a region. Seen from anywhere in a room, a lamp or its image in a lens is at one
-//! point; so what is known of directions is kept as seen from one place of the region, and turned for all others (Ruppert, Herholz and
-//! Lensch, Robust fitting of parallax-aware mixtures for path guiding, 2020). They take distances of what paths meet first. Behind glass
-//! that is not where light comes from, and the image may be behind who sees it; so here the distance is found from the directions themselves.
+//! How the direction to a light turns from place to place in a region. Seen from anywhere in a
+//! room, a lamp or its image in a lens is at one point; so what is known of directions is kept as
+//! seen from one place of the region, and turned for all others (Ruppert, Herholz and Lensch,
+//! Robust fitting of parallax-aware mixtures for path guiding, 2020). They take distances of what
+//! paths meet first. Behind glass that is not where light comes from, and the image may be behind
+//! who sees it; so here the distance is found from the directions themselves.
 
 use super::directional::square_from_direction;
 use super::record::Record;
@@ -49,7 +51,8 @@ impl Parallax {
         let (mut best, mut most) = (none, LEAST_GAIN * none.togetherness(&records) + NOISE * alone);
         for step in 0..DISTANCES {
             for side in [1.0, -1.0] {
-                let tried = Self { nearness: side * most_near * 0.5f32.powf(step as f32 * 0.5), ..none };
+                let tried =
+                    Self { nearness: side * most_near * 0.5f32.powf(step as f32 * 0.5), ..none };
                 let found = tried.togetherness(&records);
                 if found > most {
                     (best, most) = (tried, found);
@@ -76,14 +79,16 @@ impl Parallax {
         let mut cells = vec![0.0f32; SIDE * SIDE];
         let mut alone = 0.0;
         for &Record { position, direction, light, .. } in records {
-            let square = square_from_direction(from_anchor(direction, self.shift(position)).0) * SIDE as f32;
+            let square =
+                square_from_direction(from_anchor(direction, self.shift(position)).0) * SIDE as f32;
             cells[square.y as usize * SIDE + square.x as usize] += light;
             alone += light * light;
         }
         cells.iter().map(|light| light * light).sum::<f32>() - alone
     }
 
-    /// By what the ends of directions move that are seen from here, for [`from_anchor`] and [`to_place`].
+    /// By what the ends of directions move that are seen from here, for [`from_anchor`] and
+    /// [`to_place`].
     #[inline(always)]
     pub fn shift(self, position: Vec3) -> Vec3 {
         let shift = (position - self.anchor) * self.nearness;
@@ -122,7 +127,10 @@ mod tests {
     #[test]
     fn directions_are_turned_and_turned_back() {
         for i in 0..10_000 {
-            let parallax = Parallax { anchor: Vec3::new(1.0, 2.0, 3.0), nearness: if i % 2 == 0 { 0.4 } else { -0.9 } };
+            let parallax = Parallax {
+                anchor: Vec3::new(1.0, 2.0, 3.0),
+                nearness: if i % 2 == 0 { 0.4 } else { -0.9 },
+            };
             let shift = parallax.shift(cube(i, 1));
             let direction = uniform_sphere(uniform2([i, 2, 3, 4]));
             let (seen, _) = from_anchor(direction, shift);
@@ -140,7 +148,9 @@ mod tests {
             let direction = uniform_sphere(uniform2([i, 7, 8, 9]));
             let (x, y) = direction.any_orthonormal_pair();
             let seen = |x: Vec3| from_anchor(x.normalize(), shift).0;
-            let side = |axis: Vec3| seen(direction + axis * (SIDE / 2.0)) - seen(direction - axis * (SIDE / 2.0));
+            let side = |axis: Vec3| {
+                seen(direction + axis * (SIDE / 2.0)) - seen(direction - axis * (SIDE / 2.0))
+            };
             let found = side(x).cross(side(y)).length() / (SIDE * SIDE);
             let (_, larger) = from_anchor(direction, shift);
             assert!((found / larger - 1.0).abs() < 0.005, "{found} {larger}");
@@ -151,7 +161,8 @@ mod tests {
         Record { position, normal: Vec3::Z, direction, light: 1.0, found: 0.0, bsdf_share: 0.0 }
     }
 
-    /// A small lamp is found at its distance, an image behind the surface too, and light from everywhere turns nothing.
+    /// A small lamp is found at its distance, an image behind the surface too, and light from
+    /// everywhere turns nothing.
     #[test]
     fn the_distance_of_a_light_is_found() {
         for distance in [2.0f32, 5.0, -3.0] {

@@ -14,9 +14,11 @@ pub struct Record {
     pub normal: Vec3,
     /// The direction; unit.
     pub direction: Vec3,
-    /// Of a photon: its flux. Of a path: the square of incident radiance times the cosine, over the density of the direction.
+    /// Of a photon: its flux. Of a path: the square of incident radiance times the cosine, over the
+    /// density of the direction.
     pub light: f32,
-    /// Incident radiance times the cosine and the BSDF, over the density of the direction: what the vertex sent on.
+    /// Incident radiance times the cosine and the BSDF, over the density of the direction: what the
+    /// vertex sent on.
     pub found: f32,
     /// The probability that the direction came from the BSDF, given the direction.
     pub bsdf_share: f32,
@@ -76,10 +78,23 @@ impl Recorder {
     }
 
     /// A path goes on.
-    pub fn leave(&mut self, sample: u32, depth: u32, choice: Choice, before: SampledSpectrum, after: SampledSpectrum) {
+    pub fn leave(
+        &mut self,
+        sample: u32,
+        depth: u32,
+        choice: Choice,
+        before: SampledSpectrum,
+        after: SampledSpectrum,
+    ) {
         if depth < MAX_VERTICES {
             self.last[sample as usize] = self.open.len() as u32;
-            self.open.push(Open { choice, sample, before, after, collected: SampledSpectrum::ZERO });
+            self.open.push(Open {
+                choice,
+                sample,
+                before,
+                after,
+                collected: SampledSpectrum::ZERO,
+            });
         }
     }
 

@@ -1,4 +1,5 @@
-//! Finding the region of a point: binary trees over space as tables of eight, three halvings at once.
+//! Finding the region of a point: binary trees over space as tables of eight, three halvings at
+//! once.
 
 /// Digits of coordinates in the unit cube.
 const DIGITS: u32 = 24;
@@ -11,7 +12,8 @@ const REGION: u32 = 1 << 31;
 pub struct Regions {
     /// Where each tree begins.
     roots: Vec<u32>,
-    /// What lies in each eighth, by its place along x, y and z (1, 2 and 4): a region (see [`REGION`]), or a table of its own.
+    /// What lies in each eighth, by its place along x, y and z (1, 2 and 4): a region (see
+    /// [`REGION`]), or a table of its own.
     tables: Vec<[u32; 8]>,
 }
 
@@ -56,7 +58,8 @@ impl Regions {
                     at = halves[eighth >> axis & 1];
                 }
             }
-            // (Undivided boxes of more than an eighth come several times; what is found is the same.)
+            // (Undivided boxes of more than an eighth come several times; what is found is the
+            // same.)
             let entry = self.entry(at);
             self.tables[number][eighth] = entry;
         }
@@ -95,7 +98,8 @@ impl Regions {
             let count = std::mem::take(&mut left);
             for k in 0..count {
                 let i = usize::from(walking[k]);
-                let eighth = (x[i] >> digit & 1) | (y[i] >> digit & 1) << 1 | (z[i] >> digit & 1) << 2;
+                let eighth =
+                    (x[i] >> digit & 1) | (y[i] >> digit & 1) << 1 | (z[i] >> digit & 1) << 2;
                 to[i] = self.tables[to[i] as usize][eighth as usize & 7];
                 walking[left] = walking[k];
                 left += usize::from(to[i] & REGION == 0);
@@ -133,7 +137,8 @@ mod tests {
 
     #[test]
     fn regions_are_those_of_the_trees_step_by_step() {
-        let roots: Vec<_> = (0..6).map(|key| Chance { key: rng::hash_combine(key, 77), depth: 0 }).collect();
+        let roots: Vec<_> =
+            (0..6).map(|key| Chance { key: rng::hash_combine(key, 77), depth: 0 }).collect();
         let regions = Regions::new(roots.iter().copied());
         let mut depths = 0;
         for i in 0..10_000 {
@@ -151,7 +156,12 @@ mod tests {
             let found = regions.find(tree, point.map(place));
             assert_eq!(Err(found), at.halves().map(|_| ()), "{point:?}");
             let mut many = [0; 3];
-            regions.find_many(&[tree as u32; 3], &point.map(|x| [place(0.5), place(x), 0]), 2, &mut many);
+            regions.find_many(
+                &[tree as u32; 3],
+                &point.map(|x| [place(0.5), place(x), 0]),
+                2,
+                &mut many,
+            );
             assert_eq!(many[1..], [found, 0]);
         }
         assert!(depths > 20_000, "{depths}");

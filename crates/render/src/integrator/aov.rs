@@ -67,13 +67,15 @@ pub enum Aov {
     Facing,
     /// Barycentric coordinates of the hit triangle.
     Barycentrics,
-    /// Way over the picture of what is hit while the shutter is open, in pixels: to the right and down.
+    /// Way over the picture of what is hit while the shutter is open, in pixels: to the right and
+    /// down.
     Motion,
     /// Nodes of acceleration structures that the camera ray visited.
     NodesVisited,
     /// Triangles and shapes that the camera ray was tested against.
     PrimitivesTested,
-    /// Error of the pixel: half of its 95 % confidence interval in tone-mapped units, see [`crate::film::noise`].
+    /// Error of the pixel: half of its 95 % confidence interval in tone-mapped units, see
+    /// [`crate::film::noise`].
     Noise,
     /// Number of samples of the pixel.
     Samples,
@@ -81,7 +83,8 @@ pub enum Aov {
     CryptoObject,
     /// Which materials cover the pixel: for Cryptomatte.
     CryptoMaterial,
-    /// Some of the light. Only `path` and `direct` tell light apart; with other integrators it is black.
+    /// Some of the light. Only `path` and `direct` tell light apart; with other integrators it is
+    /// black.
     Light(LightPart),
 }
 
@@ -165,7 +168,9 @@ impl Aov {
     /// How samples are combined.
     pub fn kind(self) -> AovKind {
         match self {
-            Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => AovKind::First,
+            Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => {
+                AovKind::First
+            }
             Self::Noise | Self::Samples => AovKind::OfFilm,
             Self::CryptoObject | Self::CryptoMaterial => AovKind::Coverage,
             _ => AovKind::Averaged,
@@ -174,10 +179,15 @@ impl Aov {
 
     /// How many values each sample brings.
     pub fn sampled_channels(self) -> usize {
-        if matches!(self.kind(), AovKind::OfFilm | AovKind::Coverage) { 0 } else { self.channels().len() }
+        if matches!(self.kind(), AovKind::OfFilm | AovKind::Coverage) {
+            0
+        } else {
+            self.channels().len()
+        }
     }
 
-    /// What covers a sample, as the key of [`crate::Film::coverage`]: for an object instance and geometry, for a material its number.
+    /// What covers a sample, as the key of [`crate::Film::coverage`]: for an object instance and
+    /// geometry, for a material its number.
     pub fn key(self, context: &Context, hit: &Hit) -> u64 {
         match self {
             _ if !hit.is_hit() => NOTHING,
@@ -191,19 +201,31 @@ impl Aov {
         matches!(self, Self::NodesVisited | Self::PrimitivesTested)
     }
 
-    /// True if the surface that a camera ray hits must be known, and not only where that is on the ray.
+    /// True if the surface that a camera ray hits must be known, and not only where that is on the
+    /// ray.
     pub fn needs_surface(self, context: &Context) -> bool {
         match self {
             Self::Motion => motion::is_any(context),
             _ => matches!(
                 self,
-                Self::Position | Self::Normal | Self::GeometricNormal | Self::Uv | Self::Albedo | Self::Facing
+                Self::Position
+                    | Self::Normal
+                    | Self::GeometricNormal
+                    | Self::Uv
+                    | Self::Albedo
+                    | Self::Facing
             ),
         }
     }
 
     /// Appends the values of what a camera ray has hit.
-    pub fn extend(self, context: &Context, first: &FirstHit, camera: &Camera, values: &mut Vec<f32>) {
+    pub fn extend(
+        self,
+        context: &Context,
+        first: &FirstHit,
+        camera: &Camera,
+        values: &mut Vec<f32>,
+    ) {
         let FirstHit { ray, hit, surface, counters, .. } = first;
         match (self, surface) {
             _ if matches!(self.kind(), AovKind::OfFilm | AovKind::Coverage) => {}
@@ -228,16 +250,20 @@ impl Aov {
             (Self::Barycentrics, _) => values.extend(hit.uv.to_array()),
             (Self::Position, Some(surface)) => values.extend(surface.position.to_array()),
             (Self::Normal, Some(surface)) => values.extend(surface.shading_normal.to_array()),
-            (Self::GeometricNormal, Some(surface)) => values.extend(surface.geometric_normal.to_array()),
+            (Self::GeometricNormal, Some(surface)) => {
+                values.extend(surface.geometric_normal.to_array())
+            }
             (Self::Uv, Some(surface)) => values.extend(surface.uv.to_array()),
             (Self::Albedo, Some(surface)) => values.extend(surface.albedo.to_array()),
-            (Self::Facing, Some(surface)) => values.push(outgoing(ray).dot(surface.geometric_normal)),
+            (Self::Facing, Some(surface)) => {
+                values.push(outgoing(ray).dot(surface.geometric_normal))
+            }
             _ => {}
         }
     }
 
-    /// A colour that shows the value in a picture: directions as colours, distances relative to the scene's radius, ids by hash,
-    /// counts as a heat map by their logarithm, up to 255.
+    /// A colour that shows the value in a picture: directions as colours, distances relative to the
+    /// scene's radius, ids by hash, counts as a heat map by their logarithm, up to 255.
     pub fn preview(self, values: &[f32], scene_radius: f32) -> Rgb {
         let v = |i: usize| values.get(i).copied().unwrap_or(0.0);
         match self {
@@ -256,9 +282,13 @@ impl Aov {
                 let f = |x: f32| (x / scene_radius * 0.5 + 0.5).rem_euclid(1.0);
                 Rgb::new(f(v(0)), f(v(1)), f(v(2)))
             }
-            Self::Uv | Self::Barycentrics => Rgb::new(v(0).rem_euclid(1.0), v(1).rem_euclid(1.0), 0.0),
+            Self::Uv | Self::Barycentrics => {
+                Rgb::new(v(0).rem_euclid(1.0), v(1).rem_euclid(1.0), 0.0)
+            }
             Self::Albedo | Self::Light(_) => Rgb::new(v(0), v(1), v(2)),
-            Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => id_color(v(0)),
+            Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => {
+                id_color(v(0))
+            }
             Self::CryptoObject | Self::CryptoMaterial => Rgb::BLACK,
             Self::Facing => {
                 if v(0) >= 0.0 {
@@ -274,7 +304,9 @@ impl Aov {
             }
             Self::Noise => heat((v(0) * 10.0).clamp(0.0, 1.0)),
             Self::Samples => heat(((1.0 + v(0).max(0.0)).log2() / 14.0).min(1.0)),
-            Self::NodesVisited | Self::PrimitivesTested => heat(((1.0 + v(0).max(0.0)).log2() / 8.0).min(1.0)),
+            Self::NodesVisited | Self::PrimitivesTested => {
+                heat(((1.0 + v(0).max(0.0)).log2() / 8.0).min(1.0))
+            }
         }
     }
 }
@@ -310,14 +342,20 @@ fn id_color(id: f32) -> Rgb {
     if id < 0.0 {
         return Rgb::BLACK;
     }
-    let [r, g, b, _] = snell_math::rng::pcg4d([id as u32, 1, 2, 3]).map(|h| snell_math::rng::to_unit(h) * 0.8 + 0.1);
+    let [r, g, b, _] = snell_math::rng::pcg4d([id as u32, 1, 2, 3])
+        .map(|h| snell_math::rng::to_unit(h) * 0.8 + 0.1);
     Rgb::new(r, g, b)
 }
 
 /// Black, blue, magenta, orange, white: dark to bright for 0 to 1.
 fn heat(x: f32) -> Rgb {
-    const STOPS: [[f32; 3]; 5] =
-        [[0.0, 0.0, 0.02], [0.08, 0.02, 0.4], [0.6, 0.05, 0.35], [0.98, 0.45, 0.05], [1.0, 1.0, 0.85]];
+    const STOPS: [[f32; 3]; 5] = [
+        [0.0, 0.0, 0.02],
+        [0.08, 0.02, 0.4],
+        [0.6, 0.05, 0.35],
+        [0.98, 0.45, 0.05],
+        [1.0, 1.0, 0.85],
+    ];
     let p = x * 4.0;
     let i = (p as usize).min(3);
     let t = p - i as f32;

@@ -16,10 +16,15 @@ pub(crate) const LENS: u32 = 1;
 pub(crate) const WAVELENGTH: u32 = 2;
 pub(crate) const TIME: u32 = 3;
 
-/// Where a sample of a pixel is on the film, in the coordinates of [`CameraSample::film`], and the filter's weight, by the sample's
-/// numbers of dimension [`FILM`].
+/// Where a sample of a pixel is on the film, in the coordinates of [`CameraSample::film`], and the
+/// filter's weight, by the sample's numbers of dimension [`FILM`].
 #[inline]
-pub(crate) fn film_point(settings: &Settings, filter: &FilterSampler, pixel: [u32; 2], on_film: Vec2) -> (DVec2, f32) {
+pub(crate) fn film_point(
+    settings: &Settings,
+    filter: &FilterSampler,
+    pixel: [u32; 2],
+    on_film: Vec2,
+) -> (DVec2, f32) {
     let (position, weight) = match settings.pixel_position {
         Some([u, v]) => (DVec2::new(u, v), 1.0),
         None => {
@@ -30,7 +35,8 @@ pub(crate) fn film_point(settings: &Settings, filter: &FilterSampler, pixel: [u3
     (DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + position, weight)
 }
 
-/// A sample's first ray, and what the path carries. Only where anything `moves` has the path a time.
+/// A sample's first ray, and what the path carries. Only where anything `moves` has the path a
+/// time.
 pub(crate) fn camera_path(
     view: &CameraView,
     settings: &Settings,

@@ -5,7 +5,8 @@ use super::light_part::LobeShares;
 use crate::light_sampler::Receiver;
 use snell_math::{ColorMode, SampledSpectrum, Vec3};
 
-/// What a path carries, in one line of the cache: [`PathState`] without what is [the same for all](Rest) in most renders.
+/// What a path carries, in one line of the cache: [`PathState`] without what is
+/// [the same for all](Rest) in most renders.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct Carried {
@@ -33,7 +34,8 @@ impl Marks {
 
     #[inline(always)]
     pub fn new(expected: Expected, transmits: bool, is_specular: bool) -> Self {
-        let marks = if transmits { TRANSMITS } else { 0 } | if is_specular { IS_SPECULAR } else { 0 };
+        let marks =
+            if transmits { TRANSMITS } else { 0 } | if is_specular { IS_SPECULAR } else { 0 };
         Self(u32::from(expected.0) << 16 | marks)
     }
 
@@ -90,12 +92,29 @@ impl Carried {
     /// A state in two.
     pub fn of(state: &PathState) -> (Self, Rest) {
         let PathState {
-            throughput, bsdf_pdf, eta_scale, cone_width, cone_spread, stream, is_specular, expected, ..
+            throughput,
+            bsdf_pdf,
+            eta_scale,
+            cone_width,
+            cone_spread,
+            stream,
+            is_specular,
+            expected,
+            ..
         } = *state;
         let Receiver { position, normal, transmits } = state.receiver;
         let marks = Marks::new(expected, transmits, is_specular);
-        let carried =
-            Self { throughput, eta_scale, cone_width, cone_spread, marks, position, bsdf_pdf, normal, stream };
+        let carried = Self {
+            throughput,
+            eta_scale,
+            cone_width,
+            cone_spread,
+            marks,
+            position,
+            bsdf_pdf,
+            normal,
+            stream,
+        };
         (carried, Rest { mode: state.mode, lobe: state.lobe, time: state.time })
     }
 
@@ -106,7 +125,9 @@ impl Carried {
 
     /// The whole state.
     pub fn with(&self, rest: &Rest) -> PathState {
-        let Self { throughput, bsdf_pdf, eta_scale, cone_width, cone_spread, stream, marks, .. } = *self;
+        let Self {
+            throughput, bsdf_pdf, eta_scale, cone_width, cone_spread, stream, marks, ..
+        } = *self;
         let (expected, is_specular) = (marks.expected(), marks.is_specular());
         let receiver = self.receiver();
         let Rest { mode, lobe, time } = *rest;

@@ -1,10 +1,12 @@
 //! The classic integrators: local illumination (`raycast`) and the recursive ray tree (`whitted`).
 //!
-//! I = emission + ambient reflectance x ambient + sum over lights of their local illumination; `whitted` adds the radiance along
-//! the perfectly reflected and refracted directions, weighted.
+//! I = emission + ambient reflectance x ambient + sum over lights of their local illumination;
+//! `whitted` adds the radiance along the perfectly reflected and refracted directions, weighted.
 
 use super::estimators::{Arrival, background, continued, environment, sample_whole_light};
-use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
+use super::{
+    Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing,
+};
 use crate::sampler::Random;
 use crate::settings::Shadows;
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, rng};
@@ -26,17 +28,20 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let point = surface.point(context.scene);
     let mut shading = surface.material.bsdf_towards(&point, wo);
     let at = Arrival::at_surface(context, vertex, surface, &mut shading);
-    let ambient = shading.ambient(wo) * vertex.state.mode.illuminant(context.scene.ambient + context.settings.fill);
+    let ambient = shading.ambient(wo)
+        * vertex.state.mode.illuminant(context.scene.ambient + context.settings.fill);
     out.radiance = throughput * (surface.material.emitted(&point, wo) + ambient);
     let local = |wi| shading.eval_classic(wo, wi);
     add_lights(context, throughput, &vertex.random, &at, local, out);
-    let follows = context.settings.integrator == IntegratorKind::Whitted && vertex.depth < context.settings.max_depth;
+    let follows = context.settings.integrator == IntegratorKind::Whitted
+        && vertex.depth < context.settings.max_depth;
     if follows {
         add_branches(vertex, surface, &shading, wo, out);
     }
 }
 
-/// Adds what every light brings. `local` is `pi f |cos|` of a direction, or the classic formula in its place.
+/// Adds what every light brings. `local` is `pi f |cos|` of a direction, or the classic formula in
+/// its place.
 pub(super) fn add_lights(
     context: &Context,
     throughput: SampledSpectrum,
@@ -47,7 +52,8 @@ pub(super) fn add_lights(
 ) {
     for light in 0..context.scene.lights().len() {
         let u = match context.settings.shadows {
-            // The middle of the sky is no better than any other place of it: always sample that one.
+            // The middle of the sky is no better than any other place of it: always sample that
+            // one.
             _ if context.scene.environment_light() == Some(light) => random.pair(dimension::LIGHT),
             Shadows::Soft => random.pair(dimension::LIGHTS + light as u32 % 200),
             // The middle of the light.
@@ -67,7 +73,13 @@ pub(super) fn add_lights(
     }
 }
 
-fn add_branches(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, wo: Vec3, out: &mut Outputs) {
+fn add_branches(
+    vertex: &Vertex,
+    surface: &SurfaceVertex,
+    shading: &ShadingBsdf,
+    wo: Vec3,
+    out: &mut Outputs,
+) {
     let branches = shading.specular_branches(wo);
     for (number, branch) in branches.into_iter().enumerate() {
         let Some(branch) = branch else { continue };

@@ -1,5 +1,5 @@
-//! Samples of lights without a surface, for many vertices at once: [punctual](PunctualLight) ones are worked out together, others (pictures, tables, panels)
-//! asked one by one what arrives.
+//! Samples of lights without a surface, for many vertices at once: [punctual](PunctualLight) ones
+//! are worked out together, others (pictures, tables, panels) asked one by one what arrives.
 
 use super::estimators::SHADOW_END;
 use super::lanes::{HitColors, LANES, NOUGHTS, ZERO, at, put, put_color};
@@ -59,7 +59,14 @@ impl Default for DeltaSamples {
             is_step: mark,
             is_parallel: mark,
         };
-        Self { lights, has: mark, direction: ZERO, distance: NOUGHTS, factor: NOUGHTS, arrives: mark }
+        Self {
+            lights,
+            has: mark,
+            direction: ZERO,
+            distance: NOUGHTS,
+            factor: NOUGHTS,
+            arrives: mark,
+        }
     }
 }
 
@@ -72,8 +79,8 @@ impl DeltaSamples {
         }
     }
 
-    /// Samples the lights of these lanes for paths at these places, of these modes, with these numbers. Puts the radiance into its lanes, but for punctual lights
-    /// in spectral colour.
+    /// Samples the lights of these lanes for paths at these places, of these modes, with these
+    /// numbers. Puts the radiance into its lanes, but for punctual lights in spectral colour.
     pub fn sample<'a>(
         &mut self,
         lanes: &[u32],
@@ -96,7 +103,8 @@ impl DeltaSamples {
                 continue;
             }
             let u = Vec2::new(u[0][lane], u[1][lane]);
-            let sample = light(lane).and_then(|light| light.sample(at(positions, lane), u, modes[lane]));
+            let sample =
+                light(lane).and_then(|light| light.sample(at(positions, lane), u, modes[lane]));
             self.arrives[lane] = u32::from(sample.is_some());
             if let Some(sample) = sample {
                 put(&mut self.direction, lane, sample.direction);
@@ -114,7 +122,15 @@ impl DeltaSamples {
 
 impl PunctualLights {
     fn put(&mut self, lane: usize, light: &PunctualLight) {
-        let &PunctualLight { position, direction, color, attenuation, body_radius, cone, is_parallel } = light;
+        let &PunctualLight {
+            position,
+            direction,
+            color,
+            attenuation,
+            body_radius,
+            cone,
+            is_parallel,
+        } = light;
         for axis in 0..3 {
             self.position[axis][lane] = position[axis];
             self.direction[axis][lane] = direction[axis];
@@ -136,7 +152,11 @@ impl PunctualLights {
             color: Rgb::new(self.color[0][i], self.color[1][i], self.color[2][i]),
             attenuation: Attenuation([c0[i], c1[i], c2[i]]),
             body_radius: self.body_radius[i],
-            cone: Cone { outer: self.outer[i], inner: self.inner[i], is_step: self.is_step[i] != 0 },
+            cone: Cone {
+                outer: self.outer[i],
+                inner: self.inner[i],
+                is_step: self.is_step[i] != 0,
+            },
             is_parallel: self.is_parallel[i] != 0,
         }
     }
@@ -148,7 +168,8 @@ impl PunctualLights {
 fn sample_punctual(positions: &HitVectors, to: &mut DeltaSamples, radiance: &mut HitColors) {
     for i in 0..LANES {
         let light = to.lights.get(i);
-        let PunctualSample { direction, distance, factor, arrives } = light.sample(at(positions, i));
+        let PunctualSample { direction, distance, factor, arrives } =
+            light.sample(at(positions, i));
         for axis in 0..3 {
             to.direction[axis][i] = direction[axis];
         }
@@ -161,7 +182,8 @@ fn sample_punctual(positions: &HitVectors, to: &mut DeltaSamples, radiance: &mut
     }
 }
 
-/// Samples of lights that were chosen with these probabilities, as they come to vertices. No path finds these lights by itself, so they count in full.
+/// Samples of lights that were chosen with these probabilities, as they come to vertices. No path
+/// finds these lights by itself, so they count in full.
 #[inline(always)]
 pub fn arrive_from_delta<S: Scatterers>(
     from: &DeltaSamples,
@@ -230,11 +252,20 @@ mod tests {
             }
             if number % 3 == 2 {
                 let colors = (Rgb::new(0.05, 0.07, 0.1), Rgb::new(0.9, 0.8, 1.0));
-                scene.medium = Some(scene.add_medium(Homogeneous::scattering(colors.0, colors.1, 0.4)));
+                scene.medium =
+                    Some(scene.add_medium(Homogeneous::scattering(colors.0, colors.1, 0.4)));
             }
-            let ways = [(ColorModel::Rgb, None), (ColorModel::Spectral, None), (ColorModel::Rgb, guiding)];
+            let ways =
+                [(ColorModel::Rgb, None), (ColorModel::Spectral, None), (ColorModel::Rgb, guiding)];
             for (color, guiding) in ways {
-                let settings = Settings { size: [32, 24], spp: 4, max_depth: 5, color, guiding, ..Settings::default() };
+                let settings = Settings {
+                    size: [32, 24],
+                    spp: 4,
+                    max_depth: 5,
+                    color,
+                    guiding,
+                    ..Settings::default()
+                };
                 let picture = assert_alike_at_every_level(&scene, &Moving::default(), &settings);
                 assert!(picture.iter().any(|&x| x > 0.0), "{number} {:?}", scene.lights);
             }

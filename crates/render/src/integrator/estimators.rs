@@ -21,14 +21,17 @@ pub(super) const SHADOW_END: f32 = 1.0 - 1e-4;
 /// The environment's radiance along the ray that came to a vertex; black without one.
 pub fn environment(context: &Context, vertex: &Vertex) -> SampledSpectrum {
     let environment = context.scene.environment.as_ref();
-    environment.map_or(SampledSpectrum::ZERO, |e| e.radiance(vertex.ray.direction, vertex.state.mode))
+    environment
+        .map_or(SampledSpectrum::ZERO, |e| e.radiance(vertex.ray.direction, vertex.state.mode))
 }
 
-/// What a ray that leaves the scene shows, or `None` if it carries the environment's light and not the background.
+/// What a ray that leaves the scene shows, or `None` if it carries the environment's light and not
+/// the background.
 ///
 /// The background is for the camera. Where there is no environment, mirrors and glass show it too.
 pub fn background(context: &Context, vertex: &Vertex) -> Option<SampledSpectrum> {
-    let shows = vertex.depth == 0 || (vertex.state.is_specular && context.scene.environment.is_none());
+    let shows =
+        vertex.depth == 0 || (vertex.state.is_specular && context.scene.environment.is_none());
     match context.scene.background {
         Background::Color(color) if shows => Some(vertex.state.mode.illuminant(color)),
         Background::Transparent if vertex.depth == 0 => Some(SampledSpectrum::ZERO),
@@ -51,7 +54,8 @@ pub struct IncidentLight {
     pub source: LightSource,
     /// The ray whose interval must be free.
     pub shadow_ray: Ray,
-    /// The medium that glows at the end of the ray, which must be there; `None` for all other light.
+    /// The medium that glows at the end of the ray, which must be there; `None` for all other
+    /// light.
     pub glowing: Option<MediumId>,
 }
 
@@ -75,21 +79,28 @@ pub struct Skin {
     pub position_error: Vec3,
     /// Unit normal of the surface itself.
     pub geometric_normal: Vec3,
-    /// The way to the smooth surface that the vertex normals stand for; zero where there is none, or where it does not matter.
+    /// The way to the smooth surface that the vertex normals stand for; zero where there is none,
+    /// or where it does not matter.
     pub lift: Vec3,
 }
 
-/// True if the surface of a material may stand for a smooth one ([`snell_intersect::smooth`]). What bounds an inside stays where it is,
-/// so that it is clear what is inside.
+/// True if the surface of a material may stand for a smooth one ([`snell_intersect::smooth`]). What
+/// bounds an inside stays where it is, so that it is clear what is inside.
 pub fn may_be_lifted(context: &Context, material: &Material) -> bool {
     context.settings.terminator == Terminator::Smooth && material.bounded_interior().is_none()
 }
 
 impl Arrival {
-    /// At a surface with this BSDF. Where that is lifted, light arrives from all directions above the shading normal's horizon, and
-    /// light rays find out what is in its way.
-    pub fn at_surface(context: &Context, vertex: &Vertex, surface: &SurfaceVertex, shading: &mut ShadingBsdf) -> Self {
-        let &SurfaceInteraction { position, position_error, geometric_normal, .. } = surface.interaction;
+    /// At a surface with this BSDF. Where that is lifted, light arrives from all directions above
+    /// the shading normal's horizon, and light rays find out what is in its way.
+    pub fn at_surface(
+        context: &Context,
+        vertex: &Vertex,
+        surface: &SurfaceVertex,
+        shading: &mut ShadingBsdf,
+    ) -> Self {
+        let &SurfaceInteraction { position, position_error, geometric_normal, .. } =
+            surface.interaction;
         let is_matte = shading.is_opaque() && !shading.is_delta();
         let lift = if is_matte { lift_of_opaque(context, vertex, surface) } else { Vec3::ZERO };
         if lift != Vec3::ZERO {
@@ -124,12 +135,21 @@ pub fn lift_of_opaque(context: &Context, vertex: &Vertex, surface: &SurfaceVerte
     }
 }
 
-/// Light arriving from a point of the whole of light number `light`, which is uniform by area for a shape: `u = (0.5, 0.5)` is its
-/// middle. For integrators without multiple importance sampling.
-pub fn sample_whole_light(context: &Context, at: &Arrival, light: usize, u: Vec2) -> Option<IncidentLight> {
+/// Light arriving from a point of the whole of light number `light`, which is uniform by area for a
+/// shape: `u = (0.5, 0.5)` is its middle. For integrators without multiple importance sampling.
+pub fn sample_whole_light(
+    context: &Context,
+    at: &Arrival,
+    light: usize,
+    u: Vec2,
+) -> Option<IncidentLight> {
     match &context.scene.lights()[light] {
-        CompiledLight::Light(_) => sample_light(context, at, &ChosenLight { light, part: None, probability: 1.0 }, u),
-        CompiledLight::Environment => from_environment(context, at, &context.scene.environment.as_ref()?.sample(u)),
+        CompiledLight::Light(_) => {
+            sample_light(context, at, &ChosenLight { light, part: None, probability: 1.0 }, u)
+        }
+        CompiledLight::Environment => {
+            from_environment(context, at, &context.scene.environment.as_ref()?.sample(u))
+        }
         CompiledLight::Medium(..) => None,
         CompiledLight::Area(area) => from_area(context, at, area.sample(u)?),
         CompiledLight::Moving(light) => from_area(context, at, light.sample(at.time, u)?),
@@ -145,8 +165,14 @@ fn from_area(context: &Context, at: &Arrival, sample: AreaSample) -> Option<Inci
     from_surface(context, at, DirectedSample { surface: sample.surface, direction, pdf })
 }
 
-/// Light arriving from a point of the chosen light; its `pdf` is that of the point only, without the probability of the choice.
-pub fn sample_light(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Vec2) -> Option<IncidentLight> {
+/// Light arriving from a point of the chosen light; its `pdf` is that of the point only, without
+/// the probability of the choice.
+pub fn sample_light(
+    context: &Context,
+    at: &Arrival,
+    chosen: &ChosenLight,
+    u: Vec2,
+) -> Option<IncidentLight> {
     let scene = context.scene;
     match &scene.lights()[chosen.light] {
         CompiledLight::Light(light) => {
@@ -177,7 +203,11 @@ pub fn sample_light(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Ve
             }
             if let Some(plain) = plain {
                 let sample = area.sample_point_from(part, at.position, u)?;
-                return from_plain(at, plain, DirectedPoint { pdf: sample.pdf * probability, ..sample });
+                return from_plain(
+                    at,
+                    plain,
+                    DirectedPoint { pdf: sample.pdf * probability, ..sample },
+                );
             }
             let sample = area.sample_from(part, at.position, u)?;
             from_surface(context, at, DirectedSample { pdf: sample.pdf * probability, ..sample })
@@ -189,11 +219,14 @@ pub fn sample_light(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Ve
             from_surface(context, at, sample)
         }
         CompiledLight::Medium(medium, glow) => from_glow(at, *medium, glow, u),
-        CompiledLight::Environment => from_environment(context, at, &environment_direction(context, u)?),
+        CompiledLight::Environment => {
+            from_environment(context, at, &environment_direction(context, u)?)
+        }
     }
 }
 
-/// The part of a chosen light, its probability if it had to be chosen yet, and what is left of the numbers.
+/// The part of a chosen light, its probability if it had to be chosen yet, and what is left of the
+/// numbers.
 fn part_of_choice(light: &AreaLight, chosen: &ChosenLight, u: Vec2) -> (u32, f32, Vec2) {
     match chosen.part {
         Some(part) => (part, 1.0, u),
@@ -214,20 +247,33 @@ pub(super) fn environment_direction(context: &Context, u: Vec2) -> Option<SkySam
 }
 
 /// Light from a direction of the environment. [`super::lights`] does the same for many.
-pub(super) fn from_environment(context: &Context, at: &Arrival, sample: &SkySample) -> Option<IncidentLight> {
+pub(super) fn from_environment(
+    context: &Context,
+    at: &Arrival,
+    sample: &SkySample,
+) -> Option<IncidentLight> {
     let sky = context.scene.environment.as_ref()?;
     let &SkySample { direction, pdf, place } = sample;
     let radiance = sky.radiance_at(place, at.mode);
     let shadow_ray = Ray::new(at.ray_origin(direction), direction);
     let arrives = !radiance.is_black() && pdf > 0.0;
     let source = LightSource::Environment;
-    arrives.then_some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray, glowing: None })
+    arrives.then_some(IncidentLight {
+        direction,
+        radiance,
+        pdf,
+        is_delta: false,
+        source,
+        shadow_ray,
+        glowing: None,
+    })
 }
 
 /// Light from a point of a medium that glows.
 ///
-/// Points are chosen by volume; paths that go through the medium find it all along their way. To compare the two, the density of a
-/// point is that of its direction times a typical length of ways through the medium.
+/// Points are chosen by volume; paths that go through the medium find it all along their way. To
+/// compare the two, the density of a point is that of its direction times a typical length of ways
+/// through the medium.
 fn from_glow(at: &Arrival, medium: MediumId, glow: &Glow, u: Vec2) -> Option<IncidentLight> {
     let (target, pdf) = glow.sample(u);
     let to_light = target - at.position;
@@ -243,14 +289,31 @@ fn from_glow(at: &Arrival, medium: MediumId, glow: &Glow, u: Vec2) -> Option<Inc
     Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray, glowing })
 }
 
-/// What [`from_glow`] says of the density of a point at which a path finds a glowing medium, choice of the light included.
-pub fn light_pdf_of_glow(lights: &LightSampler, receiver: &Receiver, light: usize, glow: &Glow, point: Vec3) -> f32 {
+/// What [`from_glow`] says of the density of a point at which a path finds a glowing medium, choice
+/// of the light included.
+pub fn light_pdf_of_glow(
+    lights: &LightSampler,
+    receiver: &Receiver,
+    light: usize,
+    glow: &Glow,
+    point: Vec3,
+) -> f32 {
     let pdf = glow.pdf(point) * (point - receiver.position).length_squared() * glow.chord();
-    if pdf > 0.0 && pdf.is_finite() { pdf * lights.probability(receiver, light, (0, 1.0)) } else { 0.0 }
+    if pdf > 0.0 && pdf.is_finite() {
+        pdf * lights.probability(receiver, light, (0, 1.0))
+    } else {
+        0.0
+    }
 }
 
-/// Light from a point of a simple surface that shines alike everywhere. [`super::lights`] does the same for many.
-fn from_part(at: &Arrival, plain: &PlainEmission, sample: PartSample, probability: f32) -> Option<IncidentLight> {
+/// Light from a point of a simple surface that shines alike everywhere. [`super::lights`] does the
+/// same for many.
+fn from_part(
+    at: &Arrival,
+    plain: &PlainEmission,
+    sample: PartSample,
+    probability: f32,
+) -> Option<IncidentLight> {
     let PartSample { direction, pdf, end, is_front, exists } = sample;
     let radiance = plain.radiance_in(at.mode);
     if !exists || !(is_front || plain.on_both_sides) || radiance.is_black() {
@@ -259,7 +322,15 @@ fn from_part(at: &Arrival, plain: &PlainEmission, sample: PartSample, probabilit
     let origin = at.ray_origin(direction);
     let shadow_ray = Ray::new(origin, end - origin).with_t_max(SHADOW_END);
     let (source, pdf) = (LightSource::Material(plain.material), pdf * probability);
-    Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray, glowing: None })
+    Some(IncidentLight {
+        direction,
+        radiance,
+        pdf,
+        is_delta: false,
+        source,
+        shadow_ray,
+        glowing: None,
+    })
 }
 
 /// Light from a point of a surface that shines alike everywhere.
@@ -274,7 +345,15 @@ fn from_plain(at: &Arrival, plain: &PlainEmission, sample: DirectedPoint) -> Opt
     let target = offset_ray_origin(point.position, point.position_error, point.normal, -direction);
     let shadow_ray = Ray::new(origin, target - origin).with_t_max(SHADOW_END);
     let source = LightSource::Material(plain.material);
-    Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray, glowing: None })
+    Some(IncidentLight {
+        direction,
+        radiance,
+        pdf,
+        is_delta: false,
+        source,
+        shadow_ray,
+        glowing: None,
+    })
 }
 
 /// Light from a point of an emissive surface.
@@ -283,7 +362,8 @@ fn from_surface(context: &Context, at: &Arrival, sample: DirectedSample) -> Opti
     let material_id = scene.material_id(&hit_of(&sample.surface));
     let material = scene.material(material_id);
     let point = scene.shading_point(&sample.surface, 0.0, at.mode);
-    // A ray meets a cut-out or blended lamp only with this probability, and the shadow ray ends before it.
+    // A ray meets a cut-out or blended lamp only with this probability, and the shadow ray ends
+    // before it.
     let presence = material.presence(direction, &point);
     let radiance = material.emitted(&point, -direction) * presence;
     if radiance.is_black() || !pdf.is_finite() || pdf <= 0.0 {
@@ -293,7 +373,15 @@ fn from_surface(context: &Context, at: &Arrival, sample: DirectedSample) -> Opti
     let target = sample.surface.ray_origin(-direction);
     let shadow_ray = Ray::new(origin, target - origin).with_t_max(SHADOW_END);
     let source = LightSource::Material(material_id);
-    Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray, glowing: None })
+    Some(IncidentLight {
+        direction,
+        radiance,
+        pdf,
+        is_delta: false,
+        source,
+        shadow_ray,
+        glowing: None,
+    })
 }
 
 /// The hit that an interaction describes.
@@ -307,22 +395,30 @@ fn hit_of(surface: &SurfaceInteraction) -> snell_intersect::Hit {
     }
 }
 
-/// Density per steradian with which light samples give the emissive point that a path ran into: choice of the light included. 0 if
-/// no light sample can.
+/// Density per steradian with which light samples give the emissive point that a path ran into:
+/// choice of the light included. 0 if no light sample can.
 pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVertex) -> f32 {
     let scene = context.scene;
-    let Some(light) = scene.light_of(surface.hit.instance, surface.hit.geometry) else { return 0.0 };
+    let Some(light) = scene.light_of(surface.hit.instance, surface.hit.geometry) else {
+        return 0.0;
+    };
     let area = match &scene.lights()[light] {
         CompiledLight::Area(area) => area,
         CompiledLight::Moving(moving) => &moving.first,
-        CompiledLight::Light(_) | CompiledLight::Medium(..) | CompiledLight::Environment => return 0.0,
+        CompiledLight::Light(_) | CompiledLight::Medium(..) | CompiledLight::Environment => {
+            return 0.0;
+        }
     };
     let Some(part) = area.part_of(surface.hit.primitive) else { return 0.0 };
     let (receiver, direction) = (&vertex.state.receiver, vertex.ray.direction);
     let pdf = match &scene.lights()[light] {
-        CompiledLight::Moving(moving) => {
-            moving.pdf_from(part, vertex.state.time, receiver.position, surface.interaction, direction)
-        }
+        CompiledLight::Moving(moving) => moving.pdf_from(
+            part,
+            vertex.state.time,
+            receiver.position,
+            surface.interaction,
+            direction,
+        ),
         _ => area.pdf_from(part, receiver.position, surface.interaction, direction),
     };
     pdf * context.lights.probability(receiver, light, (part, area.part_probability(part)))
@@ -331,13 +427,19 @@ pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVer
 /// Density of a direction to the environment, times the probability with which that was chosen.
 pub fn environment_choice(context: &Context, vertex: &Vertex, pdf: f32) -> f32 {
     match context.scene.environment_light() {
-        Some(light) if pdf > 0.0 => pdf * context.lights.probability(&vertex.state.receiver, light, (0, 1.0)),
+        Some(light) if pdf > 0.0 => {
+            pdf * context.lights.probability(&vertex.state.receiver, light, (0, 1.0))
+        }
         _ => 0.0,
     }
 }
 
 /// The state after a bounce.
-pub fn continued(vertex: &Vertex, surface: &SurfaceVertex, throughput: SampledSpectrum) -> PathState {
+pub fn continued(
+    vertex: &Vertex,
+    surface: &SurfaceVertex,
+    throughput: SampledSpectrum,
+) -> PathState {
     let mode = vertex.state.mode;
     let mode = if surface.material.is_dispersive() { mode.hero_only() } else { mode };
     PathState { throughput, mode, cone_width: surface.footprint, ..*vertex.state }

@@ -18,6 +18,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let color = vertex.state.mode.in_white_light(shading.bsdf.albedo(shading.frame.to_local(wo)));
     let emitted = surface.material.emitted(&point, wo);
     // A lamp is as bright as white paper here.
-    let brightest = surface.material.emitted(&ShadingPoint { mode: ColorMode::Rgb, ..point }, wo).max_element();
+    let brightest =
+        surface.material.emitted(&ShadingPoint { mode: ColorMode::Rgb, ..point }, wo).max_element();
     out.radiance = color + if brightest > 1.0 { emitted / brightest } else { emitted };
 }

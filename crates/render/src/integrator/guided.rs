@@ -1,4 +1,5 @@
-//! GuidedBsdf at a vertex: by the BSDF alone, or by a mixture of the BSDF and what a field has learnt.
+//! GuidedBsdf at a vertex: by the BSDF alone, or by a mixture of the BSDF and what a field has
+//! learnt.
 
 use super::carried::Expected;
 use crate::guiding::{Cell, Choice, Field, Guide};
@@ -15,17 +16,21 @@ pub fn mixed_pdf(bsdf_share: f32, bsdf_pdf: f32, density: f32) -> f32 {
     bsdf_share * bsdf_pdf + (1.0 - bsdf_share) * density
 }
 
-/// By what roulette decides whether a path goes on from where something is known, and [`super::PathState::expected`] of its next ray. What the path is expected
-/// to bring is compared with what it was at first: so paths go on that are on their way to light, however little their throughput is, since many were sent there
-/// (Vorba and Křivánek, Adjoint-driven Russian roulette and splitting in light transport simulation, 2016).
+/// By what roulette decides whether a path goes on from where something is known, and
+/// [`super::PathState::expected`] of its next ray. What the path is expected to bring is compared
+/// with what it was at first: so paths go on that are on their way to light, however little their
+/// throughput is, since many were sent there (Vorba and Křivánek, Adjoint-driven Russian roulette
+/// and splitting in light transport simulation, 2016).
 #[inline(always)]
 pub fn expected_survival(expected: f32, first: f32) -> (f32, f32) {
     let first = if first > 0.0 { first } else { expected };
     (least(most(expected / first * WINDOW, LEAST_SURVIVAL), 1.0), first)
 }
 
-/// By what roulette decides where nothing is known of what a path will bring: how much of what it finds counts, which is the largest channel of its throughput,
-/// undone of refraction. Most of what a path brings comes at once or not at all, as by frosted glass to a lamp; so those are left alone that lost little.
+/// By what roulette decides where nothing is known of what a path will bring: how much of what it
+/// finds counts, which is the largest channel of its throughput, undone of refraction. Most of what
+/// a path brings comes at once or not at all, as by frosted glass to a lamp; so those are left
+/// alone that lost little.
 #[inline(always)]
 pub fn unknown_survival(throughput: f32) -> f32 {
     throughput * WINDOW
@@ -50,12 +55,20 @@ pub struct GuidedBsdf<'a> {
 impl<'a> GuidedBsdf<'a> {
     /// At a point.
     pub fn new(field: Option<&'a Field>, shading: &'a ShadingBsdf<'a>, point: &Receiver) -> Self {
-        let cell = field.filter(|_| !shading.is_delta()).map(|f| f.cell(point.position, point.normal));
+        let cell =
+            field.filter(|_| !shading.is_delta()).map(|f| f.cell(point.position, point.normal));
         let guide = cell.and_then(|cell| cell.guide(point.position));
-        Self { shading, cell, guide, is_guided: field.is_some(), is_learning: field.is_some_and(Field::is_learning) }
+        Self {
+            shading,
+            cell,
+            guide,
+            is_guided: field.is_some(),
+            is_learning: field.is_some_and(Field::is_learning),
+        }
     }
 
-    /// `f(wo, wi) |cos(wi)|` and the density per steradian with which [`Self::sample`] draws `wi`, both without delta lobes.
+    /// `f(wo, wi) |cos(wi)|` and the density per steradian with which [`Self::sample`] draws `wi`,
+    /// both without delta lobes.
     pub fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
         let (value, pdf) = self.shading.eval_and_pdf(wo, wi);
         (value, self.mixed_pdf(wi, pdf))
@@ -73,8 +86,15 @@ impl<'a> GuidedBsdf<'a> {
         }
     }
 
-    /// Draws a direction, as [`ShadingBsdf::sample`] does; `u_quad` gives one more number. Delta lobes are the BSDF's alone.
-    pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, u_quad: impl FnOnce() -> f32) -> Option<BsdfSample> {
+    /// Draws a direction, as [`ShadingBsdf::sample`] does; `u_quad` gives one more number. Delta
+    /// lobes are the BSDF's alone.
+    pub fn sample(
+        &self,
+        wo: Vec3,
+        u_lobe: f32,
+        u: Vec2,
+        u_quad: impl FnOnce() -> f32,
+    ) -> Option<BsdfSample> {
         let Some((share, guide)) = self.mixture() else {
             return self.shading.sample(wo, u_lobe, u);
         };
@@ -92,15 +112,18 @@ impl<'a> GuidedBsdf<'a> {
         if value.is_black() {
             return None;
         }
-        let is_transmission = self.shading.geometric_normal.dot(wo) * self.shading.geometric_normal.dot(wi) < 0.0;
+        let is_transmission =
+            self.shading.geometric_normal.dot(wo) * self.shading.geometric_normal.dot(wi) < 0.0;
         let weight = value * (1.0 / pdf);
         (pdf > 0.0).then_some(BsdfSample { wi, weight, pdf, is_delta: false, is_transmission })
     }
 
-    /// By what roulette decides whether a path of this throughput goes on: without guiding, what that becomes, `next`. A guided throughput is small where
-    /// much light is expected, because many paths go there; so what counts is how much light that is (see [`expected_survival`]), or where nothing
-    /// is known, how much this bounce absorbs. `crossing` is [`ShadingBsdf::crossing_scale`] of the sample. With [`super::PathState::expected`] before and of the
-    /// next ray.
+    /// By what roulette decides whether a path of this throughput goes on: without guiding, what
+    /// that becomes, `next`. A guided throughput is small where much light is expected, because
+    /// many paths go there; so what counts is how much light that is (see [`expected_survival`]),
+    /// or where nothing is known, how much this bounce absorbs. `crossing` is
+    /// [`ShadingBsdf::crossing_scale`] of the sample. With [`super::PathState::expected`] before
+    /// and of the next ray.
     pub fn survival(
         &self,
         wo: Vec3,
@@ -121,15 +144,27 @@ impl<'a> GuidedBsdf<'a> {
         (survival, Expected::of(first))
     }
 
-    /// What is written down of a direction that was drawn, if the field wants to know. `survival` is the probability with which
-    /// the path goes on.
-    pub fn choice(&self, point: &Receiver, wo: Vec3, sample: &BsdfSample, survival: f32) -> Option<Choice> {
+    /// What is written down of a direction that was drawn, if the field wants to know. `survival`
+    /// is the probability with which the path goes on.
+    pub fn choice(
+        &self,
+        point: &Receiver,
+        wo: Vec3,
+        sample: &BsdfSample,
+        survival: f32,
+    ) -> Option<Choice> {
         let cell = self.cell.filter(|_| self.is_learning && !sample.is_delta)?;
         let bsdf_share = match cell.is_known() {
             true => cell.bsdf_share * self.shading.pdf(wo, sample.wi) / sample.pdf,
             false => 1.0,
         };
         let &Receiver { position, normal, .. } = point;
-        Some(Choice { position, normal, direction: sample.wi, pdf: sample.pdf * survival, bsdf_share })
+        Some(Choice {
+            position,
+            normal,
+            direction: sample.wi,
+            pdf: sample.pdf * survival,
+            bsdf_share,
+        })
     }
 }

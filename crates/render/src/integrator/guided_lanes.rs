@@ -112,7 +112,8 @@ impl GuidedLanes {
         at_level!(wide, find_shifts, (guided: &mut GuidedLanes = self, position: &HitVectors = receivers.position));
     }
 
-    /// Replaces directions that were drawn from BSDFs by those of the mixture. `choice`, `quad` and `u` are independent numbers.
+    /// Replaces directions that were drawn from BSDFs by those of the mixture. `choice`, `quad` and
+    /// `u` are independent numbers.
     pub fn mix(
         &mut self,
         field: &Field,
@@ -140,7 +141,12 @@ impl GuidedLanes {
     }
 
     /// Weighs light samples against the mixture.
-    pub fn weigh_lights(&mut self, field: &Field, arrivals: &mut LightArrivals, wide: Option<Wide>) {
+    pub fn weigh_lights(
+        &mut self,
+        field: &Field,
+        arrivals: &mut LightArrivals,
+        wide: Option<Wide>,
+    ) {
         at_level!(
             wide,
             find_coordinates,
@@ -150,7 +156,8 @@ impl GuidedLanes {
         at_level!(wide, weigh_lights, (guided: &GuidedLanes = self, arrivals: &mut LightArrivals = arrivals));
     }
 
-    /// Works out by what roulette decides, for paths that have come to surfaces of this reflectance.
+    /// Works out by what roulette decides, for paths that have come to surfaces of this
+    /// reflectance.
     pub fn play(&mut self, carried: &CarriedLanes, reflectance: &HitColors, wide: Option<Wide>) {
         at_level!(
             wide,
@@ -172,8 +179,16 @@ impl GuidedLanes {
     }
 
     /// Density of a direction in the mixture of a lane, by that of the BSDF.
-    pub fn mixed_pdf(&self, field: Option<&Field>, lane: usize, position: Vec3, wi: Vec3, bsdf_pdf: f32) -> f32 {
-        let guide = field.zip(self.known(lane)).and_then(|(field, known)| field.guide(known, position));
+    pub fn mixed_pdf(
+        &self,
+        field: Option<&Field>,
+        lane: usize,
+        position: Vec3,
+        wi: Vec3,
+        bsdf_pdf: f32,
+    ) -> f32 {
+        let guide =
+            field.zip(self.known(lane)).and_then(|(field, known)| field.guide(known, position));
         guide.map_or(bsdf_pdf, |guide| mixed_pdf(self.share[lane], bsdf_pdf, guide.pdf(wi)))
     }
 
@@ -245,7 +260,8 @@ fn weigh(guided: &GuidedLanes, to: &mut Directions) {
         let (ratio, inverse) = (bsdf_pdf / pdf, 1.0 / pdf);
         for channel in 0..3 {
             let reflectance = to.weight[channel][i];
-            let weight = if is_drawn { reflectance * bsdf_pdf * inverse } else { reflectance * ratio };
+            let weight =
+                if is_drawn { reflectance * bsdf_pdf * inverse } else { reflectance * ratio };
             to.weight[channel][i] = marked(is_known, weight, reflectance);
         }
         to.pdf[i] = marked(is_known, pdf, bsdf_pdf);

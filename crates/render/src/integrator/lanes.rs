@@ -1,4 +1,5 @@
-//! Vertices side by side, for what works on many at once: where paths have come to surfaces, and what they carry.
+//! Vertices side by side, for what works on many at once: where paths have come to surfaces, and
+//! what they carry.
 
 use super::carried::{Carried, Marks, Rest};
 use super::estimators::{Arrival, Skin};
@@ -74,7 +75,8 @@ pub struct VertexLanes {
     others: Vec<(usize, OtherPoint)>,
     /// Direction to where the path comes from.
     pub wo: HitVectors,
-    /// As [`super::estimators::Skin::lift`], once they are placed; all zero while `has_lifts` is false.
+    /// As [`super::estimators::Skin::lift`], once they are placed; all zero while `has_lifts` is
+    /// false.
     pub lift: HitVectors,
     has_lifts: bool,
     pub carried: CarriedLanes,
@@ -124,7 +126,8 @@ pub struct Roulette {
 }
 
 impl Roulette {
-    /// What a lane's throughput is multiplied with, and whether its path goes on; `weight` is what [`super::path::survival`] asks for.
+    /// What a lane's throughput is multiplied with, and whether its path goes on; `weight` is what
+    /// [`super::path::survival`] asks for.
     #[inline(always)]
     pub fn survival(&self, lane: usize, weight: f32) -> (f32, bool) {
         let survival = match self.most {
@@ -139,8 +142,13 @@ impl VertexLanes {
     /// For vertices of one depth.
     pub fn new(sampler: &Sampler, wide: Option<Wide>) -> Self {
         let zero = [0.0; LANES];
-        let carried =
-            CarriedLanes { throughput: BLACK, eta_scale: zero, cone_width: zero, cone_spread: zero, marks: UNMARKED };
+        let carried = CarriedLanes {
+            throughput: BLACK,
+            eta_scale: zero,
+            cone_width: zero,
+            cone_spread: zero,
+            marks: UNMARKED,
+        };
         Self {
             paths: [0; LANES],
             count: 0,
@@ -160,8 +168,8 @@ impl VertexLanes {
         }
     }
 
-    /// Takes the paths with these numbers, at most [`LANES`], of which the dead are left out; their vertices are of this depth. What the
-    /// lanes need to know of surfaces must follow.
+    /// Takes the paths with these numbers, at most [`LANES`], of which the dead are left out; their
+    /// vertices are of this depth. What the lanes need to know of surfaces must follow.
     pub fn start(&mut self, sampler: &Sampler, from: &Arriving, paths: &[u32], depth: u32) {
         self.randoms.start(sampler, depth);
         self.spheres.clear();
@@ -204,7 +212,11 @@ impl VertexLanes {
 
     /// Looks up the triangles of all lanes that are on some, in the meshes that were hit.
     #[inline(always)]
-    pub fn gather_triangles<'w>(&mut self, from: &Arriving, mesh: impl Fn(&Hit) -> Option<&'w PlainMesh<'w>>) {
+    pub fn gather_triangles<'w>(
+        &mut self,
+        from: &Arriving,
+        mesh: impl Fn(&Hit) -> Option<&'w PlainMesh<'w>>,
+    ) {
         let paths = &self.paths;
         let hits = self.plain.iter().filter_map(|&lane| {
             let hit = &from.hits[paths[lane] as usize];
@@ -213,13 +225,15 @@ impl VertexLanes {
         self.triangles.gather(hits);
     }
 
-    /// Looks up the texture coordinates of meshes of lanes whose triangles are known, for [`Self::tangents`].
+    /// Looks up the texture coordinates of meshes of lanes whose triangles are known, for
+    /// [`Self::tangents`].
     #[inline(always)]
     pub fn gather_uvs<'w>(&mut self, meshes: impl Iterator<Item = (usize, &'w PlainMesh<'w>)>) {
         self.triangles.gather_uvs(meshes);
     }
 
-    /// Which way texture coordinates run on the triangles ([`SurfaceInteraction::dpdu`]), once they are placed.
+    /// Which way texture coordinates run on the triangles ([`SurfaceInteraction::dpdu`]), once they
+    /// are placed.
     pub fn tangents(&self, to: &mut HitVectors) {
         self.triangles.tangents(&self.points, to, self.wide);
     }
@@ -236,7 +250,8 @@ impl VertexLanes {
         Arrival { position: at(&points.position, lane), surface: Some(skin), mode, time }
     }
 
-    /// Puts a point into a lane that is on a shape which is not instanced. False, and nothing is done, elsewhere.
+    /// Puts a point into a lane that is on a shape which is not instanced. False, and nothing is
+    /// done, elsewhere.
     pub fn gather_shape(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit) -> bool {
         let world = &context.scene.world;
         if world.gather_sphere(ray, hit, lane, &mut self.spheres) {
@@ -274,10 +289,12 @@ impl VertexLanes {
         }
     }
 
-    /// Works out the lifts of all lanes, once they are placed: nothing to be done where no mesh has vertex normals.
+    /// Works out the lifts of all lanes, once they are placed: nothing to be done where no mesh has
+    /// vertex normals.
     pub fn place_lifts(&mut self, context: &Context) {
         let had_lifts = self.has_lifts;
-        let is_smooth = self.triangles.has_normals() && context.settings.terminator == Terminator::Smooth;
+        let is_smooth =
+            self.triangles.has_normals() && context.settings.terminator == Terminator::Smooth;
         self.has_lifts = is_smooth || self.others.iter().any(|(_, other)| other.lift != Vec3::ZERO);
         if !self.has_lifts && !had_lifts {
             return;
@@ -356,7 +373,8 @@ pub const NOUGHTS: HitLanes = [0.0; LANES];
 /// Rays that go on forever.
 pub const ENDLESS: HitLanes = [f32::INFINITY; LANES];
 
-/// [`Carried`] column by column, of paths that are not branched; those of lanes without a path are anything.
+/// [`Carried`] column by column, of paths that are not branched; those of lanes without a path are
+/// anything.
 #[derive(Clone, Copy, Debug)]
 pub struct CarriedColumns<'a> {
     /// By channel.
@@ -445,7 +463,11 @@ pub fn color_at<const CHANNELS: usize>(v: &[HitLanes; CHANNELS], lane: usize) ->
 
 /// Puts a spectrum into a lane, as far as there are channels.
 #[inline(always)]
-pub fn put_color<const CHANNELS: usize>(v: &mut [HitLanes; CHANNELS], lane: usize, to: SampledSpectrum) {
+pub fn put_color<const CHANNELS: usize>(
+    v: &mut [HitLanes; CHANNELS],
+    lane: usize,
+    to: SampledSpectrum,
+) {
     for (channel, x) in v.iter_mut().zip(to.0) {
         channel[lane] = x;
     }

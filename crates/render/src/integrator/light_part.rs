@@ -1,6 +1,8 @@
-//! Which way light took to the camera, and the parts of a picture by it: for layers that add up to the picture.
+//! Which way light took to the camera, and the parts of a picture by it: for layers that add up to
+//! the picture.
 //!
-//! A path counts as what its *first* scattering is, seen from the camera: a mirror image of a wall is specular, whatever the wall is.
+//! A path counts as what its *first* scattering is, seen from the camera: a mirror image of a wall
+//! is specular, whatever the wall is.
 
 use snell_math::SampledSpectrum;
 use snell_math::Vec3;
@@ -54,15 +56,16 @@ pub struct LightPart {
     pub lobe: Option<Lobe>,
     /// How often it was scattered.
     pub scatterings: Option<Scatterings>,
-    /// Number of the light group, see [`crate::settings::LightGroup`]; one past the last is the light of no group.
+    /// Number of the light group, see [`crate::settings::LightGroup`]; one past the last is the
+    /// light of no group.
     pub group: Option<u8>,
 }
 
 impl LightPart {
     /// How much of some light belongs to the part, by lane.
     pub fn share(&self, light: &LightTag) -> SampledSpectrum {
-        let fits =
-            self.scatterings.is_none_or(|s| s == light.scatterings) && self.group.is_none_or(|g| g == light.group);
+        let fits = self.scatterings.is_none_or(|s| s == light.scatterings)
+            && self.group.is_none_or(|g| g == light.group);
         match self.lobe {
             _ if !fits => SampledSpectrum::ZERO,
             None => SampledSpectrum::ONE,
@@ -103,7 +106,10 @@ impl LobeShares {
 
     /// Reflection by diffuse lobes alone, where all of this is reflected.
     pub fn of_matte(reflectance: SampledSpectrum) -> Self {
-        Self { diffuse: SampledSpectrum(reflectance.0.map(|r| f32::from(r > 0.0))), rest: Lobe::Specular }
+        Self {
+            diffuse: SampledSpectrum(reflectance.0.map(|r| f32::from(r > 0.0))),
+            rest: Lobe::Specular,
+        }
     }
 
     /// The share of a lobe.
@@ -155,15 +161,19 @@ mod tests {
 
     #[test]
     fn parts_of_the_light_are_the_bits_of_one_vertex_at_a_time() {
-        let of_lobes: Vec<Aov> = Aov::ALL.into_iter().filter(|aov| matches!(aov, Aov::Light(_))).collect();
+        let of_lobes: Vec<Aov> =
+            Aov::ALL.into_iter().filter(|aov| matches!(aov, Aov::Light(_))).collect();
         let counts = |aov: &&Aov| matches!(aov, Aov::Light(part) if part.lobe.is_none());
         let of_counts: Vec<Aov> = of_lobes.iter().filter(counts).copied().collect();
-        for name in ["cornell-box", "teapot", "spheres", "caustic", "night-town", "fog", "drink", "smoke"] {
+        for name in
+            ["cornell-box", "teapot", "spheres", "caustic", "night-town", "fog", "drink", "smoke"]
+        {
             let mut scene = builtin(name).expect("the scene is built in");
             if name == "cornell-box" {
                 scene.materials[0].kind = Diffuse::new(Rgb::new(0.9, 0.6, 0.0)).into();
                 let colors = (Rgb::splat(1e-4), Rgb::splat(1e-3));
-                scene.medium = Some(scene.add_medium(Homogeneous::scattering(colors.0, colors.1, 0.4)));
+                scene.medium =
+                    Some(scene.add_medium(Homogeneous::scattering(colors.0, colors.1, 0.4)));
             }
             let sources = vec![LightSource::Environment, LightSource::Material(MaterialId(0))];
             let groups = vec![LightGroup { name: "some".into(), sources }];
@@ -176,8 +186,15 @@ mod tests {
             ];
             for (aovs, clamp, color) in ways {
                 let is_direct = clamp == Some(0.5);
-                let integrator = if is_direct { IntegratorKind::Direct } else { IntegratorKind::Path };
-                let how = Settings { size: [32, 24], spp: 4, max_depth: 6, integrator, ..Settings::default() };
+                let integrator =
+                    if is_direct { IntegratorKind::Direct } else { IntegratorKind::Path };
+                let how = Settings {
+                    size: [32, 24],
+                    spp: 4,
+                    max_depth: 6,
+                    integrator,
+                    ..Settings::default()
+                };
                 let settings = Settings { aovs, clamp, color, light_groups: groups.clone(), ..how };
                 assert_alike_at_every_level(&scene, &Moving::default(), &settings);
                 if color == ColorModel::Spectral {

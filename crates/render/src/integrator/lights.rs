@@ -1,5 +1,6 @@
-//! Light samples of many vertices at once, where the chosen lights are an environment or without a surface, or shine alike everywhere and are flat and far, or
-//! rectangles, triangles and spheres: what [`super::estimators::sample_light`] gives one at a time, bit for bit.
+//! Light samples of many vertices at once, where the chosen lights are an environment or without a
+//! surface, or shine alike everywhere and are flat and far, or rectangles, triangles and spheres:
+//! what [`super::estimators::sample_light`] gives one at a time, bit for bit.
 
 use super::delta_samples::{DeltaSamples, arrive_from_delta};
 use super::estimators::SHADOW_END;
@@ -85,7 +86,8 @@ pub struct LightArrivals {
     /// Direction from the vertex, and the density with which it was chosen.
     pub direction: HitVectors,
     pub density: HitLanes,
-    /// Density with which the path itself would go there, unguided: at Lambertian surfaces the cosine of incidence over pi.
+    /// Density with which the path itself would go there, unguided: at Lambertian surfaces the
+    /// cosine of incidence over pi.
     pub share: HitLanes,
     /// Weight by multiple importance sampling.
     pub weight: HitLanes,
@@ -113,7 +115,8 @@ pub struct Surfaces<'a> {
 pub trait Scatterers {
     fn position(&self) -> &HitVectors;
 
-    /// The density with which the path of a lane itself would go in a direction, and whether any light from there counts.
+    /// The density with which the path of a lane itself would go in a direction, and whether any
+    /// light from there counts.
     fn share(&self, lane: usize, direction: Vec3) -> (f32, bool);
 
     /// Where a ray of this direction starts that leaves the vertex of a lane.
@@ -127,7 +130,8 @@ impl Scatterers for Surfaces<'_> {
 
     #[inline(always)]
     fn share(&self, lane: usize, direction: Vec3) -> (f32, bool) {
-        let (n, flat, wo) = (at(self.normal, lane), at(&self.points.geometric_normal, lane), at(self.wo, lane));
+        let (n, flat, wo) =
+            (at(self.normal, lane), at(&self.points.geometric_normal, lane), at(self.wo, lane));
         let (cos_i, horizon) = (n.dot(direction), horizon(flat, n, at(self.lift, lane)));
         let is_seen = (n.dot(wo) * cos_i > 0.0) & (horizon.dot(wo) * horizon.dot(direction) > 0.0);
         (if is_seen { cos_i.abs() * FRAC_1_PI } else { 0.0 }, is_seen)
@@ -139,8 +143,9 @@ impl Scatterers for Surfaces<'_> {
     }
 }
 
-/// Surfaces of which no more is known here than where they are: how they scatter must be asked one by one, and the density with which
-/// a path goes somewhere is to be weighed in later ([`LightArrivals::weigh`]).
+/// Surfaces of which no more is known here than where they are: how they scatter must be asked one
+/// by one, and the density with which a path goes somewhere is to be weighed in later
+/// ([`LightArrivals::weigh`]).
 #[derive(Clone, Copy, Debug)]
 pub struct Skins<'a> {
     pub points: &'a TrianglePoints,
@@ -166,9 +171,20 @@ impl Scatterers for Skins<'_> {
 
 /// Where a ray of this direction starts that leaves the surface of a lane.
 #[inline(always)]
-pub fn ray_origin(points: &TrianglePoints, lift: &HitVectors, lane: usize, direction: Vec3) -> Vec3 {
+pub fn ray_origin(
+    points: &TrianglePoints,
+    lift: &HitVectors,
+    lane: usize,
+    direction: Vec3,
+) -> Vec3 {
     let (position, error) = (at(&points.position, lane), at(&points.position_error, lane));
-    lifted_ray_origin(position, error, at(&points.geometric_normal, lane), at(lift, lane), direction)
+    lifted_ray_origin(
+        position,
+        error,
+        at(&points.geometric_normal, lane),
+        at(lift, lane),
+        direction,
+    )
 }
 
 /// Points of media.
@@ -232,7 +248,18 @@ impl Default for LightArrivals {
         let (zero, exists) = ([0.0; LANES], [0; LANES]);
         let (origin, way, direction) = (ZERO, ZERO, ZERO);
         let [end, density, share, weight, scale] = [zero; 5];
-        Self { origin, way, end, direction, density, share, weight, scale, is_delta: exists, exists }
+        Self {
+            origin,
+            way,
+            end,
+            direction,
+            density,
+            share,
+            weight,
+            scale,
+            is_delta: exists,
+            exists,
+        }
     }
 }
 
@@ -302,9 +329,15 @@ impl LightSamples {
         Self { spectra, ..Self::default() }
     }
 
-    /// Works out the radiance that is not known yet: at the wavelengths of the paths of the first lanes, so many, and that of an environment where
-    /// it arrives.
-    pub fn shine(&mut self, scene: &CompiledScene, arrivals: &LightArrivals, modes: &[ColorMode; LANES], count: usize) {
+    /// Works out the radiance that is not known yet: at the wavelengths of the paths of the first
+    /// lanes, so many, and that of an environment where it arrives.
+    pub fn shine(
+        &mut self,
+        scene: &CompiledScene,
+        arrivals: &LightArrivals,
+        modes: &[ColorMode; LANES],
+        count: usize,
+    ) {
         if let Some(sky) = &scene.environment {
             for &lane in &self.sky_lanes {
                 let lane = lane as usize % LANES;
@@ -346,11 +379,19 @@ impl LightSamples {
         }
     }
 
-    /// Looks up the lights that were chosen for these points, the first so many, and decides how each is sampled.
-    fn look_up(&mut self, scene: &CompiledScene, positions: &HitVectors, count: usize, wide: Option<Wide>) {
+    /// Looks up the lights that were chosen for these points, the first so many, and decides how
+    /// each is sampled.
+    fn look_up(
+        &mut self,
+        scene: &CompiledScene,
+        positions: &HitVectors,
+        count: usize,
+        wide: Option<Wide>,
+    ) {
         let (mut changed, mut changes) = ([0; LANES], 0);
         for lane in 0..count.min(LANES) {
-            let is_same = (self.light[lane] == self.chosen.light[lane]) & (self.part[lane] == self.chosen.part[lane]);
+            let is_same = (self.light[lane] == self.chosen.light[lane])
+                & (self.part[lane] == self.chosen.part[lane]);
             changed[changes % LANES] = lane;
             changes += usize::from(!is_same);
         }
@@ -365,7 +406,8 @@ impl LightSamples {
         at_level!(wide, tell_far, (lights: &mut LightSamples = self, positions: &HitVectors = positions));
     }
 
-    /// Puts the light that was chosen for a lane into it, if it `found` one of those that are held here.
+    /// Puts the light that was chosen for a lane into it, if it `found` one of those that are held
+    /// here.
     fn put(&mut self, lane: usize, found: Option<Held>) {
         let (light, part) = (self.chosen.light[lane], self.chosen.part[lane]);
         (self.light[lane], self.part[lane]) = (light, part);
@@ -380,7 +422,9 @@ impl LightSamples {
             }
             Some(Held::Bare(bare)) => {
                 self.delta.put(lane, bare.punctual.as_ref());
-                if let Some((spectrum, punctual)) = self.spectra.get_mut(lane).zip(bare.punctual.as_ref()) {
+                if let Some((spectrum, punctual)) =
+                    self.spectra.get_mut(lane).zip(bare.punctual.as_ref())
+                {
                     *spectrum = bare.spectrum(punctual);
                 }
                 (self.how_near[lane], self.source[lane]) = (DELTA, LightSource::Light(light));
@@ -425,11 +469,17 @@ impl LightSamples {
     }
 
     /// Numbers for the samples of the lights in the first lanes, so many.
-    pub fn numbers(&self, randoms: &ManyRandoms<LANES>, count: usize, wide: Option<Wide>) -> [HitLanes; 2] {
+    pub fn numbers(
+        &self,
+        randoms: &ManyRandoms<LANES>,
+        count: usize,
+        wide: Option<Wide>,
+    ) -> [HitLanes; 2] {
         if self.are_dark(count) { [[0.0; LANES]; 2] } else { randoms.pairs(dimension::LIGHT, wide) }
     }
 
-    /// Samples the lights of the first lanes, so many, for paths of these modes, weighted against the directions that a path would take by itself.
+    /// Samples the lights of the first lanes, so many, for paths of these modes, weighted against
+    /// the directions that a path would take by itself.
     pub fn arrivals<S: Scatterers>(
         &mut self,
         scene: &CompiledScene,
@@ -446,7 +496,9 @@ impl LightSamples {
             return;
         }
         let how = &self.how[..count];
-        let lanes = |which: u32| (0..).zip(how).filter(move |(_, how)| **how == which).map(|(lane, _)| lane);
+        let lanes = |which: u32| {
+            (0..).zip(how).filter(move |(_, how)| **how == which).map(|(lane, _)| lane)
+        };
         self.near.lanes.clear();
         self.near.lanes.extend(lanes(NEAR));
         self.sky_lanes.extend(lanes(SKY));
@@ -489,7 +541,14 @@ impl LightSamples {
         }
         if !self.delta_lanes.is_empty() {
             let Self { delta, delta_lanes, light, radiance, .. } = self;
-            delta.sample(delta_lanes, |lane| bare_light(scene, light[lane]), (to.position(), modes), u, radiance, wide);
+            delta.sample(
+                delta_lanes,
+                |lane| bare_light(scene, light[lane]),
+                (to.position(), modes),
+                u,
+                radiance,
+                wide,
+            );
             at_level!(
                 wide,
                 <S: Scatterers> arrive_from_delta::<S>,
@@ -523,7 +582,11 @@ impl LightArrivals {
     /// Weighs the sample of a lane against paths that would go there with this density.
     #[inline(always)]
     pub fn weigh(&mut self, lane: usize, pdf: f32) {
-        let weight = if self.is_delta[lane] != 0 { 1.0 } else { sampling::power_heuristic(self.density[lane], pdf) };
+        let weight = if self.is_delta[lane] != 0 {
+            1.0
+        } else {
+            sampling::power_heuristic(self.density[lane], pdf)
+        };
         (self.weight[lane], self.scale[lane]) = (weight, weight / self.density[lane]);
     }
 
@@ -537,7 +600,8 @@ impl LightArrivals {
     }
 }
 
-/// The normal of the plane below which nothing is reflected: that of the surface itself, or where it is lifted the shading normal.
+/// The normal of the plane below which nothing is reflected: that of the surface itself, or where
+/// it is lifted the shading normal.
 #[inline(always)]
 pub fn horizon(flat: Vec3, normal: Vec3, lift: Vec3) -> Vec3 {
     let is_lifted = lift != Vec3::ZERO;

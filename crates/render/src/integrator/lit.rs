@@ -1,10 +1,11 @@
-//! What lights bring to vertices that are worked on together, and where their paths go on: the same for surfaces and points of media.
+//! What lights bring to vertices that are worked on together, and where their paths go on: the same
+//! for surfaces and points of media.
 
 use super::carried::{Expected, Marks};
 use super::guided::unknown_survival;
 use super::lanes::{
-    BLACK, CarriedColumns, CarriedLanes, HitColors, LANES, MarkLanes, NOUGHTS, Roulette, UNMARKED, VertexLanes,
-    put_color,
+    BLACK, CarriedColumns, CarriedLanes, HitColors, LANES, MarkLanes, NOUGHTS, Roulette, UNMARKED,
+    VertexLanes, put_color,
 };
 use super::lights::{ALONE, LightArrivals, LightSamples};
 use super::path::{SCATTERED_SPREAD, WeightedLight};
@@ -72,7 +73,8 @@ impl LitOutputs {
         let scale = arrivals.scale[lane];
         let (mut is_bright, mut is_finite) = (false, true);
         for (channel, scattered) in scattered.into_iter().enumerate() {
-            let value = carried.throughput[channel][lane] * scattered * radiance[channel][lane] * scale;
+            let value =
+                carried.throughput[channel][lane] * scattered * radiance[channel][lane] * scale;
             self.brought[channel][lane] = value;
             is_bright |= value != 0.0;
             is_finite &= value.abs() < f32::INFINITY;
@@ -80,17 +82,26 @@ impl LitOutputs {
         self.is_lit[lane] = u32::from((arrivals.exists[lane] != 0) & is_bright & is_finite);
     }
 
-    /// Notes what else the path of a lane carries on from where it was scattered, or from a delta lobe.
+    /// Notes what else the path of a lane carries on from where it was scattered, or from a delta
+    /// lobe.
     #[inline(always)]
-    pub fn mark(&mut self, lane: usize, carried: &CarriedLanes, expected: Expected, transmits: bool, is_delta: bool) {
+    pub fn mark(
+        &mut self,
+        lane: usize,
+        carried: &CarriedLanes,
+        expected: Expected,
+        transmits: bool,
+        is_delta: bool,
+    ) {
         let before = carried.cone_spread[lane];
         self.cone_spread[lane] = if is_delta { before } else { most(before, SCATTERED_SPREAD) };
         let is_specular = is_delta & carried.marks[lane].is_specular();
         self.marks[lane] = Marks::new(expected, transmits, is_specular);
     }
 
-    /// Works out whether the path of a lane goes on in the direction that was drawn: if it `exists` and roulette, which looks at
-    /// `survival` or, without that, at what is left of the throughput, lets it. `weight` is the factor on the throughput.
+    /// Works out whether the path of a lane goes on in the direction that was drawn: if it `exists`
+    /// and roulette, which looks at `survival` or, without that, at what is left of the throughput,
+    /// lets it. `weight` is the factor on the throughput.
     #[inline(always)]
     pub fn go_on<const CHANNELS: usize>(
         &mut self,
@@ -130,10 +141,20 @@ impl LitLanes {
     ) -> CarriedColumns<'a> {
         let LitOutputs { throughput, cone_spread, marks, .. } = &self.outputs;
         let (cone_width, position) = (&lanes.carried.cone_width, &lanes.points.position);
-        CarriedColumns { throughput, eta_scale, cone_width, cone_spread, marks, position, bsdf_pdf, normal }
+        CarriedColumns {
+            throughput,
+            eta_scale,
+            cone_width,
+            cone_spread,
+            marks,
+            position,
+            bsdf_pdf,
+            normal,
+        }
     }
 
-    /// Samples the lights of the first lanes, so many, that are not among [`LightSamples`], with these numbers.
+    /// Samples the lights of the first lanes, so many, that are not among [`LightSamples`], with
+    /// these numbers.
     pub fn sample_alone(
         &mut self,
         count: usize,

@@ -1,15 +1,17 @@
-//! What most integrators do at Lambertian surfaces, at many vertices at once: the same as [`super::path`] and [`super::classic`], bit
-//! for bit, in loops that become vector code. Such surfaces are most of many scenes, and cost little else.
+//! What most integrators do at Lambertian surfaces, at many vertices at once: the same as
+//! [`super::path`] and [`super::classic`], bit for bit, in loops that become vector code. Such
+//! surfaces are most of many scenes, and cost little else.
 //!
-//! Which vertices come here depends on the scene and the settings alone, and no lane looks at another, so that a path does not depend
-//! on what shares its batch.
+//! Which vertices come here depends on the scene and the settings alone, and no lane looks at
+//! another, so that a path does not depend on what shares its batch.
 
 use super::carried::Expected;
 use super::estimators::{Arrival, may_be_lifted};
 use super::guided_lanes::{Directions, GuidedLanes};
 use super::lanes::{
-    Arriving, BLACK, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, LitColumns, OtherPoint,
-    RayColumns, Roulette, VertexLanes, ZERO, at, at_level_by_color, color_at, put_color,
+    Arriving, BLACK, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, LitColumns,
+    OtherPoint, RayColumns, Roulette, VertexLanes, ZERO, at, at_level_by_color, color_at,
+    put_color,
 };
 use super::light_part::{LightSource, LobeShares};
 use super::lights::{LightArrivals, LightSamples, Surfaces, horizon};
@@ -70,8 +72,10 @@ struct Seen {
 impl Seen {
     /// The surface of a lane that has this shading normal and reflectance.
     fn at(lanes: &VertexLanes, normal: &HitVectors, reflectance: &HitColors, lane: usize) -> Self {
-        let (wo, normal, reflectance) = (at(&lanes.wo, lane), at(normal, lane), color_at(reflectance, lane));
-        let (geometric_normal, lift) = (at(&lanes.points.geometric_normal, lane), at(&lanes.lift, lane));
+        let (wo, normal, reflectance) =
+            (at(&lanes.wo, lane), at(normal, lane), color_at(reflectance, lane));
+        let (geometric_normal, lift) =
+            (at(&lanes.points.geometric_normal, lane), at(&lanes.lift, lane));
         let horizon = horizon(geometric_normal, normal, lift);
         let arrival = lanes.arrival(lane);
         Self { arrival, normal, horizon, cos_o: normal.dot(wo), side: horizon.dot(wo), reflectance }
@@ -100,14 +104,20 @@ impl MatteVertices {
             reflectance: BLACK,
             normal: ZERO,
             facing: ZERO,
-            bounces: Bounces { wi: ZERO, origin: ZERO, pdf: [0.0; LANES], weight: BLACK, exists: [0; LANES] },
+            bounces: Bounces {
+                wi: ZERO,
+                origin: ZERO,
+                pdf: [0.0; LANES],
+                weight: BLACK,
+                exists: [0; LANES],
+            },
             guided: Box::default(),
             lit: LitLanes { lights: LightSamples::new(color), ..LitLanes::default() },
         }
     }
 
-    /// Puts vertices of this depth on [`MatteSurfaces`] into the lanes: those of the paths with these numbers, at most [`LANES`], of
-    /// which the dead are left out.
+    /// Puts vertices of this depth on [`MatteSurfaces`] into the lanes: those of the paths with
+    /// these numbers, at most [`LANES`], of which the dead are left out.
     pub fn gather(
         &mut self,
         context: &Context,
@@ -123,7 +133,11 @@ impl MatteVertices {
             let (ray, hit) = (&from.rays[path], &from.hits[path]);
             match surfaces.plain(hit) {
                 Some(surface) => {
-                    put_color(&mut self.reflectance, lane, surface.reflectance_in(self.lanes.modes[lane]));
+                    put_color(
+                        &mut self.reflectance,
+                        lane,
+                        surface.reflectance_in(self.lanes.modes[lane]),
+                    );
                     self.lanes.put_triangle(lane);
                 }
                 None => self.gather_other(context, lane, ray, hit),
@@ -146,7 +160,11 @@ impl MatteVertices {
         }
         let time = self.lanes.times[lane];
         let surface = scene.interaction(ray, time, hit);
-        let point = scene.shading_point(&surface, self.lanes.carried.cone_width[lane], self.lanes.modes[lane]);
+        let point = scene.shading_point(
+            &surface,
+            self.lanes.carried.cone_width[lane],
+            self.lanes.modes[lane],
+        );
         let Some((reflectance, shading_normal)) = material.matte_at(&point) else { return };
         put_color(&mut self.reflectance, lane, reflectance);
         let lift = match may_be_lifted(context, material) {
@@ -185,8 +203,12 @@ impl MatteVertices {
         self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
         let light = self.lit.lights.numbers(&self.lanes.randoms, count, wide);
         self.lit.glowing = [None; LANES];
-        let surfaces =
-            Surfaces { points: &self.lanes.points, normal: &self.normal, wo: &self.lanes.wo, lift: &self.lanes.lift };
+        let surfaces = Surfaces {
+            points: &self.lanes.points,
+            normal: &self.normal,
+            wo: &self.lanes.wo,
+            lift: &self.lanes.lift,
+        };
         let to = (&surfaces, &self.lanes.modes);
         self.lit.lights.arrivals(context.scene, to, &light, count, wide, &mut self.lit.arrivals);
         self.lit.lights.shine(context.scene, &self.lit.arrivals, &self.lanes.modes, count);
@@ -221,7 +243,16 @@ impl MatteVertices {
             let throughput = color_at(&lanes.carried.throughput, lane);
             weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| {
                 let (value, pdf) = seen.reflected(wi);
-                (value, guided.mixed_pdf(context.field, lane, at(&lanes.points.position, lane), wi, pdf))
+                (
+                    value,
+                    guided.mixed_pdf(
+                        context.field,
+                        lane,
+                        at(&lanes.points.position, lane),
+                        wi,
+                        pdf,
+                    ),
+                )
             })
         });
     }
@@ -240,10 +271,19 @@ impl MatteVertices {
         );
     }
 
-    /// What a vertex of `raycast` or `whitted` gives: ambient light, and a light ray for each light.
-    pub fn shade_classic(&self, context: &Context, lane: usize, state: &PathState, random: &Random, out: &mut Outputs) {
+    /// What a vertex of `raycast` or `whitted` gives: ambient light, and a light ray for each
+    /// light.
+    pub fn shade_classic(
+        &self,
+        context: &Context,
+        lane: usize,
+        state: &PathState,
+        random: &Random,
+        out: &mut Outputs,
+    ) {
         let seen = self.seen(lane);
-        let ambient = seen.reflectance * state.mode.illuminant(context.scene.ambient + context.settings.fill);
+        let ambient =
+            seen.reflectance * state.mode.illuminant(context.scene.ambient + context.settings.fill);
         out.radiance = state.throughput * ambient;
         let local = |wi| seen.reflected(wi).0 * PI;
         classic::add_lights(context, state.throughput, random, &seen.arrival, local, out);
@@ -267,12 +307,16 @@ impl MatteVertices {
     /// True if the light ray of a lane starts through the surface, by rounding.
     pub fn passes(&self, lane: usize) -> bool {
         let normal = at(&self.lanes.points.geometric_normal, lane);
-        self.lit.arrivals.shadow_rays().at(lane).direction.dot(normal) * -at(&self.lanes.wo, lane).dot(normal) > 0.0
+        self.lit.arrivals.shadow_rays().at(lane).direction.dot(normal)
+            * -at(&self.lanes.wo, lane).dot(normal)
+            > 0.0
     }
 
-    /// The source of the light ray of a lane, if it sends one, and its weight by multiple importance sampling.
+    /// The source of the light ray of a lane, if it sends one, and its weight by multiple
+    /// importance sampling.
     pub fn light_source(&self, lane: usize) -> Option<(LightSource, f32)> {
-        (self.lit.outputs.is_lit[lane] != 0).then(|| (self.lit.lights.source[lane], self.lit.arrivals.weight[lane]))
+        (self.lit.outputs.is_lit[lane] != 0)
+            .then(|| (self.lit.lights.source[lane], self.lit.arrivals.weight[lane]))
     }
 
     /// As [`super::Outputs::choice`], in a lane of which the path goes on.
@@ -280,10 +324,13 @@ impl MatteVertices {
         let field = context.field.filter(|field| field.is_learning())?;
         let (direction, pdf) = (at(&self.bounces.wi, lane), self.bounces.pdf[lane]);
         let bsdf_share = match self.guided.known(lane) {
-            Some(known) => field.brief(known).bsdf_share * self.seen(lane).reflected(direction).1 / pdf,
+            Some(known) => {
+                field.brief(known).bsdf_share * self.seen(lane).reflected(direction).1 / pdf
+            }
             None => 1.0,
         };
-        let survival = context.roulette(depth).map_or(1.0, |most| self.guided.survival[lane].min(most));
+        let survival =
+            context.roulette(depth).map_or(1.0, |most| self.guided.survival[lane].min(most));
         let (position, normal) = (at(&self.lanes.points.position, lane), at(&self.facing, lane));
         Some(Choice { position, normal, direction, pdf: pdf * survival, bsdf_share })
     }
@@ -308,7 +355,12 @@ impl Columns for MatteVertices {
     }
 
     fn carried(&self) -> CarriedColumns<'_> {
-        self.lit.carried(&self.lanes, &self.lanes.carried.eta_scale, &self.bounces.pdf, &self.facing)
+        self.lit.carried(
+            &self.lanes,
+            &self.lanes.carried.eta_scale,
+            &self.bounces.pdf,
+            &self.facing,
+        )
     }
 }
 
@@ -341,8 +393,16 @@ fn give<const CHANNELS: usize>(known: &Known, to: &mut LitOutputs) {
         let scattered = std::array::from_fn(|channel| reflectance[channel][i] * cosine);
         let weight: [f32; CHANNELS] = std::array::from_fn(|channel| bounces.weight[channel][i]);
         to.bring::<CHANNELS>(i, carried, scattered, radiance, arrivals);
-        to.go_on(i, carried, (weight, &carried.eta_scale), survival, roulette, bounces.exists[i] != 0);
-        let expected = guided.map_or(Expected::default(), |guided| Expected::of(guided.expected[i]));
+        to.go_on(
+            i,
+            carried,
+            (weight, &carried.eta_scale),
+            survival,
+            roulette,
+            bounces.exists[i] != 0,
+        );
+        let expected =
+            guided.map_or(Expected::default(), |guided| Expected::of(guided.expected[i]));
         to.mark(i, carried, expected, false, false);
     }
 }
@@ -352,7 +412,11 @@ fn give<const CHANNELS: usize>(known: &Known, to: &mut LitOutputs) {
 fn normals(points: &TrianglePoints, wo: &HitVectors, normal: &mut HitVectors) {
     for i in 0..LANES {
         let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
-        let n = visible_normal(vector(&points.shading_normal), vector(&points.geometric_normal), vector(wo));
+        let n = visible_normal(
+            vector(&points.shading_normal),
+            vector(&points.geometric_normal),
+            vector(wo),
+        );
         (0..3).for_each(|axis| normal[axis][i] = n[axis]);
     }
 }
@@ -377,15 +441,23 @@ fn bounce(
         let up = sampling::cosine_hemisphere(Vec2::new(u[0][i], u[1][i]));
         let pdf = up.z * FRAC_1_PI;
         let cos_o = n.dot(wo);
-        // (One factor for both uses: two conditions alike become two branches with masked stores, which some processors take twenty cycles for.)
+        // (One factor for both uses: two conditions alike become two branches with masked stores,
+        // which some processors take twenty cycles for.)
         let side = if cos_o < 0.0 { -1.0 } else { 1.0 };
         let local = Vec3::new(up.x, up.y, side * up.z);
         let direction = frame.from_local(local);
         let scale = 1.0 / direction.length();
         let wi = direction * scale;
         let is_seen = horizon.dot(wo) * horizon.dot(wi) > 0.0;
-        let exists = is_seen & (pdf > 0.0) & (cos_o != 0.0) & (scale > 0.0) & (scale < f32::INFINITY);
-        let origin = lifted_ray_origin(vector(&points.position), vector(&points.position_error), flat, lift, wi);
+        let exists =
+            is_seen & (pdf > 0.0) & (cos_o != 0.0) & (scale > 0.0) & (scale < f32::INFINITY);
+        let origin = lifted_ray_origin(
+            vector(&points.position),
+            vector(&points.position_error),
+            flat,
+            lift,
+            wi,
+        );
         for axis in 0..3 {
             normal[axis][i] = n[axis];
             facing[axis][i] = side * n[axis];
@@ -416,22 +488,74 @@ mod tests {
         let guiding = Guiding { passes: 2, photons: 1 << 13 };
         for name in ["cornell-box", "teapot", "spheres", "caustic", "night-town", "fog", "smoke"] {
             let mut scene = builtin(name).expect("the scene is built in");
-            for (i, material) in scene.materials.iter_mut().enumerate().filter(|(_, m)| !m.is_emissive()) {
+            for (i, material) in
+                scene.materials.iter_mut().enumerate().filter(|(_, m)| !m.is_emissive())
+            {
                 material.kind = Diffuse::new(Rgb::new(0.9, 0.6, 0.1 * (i % 8) as f32)).into();
             }
             let kinds = [
                 (IntegratorKind::Path, SamplerKind::ZSobol, Shadows::Hard, None, ColorModel::Rgb),
-                (IntegratorKind::Path, SamplerKind::Independent, Shadows::Hard, None, ColorModel::Rgb),
-                (IntegratorKind::Path, SamplerKind::ZSobol, Shadows::Hard, Some(guiding), ColorModel::Rgb),
-                (IntegratorKind::Raycast, SamplerKind::ZSobol, Shadows::Hard, None, ColorModel::Rgb),
-                (IntegratorKind::Whitted, SamplerKind::ZSobol, Shadows::Soft, None, ColorModel::Rgb),
-                (IntegratorKind::Path, SamplerKind::ZSobol, Shadows::Hard, None, ColorModel::Spectral),
-                (IntegratorKind::Path, SamplerKind::ZSobol, Shadows::Hard, Some(guiding), ColorModel::Spectral),
-                (IntegratorKind::Whitted, SamplerKind::ZSobol, Shadows::Soft, None, ColorModel::Spectral),
+                (
+                    IntegratorKind::Path,
+                    SamplerKind::Independent,
+                    Shadows::Hard,
+                    None,
+                    ColorModel::Rgb,
+                ),
+                (
+                    IntegratorKind::Path,
+                    SamplerKind::ZSobol,
+                    Shadows::Hard,
+                    Some(guiding),
+                    ColorModel::Rgb,
+                ),
+                (
+                    IntegratorKind::Raycast,
+                    SamplerKind::ZSobol,
+                    Shadows::Hard,
+                    None,
+                    ColorModel::Rgb,
+                ),
+                (
+                    IntegratorKind::Whitted,
+                    SamplerKind::ZSobol,
+                    Shadows::Soft,
+                    None,
+                    ColorModel::Rgb,
+                ),
+                (
+                    IntegratorKind::Path,
+                    SamplerKind::ZSobol,
+                    Shadows::Hard,
+                    None,
+                    ColorModel::Spectral,
+                ),
+                (
+                    IntegratorKind::Path,
+                    SamplerKind::ZSobol,
+                    Shadows::Hard,
+                    Some(guiding),
+                    ColorModel::Spectral,
+                ),
+                (
+                    IntegratorKind::Whitted,
+                    SamplerKind::ZSobol,
+                    Shadows::Soft,
+                    None,
+                    ColorModel::Spectral,
+                ),
             ];
             for (integrator, sampler, shadows, guiding, color) in kinds {
                 let (max_depth, fill) = (9, Rgb::new(0.1, 0.2, 0.3));
-                let how = Settings { max_depth, sampler, integrator, shadows, fill, color, ..Settings::default() };
+                let how = Settings {
+                    max_depth,
+                    sampler,
+                    integrator,
+                    shadows,
+                    fill,
+                    color,
+                    ..Settings::default()
+                };
                 let settings = Settings { size: [36, 24], spp: 4, guiding, ..how };
                 assert_alike_at_every_level(&scene, &Moving::default(), &settings);
                 if sampler == SamplerKind::Independent || integrator == IntegratorKind::Whitted {

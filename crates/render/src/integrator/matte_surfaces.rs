@@ -12,7 +12,8 @@ use snell_scene::Material;
 /// Which surfaces [`super::matte`] works on.
 #[derive(Debug)]
 pub struct MatteSurfaces<'a> {
-    /// By geometry: the mesh and its reflectance, if that is the same everywhere and nothing moves it.
+    /// By geometry: the mesh and its reflectance, if that is the same everywhere and nothing moves
+    /// it.
     plain: Vec<Option<PlainSurface<'a>>>,
     /// By geometry, and last for nothing: what is known of hits on it outside of instances.
     kinds: Vec<Kind>,
@@ -54,7 +55,8 @@ impl<'a> MatteSurfaces<'a> {
     /// `None` if there are none.
     pub fn new(context: &Context<'a>) -> Option<Self> {
         let scene = context.scene;
-        let materials: Vec<_> = scene.materials.iter().map(|material| is_matte(context, material)).collect();
+        let materials: Vec<_> =
+            scene.materials.iter().map(|material| is_matte(context, material)).collect();
         let plain = |geometry: u32| {
             let mesh = scene.world.plain_mesh(GeometryId(geometry))?;
             let id = scene.only_material(geometry).filter(|id| materials[id.index()])?;
@@ -63,7 +65,11 @@ impl<'a> MatteSurfaces<'a> {
             let reflectance = material.as_matte()?.uniform().filter(|_| is_plain)?;
             let is_spectral = context.settings.color == ColorModel::Spectral;
             let spectrum = is_spectral.then(|| RgbSpectrum::of_factor(reflectance));
-            Some(PlainSurface { mesh, reflectance: ColorMode::Rgb.reflectance(reflectance), spectrum })
+            Some(PlainSurface {
+                mesh,
+                reflectance: ColorMode::Rgb.reflectance(reflectance),
+                spectrum,
+            })
         };
         let kind = |geometry: u32| match scene.only_material(geometry) {
             Some(id) if materials[id.index()] => Kind::Matte,

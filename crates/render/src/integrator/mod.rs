@@ -1,6 +1,7 @@
-//! Integrators: what light does. Each is a *vertex function*: a hit and a path's state in; radiance, weighted light rays and
-//! weighted next rays out. It holds no loop, no recursion and no queue, and sees nothing of what shares its batch: the driver
-//! ([`crate::job`]) owns batches, tracing, order and film.
+//! Integrators: what light does. Each is a *vertex function*: a hit and a path's state in;
+//! radiance, weighted light rays and weighted next rays out. It holds no loop, no recursion and no
+//! queue, and sees nothing of what shares its batch: the driver ([`crate::job`]) owns batches,
+//! tracing, order and film.
 
 mod ao;
 pub mod aov;
@@ -58,9 +59,11 @@ pub enum IntegratorKind {
     Whitted,
     /// Light that reaches the first hit directly from lights.
     Direct,
-    /// Ambient occlusion: the cosine-weighted share of the hemisphere that is free of near occluders.
+    /// Ambient occlusion: the cosine-weighted share of the hemisphere that is free of near
+    /// occluders.
     Ao,
-    /// Path tracing with next-event estimation, multiple importance sampling and Russian roulette (Kajiya, 1986; Veach, 1997).
+    /// Path tracing with next-event estimation, multiple importance sampling and Russian roulette
+    /// (Kajiya, 1986; Veach, 1997).
     #[default]
     Path,
     /// No light: the first of the chosen AOVs as a picture.
@@ -131,7 +134,8 @@ pub struct Context<'a> {
     pub lights: &'a LightSampler,
     /// What is known of where light comes from, if paths are guided.
     pub field: Option<&'a Field>,
-    /// True if somebody wants to know which lobes scatter: [`PathState::lobe`] and [`Outputs::light_lobe`].
+    /// True if somebody wants to know which lobes scatter: [`PathState::lobe`] and
+    /// [`Outputs::light_lobe`].
     pub wants_lobes: bool,
 }
 
@@ -144,8 +148,9 @@ impl Context<'_> {
         }
     }
 
-    /// The largest probability of going on, if Russian roulette plays at this depth. (Measured by variance times time: early roulette is
-    /// 1.2 to 1.3 times better where lights must be found; under an even sky, where nearly all noise is then its own, it is twice as bad.)
+    /// The largest probability of going on, if Russian roulette plays at this depth. (Measured by
+    /// variance times time: early roulette is 1.2 to 1.3 times better where lights must be found;
+    /// under an even sky, where nearly all noise is then its own, it is twice as bad.)
     pub(crate) fn roulette(&self, depth: u32) -> Option<f32> {
         let begins_late = self.field.is_none() && self.scene.is_evenly_lit();
         match depth {
@@ -160,14 +165,16 @@ impl Context<'_> {
 const LATE_ROULETTE: u32 = 4;
 const MAX_SURVIVAL: f32 = 0.98;
 
-/// What a path carries from vertex to vertex. All of it is a function of (pixel, sample, seed) alone.
+/// What a path carries from vertex to vertex. All of it is a function of (pixel, sample, seed)
+/// alone.
 #[derive(Clone, Copy, Debug)]
 pub struct PathState {
     /// Factor on all radiance found from here on.
     pub throughput: SampledSpectrum,
     /// What the lanes of the throughput stand for.
     pub mode: ColorMode,
-    /// Density per steradian of the last BSDF sample; 0 after the camera and after delta lobes: no light sample competes.
+    /// Density per steradian of the last BSDF sample; 0 after the camera and after delta lobes: no
+    /// light sample competes.
     pub bsdf_pdf: f32,
     /// The vertex where [`Self::bsdf_pdf`] was sampled: light samples there compete.
     pub receiver: Receiver,
@@ -175,8 +182,8 @@ pub struct PathState {
     pub eta_scale: f32,
     /// True while every bounce so far was a delta lobe.
     pub is_specular: bool,
-    /// For Russian roulette of guided paths: what the path was expected to bring at the first vertex of which a field knows something;
-    /// 0 before that.
+    /// For Russian roulette of guided paths: what the path was expected to bring at the first
+    /// vertex of which a field knows something; 0 before that.
     pub expected: Expected,
     /// Width of the ray's cone at its origin.
     pub cone_width: f32,
@@ -254,11 +261,13 @@ pub struct Outputs {
     pub light_rays: Vec<(Ray, SampledSpectrum)>,
     /// Where the light of the light rays comes from, if one source is meant.
     pub light_source: Option<LightSource>,
-    /// The medium that must glow at the end of the light rays for them to count; `None` for all other light.
+    /// The medium that must glow at the end of the light rays for them to count; `None` for all
+    /// other light.
     pub glowing: Option<MediumId>,
     /// By multiple importance sampling.
     pub weights: Weights,
-    /// What scatters the light of the light rays, at the first vertex and where [`Context::wants_lobes`].
+    /// What scatters the light of the light rays, at the first vertex and where
+    /// [`Context::wants_lobes`].
     pub light_lobe: LobeShares,
     /// Where the path goes on (several ways for a ray tree).
     pub next: Vec<(Ray, PathState)>,
@@ -266,8 +275,8 @@ pub struct Outputs {
     pub choice: Option<Choice>,
 }
 
-/// What multiple importance sampling gives two ways of finding the same light: 1 where only one can. For people to look at; the values
-/// are multiplied already.
+/// What multiple importance sampling gives two ways of finding the same light: 1 where only one
+/// can. For people to look at; the values are multiplied already.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
     /// Of the radiance found at the vertex: by following the path.

@@ -9,8 +9,8 @@ use snell_scene::Camera;
 /// Distance of what is seen behind the scene, in radii of the scene.
 const FAR: f64 = 1e5;
 
-/// The way over the picture from where the shutter opens to where it closes, in pixels, to the right and down. Zero where nothing moves
-/// or a part of the way is out of the camera's sight.
+/// The way over the picture from where the shutter opens to where it closes, in pixels, to the
+/// right and down. Zero where nothing moves or a part of the way is out of the camera's sight.
 pub fn on_the_picture(context: &Context, camera: &Camera, first: &FirstHit) -> [f32; 2] {
     if !is_any(context) {
         return [0.0; 2];
@@ -35,7 +35,8 @@ pub fn is_any(context: &Context) -> bool {
     context.scene.moves || !context.settings.later_cameras.is_empty()
 }
 
-/// Where a point of a surface that is at `point` at a time is when the shutter opens and when it closes.
+/// Where a point of a surface that is at `point` at a time is when the shutter opens and when it
+/// closes.
 fn ends(context: &Context, hit: &Hit, point: DVec3, time: f32) -> [DVec3; 2] {
     let world = &context.scene.world;
     let place = |time| world.world_from_instance_at(hit.instance, time);

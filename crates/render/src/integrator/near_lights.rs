@@ -1,10 +1,13 @@
-//! Light samples from near rectangles and triangles and from spheres, by solid angle: sixteen at once, in double precision.
+//! Light samples from near rectangles and triangles and from spheres, by solid angle: sixteen at
+//! once, in double precision.
 
 use super::lanes::{LANES, put};
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::Wide;
 use snell_math::{DVec2, DVec3, Vec2, Vec3, at_level};
-use snell_scene::light::area::{NearPart, NearRectangle, NearSample, NearSphere, NearTriangle, RoundSample};
+use snell_scene::light::area::{
+    NearPart, NearRectangle, NearSample, NearSphere, NearTriangle, RoundSample,
+};
 
 /// Near parts of one kind that are sampled together.
 const NEAR_LANES: usize = 16;
@@ -30,7 +33,8 @@ pub struct NearLights {
     pub samples: NearSamples<LANES>,
 }
 
-/// Where they are seen from, with which numbers they are sampled, and what is known of them, by lane.
+/// Where they are seen from, with which numbers they are sampled, and what is known of them, by
+/// lane.
 #[derive(Clone, Copy, Debug)]
 pub struct NearParts<'a> {
     pub positions: &'a HitVectors,
@@ -95,8 +99,9 @@ impl<const N: usize> Default for NearSamples<N> {
 }
 
 impl NearLights {
-    /// Samples the parts of the lanes that have one; `part` tells what is not known of rectangles and spheres. Of points of spheres, normals and bounds of
-    /// errors are put into the lanes of these columns.
+    /// Samples the parts of the lanes that have one; `part` tells what is not known of rectangles
+    /// and spheres. Of points of spheres, normals and bounds of errors are put into the lanes of
+    /// these columns.
     #[inline(never)]
     pub fn sample(
         &mut self,
@@ -105,7 +110,8 @@ impl NearLights {
         [normal, error]: [&mut HitVectors; 2],
         wide: Option<Wide>,
     ) {
-        let Self { lanes, of_kind, viewers, rectangles, triangles, spheres, round, found, samples } = self;
+        let Self { lanes, of_kind, viewers, rectangles, triangles, spheres, round, found, samples } =
+            self;
         samples.is_seen = [0; LANES];
         for kind in [RECTANGLE, TRIANGLE, SPHERE] {
             of_kind.clear();
@@ -205,7 +211,9 @@ impl NearTriangles {
 impl NearSpheres {
     fn gather(&mut self, lanes: &[u32], part: impl Fn(usize) -> Option<NearPart>) {
         for (i, &lane) in lanes.iter().enumerate() {
-            let Some(NearPart::Sphere(NearSphere { center, radius })) = part(lane as usize) else { continue };
+            let Some(NearPart::Sphere(NearSphere { center, radius })) = part(lane as usize) else {
+                continue;
+            };
             for axis in 0..3 {
                 self.center[axis][i] = center[axis];
             }
@@ -279,7 +287,12 @@ fn near_triangles(of: &NearTriangles, by: &Viewers, to: &mut NearSamples<NEAR_LA
 
 /// See [`NearSphere::sample`].
 #[inline(always)]
-fn near_spheres(of: &NearSpheres, by: &Viewers, to: &mut NearSamples<NEAR_LANES>, round: &mut RoundSamples) {
+fn near_spheres(
+    of: &NearSpheres,
+    by: &Viewers,
+    to: &mut NearSamples<NEAR_LANES>,
+    round: &mut RoundSamples,
+) {
     for i in 0..NEAR_LANES {
         let center = DVec3::new(of.center[0][i], of.center[1][i], of.center[2][i]);
         let sphere = NearSphere { center, radius: of.radius[i] };
@@ -302,7 +315,9 @@ mod tests {
     #[test]
     fn near_rectangles_are_sampled_alike_at_every_level() {
         let number = |i: u32, k: u32| uniform2([i, k, 5, 5]).x * 2.0 - 1.0;
-        let vector = |i: u32, k: u32| Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2));
+        let vector = |i: u32, k: u32| {
+            Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2))
+        };
         let (mut of, mut by) = (NearRectangles::default(), Viewers::default());
         let cases: [_; NEAR_LANES] = std::array::from_fn(|i| {
             let (x, y) = vector(i as u32, 0).as_dvec3().normalize().any_orthonormal_pair();
@@ -318,7 +333,8 @@ mod tests {
                 of.axes[0][axis][i] = x[axis];
                 of.axes[1][axis][i] = y[axis];
             }
-            ([of.half[0][i], of.half[1][i]], [by.u[0][i], by.u[1][i]]) = (rectangle.half.to_array(), u.to_array());
+            ([of.half[0][i], of.half[1][i]], [by.u[0][i], by.u[1][i]]) =
+                (rectangle.half.to_array(), u.to_array());
             (rectangle, from, u)
         });
         for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
@@ -333,7 +349,11 @@ mod tests {
                 let single = rectangle.sample(*from, *u);
                 let at = |v: &[[f32; NEAR_LANES]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
                 assert!(single.exists);
-                assert_eq!((at(&found.position), at(&found.direction)), (single.position, single.direction), "{level}");
+                assert_eq!(
+                    (at(&found.position), at(&found.direction)),
+                    (single.position, single.direction),
+                    "{level}"
+                );
                 assert_eq!((found.pdf[i], found.exists[i]), (single.pdf, 1), "{level}");
             }
         }
@@ -342,11 +362,14 @@ mod tests {
     #[test]
     fn near_triangles_are_sampled_alike_at_every_level() {
         let number = |i: u32, k: u32| uniform2([i, k, 7, 7]).x * 2.0 - 1.0;
-        let vector = |i: u32, k: u32| Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2));
+        let vector = |i: u32, k: u32| {
+            Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2))
+        };
         let (mut of, mut by) = (NearTriangles::default(), Viewers::default());
         let cases: [_; NEAR_LANES] = std::array::from_fn(|lane| {
             let i = lane as u32;
-            let triangle = NearTriangle { corner: vector(i, 1), edges: [vector(i, 2), vector(i, 3)] };
+            let triangle =
+                NearTriangle { corner: vector(i, 1), edges: [vector(i, 2), vector(i, 3)] };
             let (from, u) = (vector(i, 4), uniform2([i, 9, 5, 5]));
             for axis in 0..3 {
                 by.from[axis][lane] = from[axis];
@@ -367,7 +390,11 @@ mod tests {
             for (i, (triangle, from, u)) in cases.iter().enumerate() {
                 let (single, found) = (triangle.sample(*from, *u), found.get(i));
                 assert!(single.exists);
-                assert_eq!((found.position, found.direction), (single.position, single.direction), "{level}");
+                assert_eq!(
+                    (found.position, found.direction),
+                    (single.position, single.direction),
+                    "{level}"
+                );
                 assert_eq!((found.pdf, found.exists), (single.pdf, true), "{level}");
                 assert_eq!(found.is_seen, single.is_seen, "{level}");
             }
@@ -377,14 +404,21 @@ mod tests {
     #[test]
     fn near_spheres_are_sampled_alike_at_every_level() {
         let number = |i: u32, k: u32| uniform2([i, k, 9, 9]).x * 2.0 - 1.0;
-        let point = |i: u32, k: u32| Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2));
+        let point = |i: u32, k: u32| {
+            Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2))
+        };
         let (mut of, mut by) = (NearSpheres::default(), Viewers::default());
         // From outside, from inside, and from the middle.
         let cases: [_; NEAR_LANES] = std::array::from_fn(|lane| {
             let i = lane as u32;
-            let (center, from) =
-                (point(i, 1), if lane == 3 { point(i, 1) } else { point(i, 2) * (1 << (i % 4)) as f32 });
-            let sphere = NearSphere { center: center.as_dvec3(), radius: f64::from(uniform2([i, 7, 9, 9]).x) };
+            let (center, from) = (
+                point(i, 1),
+                if lane == 3 { point(i, 1) } else { point(i, 2) * (1 << (i % 4)) as f32 },
+            );
+            let sphere = NearSphere {
+                center: center.as_dvec3(),
+                radius: f64::from(uniform2([i, 7, 9, 9]).x),
+            };
             let u = uniform2([i, 9, 9, 9]);
             for axis in 0..3 {
                 by.from[axis][lane] = from[axis];
@@ -394,7 +428,11 @@ mod tests {
             [by.u[0][lane], by.u[1][lane]] = u.to_array();
             (sphere, from, u)
         });
-        assert!(cases.iter().any(|(sphere, from, _)| from.as_dvec3().distance(sphere.center) < sphere.radius));
+        assert!(
+            cases
+                .iter()
+                .any(|(sphere, from, _)| from.as_dvec3().distance(sphere.center) < sphere.radius)
+        );
         for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
             let (mut found, mut round) = (NearSamples::default(), RoundSamples::default());
             let (of, by) = (&of, &by);
@@ -408,10 +446,18 @@ mod tests {
                 )
             );
             for (i, (sphere, from, u)) in cases.iter().enumerate() {
-                let (RoundSample { seen, normal, error }, found) = (sphere.sample(*from, *u), found.get(i));
+                let (RoundSample { seen, normal, error }, found) =
+                    (sphere.sample(*from, *u), found.get(i));
                 assert!(seen.exists && seen.is_seen && found.exists && found.is_seen);
-                assert_eq!((found.position, found.direction, found.pdf), (seen.position, seen.direction, seen.pdf));
-                assert_eq!((vector(&round.normal, i), vector(&round.error, i)), (normal, error), "{level}");
+                assert_eq!(
+                    (found.position, found.direction, found.pdf),
+                    (seen.position, seen.direction, seen.pdf)
+                );
+                assert_eq!(
+                    (vector(&round.normal, i), vector(&round.error, i)),
+                    (normal, error),
+                    "{level}"
+                );
             }
         }
     }

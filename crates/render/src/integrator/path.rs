@@ -1,9 +1,9 @@
-//! Path tracing: light samples at every vertex, BSDF samples to go on, both weighted by the power heuristic, Russian roulette.
-//! `direct` is the same with one bounce.
+//! Path tracing: light samples at every vertex, BSDF samples to go on, both weighted by the power
+//! heuristic, Russian roulette. `direct` is the same with one bounce.
 
 use super::estimators::{
-    Arrival, IncidentLight, background, continued, environment_choice, environment_direction, from_environment,
-    light_pdf_of_hit, sample_light,
+    Arrival, IncidentLight, background, continued, environment_choice, environment_direction,
+    from_environment, light_pdf_of_hit, sample_light,
 };
 use super::guided::GuidedBsdf;
 use super::light_part::{LightSource, LobeShares};
@@ -39,12 +39,14 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     if vertex.depth >= max_depth {
         return;
     }
-    let Scatterer { shading, at, receiver } = Scatterer::new(context, vertex, surface, surface.prepared, &point);
+    let Scatterer { shading, at, receiver } =
+        Scatterer::new(context, vertex, surface, surface.prepared, &point);
     let guided = GuidedBsdf::new(context.field, &shading, &receiver);
     if !shading.is_delta() {
         let bsdf = |wi| guided.eval_and_pdf(wo, wi);
         if let Some(wi) = light_sample(context, vertex, &at, &receiver, bsdf, out) {
-            out.light_lobe = first_lobe(context, vertex, || LobeShares::of_surface(&shading, wo, wi, false));
+            out.light_lobe =
+                first_lobe(context, vertex, || LobeShares::of_surface(&shading, wo, wi, false));
         }
     }
     add_bounce(context, vertex, surface, &at, &receiver, &guided, out);
@@ -61,7 +63,9 @@ pub(super) fn shining(
     if material.is_emissive() && (material.illuminates || vertex.state.is_specular) {
         let emitted = material.emitted(point, outgoing(vertex.ray));
         if !emitted.is_black() {
-            let weight = weight_of_bsdf_sample(context, vertex, || light_pdf_of_hit(context, vertex, surface));
+            let weight = weight_of_bsdf_sample(context, vertex, || {
+                light_pdf_of_hit(context, vertex, surface)
+            });
             return (vertex.state.throughput * emitted * weight, weight);
         }
     }
@@ -98,7 +102,8 @@ impl<'a> Scatterer<'a> {
     }
 }
 
-/// The environment, if its radiance is all that paths bring that leave the scene at this depth: [`escaped`] gives that with a weight of 1.
+/// The environment, if its radiance is all that paths bring that leave the scene at this depth:
+/// [`escaped`] gives that with a weight of 1.
 pub(crate) fn plain_sky<'a>(context: &Context<'a>, depth: u32) -> Option<&'a EnvironmentLight> {
     let (scene, strategy) = (context.scene, context.settings.light_strategy);
     let shows_background = depth == 0 && !matches!(scene.background, Background::Environment);
@@ -134,9 +139,9 @@ pub(crate) fn escaped_to(
             environment_choice(context, vertex, sky.pdf_compensated_at(place))
         }),
         LightStrategy::Bsdf => 1.0,
-        LightStrategy::Light => {
-            weight_of_bsdf_sample(context, vertex, || environment_choice(context, vertex, sky.pdf(direction)))
-        }
+        LightStrategy::Light => weight_of_bsdf_sample(context, vertex, || {
+            environment_choice(context, vertex, sky.pdf(direction))
+        }),
     };
     (vertex.state.throughput * radiance * weight, weight)
 }
@@ -145,9 +150,14 @@ fn weight_of_bsdf_sample(context: &Context, vertex: &Vertex, light_pdf: impl Fn(
     weight_of_found_light(context.settings.light_strategy, vertex.state.bsdf_pdf, light_pdf)
 }
 
-/// Weight of light that a path found by itself, in a direction of this density (0: nothing else could have).
+/// Weight of light that a path found by itself, in a direction of this density (0: nothing else
+/// could have).
 #[inline]
-pub(crate) fn weight_of_found_light(strategy: LightStrategy, bsdf_pdf: f32, light_pdf: impl Fn() -> f32) -> f32 {
+pub(crate) fn weight_of_found_light(
+    strategy: LightStrategy,
+    bsdf_pdf: f32,
+    light_pdf: impl Fn() -> f32,
+) -> f32 {
     if bsdf_pdf == 0.0 {
         return 1.0;
     }
@@ -158,8 +168,9 @@ pub(crate) fn weight_of_found_light(strategy: LightStrategy, bsdf_pdf: f32, ligh
     }
 }
 
-/// Adds a light ray towards a light sample, and tells its direction. `scattering` gives, for a direction, what share of light from there goes on along the path
-/// and the density with which the path itself would have gone there.
+/// Adds a light ray towards a light sample, and tells its direction. `scattering` gives, for a
+/// direction, what share of light from there goes on along the path and the density with which the
+/// path itself would have gone there.
 pub(super) fn light_sample(
     context: &Context,
     vertex: &Vertex,
@@ -170,7 +181,8 @@ pub(super) fn light_sample(
 ) -> Option<Vec3> {
     let u_choice = || vertex.random.number(dimension::LIGHT_CHOICE);
     let u = || vertex.random.pair(dimension::LIGHT);
-    let found = weighted_light(context, vertex.state.throughput, at, receiver, u_choice, u, scattering)?;
+    let found =
+        weighted_light(context, vertex.state.throughput, at, receiver, u_choice, u, scattering)?;
     out.light_source = Some(found.source);
     out.weights.light = found.weight;
     out.glowing = found.glowing;
@@ -251,7 +263,8 @@ impl DrawnLight {
         }
     }
 
-    /// What it brings to a path of this throughput if the light was chosen with this probability and is scattered so (see [`light_sample`]).
+    /// What it brings to a path of this throughput if the light was chosen with this probability
+    /// and is scattered so (see [`light_sample`]).
     #[inline]
     pub fn weighted(
         self,
@@ -286,11 +299,16 @@ impl DrawnLight {
 }
 
 /// The path's first scattering: this one, if it is the first and somebody wants to know.
-pub(super) fn first_lobe(context: &Context, vertex: &Vertex, this: impl FnOnce() -> LobeShares) -> LobeShares {
+pub(super) fn first_lobe(
+    context: &Context,
+    vertex: &Vertex,
+    this: impl FnOnce() -> LobeShares,
+) -> LobeShares {
     if context.wants_lobes && vertex.depth == 0 { this() } else { vertex.state.lobe }
 }
 
-/// Russian roulette: the probability with which the path goes on, by the weight it would have; `None` if it ends.
+/// Russian roulette: the probability with which the path goes on, by the weight it would have;
+/// `None` if it ends.
 pub(super) fn survival(context: &Context, vertex: &Vertex, weight: f32) -> Option<f32> {
     let Some(most) = context.roulette(vertex.depth) else { return Some(1.0) };
     let survival = weight.min(most);
@@ -327,7 +345,9 @@ fn add_bounce(
         receiver: *receiver,
         is_specular: vertex.state.is_specular && sample.is_delta,
         expected,
-        lobe: first_lobe(context, vertex, || LobeShares::of_surface(guided.shading, wo, sample.wi, sample.is_delta)),
+        lobe: first_lobe(context, vertex, || {
+            LobeShares::of_surface(guided.shading, wo, sample.wi, sample.is_delta)
+        }),
         cone_spread: if sample.is_delta {
             vertex.state.cone_spread
         } else {

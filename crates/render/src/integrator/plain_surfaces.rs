@@ -1,4 +1,5 @@
-//! Meshes and shapes of one material that is the same everywhere, and the frames of vertices on them.
+//! Meshes and shapes of one material that is the same everywhere, and the frames of vertices on
+//! them.
 
 use super::Context;
 use super::estimators::may_be_lifted;
@@ -66,7 +67,8 @@ impl<'a> PlainSurface<'a> {
         }
     }
 
-    /// [`Material::albedo`] where it has these normals, its own and that for shading, unless tangents mean something to it.
+    /// [`Material::albedo`] where it has these normals, its own and that for shading, unless
+    /// tangents mean something to it.
     pub fn albedo(&self, mode: ColorMode, [flat, smooth]: [Vec3; 2], wo: Vec3) -> SampledSpectrum {
         let bsdf = self.bsdf_in(mode);
         bsdf.albedo_from_anywhere().unwrap_or_else(|| {
@@ -123,7 +125,8 @@ impl Frames {
         (self.mirrors[lane], self.has_tangent[lane]) = (needs.mirrors, needs.has_tangent);
     }
 
-    /// Works out those of lanes of which that is known, once these are placed. Tangents mean something on triangles of plain meshes only.
+    /// Works out those of lanes of which that is known, once these are placed. Tangents mean
+    /// something on triangles of plain meshes only.
     pub fn turn(&mut self, lanes: &VertexLanes) {
         lanes.tangents(&mut self.dpdu);
         at_level!(
@@ -190,10 +193,15 @@ impl Bends {
 #[inline(always)]
 fn bend(bends: &Bends, points: &mut TrianglePoints) {
     for i in 0..LANES {
-        let [local, tangent, upwards] = [at(&bends.local, i), at(&bends.tangent, i), at(&bends.upwards, i)];
+        let [local, tangent, upwards] =
+            [at(&bends.local, i), at(&bends.tangent, i), at(&bends.upwards, i)];
         let bend = Bend { local, tangent, upwards, side: bends.side[i] };
         let (smooth, flat) = (at(&points.shading_normal, i), at(&points.geometric_normal, i));
-        put(&mut points.shading_normal, i, marked_vector(bends.has[i], bend.normal(smooth, flat), smooth));
+        put(
+            &mut points.shading_normal,
+            i,
+            marked_vector(bends.has[i], bend.normal(smooth, flat), smooth),
+        );
     }
 }
 

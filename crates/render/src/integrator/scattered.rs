@@ -1,13 +1,14 @@
-//! What `path` and `direct` do where media scatter, at many vertices at once: the same as [`super::scattering`], bit for bit, in loops
-//! that become vector code.
+//! What `path` and `direct` do where media scatter, at many vertices at once: the same as
+//! [`super::scattering`], bit for bit, in loops that become vector code.
 //!
-//! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
+//! As with [`super::matte`], which vertices come here depends on the scene and the settings alone,
+//! and no lane looks at another.
 
 use super::estimators::Arrival;
 use super::guided::unknown_survival;
 use super::lanes::{
-    Arriving, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, LitColumns, RayColumns, Roulette,
-    VertexLanes, ZERO, at, at_level_by_color, color_at, put,
+    Arriving, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, LitColumns,
+    RayColumns, Roulette, VertexLanes, ZERO, at, at_level_by_color, color_at, put,
 };
 use super::lights::{LightArrivals, LightSamples, MediumPoints};
 use super::lit::{LitLanes, LitOutputs};
@@ -41,8 +42,8 @@ impl ScatteredVertices {
     /// `None` if vertices in media are to be worked on one by one.
     pub fn new(context: &Context, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
-        let is_for =
-            matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct) && scene.volumes.is_some();
+        let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct)
+            && scene.volumes.is_some();
         let wide = scene.world.simd().wide().filter(|_| is_for)?;
         Some(Self {
             lanes: VertexLanes::new(sampler, Some(wide)),
@@ -53,8 +54,8 @@ impl ScatteredVertices {
         })
     }
 
-    /// Puts vertices of this depth into the lanes: those of the paths with these numbers, at most [`LANES`], of which the dead are left
-    /// out. `scattered` says of a path where that was.
+    /// Puts vertices of this depth into the lanes: those of the paths with these numbers, at most
+    /// [`LANES`], of which the dead are left out. `scattered` says of a path where that was.
     pub fn gather(
         &mut self,
         sampler: &Sampler,
@@ -66,7 +67,9 @@ impl ScatteredVertices {
         self.lanes.start(sampler, from, paths, depth);
         for lane in 0..self.lanes.paths().len() {
             let path = self.lanes.paths()[lane] as usize;
-            let Some(MediumVertex { position, phase, footprint }) = scattered[path] else { continue };
+            let Some(MediumVertex { position, phase, footprint }) = scattered[path] else {
+                continue;
+            };
             put(&mut self.lanes.points.position, lane, position);
             self.phase[lane] = phase;
             self.lanes.carried.cone_width[lane] = footprint;
@@ -83,7 +86,11 @@ impl ScatteredVertices {
         self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
         let light = self.lit.lights.numbers(&self.lanes.randoms, count, wide);
         self.lit.glowing = [None; LANES];
-        let points = MediumPoints { position: &self.lanes.points.position, wo: &self.lanes.wo, phase: &self.phase };
+        let points = MediumPoints {
+            position: &self.lanes.points.position,
+            wo: &self.lanes.wo,
+            phase: &self.phase,
+        };
         let to = (&points, &self.lanes.modes);
         self.lit.lights.arrivals(context.scene, to, &light, count, wide, &mut self.lit.arrivals);
         self.lit.lights.shine(context.scene, &self.lit.arrivals, &self.lanes.modes, count);
@@ -113,7 +120,12 @@ impl ScatteredVertices {
         );
         lit.sample_alone(count, &light, |lane, chosen, u| {
             let position = at(&lanes.points.position, lane);
-            let arrival = Arrival { position, surface: None, mode: lanes.modes[lane], time: lanes.times[lane] };
+            let arrival = Arrival {
+                position,
+                surface: None,
+                mode: lanes.modes[lane],
+                time: lanes.times[lane],
+            };
             let throughput = color_at(&lanes.carried.throughput, lane);
             let (phase, forward) = (phase[lane], -at(&lanes.wo, lane));
             let scattered = |wi| {
@@ -135,7 +147,11 @@ impl Columns for ScatteredVertices {
     }
 
     fn next_rays(&self) -> RayColumns<'_> {
-        RayColumns { origin: &self.lanes.points.position, direction: &self.bounces.wi, end: &ENDLESS }
+        RayColumns {
+            origin: &self.lanes.points.position,
+            direction: &self.bounces.wi,
+            end: &ENDLESS,
+        }
     }
 
     fn carried(&self) -> CarriedColumns<'_> {
@@ -164,7 +180,8 @@ fn give<const CHANNELS: usize>(
         for channel in 0..CHANNELS {
             largest = most(largest, carried.throughput[channel][i]);
         }
-        let (scale, survives) = roulette.survival(i, unknown_survival(largest * carried.eta_scale[i]));
+        let (scale, survives) =
+            roulette.survival(i, unknown_survival(largest * carried.eta_scale[i]));
         for channel in 0..CHANNELS {
             to.throughput[channel][i] = carried.throughput[channel][i] * scale;
         }
@@ -175,7 +192,12 @@ fn give<const CHANNELS: usize>(
 
 /// Where paths go on.
 #[inline(always)]
-fn bounce_off(wo: &HitVectors, phase: &[HenyeyGreenstein; LANES], u: &[HitLanes; 2], bounces: &mut Bounces) {
+fn bounce_off(
+    wo: &HitVectors,
+    phase: &[HenyeyGreenstein; LANES],
+    u: &[HitLanes; 2],
+    bounces: &mut Bounces,
+) {
     for i in 0..LANES {
         let forward = Vec3::new(-wo[0][i], -wo[1][i], -wo[2][i]);
         let (wi, pdf) = phase[i].sample(forward, Vec2::new(u[0][i], u[1][i]));
@@ -199,12 +221,15 @@ mod tests {
 
     #[test]
     fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
-        for (name, lamps) in [("cornell-box", 0), ("cornell-box", 3), ("night-town", 0), ("fog", 0), ("smoke", 0)] {
+        for (name, lamps) in
+            [("cornell-box", 0), ("cornell-box", 3), ("night-town", 0), ("fog", 0), ("smoke", 0)]
+        {
             let mut scene = builtin(name).expect("the scene is built in");
             if name != "fog" {
                 let size = if name == "cornell-box" { 500.0 } else { 20.0 };
                 let colors = (Rgb::new(0.5, 0.7, 1.0) * (1.0 / size), Rgb::new(0.9, 0.8, 1.0));
-                scene.medium = Some(scene.add_medium(Homogeneous::scattering(colors.0, colors.1, 0.4)));
+                scene.medium =
+                    Some(scene.add_medium(Homogeneous::scattering(colors.0, colors.1, 0.4)));
             }
             for i in 0..lamps {
                 let position = DVec3::new(100.0 * f64::from(i), 200.0, 100.0);
@@ -213,13 +238,39 @@ mod tests {
             }
             let ways = [
                 (IntegratorKind::Path, SamplerKind::ZSobol, LightStrategy::Mis, ColorModel::Rgb),
-                (IntegratorKind::Path, SamplerKind::Independent, LightStrategy::Mis, ColorModel::Rgb),
-                (IntegratorKind::Path, SamplerKind::Independent, LightStrategy::Bsdf, ColorModel::Rgb),
-                (IntegratorKind::Direct, SamplerKind::Stratified, LightStrategy::Mis, ColorModel::Rgb),
-                (IntegratorKind::Path, SamplerKind::ZSobol, LightStrategy::Mis, ColorModel::Spectral),
+                (
+                    IntegratorKind::Path,
+                    SamplerKind::Independent,
+                    LightStrategy::Mis,
+                    ColorModel::Rgb,
+                ),
+                (
+                    IntegratorKind::Path,
+                    SamplerKind::Independent,
+                    LightStrategy::Bsdf,
+                    ColorModel::Rgb,
+                ),
+                (
+                    IntegratorKind::Direct,
+                    SamplerKind::Stratified,
+                    LightStrategy::Mis,
+                    ColorModel::Rgb,
+                ),
+                (
+                    IntegratorKind::Path,
+                    SamplerKind::ZSobol,
+                    LightStrategy::Mis,
+                    ColorModel::Spectral,
+                ),
             ];
             for (integrator, sampler, light_strategy, color) in ways {
-                let how = Settings { max_depth: 9, sampler, integrator, light_strategy, ..Settings::default() };
+                let how = Settings {
+                    max_depth: 9,
+                    sampler,
+                    integrator,
+                    light_strategy,
+                    ..Settings::default()
+                };
                 let settings = Settings { size: [36, 24], spp: 4, color, ..how };
                 assert_alike_at_every_level(&scene, &Moving::default(), &settings);
                 if sampler == SamplerKind::Independent {

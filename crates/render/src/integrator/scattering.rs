@@ -1,5 +1,6 @@
-//! What `path` and `direct` do where a medium scatters: a light sample, and a new direction from the phase function, both weighted
-//! by the power heuristic on their densities of direction. Whatever media and interfaces lie on the way counts in both alike.
+//! What `path` and `direct` do where a medium scatters: a light sample, and a new direction from
+//! the phase function, both weighted by the power heuristic on their densities of direction.
+//! Whatever media and interfaces lie on the way counts in both alike.
 
 use super::estimators::Arrival;
 use super::guided::unknown_survival;
@@ -17,7 +18,12 @@ pub fn scatter(context: &Context, vertex: &Vertex, medium: &MediumVertex, out: &
         let pdf = medium.phase.pdf(forward, wi);
         (SampledSpectrum::splat(pdf), pdf)
     };
-    let at = Arrival { position: medium.position, surface: None, mode: vertex.state.mode, time: vertex.state.time };
+    let at = Arrival {
+        position: medium.position,
+        surface: None,
+        mode: vertex.state.mode,
+        time: vertex.state.time,
+    };
     light_sample(context, vertex, &at, &receiver, phase, out);
     let lobe = first_lobe(context, vertex, || LobeShares::VOLUME);
     out.light_lobe = lobe;

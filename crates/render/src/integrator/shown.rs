@@ -1,4 +1,5 @@
-//! What layers of the picture show of surfaces that rays of the camera have hit: plain surfaces many at once, bit for bit as one by one.
+//! What layers of the picture show of surfaces that rays of the camera have hit: plain surfaces
+//! many at once, bit for bit as one by one.
 
 use super::aov::Aov;
 use super::lanes::{LANES, at};
@@ -16,7 +17,8 @@ pub struct ShownSurface {
     pub shading_normal: Vec3,
     /// First texture coordinates.
     pub uv: Vec2,
-    /// Share of light that the material reflects or transmits to where the ray comes from; black where nobody asks.
+    /// Share of light that the material reflects or transmits to where the ray comes from; black
+    /// where nobody asks.
     pub albedo: Rgb,
 }
 
@@ -30,8 +32,11 @@ pub struct ShownNeeds {
 impl ShownSurface {
     /// A surface that a ray has hit.
     pub fn of(context: &Context, ray: &Ray, surface: &SurfaceVertex, needs: ShownNeeds) -> Self {
-        let SurfaceInteraction { position, geometric_normal, shading_normal, uv, .. } = *surface.interaction;
-        let albedo = || surface.material.albedo(surface.prepared, &surface.point(context.scene), outgoing(ray));
+        let SurfaceInteraction { position, geometric_normal, shading_normal, uv, .. } =
+            *surface.interaction;
+        let albedo = || {
+            surface.material.albedo(surface.prepared, &surface.point(context.scene), outgoing(ray))
+        };
         let albedo = if needs.albedo { in_white_light(surface.mode, albedo()) } else { Rgb::BLACK };
         Self { position, geometric_normal, shading_normal, uv: uv[0], albedo }
     }
@@ -56,7 +61,8 @@ pub struct PlainShown<'a> {
 }
 
 impl<'a> PlainShown<'a> {
-    /// For the layers of a render, unless they need no surface. (Texture coordinates are known one by one only.)
+    /// For the layers of a render, unless they need no surface. (Texture coordinates are known one
+    /// by one only.)
     pub fn for_layers(context: &Context<'a>) -> Option<Self> {
         let (scene, aovs) = (context.scene, &context.settings.aovs);
         if !aovs.iter().any(|aov| aov.needs_surface(context)) {
@@ -65,7 +71,9 @@ impl<'a> PlainShown<'a> {
         let needs = ShownNeeds { uv: aovs.contains(&Aov::Uv), albedo: aovs.contains(&Aov::Albedo) };
         let wide = scene.world.simd().wide();
         let is_many = wide.is_some() && !needs.uv;
-        let plain = |geometry| PlainSurface::of(context, geometry).filter(|s| is_many && !s.needs.has_tangent);
+        let plain = |geometry| {
+            PlainSurface::of(context, geometry).filter(|s| is_many && !s.needs.has_tangent)
+        };
         Some(Self {
             needs,
             plain: (0..scene.world.geometry_count() as u32).map(plain).collect(),
@@ -92,12 +100,15 @@ impl<'a> PlainShown<'a> {
                 continue;
             }
             let Some(surface) = plain_surface(&self.plain, hit.geometry) else { continue };
-            if surface.mesh.is_some() || context.scene.world.gather_sphere(ray, hit, lane, &mut self.spheres) {
+            if surface.mesh.is_some()
+                || context.scene.world.gather_sphere(ray, hit, lane, &mut self.spheres)
+            {
                 self.on[lane] = Some(hit.geometry);
             }
         }
         let mesh = |lane: usize| plain_surface(&self.plain, self.on[lane]?)?.mesh.as_ref();
-        self.triangles.gather(lanes().filter_map(|(lane, (_, hit))| Some((lane, mesh(lane)?, hit))));
+        self.triangles
+            .gather(lanes().filter_map(|(lane, (_, hit))| Some((lane, mesh(lane)?, hit))));
         self.triangles.points(&mut self.points, self.wide);
         self.spheres.points(&mut self.points, self.wide);
     }
@@ -109,14 +120,18 @@ impl<'a> PlainShown<'a> {
             return None;
         }
         let position = at(&points.position, lane);
-        let (geometric_normal, shading_normal) = (at(&points.geometric_normal, lane), at(&points.shading_normal, lane));
+        let (geometric_normal, shading_normal) =
+            (at(&points.geometric_normal, lane), at(&points.shading_normal, lane));
         let albedo = || surface.albedo(mode, [geometric_normal, shading_normal], outgoing(ray));
         let albedo = if self.needs.albedo { in_white_light(mode, albedo()) } else { Rgb::BLACK };
         Some(ShownSurface { position, geometric_normal, shading_normal, uv: Vec2::ZERO, albedo })
     }
 }
 
-fn plain_surface<'p, 'a>(plain: &'p [Option<PlainSurface<'a>>], geometry: u32) -> Option<&'p PlainSurface<'a>> {
+fn plain_surface<'p, 'a>(
+    plain: &'p [Option<PlainSurface<'a>>],
+    geometry: u32,
+) -> Option<&'p PlainSurface<'a>> {
     plain.get(geometry as usize)?.as_ref()
 }
 
@@ -134,11 +149,14 @@ mod tests {
     #[test]
     fn layers_of_surfaces_are_the_bits_of_one_hit_at_a_time() {
         let kinds = MaterialKind::examples();
-        let geometric = [Aov::Position, Aov::Normal, Aov::GeometricNormal, Aov::Facing, Aov::Motion];
+        let geometric =
+            [Aov::Position, Aov::Normal, Aov::GeometricNormal, Aov::Facing, Aov::Motion];
         let both = [&geometric[..], &[Aov::Albedo]].concat();
         let all = [&both[..], &[Aov::Uv]].concat();
         let mut first = 0;
-        for name in ["cornell-box", "teapot", "spheres", "prism", "minray", "night-town", "fog", "hair"] {
+        for name in
+            ["cornell-box", "teapot", "spheres", "prism", "minray", "night-town", "fog", "hair"]
+        {
             let mut scene = builtin(name).expect("the scene is built in");
             let texture = scene.add_texture(Texture::Pattern(Pattern::examples().remove(0)));
             for (aovs, color) in [
@@ -147,7 +165,9 @@ mod tests {
                 (&both, ColorModel::Spectral),
                 (&all, ColorModel::Rgb),
             ] {
-                for (i, material) in scene.materials.iter_mut().enumerate().filter(|(_, m)| !m.is_emissive()) {
+                for (i, material) in
+                    scene.materials.iter_mut().enumerate().filter(|(_, m)| !m.is_emissive())
+                {
                     material.kind = kinds[(first + i) % kinds.len()].clone();
                     material.normal_map = (i % 5 == 4).then_some(NormalMap { texture, scale: 0.3 });
                 }

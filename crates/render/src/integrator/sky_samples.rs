@@ -1,5 +1,5 @@
-//! Light samples from an environment that is an image: the tables are asked one by one, the rest is worked out for many at once. And where paths look it
-//! up that leave the scene.
+//! Light samples from an environment that is an image: the tables are asked one by one, the rest is
+//! worked out for many at once. And where paths look it up that leave the scene.
 
 use super::lanes::{LANES, ZERO, at, put};
 use super::lights::{LightArrivals, Scatterers};
@@ -54,7 +54,11 @@ impl SkySamples {
 
     #[inline(always)]
     fn get(&self, lane: usize) -> SkySample {
-        let drawn = DrawnDirection { height: self.height[lane], turn: self.turn[lane], pdf: self.pdf[lane] };
+        let drawn = DrawnDirection {
+            height: self.height[lane],
+            turn: self.turn[lane],
+            pdf: self.pdf[lane],
+        };
         SkySample::new(drawn, &self.world_from_environment)
     }
 }
@@ -79,7 +83,8 @@ pub fn arrive_from_sky<S: Scatterers>(
         for axis in 0..3 {
             arrivals.origin[axis][i] = marked(exists, origin[axis], arrivals.origin[axis][i]);
             arrivals.way[axis][i] = marked(exists, direction[axis], arrivals.way[axis][i]);
-            arrivals.direction[axis][i] = marked(exists, direction[axis], arrivals.direction[axis][i]);
+            arrivals.direction[axis][i] =
+                marked(exists, direction[axis], arrivals.direction[axis][i]);
         }
         arrivals.density[i] = marked(exists, density, arrivals.density[i]);
         arrivals.end[i] = marked(exists, f32::INFINITY, arrivals.end[i]);
@@ -90,8 +95,13 @@ pub fn arrive_from_sky<S: Scatterers>(
     }
 }
 
-/// Where the light of each of these directions, at most [`LANES`], is looked up in an image ([`EnvironmentLight::place`]).
-pub fn places_of(sky: &EnvironmentLight, directions: impl Iterator<Item = Vec3>, wide: Option<Wide>) -> SkyPlaces {
+/// Where the light of each of these directions, at most [`LANES`], is looked up in an image
+/// ([`EnvironmentLight::place`]).
+pub fn places_of(
+    sky: &EnvironmentLight,
+    directions: impl Iterator<Item = Vec3>,
+    wide: Option<Wide>,
+) -> SkyPlaces {
     let (mut of, mut places) = (ZERO, NO_PLACES);
     for (lane, direction) in directions.enumerate().take(LANES) {
         put(&mut of, lane, direction);

@@ -1,13 +1,16 @@
-//! What `path` and `direct` do at smooth glass and mirrors, at many vertices at once: the same as [`super::path`], bit for bit, in
-//! loops that become vector code. Delta lobes need no light samples, so there is little else to do but to go on.
+//! What `path` and `direct` do at smooth glass and mirrors, at many vertices at once: the same as
+//! [`super::path`], bit for bit, in loops that become vector code. Delta lobes need no light
+//! samples, so there is little else to do but to go on.
 //!
-//! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
+//! As with [`super::matte`], which vertices come here depends on the scene and the settings alone,
+//! and no lane looks at another.
 
 use super::carried::Marks;
 use super::guided::unknown_survival;
 use super::lanes::{
-    Arriving, BLACK, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, MarkLanes, NOUGHTS, OtherPoint,
-    RayColumns, Roulette, UNMARKED, VertexLanes, ZERO, at, at_level_by_color, put_color,
+    Arriving, BLACK, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, MarkLanes,
+    NOUGHTS, OtherPoint, RayColumns, Roulette, UNMARKED, VertexLanes, ZERO, at, at_level_by_color,
+    put_color,
 };
 use super::{Context, IntegratorKind, dimension};
 use crate::sampler::Sampler;
@@ -67,7 +70,9 @@ pub fn specular_part(context: &Context, material: &Material) -> Option<Specular>
     // In other colours: what is the same for all of a path's wavelengths but for its tint.
     let knows_color = |lobe: &Specular| match settings.color {
         ColorModel::Rgb => true,
-        ColorModel::Spectral => matches!(lobe, Specular::Interface { .. }) && !material.is_dispersive(),
+        ColorModel::Spectral => {
+            matches!(lobe, Specular::Interface { .. }) && !material.is_dispersive()
+        }
     };
     Specular::of(material).filter(|lobe| is_for && knows_color(lobe))
 }
@@ -79,7 +84,13 @@ impl SpecularVertices {
         Self {
             lanes: VertexLanes::new(sampler, wide),
             color,
-            lobes: Lobes { ior: number, tint: BLACK, arriving: BLACK, reflectance: BLACK, is_mirror: mark },
+            lobes: Lobes {
+                ior: number,
+                tint: BLACK,
+                arriving: BLACK,
+                reflectance: BLACK,
+                is_mirror: mark,
+            },
             normal: ZERO,
             bounces: Bounces {
                 wi: ZERO,
@@ -93,13 +104,15 @@ impl SpecularVertices {
         }
     }
 
-    /// Takes the paths with these numbers ([`VertexLanes::start`]). What they have hit must follow for each lane.
+    /// Takes the paths with these numbers ([`VertexLanes::start`]). What they have hit must follow
+    /// for each lane.
     pub fn start(&mut self, sampler: &Sampler, from: &Arriving, paths: &[u32], depth: u32) {
         self.lanes.start(sampler, from, paths, depth);
     }
 
-    /// Says what the path of a lane has hit: on a plain mesh, of which [`Self::gather_triangles`] tells more, or not. `outside_ior` is the index of
-    /// refraction on the outer side of the surface.
+    /// Says what the path of a lane has hit: on a plain mesh, of which [`Self::gather_triangles`]
+    /// tells more, or not. `outside_ior` is the index of refraction on the outer side of the
+    /// surface.
     pub fn gather(
         &mut self,
         context: &Context,
@@ -131,20 +144,40 @@ impl SpecularVertices {
     }
 
     #[inline(never)]
-    fn gather_other(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit, material: &Material) {
+    fn gather_other(
+        &mut self,
+        context: &Context,
+        lane: usize,
+        ray: &Ray,
+        hit: &Hit,
+        material: &Material,
+    ) {
         let surface = context.scene.interaction(ray, self.lanes.times[lane], hit);
         let footprint = self.lanes.carried.cone_width[lane];
-        let normal = material.shading_normal(&context.scene.shading_point(&surface, footprint, self.lanes.modes[lane]));
+        let normal = material.shading_normal(&context.scene.shading_point(
+            &surface,
+            footprint,
+            self.lanes.modes[lane],
+        ));
         self.lanes.put_point(lane, OtherPoint::of(&surface, normal, Vec3::ZERO));
     }
 
     /// As [`VertexLanes::gather_triangles`], once all lanes are told.
-    pub fn gather_triangles<'w>(&mut self, from: &Arriving, mesh: impl Fn(&Hit) -> Option<&'w PlainMesh<'w>>) {
+    pub fn gather_triangles<'w>(
+        &mut self,
+        from: &Arriving,
+        mesh: impl Fn(&Hit) -> Option<&'w PlainMesh<'w>>,
+    ) {
         self.lanes.gather_triangles(from, mesh);
     }
 
     /// Works out what the lanes give. `lobe` tells that of a path.
-    pub fn shade<'l>(&mut self, context: &Context, depth: u32, lobe: impl Fn(u32) -> Option<&'l Specular>) {
+    pub fn shade<'l>(
+        &mut self,
+        context: &Context,
+        depth: u32,
+        lobe: impl Fn(u32) -> Option<&'l Specular>,
+    ) {
         self.lanes.place();
         let wide = self.lanes.wide;
         let choice = self.lanes.randoms.numbers(dimension::LOBE, wide);
@@ -220,7 +253,11 @@ impl Columns for SpecularVertices {
 fn normals(points: &TrianglePoints, wo: &HitVectors, normal: &mut HitVectors) {
     for i in 0..LANES {
         let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
-        let n = reflecting_normal(vector(&points.shading_normal), vector(&points.geometric_normal), vector(wo));
+        let n = reflecting_normal(
+            vector(&points.shading_normal),
+            vector(&points.geometric_normal),
+            vector(wo),
+        );
         (0..3).for_each(|axis| normal[axis][i] = n[axis]);
     }
 }
@@ -267,8 +304,10 @@ fn bounce<const CHANNELS: usize>(known: &Known, to: &mut Bounces) {
             let absorbed = if local.z < 0.0 { lobes.arriving[channel][i] } else { 1.0 };
             let (share, rest) = (split.reflectance, 1.0 - split.reflectance);
             let mirrored = absorbed * share / share;
-            let refracted = lobes.tint[channel][i] * Split::compression(split.eta) * absorbed * rest / rest;
-            let weight = if is_mirror { lobes.reflectance[channel][i] } else { pick(mirrored, refracted) };
+            let refracted =
+                lobes.tint[channel][i] * Split::compression(split.eta) * absorbed * rest / rest;
+            let weight =
+                if is_mirror { lobes.reflectance[channel][i] } else { pick(mirrored, refracted) };
             *throughput = carried.throughput[channel][i] * weight;
             largest = most(largest, *throughput);
             largest_weight = most(largest_weight, weight);
@@ -277,10 +316,19 @@ fn bounce<const CHANNELS: usize>(known: &Known, to: &mut Bounces) {
         let crossing = pick(1.0, split.eta * split.eta);
         let eta_scale = carried.eta_scale[i] * crossing;
         // As `GuidedBsdf::survival`.
-        let weight = if is_guided { largest_weight * crossing } else { unknown_survival(largest * eta_scale) };
+        let weight = if is_guided {
+            largest_weight * crossing
+        } else {
+            unknown_survival(largest * eta_scale)
+        };
         let (scale, survives) = roulette.survival(i, weight);
         exists &= (largest > 0.0) & survives;
-        let origin = robust::offset_ray_origin(vector(&points.position), vector(&points.position_error), flat, wi);
+        let origin = robust::offset_ray_origin(
+            vector(&points.position),
+            vector(&points.position_error),
+            flat,
+            wi,
+        );
         for axis in 0..3 {
             to.wi[axis][i] = wi[axis];
             to.origin[axis][i] = origin[axis];
@@ -313,7 +361,8 @@ mod tests {
         let tint = Rgb::new(0.9, 0.7, 1.0).into();
         [
             Dielectric::smooth(1.5).into(),
-            Dielectric { tint, absorption: Rgb::new(0.1, 0.0, 0.02), ..Dielectric::smooth(1.33) }.into(),
+            Dielectric { tint, absorption: Rgb::new(0.1, 0.0, 0.02), ..Dielectric::smooth(1.33) }
+                .into(),
             Conductor::gold(0.0).into(),
             Mirror::new(Rgb::new(0.8, 0.9, 0.7)).into(),
             Dielectric::smooth(1.0).into(),
@@ -326,25 +375,45 @@ mod tests {
         let guiding = Guiding { passes: 2, photons: 1 << 13 };
         for name in ["cornell-box", "teapot", "spheres", "night-town", "fog", "drink"] {
             let mut scene = builtin(name).expect("the scene is built in");
-            let bumps = Pattern::examples().into_iter().find(|p| p.textures().is_empty()).expect("there is one");
+            let bumps = Pattern::examples()
+                .into_iter()
+                .find(|p| p.textures().is_empty())
+                .expect("there is one");
             let texture = scene.add_texture(Texture::Pattern(bumps));
             // Some of the materials stay what they are.
-            let materials = scene.materials.iter_mut().filter(|m| !m.is_emissive() && m.interior.is_none()).skip(1);
+            let materials = scene
+                .materials
+                .iter_mut()
+                .filter(|m| !m.is_emissive() && m.interior.is_none())
+                .skip(1);
             for (material, kind) in materials.step_by(2).zip(kinds().into_iter().cycle()) {
-                material.normal_map =
-                    matches!(kind, MaterialKind::Conductor(_)).then_some(NormalMap { texture, scale: 0.3 });
+                material.normal_map = matches!(kind, MaterialKind::Conductor(_))
+                    .then_some(NormalMap { texture, scale: 0.3 });
                 material.kind = kind;
             }
             let ways = [
                 (IntegratorKind::Path, SamplerKind::ZSobol, None, None, ColorModel::Rgb),
                 (IntegratorKind::Path, SamplerKind::Independent, Some(2.0), None, ColorModel::Rgb),
-                (IntegratorKind::Path, SamplerKind::Independent, None, Some(guiding), ColorModel::Rgb),
+                (
+                    IntegratorKind::Path,
+                    SamplerKind::Independent,
+                    None,
+                    Some(guiding),
+                    ColorModel::Rgb,
+                ),
                 (IntegratorKind::Direct, SamplerKind::Stratified, None, None, ColorModel::Rgb),
                 (IntegratorKind::Path, SamplerKind::ZSobol, None, None, ColorModel::Spectral),
-                (IntegratorKind::Path, SamplerKind::Independent, None, Some(guiding), ColorModel::Spectral),
+                (
+                    IntegratorKind::Path,
+                    SamplerKind::Independent,
+                    None,
+                    Some(guiding),
+                    ColorModel::Spectral,
+                ),
             ];
             for (integrator, sampler, clamp, guiding, color) in ways {
-                let how = Settings { max_depth: 9, sampler, integrator, clamp, ..Settings::default() };
+                let how =
+                    Settings { max_depth: 9, sampler, integrator, clamp, ..Settings::default() };
                 let settings = Settings { size: [36, 24], spp: 4, guiding, color, ..how };
                 assert_alike_at_every_level(&scene, &Moving::default(), &settings);
                 if sampler == SamplerKind::Independent && guiding.is_none() {

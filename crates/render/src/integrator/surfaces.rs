@@ -1,15 +1,18 @@
-//! What `path` and `direct` do at surfaces of any kind, at many vertices at once: the same as [`super::path`], bit for bit. Lights, random numbers, roulette
-//! and rays are worked on in loops that become vector code; how the surface scatters is asked together where many are of one material of a
-//! kind that can ([`super::together`]), else one by one.
+//! What `path` and `direct` do at surfaces of any kind, at many vertices at once: the same as
+//! [`super::path`], bit for bit. Lights, random numbers, roulette and rays are worked on in loops
+//! that become vector code; how the surface scatters is asked together where many are of one
+//! material of a kind that can ([`super::together`]), else one by one.
 //!
-//! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
+//! As with [`super::matte`], which vertices come here depends on the scene and the settings alone,
+//! and no lane looks at another.
 
 use super::carried::Expected;
 use super::estimators::{Arrival, lift_of_opaque};
 use super::guided::GuidedBsdf;
 use super::lanes::{
-    Arriving, BLACK, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, LitColumns, OtherPoint,
-    RayColumns, Roulette, VertexLanes, ZERO, at, at_level_by_color, color_at, put, put_color,
+    Arriving, BLACK, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, LitColumns,
+    OtherPoint, RayColumns, Roulette, VertexLanes, ZERO, at, at_level_by_color, color_at, put,
+    put_color,
 };
 use super::lights::{ALONE, DARK, LightArrivals, LightSamples, Skins, ray_origin};
 use super::lit::{LitLanes, LitOutputs};
@@ -102,7 +105,9 @@ impl<'a> SurfaceVertices<'a> {
         let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct);
         let wide = scene.world.simd().wide().filter(|_| is_for)?;
         let number = [0.0; LANES];
-        let plain = (0..scene.world.geometry_count() as u32).map(|id| PlainSurface::of(context, id)).collect();
+        let plain = (0..scene.world.geometry_count() as u32)
+            .map(|id| PlainSurface::of(context, id))
+            .collect();
         Some(Self {
             lanes: VertexLanes::new(sampler, Some(wide)),
             color: settings.color,
@@ -135,7 +140,8 @@ impl<'a> SurfaceVertices<'a> {
         })
     }
 
-    /// Takes the paths with these numbers ([`VertexLanes::start`]). What they have hit must follow for each lane.
+    /// Takes the paths with these numbers ([`VertexLanes::start`]). What they have hit must follow
+    /// for each lane.
     pub fn start(&mut self, sampler: &Sampler, from: &Arriving, paths: &[u32], depth: u32) {
         self.lanes.start(sampler, from, paths, depth);
         self.on_plain.clear();
@@ -148,14 +154,17 @@ impl<'a> SurfaceVertices<'a> {
         self.bends.clear();
     }
 
-    /// Says what the path of the next lane has hit, if it is a plain surface: then [`Self::gather_plain`] must follow, once all lanes are
-    /// told. `outside_ior` is the index of refraction on its outer side.
+    /// Says what the path of the next lane has hit, if it is a plain surface: then
+    /// [`Self::gather_plain`] must follow, once all lanes are told. `outside_ior` is the index of
+    /// refraction on its outer side.
     pub fn is_plain(&mut self, context: &Context, from: &Arriving, outside_ior: f32) -> bool {
         let lane = self.told;
         let path = self.lanes.paths()[lane] as usize;
         let hit = &from.hits[path];
         let surface = self.plain.get(hit.geometry as usize).copied().flatten();
-        let Some(surface) = surface.filter(|_| hit.instance == 0 && outside_ior == 1.0) else { return false };
+        let Some(surface) = surface.filter(|_| hit.instance == 0 && outside_ior == 1.0) else {
+            return false;
+        };
         match surface.mesh {
             Some(_) => self.lanes.put_triangle(lane),
             None if self.lanes.gather_shape(context, lane, &from.rays[path], hit) => {}
@@ -173,7 +182,11 @@ impl<'a> SurfaceVertices<'a> {
         self.lanes.gather_triangles(from, |hit| {
             plain[hit.geometry as usize].as_ref().and_then(|surface| surface.mesh.as_ref())
         });
-        self.lanes.gather_uvs(self.on_plain.iter().filter_map(|(lane, surface)| Some((*lane, surface.mesh.as_ref()?))));
+        self.lanes.gather_uvs(
+            self.on_plain
+                .iter()
+                .filter_map(|(lane, surface)| Some((*lane, surface.mesh.as_ref()?))),
+        );
     }
 
     /// The points of all lanes, and what scatters there.
@@ -195,13 +208,18 @@ impl<'a> SurfaceVertices<'a> {
             if !surface.is_lifted {
                 put(&mut self.lanes.lift, lane, Vec3::ZERO);
             }
-            // (What it is does not go through memory in RGB: that took 3 % of a render of rough materials.)
+            // (What it is does not go through memory in RGB: that took 3 % of a render of rough
+            // materials.)
             let many = match self.color {
-                ColorModel::Rgb => surface.many.inspect(|many| self.together.put(lane, many, &many.point())),
-                ColorModel::Spectral => surface.many_in(self.lanes.modes[lane]).map(|(many, at)| {
-                    self.together.put(lane, many, &at);
-                    many
-                }),
+                ColorModel::Rgb => {
+                    surface.many.inspect(|many| self.together.put(lane, many, &many.point()))
+                }
+                ColorModel::Spectral => {
+                    surface.many_in(self.lanes.modes[lane]).map(|(many, at)| {
+                        self.together.put(lane, many, &at);
+                        many
+                    })
+                }
             };
             if let Some(many) = many {
                 self.transmits[lane] = many.transmits();
@@ -228,7 +246,8 @@ impl<'a> SurfaceVertices<'a> {
         self.transmits[lane] = receiver.transmits;
     }
 
-    /// Says what the path of the next lane has hit, if it is no plain surface, and gives the light that it finds there. `prepared` is [`SurfaceVertex::prepared`].
+    /// Says what the path of the next lane has hit, if it is no plain surface, and gives the light
+    /// that it finds there. `prepared` is [`SurfaceVertex::prepared`].
     pub fn gather(
         &mut self,
         context: &Context,
@@ -246,10 +265,20 @@ impl<'a> SurfaceVertices<'a> {
         // (What a field has learnt is asked one by one.)
         let many = prepared.many_at(surface.material, &point).filter(|_| context.field.is_none());
         if let Some((many, at, needs)) = many {
-            let lift = if many.transmits() { Vec3::ZERO } else { lift_of_opaque(context, vertex, surface) };
-            self.lanes.put_point(lane, OtherPoint::of(surface.interaction, surface.interaction.shading_normal, lift));
+            let lift = if many.transmits() {
+                Vec3::ZERO
+            } else {
+                lift_of_opaque(context, vertex, surface)
+            };
+            self.lanes.put_point(
+                lane,
+                OtherPoint::of(surface.interaction, surface.interaction.shading_normal, lift),
+            );
             match needs.has_tangent {
-                true => self.turned.push((lane, surface.material.frame_towards(needs, &point, outgoing(vertex.ray)))),
+                true => self.turned.push((
+                    lane,
+                    surface.material.frame_towards(needs, &point, outgoing(vertex.ray)),
+                )),
                 false => {
                     self.expect_frame(lane, needs);
                     self.bends.put(lane, surface.material.bend(&point));
@@ -262,7 +291,8 @@ impl<'a> SurfaceVertices<'a> {
         let scatterer = Scatterer::new(context, vertex, surface, prepared, &point);
         self.note_receiver(lane, &scatterer.receiver);
         let lift = scatterer.at.lift();
-        self.lanes.put_point(lane, OtherPoint::of(surface.interaction, scatterer.receiver.normal, lift));
+        self.lanes
+            .put_point(lane, OtherPoint::of(surface.interaction, scatterer.receiver.normal, lift));
         self.scatterer_of[lane] = self.scatterers.len() as u32;
         self.scatterers.push(scatterer);
         found
@@ -277,8 +307,11 @@ impl<'a> SurfaceVertices<'a> {
         let bounce = self.lanes.randoms.pairs(dimension::BSDF, wide);
         let quad = context.field.map_or([0.0; LANES], |_| numbers(dimension::GUIDE));
         let roulette = self.lanes.roulette(context, depth);
-        let receivers =
-            Receivers { position: &self.lanes.points.position, normal: &self.facing, transmits: &self.transmits };
+        let receivers = Receivers {
+            position: &self.lanes.points.position,
+            normal: &self.facing,
+            transmits: &self.transmits,
+        };
         self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
         self.lit.glowing = [None; LANES];
         for (lane, how) in self.lit.lights.how.iter_mut().enumerate().take(count) {
@@ -293,7 +326,13 @@ impl<'a> SurfaceVertices<'a> {
         self.lit.lights.shine(context.scene, &self.lit.arrivals, &self.lanes.modes, count);
         for lane in 0..count {
             if !self.together.has(lane) {
-                self.scatter(context, lane, choice[lane], Vec2::new(bounce[0][lane], bounce[1][lane]), quad[lane]);
+                self.scatter(
+                    context,
+                    lane,
+                    choice[lane],
+                    Vec2::new(bounce[0][lane], bounce[1][lane]),
+                    quad[lane],
+                );
             }
         }
         self.draw_alone(context, &light, count);
@@ -323,10 +362,14 @@ impl<'a> SurfaceVertices<'a> {
         );
         let Self { lanes, scatterers, scatterer_of, lit, .. } = self;
         lit.sample_alone(count, &light, |lane, chosen, u| {
-            let Scatterer { shading, at: arrival, receiver } = scatterers.get(scatterer_of[lane] as usize)?;
-            let (guided, wo) = (GuidedBsdf::new(context.field, shading, receiver), at(&lanes.wo, lane));
+            let Scatterer { shading, at: arrival, receiver } =
+                scatterers.get(scatterer_of[lane] as usize)?;
+            let (guided, wo) =
+                (GuidedBsdf::new(context.field, shading, receiver), at(&lanes.wo, lane));
             let throughput = color_at(&lanes.carried.throughput, lane);
-            weighted_sample(context, throughput, arrival, chosen, u, |wi| guided.eval_and_pdf(wo, wi))
+            weighted_sample(context, throughput, arrival, chosen, u, |wi| {
+                guided.eval_and_pdf(wo, wi)
+            })
         });
         self.bring_alone(context);
     }
@@ -351,7 +394,8 @@ impl<'a> SurfaceVertices<'a> {
         for Alone { lane, at, probability, light } in self.alone.drain(..) {
             let scattered = (color_at(&self.scattered.value, lane), self.scattered.pdf[lane]);
             let throughput = color_at(&self.lanes.carried.throughput, lane);
-            self.lit.put_alone(lane, light.weighted(context, throughput, &at, probability, scattered));
+            self.lit
+                .put_alone(lane, light.weighted(context, throughput, &at, probability, scattered));
         }
     }
 
@@ -360,7 +404,8 @@ impl<'a> SurfaceVertices<'a> {
         self.lanes.points.is_sound[lane] != 0
     }
 
-    /// Asks the surface of a lane how it scatters the light that arrives, and where the path goes on.
+    /// Asks the surface of a lane how it scatters the light that arrives, and where the path goes
+    /// on.
     fn scatter(&mut self, context: &Context, lane: usize, u_lobe: f32, u: Vec2, u_quad: f32) {
         let Self { lanes, scatterers, scatterer_of, scattered, bounces, lit, .. } = self;
         bounces.exists[lane] = 0;
@@ -437,12 +482,19 @@ fn give<const CHANNELS: usize>(
         arrivals.weigh(i, scattered.pdf[i]);
         let (mut value, mut weight) = ([0.0; CHANNELS], [0.0; CHANNELS]);
         for channel in 0..CHANNELS {
-            (value[channel], weight[channel]) = (scattered.value[channel][i], bounces.weight[channel][i]);
+            (value[channel], weight[channel]) =
+                (scattered.value[channel][i], bounces.weight[channel][i]);
         }
         to.bring(i, carried, value, radiance, arrivals);
         let next = (weight, &bounces.eta_scale);
         to.go_on(i, carried, next, survival, roulette, bounces.exists[i] != 0);
-        to.mark(i, carried, Expected::of(bounces.expected[i]), transmits[i], bounces.is_delta[i] != 0);
+        to.mark(
+            i,
+            carried,
+            Expected::of(bounces.expected[i]),
+            transmits[i],
+            bounces.is_delta[i] != 0,
+        );
         let origin = ray_origin(skins.points, skins.lift, i, at(&bounces.wi, i));
         for axis in 0..3 {
             bounces.origin[axis][i] = origin[axis];

@@ -10,13 +10,16 @@ use snell_scene::{Camera, Environment, Geometry, Light, Material, Node, Scene, S
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// The unit sphere of so many triangles around and from pole to pole, with its own normals at the vertices.
+/// The unit sphere of so many triangles around and from pole to pole, with its own normals at the
+/// vertices.
 fn sphere(around: u32, down: u32) -> TriangleMesh {
     let point = |i: u32, j: u32| {
-        let (phi, theta) = (2.0 * PI * (i % around) as f32 / around as f32, PI * j as f32 / down as f32);
+        let (phi, theta) =
+            (2.0 * PI * (i % around) as f32 / around as f32, PI * j as f32 / down as f32);
         Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
     };
-    let positions: Vec<Vec3> = (0..=down).flat_map(|j| (0..around).map(move |i| point(i, j))).collect();
+    let positions: Vec<Vec3> =
+        (0..=down).flat_map(|j| (0..around).map(move |i| point(i, j))).collect();
     let at = |i: u32, j: u32| j * around + i % around;
     let quads = (0..down).flat_map(|j| (0..around).map(move |i| (i, j)));
     let indices = quads
@@ -47,7 +50,12 @@ fn sun(direction: DVec3) -> Light {
 }
 
 fn lamp(position: DVec3) -> Light {
-    Light::Point(Point { position, intensity: Rgb::splat(30.0), attenuation: Attenuation::default(), body_radius: 0.0 })
+    Light::Point(Point {
+        position,
+        intensity: Rgb::splat(30.0),
+        attenuation: Attenuation::default(),
+        body_radius: 0.0,
+    })
 }
 
 fn pixels(scene: &Scene, eye: Vec3, settings: &Settings) -> Vec<f32> {
@@ -72,7 +80,11 @@ fn the_terminator_of_a_coarse_sphere_is_that_of_a_fine_one() {
         x.hypot(y) < 0.7
     };
     let plastic = Material::new("plastic", Plastic::new(Rgb::splat(0.5), 0.6));
-    let lights = [sun(DVec3::new(1.0, 0.3, -0.2)), sun(DVec3::new(0.9, -0.4, 0.3)), lamp(DVec3::new(-4.0, 0.5, 1.0))];
+    let lights = [
+        sun(DVec3::new(1.0, 0.3, -0.2)),
+        sun(DVec3::new(0.9, -0.4, 0.3)),
+        lamp(DVec3::new(-4.0, 0.5, 1.0)),
+    ];
     for material in [matte(), plastic] {
         for integrator in [IntegratorKind::Path, IntegratorKind::Direct, IntegratorKind::Raycast] {
             let picture = |light: &Light, [around, down]: [u32; 2], terminator| {
@@ -83,11 +95,19 @@ fn the_terminator_of_a_coarse_sphere_is_that_of_a_fine_one() {
             let dark = |light: &Light, terminator| {
                 let fine = picture(light, [192, 96], Terminator::Faceted);
                 let coarse = picture(light, [12, 6], terminator);
-                (0..coarse.len()).filter(is_inside).filter(|&i| fine[i] > 0.1 && coarse[i] < 0.2 * fine[i]).count()
+                (0..coarse.len())
+                    .filter(is_inside)
+                    .filter(|&i| fine[i] > 0.1 && coarse[i] < 0.2 * fine[i])
+                    .count()
             };
-            let counts = |terminator| lights.iter().map(|light| dark(light, terminator)).sum::<usize>();
+            let counts =
+                |terminator| lights.iter().map(|light| dark(light, terminator)).sum::<usize>();
             let (smooth, faceted) = (counts(Terminator::Smooth), counts(Terminator::Faceted));
-            assert!(smooth == 0 && faceted > 10, "{integrator:?} {}: {smooth}, and {faceted} without", material.name);
+            assert!(
+                smooth == 0 && faceted > 10,
+                "{integrator:?} {}: {smooth}, and {faceted} without",
+                material.name
+            );
         }
     }
 }
@@ -95,7 +115,12 @@ fn the_terminator_of_a_coarse_sphere_is_that_of_a_fine_one() {
 #[test]
 fn no_light_comes_through_a_closed_coarse_mesh() {
     for integrator in [IntegratorKind::Path, IntegratorKind::Direct, IntegratorKind::Raycast] {
-        let how = Settings { max_depth: 6, spp: 16, pixel_position: None, ..settings(integrator, Terminator::Smooth) };
+        let how = Settings {
+            max_depth: 6,
+            spp: 16,
+            pixel_position: None,
+            ..settings(integrator, Terminator::Smooth)
+        };
         for (around, down) in [(3, 2), (5, 3), (12, 6)] {
             // Lamps inside are not seen outside, also near the skin.
             for inside in [DVec3::ZERO, DVec3::new(0.1, -0.2, 0.3), DVec3::new(0.0, 0.0, 0.9)] {
@@ -103,7 +128,8 @@ fn no_light_comes_through_a_closed_coarse_mesh() {
                 let outside = pixels(&scene, Vec3::new(1.0, -5.0, 2.0), &how);
                 assert!(outside.iter().all(|&x| x == 0.0), "{integrator:?} {around} {inside}");
                 // And all light outside is not seen inside.
-                scene.lights = vec![sun(DVec3::new(1.0, 0.3, -0.2)), lamp(DVec3::new(0.0, 1.3, 0.0))];
+                scene.lights =
+                    vec![sun(DVec3::new(1.0, 0.3, -0.2)), lamp(DVec3::new(0.0, 1.3, 0.0))];
                 if integrator == IntegratorKind::Path {
                     scene.environment = Some(Environment::Constant(Rgb::WHITE));
                 }
@@ -118,7 +144,8 @@ fn no_light_comes_through_a_closed_coarse_mesh() {
 fn flat_triangles_and_shapes_are_as_they_were() {
     let pictures = |scene: &Scene| {
         let picture = |terminator| {
-            let how = Settings { max_depth: 5, spp: 4, ..settings(IntegratorKind::Path, terminator) };
+            let how =
+                Settings { max_depth: 5, spp: 4, ..settings(IntegratorKind::Path, terminator) };
             pixels(scene, Vec3::new(1.0, -5.0, 2.0), &how)
         };
         [picture(Terminator::Smooth), picture(Terminator::Faceted)]
@@ -129,9 +156,15 @@ fn flat_triangles_and_shapes_are_as_they_were() {
     assert_ne!(smooth, faceted);
     let flat = TriangleMesh { normals: Vec::new(), ..sphere(12, 6) };
     let mut shape = round.clone();
-    shape.nodes[1].surfaces =
-        vec![Surface::shape(Sphere { radius: 1.0 }, shape.nodes[1].surfaces[0].materials[0].expect("it has one"))];
-    for scene in [scene_of(flat, matte(), light()), shape, builtin("cornell-box").expect("the scene is built in")] {
+    shape.nodes[1].surfaces = vec![Surface::shape(
+        Sphere { radius: 1.0 },
+        shape.nodes[1].surfaces[0].materials[0].expect("it has one"),
+    )];
+    for scene in [
+        scene_of(flat, matte(), light()),
+        shape,
+        builtin("cornell-box").expect("the scene is built in"),
+    ] {
         let [smooth, faceted] = pictures(&scene);
         assert_eq!(smooth, faceted);
     }

@@ -1,6 +1,9 @@
-//! How plain surfaces scatter light, asked for all vertices of one material together: the same bits as [`super::surfaces`] finds one by one.
+//! How plain surfaces scatter light, asked for all vertices of one material together: the same bits
+//! as [`super::surfaces`] finds one by one.
 
-use super::lanes::{BLACK, CarriedLanes, HitColors, LANES, ZERO, at, at_level_by_color, put, put_color};
+use super::lanes::{
+    BLACK, CarriedLanes, HitColors, LANES, ZERO, at, at_level_by_color, put, put_color,
+};
 use super::lights::horizon;
 use super::plain_surfaces::Frames;
 use super::surfaces::{Bounces, Scattered};
@@ -18,7 +21,8 @@ pub struct Together<'a> {
     is_any: bool,
     /// 0 for other lanes.
     has: [u32; LANES],
-    /// The normal of the plane that light is reflected above or refracted below, and its cosine with where the path comes from.
+    /// The normal of the plane that light is reflected above or refracted below, and its cosine
+    /// with where the path comes from.
     horizon: HitVectors,
     side: HitLanes,
     /// As [`ManyPoint`].
@@ -109,7 +113,8 @@ impl<'a> Together<'a> {
         self.has[lane] != 0
     }
 
-    /// Works out what is known before lights are, and the normals on the side where the paths come from.
+    /// Works out what is known before lights are, and the normals on the side where the paths come
+    /// from.
     pub fn look(&mut self, seen: &Seen, facing: &mut HitVectors, wide: Option<Wide>) {
         if !self.is_any {
             return;
@@ -117,8 +122,8 @@ impl<'a> Together<'a> {
         at_level!(wide, look, (seen: &Seen<'_> = seen, to: &mut Together<'_> = self, facing: &mut HitVectors = facing));
     }
 
-    /// Asks the surfaces how they scatter light from where it comes, and draws where the paths go on, with these numbers for lobes and
-    /// directions.
+    /// Asks the surfaces how they scatter light from where it comes, and draws where the paths go
+    /// on, with these numbers for lobes and directions.
     pub fn scatter(
         &mut self,
         frames: &Frames,
@@ -134,7 +139,10 @@ impl<'a> Together<'a> {
         for block in 0..LANES / MANY {
             let questions = ManyQuestions {
                 is_asked: &[0; MANY],
-                palette: self.palette.each_ref().map(|colors| colors.each_ref().map(|channel| many(channel, block))),
+                palette: self
+                    .palette
+                    .each_ref()
+                    .map(|colors| colors.each_ref().map(|channel| many(channel, block))),
                 color: self.color,
                 alpha: many(&self.alpha, block),
                 metalness: many(&self.metalness, block),
@@ -159,7 +167,8 @@ impl<'a> Together<'a> {
         }
     }
 
-    /// Says what was found: how the light is scattered from where it comes in the world, and where the paths go on.
+    /// Says what was found: how the light is scattered from where it comes in the world, and where
+    /// the paths go on.
     pub fn tell(
         &self,
         (frames, wi): (&Frames, &HitVectors),
@@ -243,7 +252,12 @@ fn turn(frames: &Frames, from: &HitVectors, to: &mut HitVectors) {
 }
 
 #[inline(always)]
-fn take<const CHANNELS: usize>(block: usize, of: &[u32; MANY], answers: &ManyAnswers, to: &mut Found) {
+fn take<const CHANNELS: usize>(
+    block: usize,
+    of: &[u32; MANY],
+    answers: &ManyAnswers,
+    to: &mut Found,
+) {
     for channel in 0..CHANNELS {
         take_marked(of, &answers.value[channel], many_mut(&mut to.value[channel], block));
         take_marked(of, &answers.weight[channel], many_mut(&mut to.weight[channel], block));
@@ -281,7 +295,8 @@ fn tell<const CHANNELS: usize>(
         // Shading and geometry must agree on whether light goes through.
         let sides = side * horizon.dot(at(wi, i));
         let goes_through = from.wo[2][i] * from.wi[2][i] < 0.0;
-        // (Bits, for the same condition at several places would become branches, with everything in between on both sides.)
+        // (Bits, for the same condition at several places would become branches, with everything in
+        // between on both sides.)
         let is_seen = u32::from((goes_through & (sides < 0.0)) | (!goes_through & (sides > 0.0)));
         let drawn = frames.at(i).from_local(at(&found.drawn, i));
         let scale = 1.0 / drawn.length();
@@ -296,7 +311,8 @@ fn tell<const CHANNELS: usize>(
         for channel in 0..CHANNELS {
             let value = marked(is_seen, found.value[channel][i], 0.0);
             scattered.value[channel][i] = marked(has, value, scattered.value[channel][i]);
-            bounces.weight[channel][i] = marked(has, found.weight[channel][i], bounces.weight[channel][i]);
+            bounces.weight[channel][i] =
+                marked(has, found.weight[channel][i], bounces.weight[channel][i]);
         }
         let pdf = marked(is_seen, found.pdf[i], 0.0);
         scattered.pdf[i] = marked(has, pdf, scattered.pdf[i]);

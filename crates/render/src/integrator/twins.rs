@@ -8,9 +8,13 @@ use snell_math::{DAffine3, Vec3};
 use snell_scene::{Geometry, NodeId, Pose, Scene};
 use std::sync::Arc;
 
-/// Fails unless the picture and all of its layers are the same at every level of this machine, bit for bit: portable code works on one vertex at a time. Gives
-/// the picture.
-pub fn assert_alike_at_every_level(scene: &Scene, moving: &Moving, settings: &Settings) -> Vec<f32> {
+/// Fails unless the picture and all of its layers are the same at every level of this machine, bit
+/// for bit: portable code works on one vertex at a time. Gives the picture.
+pub fn assert_alike_at_every_level(
+    scene: &Scene,
+    moving: &Moving,
+    settings: &Settings,
+) -> Vec<f32> {
     let picture = |simd: Level| {
         let options = BuildOptions { simd, ..BuildOptions::default() };
         let compiled = CompiledScene::moving(scene, moving, &options, None).expect("a valid scene");
@@ -20,15 +24,21 @@ pub fn assert_alike_at_every_level(scene: &Scene, moving: &Moving, settings: &Se
     let one_by_one = picture(Level::Scalar);
     for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
         for (number, (found, expected)) in picture(level).iter().zip(&one_by_one).enumerate() {
-            let is_alike = found.iter().map(|x| x.to_bits()).eq(expected.iter().map(|x| x.to_bits()));
+            let is_alike =
+                found.iter().map(|x| x.to_bits()).eq(expected.iter().map(|x| x.to_bits()));
             let moves = moving.nodes.len();
-            assert!(is_alike, "{} at {level}, layer {number}, moving {moves}: {settings:?}", scene.name);
+            assert!(
+                is_alike,
+                "{} at {level}, layer {number}, moving {moves}: {settings:?}",
+                scene.name
+            );
         }
     }
     one_by_one.into_iter().next().unwrap_or_default()
 }
 
-/// Every second node with surfaces turns while the shutter is open, and the first mesh of those between grows.
+/// Every second node with surfaces turns while the shutter is open, and the first mesh of those
+/// between grows.
 pub fn every_second_node(scene: &Scene) -> Moving {
     let mut later = Pose::default();
     let has_surfaces = |id: &NodeId| !scene.nodes[id.index()].surfaces.is_empty();
@@ -44,6 +54,7 @@ pub fn every_second_node(scene: &Scene) -> Moving {
             later.meshes.insert((id, 0), Arc::new(grown));
         }
     }
-    let nodes = later.transforms.keys().copied().chain(later.meshes.keys().map(|(id, _)| *id)).collect();
+    let nodes =
+        later.transforms.keys().copied().chain(later.meshes.keys().map(|(id, _)| *id)).collect();
     Moving { nodes, later: vec![later] }
 }

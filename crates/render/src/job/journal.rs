@@ -1,4 +1,5 @@
-//! What happens to the samples of a part, written down in order: for [`crate::explain`]. Nobody else keeps one.
+//! What happens to the samples of a part, written down in order: for [`crate::explain`]. Nobody
+//! else keeps one.
 
 use crate::integrator::light_part::LightSource;
 use crate::integrator::{MediumVertex, PathState, Weights};
@@ -10,8 +11,8 @@ use snell_math::{Ray, SampledSpectrum};
 pub struct Journal {
     /// Vertices, and media that glow on the way to them.
     pub events: Vec<Event>,
-    /// What became of the light rays of all vertices, one after the other: what they brought to the light's end, and whether something
-    /// was in their way.
+    /// What became of the light rays of all vertices, one after the other: what they brought to the
+    /// light's end, and whether something was in their way.
     pub fates: Vec<(SampledSpectrum, bool)>,
 }
 

@@ -1,4 +1,5 @@
-//! Layers that show parts of the light: which values of a sample they are, and which light belongs to them.
+//! Layers that show parts of the light: which values of a sample they are, and which light belongs
+//! to them.
 
 use crate::compile::CompiledScene;
 use crate::integrator::IntegratorKind;
@@ -33,10 +34,13 @@ impl LightParts {
             channels += aov.sampled_channels();
         }
         let groups = &settings.light_groups;
-        let of_material: Vec<u8> =
-            (0..scene.materials.len()).map(|i| group(groups, LightSource::Material(MaterialId(i as u32)))).collect();
+        let of_material: Vec<u8> = (0..scene.materials.len())
+            .map(|i| group(groups, LightSource::Material(MaterialId(i as u32))))
+            .collect();
         let of_environment = group(groups, LightSource::Environment);
-        let of_light = (0..scene.lights().len() as u32).map(|i| group(groups, LightSource::Light(i))).collect();
+        let of_light = (0..scene.lights().len() as u32)
+            .map(|i| group(groups, LightSource::Light(i)))
+            .collect();
         let of_media = group(groups, LightSource::Medium);
         Self { parts, channels, of_light, of_material, of_environment, of_media }
     }
@@ -62,7 +66,14 @@ impl LightParts {
     }
 
     /// Adds light to the values of a sample.
-    pub fn add(&self, values: &mut [f32], sample: u32, light: SampledSpectrum, tag: &LightTag, mode: ColorMode) {
+    pub fn add(
+        &self,
+        values: &mut [f32],
+        sample: u32,
+        light: SampledSpectrum,
+        tag: &LightTag,
+        mode: ColorMode,
+    ) {
         if light.is_black() || !light.is_finite() {
             return;
         }

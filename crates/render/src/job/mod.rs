@@ -1,7 +1,8 @@
 //! A render: parts, threads, progress.
 //!
-//! The unit of work is a *part*: one tile of 16 x 16 pixels and one range of sample numbers. Threads take parts in a fixed order and
-//! fold them into the film tile by tile, in order of the samples; which thread did what never shows in the picture.
+//! The unit of work is a *part*: one tile of 16 x 16 pixels and one range of sample numbers.
+//! Threads take parts in a fixed order and fold them into the film tile by tile, in order of the
+//! samples; which thread did what never shows in the picture.
 
 mod journal;
 mod light_parts;
@@ -75,7 +76,8 @@ pub struct Statistics {
     pub rays: RayCounts,
     /// Samples of pixels.
     pub samples: u64,
-    /// Samples that were not finite and counted as black. Always 0 unless there is a fault in a material or light.
+    /// Samples that were not finite and counted as black. Always 0 unless there is a fault in a
+    /// material or light.
     pub invalid_samples: u64,
     /// Time that threads spent in ray queries, all threads together. Not the same each time.
     pub tracing: Duration,
@@ -102,9 +104,11 @@ pub struct Progress {
     pub total: u64,
     /// Rays traced so far.
     pub rays: u64,
-    /// Passes over the whole picture that are complete, or will be if the render is stopped now: threads end what they began.
+    /// Passes over the whole picture that are complete, or will be if the render is stopped now:
+    /// threads end what they began.
     pub passes: usize,
-    /// While paths are trained for guiding. To say no then ends training with the passes that are whole, and the picture begins.
+    /// While paths are trained for guiding. To say no then ends training with the passes that are
+    /// whole, and the picture begins.
     pub training: Option<Training>,
 }
 
@@ -198,16 +202,21 @@ impl<'a> Job<'a> {
         Self { watcher: Some(watcher), ..self }
     }
 
-    /// The same render, with a flag that gives up what is underway. When `keep_going` says no, threads end the parts that they
-    /// have begun, which may take minutes where one ray meets millions of things. Soon after the flag is set they leave them;
-    /// the film has only whole parts. A cancelled render makes no progress any more.
+    /// The same render, with a flag that gives up what is underway. When `keep_going` says no,
+    /// threads end the parts that they have begun, which may take minutes where one ray meets
+    /// millions of things. Soon after the flag is set they leave them; the film has only whole
+    /// parts. A cancelled render makes no progress any more.
     pub fn with_cancel(self, cancel: &'a AtomicBool) -> Self {
         Self { cancel: Some(cancel), ..self }
     }
 
-    /// Renders with `threads` threads (at least one) until all samples are taken or `keep_going` says no. `keep_going` is called
-    /// often, from any thread, with the progress so far.
-    pub fn run(&self, threads: usize, keep_going: &(dyn Fn(&Progress) -> bool + Sync)) -> (Film, Statistics) {
+    /// Renders with `threads` threads (at least one) until all samples are taken or `keep_going`
+    /// says no. `keep_going` is called often, from any thread, with the progress so far.
+    pub fn run(
+        &self,
+        threads: usize,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+    ) -> (Film, Statistics) {
         let mut underway = self.begin(threads, keep_going);
         self.go_on(&mut underway, self.settings.spp, threads, keep_going);
         (underway.film, underway.statistics)
@@ -225,13 +234,15 @@ impl<'a> Job<'a> {
 
     /// A film of this render without samples.
     pub fn empty_film(&self) -> Film {
-        let mut film = Film::with_mean_weight(self.crop, &self.settings.aovs, self.filter.mean_weight());
+        let mut film =
+            Film::with_mean_weight(self.crop, &self.settings.aovs, self.filter.mean_weight());
         film.noise_floor = self.settings.noise_floor;
         film
     }
 
-    /// Goes on with a film of this render until every pixel has `until` samples (or all that are asked for), or `keep_going` says
-    /// no. In how many steps a film is made never shows in it. No pixel stops by its error.
+    /// Goes on with a film of this render until every pixel has `until` samples (or all that are
+    /// asked for), or `keep_going` says no. In how many steps a film is made never shows in it. No
+    /// pixel stops by its error.
     pub fn extend(
         &self,
         film: Film,
@@ -244,21 +255,41 @@ impl<'a> Job<'a> {
         (underway.film, underway.statistics)
     }
 
-    /// The rays that [`Self::extend`] traces, batch by batch: 32 bytes a ray. Which batch comes first is not the same each time.
+    /// The rays that [`Self::extend`] traces, batch by batch: 32 bytes a ray. Which batch comes
+    /// first is not the same each time.
     pub fn record(&self, threads: usize) -> Recording {
         self.fill(&mut self.begin(threads, &|_| true), self.settings.spp, threads, &|_| true, true)
     }
 
     /// Shows all samples of one pixel of the whole picture, with what happened to them: block by
     /// block, with the bits of [`Self::run`] if no pixel stops by its error.
-    pub(crate) fn observe(&self, pixel: [u32; 2], threads: usize, see: &mut dyn FnMut(&FilmPart, &Journal)) {
+    pub(crate) fn observe(
+        &self,
+        pixel: [u32; 2],
+        threads: usize,
+        see: &mut dyn FnMut(&FilmPart, &Journal),
+    ) {
         let (trained, _) = self.trained(threads, &|_| true);
         let (wants_lobes, field) = (self.light_parts.want_lobes(), trained.as_ref());
-        let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights, field, wants_lobes };
+        let context = Context {
+            scene: self.scene,
+            settings: self.settings,
+            lights: &self.lights,
+            field,
+            wants_lobes,
+        };
         let tracer = Tracer::new(self.scene, None, self.cancel);
-        let mut renderer =
-            PartRenderer::new(context, self.camera, &self.sampler, &self.filter, &self.light_parts, tracer);
-        for range in (Ranges::Blocks { start: 0, end: self.settings.spp, is_progressive: false }).all() {
+        let mut renderer = PartRenderer::new(
+            context,
+            self.camera,
+            &self.sampler,
+            &self.filter,
+            &self.light_parts,
+            tracer,
+        );
+        for range in
+            (Ranges::Blocks { start: 0, end: self.settings.spp, is_progressive: false }).all()
+        {
             renderer.journal = Some(Journal::default());
             let part = renderer.render(area_of(pixel), None, range, &mut Statistics::default());
             see(&part, &renderer.journal.take().unwrap_or_default());
@@ -271,7 +302,11 @@ impl<'a> Job<'a> {
     }
 
     /// Learns where light comes from, if the settings ask for it.
-    fn trained(&self, threads: usize, keep_going: &(dyn Fn(&Progress) -> bool + Sync)) -> (Option<Field>, Statistics) {
+    fn trained(
+        &self,
+        threads: usize,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+    ) -> (Option<Field>, Statistics) {
         let mut statistics = Statistics::default();
         let begin = Instant::now();
         let field = self.train(threads, keep_going, &mut statistics);
@@ -296,9 +331,12 @@ impl<'a> Job<'a> {
     ) {
         let tiles = std::mem::take(&mut film.tiles).into_iter().zip(active);
         let tiles: Vec<_> = tiles
-            .map(|(tile, pixels)| Mutex::new(SharedTile { tile, pixels: pixels.clone(), waiting: BTreeMap::new() }))
+            .map(|(tile, pixels)| {
+                Mutex::new(SharedTile { tile, pixels: pixels.clone(), waiting: BTreeMap::new() })
+            })
             .collect();
-        let shared = Shared { tiles: &tiles, parts, next: AtomicUsize::new(0), passes, tally, keep_going };
+        let shared =
+            Shared { tiles: &tiles, parts, next: AtomicUsize::new(0), passes, tally, keep_going };
         on_threads(threads, || self.work(&shared));
         film.tiles = tiles.into_iter().map(|t| into_inner(t).tile).collect();
     }
@@ -308,14 +346,26 @@ impl<'a> Job<'a> {
         let Shared { tiles, parts, next, passes, tally, keep_going } = shared;
         let wants_lobes = self.light_parts.want_lobes();
         let field = tally.field.as_ref();
-        let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights, field, wants_lobes };
+        let context = Context {
+            scene: self.scene,
+            settings: self.settings,
+            lights: &self.lights,
+            field,
+            wants_lobes,
+        };
         let tracer = Tracer::new(self.scene, tally.record.then(Recording::default), self.cancel);
-        let mut renderer =
-            PartRenderer::new(context, self.camera, &self.sampler, &self.filter, &self.light_parts, tracer);
+        let mut renderer = PartRenderer::new(
+            context,
+            self.camera,
+            &self.sampler,
+            &self.filter,
+            &self.light_parts,
+            tracer,
+        );
         let mut mine = Statistics::default();
         loop {
-            // Asked before a part is taken: every part that is taken is rendered, and so the passes counted here are whole,
-            // however late some thread is.
+            // Asked before a part is taken: every part that is taken is rendered, and so the passes
+            // counted here are whole, however late some thread is.
             let progress = Progress {
                 done: tally.done.load(Ordering::Relaxed),
                 total: tally.total.load(Ordering::Relaxed),
@@ -409,7 +459,8 @@ mod tests {
     #[test]
     fn the_rays_that_are_recorded_are_those_that_are_counted() {
         let scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
-        let compiled = CompiledScene::new(&scene, &snell_intersect::BuildOptions::default()).expect("a valid scene");
+        let compiled = CompiledScene::new(&scene, &snell_intersect::BuildOptions::default())
+            .expect("a valid scene");
         let settings = Settings { size: [20, 20], spp: 16, ..Settings::default() };
         let job = Job::new(&compiled, &scene.cameras[0], &settings);
         let (_, statistics) = job.run(2, &|_| true);
@@ -419,7 +470,11 @@ mod tests {
             batches.map(|(_, rays)| rays.len() as u64).sum::<u64>()
         };
         let shadow = recording.occluded.iter().map(|rays| rays.len() as u64).sum();
-        let recorded = RayCounts { camera: count(Grouping::Coherent), shadow, indirect: count(Grouping::None) };
+        let recorded = RayCounts {
+            camera: count(Grouping::Coherent),
+            shadow,
+            indirect: count(Grouping::None),
+        };
         assert_eq!(recorded, statistics.rays);
         assert!(statistics.tracing > Duration::ZERO);
     }
@@ -427,7 +482,8 @@ mod tests {
     #[test]
     fn a_film_that_is_extended_step_by_step_is_the_film_of_one_run() {
         let scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
-        let compiled = CompiledScene::new(&scene, &snell_intersect::BuildOptions::default()).expect("a valid scene");
+        let compiled = CompiledScene::new(&scene, &snell_intersect::BuildOptions::default())
+            .expect("a valid scene");
         let settings = Settings { size: [20, 20], spp: 20, ..Settings::default() };
         let job = Job::new(&compiled, &scene.cameras[0], &settings);
         let whole = job.run(2, &|_| true).0.image();
@@ -439,7 +495,10 @@ mod tests {
                 film = job.extend(film, until, 2, &|_| asked.fetch_add(1, Ordering::Relaxed) < 3).0;
                 let statistics;
                 (film, statistics) = job.extend(film, until, 2, &|_| true);
-                assert!(statistics.is_complete && film.least_samples() == until.min(20), "{steps:?}");
+                assert!(
+                    statistics.is_complete && film.least_samples() == until.min(20),
+                    "{steps:?}"
+                );
             }
             assert_eq!(film.image(), whole, "{steps:?}");
         }

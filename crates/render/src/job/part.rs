@@ -1,5 +1,5 @@
-//! The loop that makes a picture: camera rays, hits, shading by material, light rays, next rays, depth by depth until no path is
-//! left. Batches only; nothing here asks for a single ray.
+//! The loop that makes a picture: camera rays, hits, shading by material, light rays, next rays,
+//! depth by depth until no path is left. Batches only; nothing here asks for a single ray.
 
 mod collect;
 mod first_hits;
@@ -37,13 +37,16 @@ use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::{Camera, CameraRays, CameraView};
 use specular::SpecularBatch;
 
-/// Samples that are taken at once. (Measured from 256 to 4,096: few leave the kernels idle, many leave the caches.)
+/// Samples that are taken at once. (Measured from 256 to 4,096: few leave the kernels idle, many
+/// leave the caches.)
 const MAX_SAMPLES: usize = 1 << 11;
 
-/// Light rays that are traced at once, up to those of one vertex more: ray trees and scenes of many lights have too many to keep.
+/// Light rays that are traced at once, up to those of one vertex more: ray trees and scenes of many
+/// lights have too many to keep.
 const MAX_BATCH: usize = 1 << 16;
 
-/// Most rays of one sample's ray tree: those of clear glass would grow without end. A tree of depth 9 is smaller.
+/// Most rays of one sample's ray tree: those of clear glass would grow without end. A tree of depth
+/// 9 is smaller.
 const MAX_TREE: u32 = 1024;
 
 /// Renders parts, reusing its buffers.
@@ -64,12 +67,14 @@ pub struct PartRenderer<'a> {
     light_rays: LightRays,
     /// Paths that are shaded many at once, in order.
     together: Vec<u32>,
-    /// Those that have left the scene or were scattered by media, if that [is all there is to them](Self::is_simple).
+    /// Those that have left the scene or were scattered by media, if that
+    /// [is all there is to them](Self::is_simple).
     missed: Vec<u32>,
     /// All others, in order, and one material after the other.
     others: Vec<u32>,
     order: Vec<u32>,
-    /// The material of what each path of `others` has hit, one past the last for nothing, and where those of each begin in `order`.
+    /// The material of what each path of `others` has hit, one past the last for nothing, and where
+    /// those of each begin in `order`.
     materials: Vec<u32>,
     starts: Vec<u32>,
     outputs: Outputs,
@@ -104,8 +109,9 @@ pub struct PartRenderer<'a> {
 struct Sample {
     /// Found at vertices.
     radiance: SampledSpectrum,
-    /// Brought by light rays. Summed apart, because how the two alternate depends on where a batch of many samples is cut into
-    /// pieces, and the bits of a sample must not depend on its neighbours.
+    /// Brought by light rays. Summed apart, because how the two alternate depends on where a batch
+    /// of many samples is cut into pieces, and the bits of a sample must not depend on its
+    /// neighbours.
     brought: SampledSpectrum,
 }
 
@@ -148,7 +154,10 @@ impl<'a> PartRenderer<'a> {
         let view = camera.view(context.settings.size);
         let settings = context.settings;
         let stands_still = settings.later_cameras.is_empty();
-        let is_plain = settings.color == ColorModel::Rgb && stands_still && !scene.moves && !context.wants_lobes;
+        let is_plain = settings.color == ColorModel::Rgb
+            && stands_still
+            && !scene.moves
+            && !context.wants_lobes;
         Self {
             context,
             camera,
@@ -188,8 +197,15 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Takes samples `range` of every pixel of `area`; what a field learns from their paths is added to `records`.
-    pub fn record(&mut self, area: Crop, range: [u32; 2], records: &mut Vec<Record>, statistics: &mut Statistics) {
+    /// Takes samples `range` of every pixel of `area`; what a field learns from their paths is
+    /// added to `records`.
+    pub fn record(
+        &mut self,
+        area: Crop,
+        range: [u32; 2],
+        records: &mut Vec<Record>,
+        statistics: &mut Statistics,
+    ) {
         self.recorder = Some(self.recorder.take().unwrap_or_default());
         self.render(area, None, range, statistics);
         if let Some(recorder) = &mut self.recorder {
@@ -198,8 +214,8 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Takes samples `range` of the pixels of `area`: of all, or of those with these numbers (row by row). If it is
-    /// [cancelled](Tracer::is_cancelled), the part is of no use.
+    /// Takes samples `range` of the pixels of `area`: of all, or of those with these numbers (row
+    /// by row). If it is [cancelled](Tracer::is_cancelled), the part is of no use.
     pub fn render(
         &mut self,
         area: Crop,
@@ -238,23 +254,35 @@ impl<'a> PartRenderer<'a> {
     }
 
     /// Takes samples of some pixels.
-    fn take_samples(&mut self, positions: &[[u32; 2]], range: [u32; 2], statistics: &mut Statistics) {
+    fn take_samples(
+        &mut self,
+        positions: &[[u32; 2]],
+        range: [u32; 2],
+        statistics: &mut Statistics,
+    ) {
         self.start(positions, range);
         statistics.rays.camera += self.paths.len() as u64;
         // Sixteen rays in a row are of one pixel, or of one row of a tile.
-        let mut grouping =
-            if self.camera.has_common_origin() && self.stands_still && matches!(range[1] - range[0], 1 | 16) {
-                Grouping::Coherent
-            } else {
-                Grouping::None
-            };
+        let mut grouping = if self.camera.has_common_origin()
+            && self.stands_still
+            && matches!(range[1] - range[0], 1 | 16)
+        {
+            Grouping::Coherent
+        } else {
+            Grouping::None
+        };
         let mut depth = 0;
         while self.paths.len() > 0 && !self.tracer.is_cancelled() {
             self.note_arrivals();
             self.journal.iter_mut().for_each(|journal| journal.events.push(Event::Depth));
             let is_shown = depth == 0 && self.shows_first_hits();
             if is_shown || !self.volumes.as_ref().is_some_and(VolumeBatch::sees_more) {
-                self.tracer.closest(&self.paths.rays, &self.paths.times, grouping, &mut self.paths.hits);
+                self.tracer.closest(
+                    &self.paths.rays,
+                    &self.paths.times,
+                    grouping,
+                    &mut self.paths.hits,
+                );
             }
             if depth == 0 {
                 self.drop_dead_paths();
@@ -294,18 +322,26 @@ impl<'a> PartRenderer<'a> {
             sampler.numbers_of(key).at_vertex(paths.carried[path].stream, depth)
         };
         let (light_parts, aovs, journal) = (self.light_parts, &mut self.aovs, &mut self.journal);
-        volumes.advance(&mut self.tracer, &mut self.paths, grouping, depth, random, |paths, path, radiance| {
-            let sample = paths.samples[path];
-            samples[sample as usize].radiance += radiance;
-            if let Some(journal) = journal {
-                journal.events.push(Event::Glow { path, sample, radiance });
-            }
-            if !light_parts.is_empty() {
-                let (scatterings, group) = (Scatterings::of(depth), light_parts.group(LightSource::Medium));
-                let tag = LightTag { lobe: paths.rest(path).lobe, scatterings, group };
-                light_parts.add(aovs, sample, radiance, &tag, facts[sample as usize].mode);
-            }
-        });
+        volumes.advance(
+            &mut self.tracer,
+            &mut self.paths,
+            grouping,
+            depth,
+            random,
+            |paths, path, radiance| {
+                let sample = paths.samples[path];
+                samples[sample as usize].radiance += radiance;
+                if let Some(journal) = journal {
+                    journal.events.push(Event::Glow { path, sample, radiance });
+                }
+                if !light_parts.is_empty() {
+                    let (scatterings, group) =
+                        (Scatterings::of(depth), light_parts.group(LightSource::Medium));
+                    let tag = LightTag { lobe: paths.rest(path).lobe, scatterings, group };
+                    light_parts.add(aovs, sample, radiance, &tag, facts[sample as usize].mode);
+                }
+            },
+        );
         if depth == 0 {
             for (path, _) in volumes.scattered.iter().enumerate().filter(|(_, s)| s.is_some()) {
                 facts[self.paths.samples[path] as usize].alpha = 1.0;
@@ -313,7 +349,8 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Calls the vertex function on every path, grouped by material, and adds what the light rays bring.
+    /// Calls the vertex function on every path, grouped by material, and adds what the light rays
+    /// bring.
     fn shade_batch(&mut self, depth: u32, statistics: &mut Statistics) {
         if self.context.settings.integrator == IntegratorKind::Aov {
             return;
@@ -398,7 +435,10 @@ impl<'a> PartRenderer<'a> {
         });
         let mut counts = [0; 3];
         for (path, hit) in (0..).zip(&self.paths.hits[..count]) {
-            let is_matte = self.matte.as_ref().is_some_and(|matte| matte.surfaces.has(self.context.scene, hit));
+            let is_matte = self
+                .matte
+                .as_ref()
+                .is_some_and(|matte| matte.surfaces.has(self.context.scene, hit));
             let is_missed = !hit.is_hit();
             // (Written to all three: what is known of hits is no good for branches.)
             (together[counts[0]], missed[counts[1]], others[counts[2]]) = (path, path, path);
@@ -412,7 +452,8 @@ impl<'a> PartRenderer<'a> {
         self.group_by_material();
     }
 
-    /// Others of one material one after the other; those of one sample stay in order, so that sums have one order.
+    /// Others of one material one after the other; those of one sample stay in order, so that sums
+    /// have one order.
     fn group_by_material(&mut self) {
         let (scene, others) = (self.context.scene, &self.others);
         self.order.clear();
@@ -455,7 +496,8 @@ impl<'a> PartRenderer<'a> {
         self.context.wants_lobes && depth == 0
     }
 
-    /// The same as [`Self::shade_one`] for paths that hit nothing: that leave the scene, or that media have scattered.
+    /// The same as [`Self::shade_one`] for paths that hit nothing: that leave the scene, or that
+    /// media have scattered.
     fn shade_nothing_hit(&mut self, depth: u32, paths: &[u32], statistics: &mut Statistics) {
         let Some(volumes) = &self.volumes else { return self.shade_misses(depth, paths) };
         let is_scattered = |path: &&u32| volumes.scattered[**path as usize].is_some();
@@ -476,7 +518,9 @@ impl<'a> PartRenderer<'a> {
         }
         let sky = plain_sky(&self.context, depth);
         let color = sky.and_then(EnvironmentLight::constant);
-        let constant = color.filter(|_| self.paths.is_plain()).map(|color| ColorMode::Rgb.rgb_illuminant(color));
+        let constant = color
+            .filter(|_| self.paths.is_plain())
+            .map(|color| ColorMode::Rgb.rgb_illuminant(color));
         let is_spectral = self.context.settings.color == ColorModel::Spectral;
         let spectrum = color.filter(|_| is_spectral).map(RgbSpectrum::of_light);
         for paths in paths.chunks(LANES) {
@@ -501,13 +545,18 @@ impl<'a> PartRenderer<'a> {
         for (lane, &path) in paths.iter().enumerate() {
             let path = path as usize;
             let place = Vec2::new(places[0][lane], places[1][lane]);
-            let (ray, carried, sample) =
-                (&self.paths.rays[path], &self.paths.carried[path], self.paths.samples[path] as usize);
+            let (ray, carried, sample) = (
+                &self.paths.rays[path],
+                &self.paths.carried[path],
+                self.paths.samples[path] as usize,
+            );
             let radiance = if carried.throughput.is_black() {
                 continue;
             } else if let Some(radiance) = constant {
                 carried.throughput * radiance
-            } else if let (Some(spectrum), ColorMode::Spectral(wavelengths)) = (spectrum, self.paths.rest(path).mode) {
+            } else if let (Some(spectrum), ColorMode::Spectral(wavelengths)) =
+                (spectrum, self.paths.rest(path).mode)
+            {
                 carried.throughput * ColorMode::light_at(&wavelengths, spectrum)
             } else if let Some(sky) = sky {
                 carried.throughput * sky.radiance_at(place, self.paths.rest(path).mode)
@@ -532,10 +581,17 @@ impl<'a> PartRenderer<'a> {
         if self.paths.is_dead(path) {
             return;
         }
-        let (ray, hit, state) = (&self.paths.rays[path], &self.paths.hits[path], self.paths.state(path));
+        let (ray, hit, state) =
+            (&self.paths.rays[path], &self.paths.hits[path], self.paths.state(path));
         let interaction = hit.is_hit().then(|| self.paths.interaction(scene, path));
-        let outside_ior = self.volumes.as_ref().filter(|_| hit.is_hit()).map_or(1.0, |v| v.outside_ior(path, hit));
-        let surface = interaction.as_ref().map(|interaction| self.paths.surface(scene, path, interaction, outside_ior));
+        let outside_ior = self
+            .volumes
+            .as_ref()
+            .filter(|_| hit.is_hit())
+            .map_or(1.0, |v| v.outside_ior(path, hit));
+        let surface = interaction
+            .as_ref()
+            .map(|interaction| self.paths.surface(scene, path, interaction, outside_ior));
         let random = self.random_at(depth, path);
         let medium = self.volumes.as_ref().and_then(|v| v.scattered[path]);
         let vertex = Vertex { depth, ray, state: &state, random, surface, medium };
@@ -547,7 +603,16 @@ impl<'a> PartRenderer<'a> {
             let surface = interaction.as_ref().map(|whole| (SurfacePoint::from(whole), whole));
             let surface = surface.as_ref().map(|(point, whole)| (point, || **whole));
             let of = (hit, state.mode);
-            volumes.note_outputs(path, ray.direction, surface, of, random, light_rays, *glowing, next);
+            volumes.note_outputs(
+                path,
+                ray.direction,
+                surface,
+                of,
+                random,
+                light_rays,
+                *glowing,
+                next,
+            );
         }
         self.collect(depth, path);
     }
@@ -558,14 +623,17 @@ impl<'a> PartRenderer<'a> {
         match &mut self.volumes {
             Some(volumes) => {
                 let facts = &self.facts;
-                volumes.trace_light_rays(&mut self.tracer, rays, |sample| facts[sample as usize].mode);
+                volumes
+                    .trace_light_rays(&mut self.tracer, rays, |sample| facts[sample as usize].mode);
             }
             None => self.tracer.occluded(&rays.rays, &rays.times, &mut rays.blocked),
         }
         if let Some(journal) = &mut self.journal {
             journal.fates.extend(rays.values.iter().copied().zip(rays.blocked.iter().copied()));
         }
-        for ((&sample, &value), &blocked) in rays.samples.iter().zip(&rays.values).zip(&rays.blocked) {
+        for ((&sample, &value), &blocked) in
+            rays.samples.iter().zip(&rays.values).zip(&rays.blocked)
+        {
             if !blocked {
                 self.samples[sample as usize].brought += value;
             }
@@ -587,9 +655,14 @@ impl<'a> PartRenderer<'a> {
             let finite = radiance.is_finite();
             statistics.invalid_samples += u64::from(!finite);
             let radiance = if finite { radiance } else { SampledSpectrum::ZERO };
-            FilmSample { color: facts.mode.to_rgb(radiance), alpha: facts.alpha, weight: facts.weight }
+            FilmSample {
+                color: facts.mode.to_rgb(radiance),
+                alpha: facts.alpha,
+                weight: facts.weight,
+            }
         }));
-        part.aovs.extend(self.aovs.iter().map(|value| if value.is_finite() { *value } else { 0.0 }));
+        part.aovs
+            .extend(self.aovs.iter().map(|value| if value.is_finite() { *value } else { 0.0 }));
         part.keys.append(&mut self.covering);
     }
 }
@@ -610,13 +683,20 @@ mod tests {
         let sharp = scene.cameras[0].clone();
         let blurred = Camera { aperture_radius: 0.02 * sharp.focus_distance, ..sharp.clone() };
         for color in ColorModel::ALL {
-            let settings = Settings { size: [40, 30], spp: 4, max_depth: 3, color, ..Settings::default() };
-            let picture = |camera: &Camera| Job::new(&compiled, camera, &settings).run(1, &|_| true).0.image();
+            let settings =
+                Settings { size: [40, 30], spp: 4, max_depth: 3, color, ..Settings::default() };
+            let picture = |camera: &Camera| {
+                Job::new(&compiled, camera, &settings).run(1, &|_| true).0.image()
+            };
             let (found, other) = (picture(&blurred), picture(&sharp));
             assert_ne!(found.layers[0].values, other.layers[0].values);
             let expected = reference::ray_cast(&compiled, &blurred, &settings);
-            for (found, expected) in found.layers[0].values.as_chunks::<4>().0.iter().zip(&expected) {
-                assert!((found[1] - expected.g).abs() <= 1e-5 * expected.g.abs().max(1.0), "{color:?}");
+            for (found, expected) in found.layers[0].values.as_chunks::<4>().0.iter().zip(&expected)
+            {
+                assert!(
+                    (found[1] - expected.g).abs() <= 1e-5 * expected.g.abs().max(1.0),
+                    "{color:?}"
+                );
             }
         }
     }
@@ -630,10 +710,15 @@ mod tests {
         let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
         for integrator in [IntegratorKind::Flat, IntegratorKind::Ao, IntegratorKind::Path] {
             let aovs = vec![Aov::Depth, Aov::MaterialId];
-            let settings = Settings { size: [30, 20], spp: 2, integrator, aovs, ..Settings::default() };
+            let settings =
+                Settings { size: [30, 20], spp: 2, integrator, aovs, ..Settings::default() };
             let image = Job::new(&compiled, &camera, &settings).run(1, &|_| true).0.image();
             assert_eq!(image.layers[0].values[..4], [0.0; 4], "{integrator:?}");
-            assert_eq!((image.layers[1].values[0], image.layers[2].values[0]), (0.0, -1.0), "{integrator:?}");
+            assert_eq!(
+                (image.layers[1].values[0], image.layers[2].values[0]),
+                (0.0, -1.0),
+                "{integrator:?}"
+            );
             let middle = 10 * 30 + 15;
             assert_eq!(image.layers[0].values[middle * 4 + 3], 1.0, "{integrator:?}");
         }

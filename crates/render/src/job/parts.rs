@@ -2,19 +2,24 @@
 
 use crate::film::{BLOCK, TILE};
 
-/// Ranges of sample numbers of one tile, in order. They are worked out one by one, since there may be a million of them for each tile.
+/// Ranges of sample numbers of one tile, in order. They are worked out one by one, since there may
+/// be a million of them for each tile.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Ranges {
-    /// Whole blocks. Progressive ones begin with smaller ranges, so that a first picture is there soon.
+    /// Whole blocks. Progressive ones begin with smaller ranges, so that a first picture is there
+    /// soon.
     Blocks { start: u32, end: u32, is_progressive: bool },
     /// Of one round of pixels that stop by their error: each is `step` samples long.
     Round { start: u32, end: u32, step: u32 },
 }
 
 impl Ranges {
-    /// Those of one round, for a tile of which so many pixels go on: larger ones where there are few.
+    /// Those of one round, for a tile of which so many pixels go on: larger ones where there are
+    /// few.
     pub fn of_round([start, end]: [u32; 2], pixels: u64) -> Self {
-        let blocks = u64::from(TILE * TILE).checked_div(pixels).map_or(1, |blocks| blocks.clamp(1, 16) as u32);
+        let blocks = u64::from(TILE * TILE)
+            .checked_div(pixels)
+            .map_or(1, |blocks| blocks.clamp(1, 16) as u32);
         Self::Round { start, end: if pixels == 0 { start } else { end }, step: blocks * BLOCK }
     }
 
@@ -93,7 +98,8 @@ impl Parts {
         self.order.len().saturating_mul(self.passes)
     }
 
-    /// Tile and range of samples of the part with this number; `None` where a tile has fewer ranges than others.
+    /// Tile and range of samples of the part with this number; `None` where a tile has fewer ranges
+    /// than others.
     pub fn get(&self, number: usize) -> Option<(usize, [u32; 2])> {
         let tile = self.order[number % self.order.len()];
         self.ranges[tile].get(number / self.order.len()).map(|range| (tile, range))
@@ -106,15 +112,29 @@ mod tests {
 
     #[test]
     fn ranges_cover_all_samples_once() {
-        for (start, end) in
-            [(0, 1), (0, 3), (0, 4), (0, 16), (0, 17), (0, 64), (1, 40), (2, 40), (4, 5), (15, 64), (16, 33), (7, 7)]
-        {
+        for (start, end) in [
+            (0, 1),
+            (0, 3),
+            (0, 4),
+            (0, 16),
+            (0, 17),
+            (0, 64),
+            (1, 40),
+            (2, 40),
+            (4, 5),
+            (15, 64),
+            (16, 33),
+            (7, 7),
+        ] {
             for is_progressive in [false, true] {
                 let ranges: Vec<_> = Ranges::Blocks { start, end, is_progressive }.all().collect();
                 check(&ranges, start, end);
                 assert!(ranges.iter().all(|r| r[0] / BLOCK == (r[1] - 1) / BLOCK), "{ranges:?}");
                 assert_eq!(ranges.len(), Ranges::Blocks { start, end, is_progressive }.count());
-                assert!(!is_progressive || start > 0 || end < 4 || ranges[..2] == [[0, 1], [1, 4]], "{ranges:?}");
+                assert!(
+                    !is_progressive || start > 0 || end < 4 || ranges[..2] == [[0, 1], [1, 4]],
+                    "{ranges:?}"
+                );
             }
             for pixels in [0, 1, 20, 256] {
                 let round = Ranges::of_round([start, end], pixels);
@@ -136,13 +156,22 @@ mod tests {
 
     #[test]
     fn parts_come_pass_by_pass_and_are_not_listed() {
-        let parts =
-            Parts::new(vec![1, 0], |tile| Ranges::Blocks { start: 16 * tile as u32, end: 40, is_progressive: false });
+        let parts = Parts::new(vec![1, 0], |tile| Ranges::Blocks {
+            start: 16 * tile as u32,
+            end: 40,
+            is_progressive: false,
+        });
         let found: Vec<_> = (0..parts.end()).filter_map(|number| parts.get(number)).collect();
-        assert_eq!(found, [(1, [16, 32]), (0, [0, 16]), (1, [32, 40]), (0, [16, 32]), (0, [32, 40])]);
+        assert_eq!(
+            found,
+            [(1, [16, 32]), (0, [0, 16]), (1, [32, 40]), (0, [16, 32]), (0, [32, 40])]
+        );
         // A picture of 8K with as many samples as there may be.
-        let parts =
-            Parts::new((0..129_600).collect(), |_| Ranges::Blocks { start: 0, end: 1 << 24, is_progressive: false });
+        let parts = Parts::new((0..129_600).collect(), |_| Ranges::Blocks {
+            start: 0,
+            end: 1 << 24,
+            is_progressive: false,
+        });
         assert_eq!(parts.get(parts.end() - 1), Some((129_599, [(1 << 24) - BLOCK, 1 << 24])));
     }
 }

@@ -89,7 +89,8 @@ impl Paths {
         outside_ior: f32,
     ) -> SurfaceVertex<'s> {
         let material = scene.material_id(&self.hits[path]);
-        let (hit, Carried { cone_width, cone_spread, .. }) = (&self.hits[path], &self.carried[path]);
+        let (hit, Carried { cone_width, cone_spread, .. }) =
+            (&self.hits[path], &self.carried[path]);
         SurfaceVertex {
             hit,
             interaction,

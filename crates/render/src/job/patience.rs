@@ -10,8 +10,12 @@ const PATIENCE: Duration = Duration::from_millis(500);
 /// How often it is asked.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Works with a flag, for [`super::Job::with_cancel`], that is set half a second after `is_stopped` begins to say yes.
-pub fn with_patience<T>(is_stopped: impl Fn() -> bool + Sync, work: impl FnOnce(&AtomicBool) -> T) -> T {
+/// Works with a flag, for [`super::Job::with_cancel`], that is set half a second after `is_stopped`
+/// begins to say yes.
+pub fn with_patience<T>(
+    is_stopped: impl Fn() -> bool + Sync,
+    work: impl FnOnce(&AtomicBool) -> T,
+) -> T {
     let cancel = AtomicBool::new(false);
     std::thread::scope(|scope| {
         // It is dropped when the work is done, also by a panic, and wakes the thread.

@@ -1,9 +1,10 @@
-//! Photons: what a field learns before the first path. A path finds a small lamp behind glass or behind a door once in a million
-//! times, a photon comes from there (Jensen, Importance driven path tracing using the photon map, 1995; Vorba et al., On-line
-//! learning of parametric mixture models for light transport simulation, 2014).
+//! Photons: what a field learns before the first path. A path finds a small lamp behind glass or
+//! behind a door once in a million times, a photon comes from there (Jensen, Importance driven path
+//! tracing using the photon map, 1995; Vorba et al., On-line learning of parametric mixture models
+//! for light transport simulation, 2014).
 //!
-//! Photons only say where paths should look, so they may take short cuts: media do not hold them up, and light goes both ways alike
-//! through every surface.
+//! Photons only say where paths should look, so they may take short cuts: media do not hold them
+//! up, and light goes both ways alike through every surface.
 
 use super::projection_maps::{Departure, ProjectionMaps};
 use super::tracer::Tracer;
@@ -24,7 +25,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// How often the field reads what photons met.
 const ROUNDS: u32 = 7;
-/// The round before which it is found how directions turn: regions are about as small as they will be.
+/// The round before which it is found how directions turn: regions are about as small as they will
+/// be.
 const PARALLAX_ROUND: u32 = 4;
 /// Photons traced together.
 const BATCH: usize = 4096;
@@ -64,8 +66,15 @@ struct Photon {
 
 impl Job<'_> {
     /// Shoots photons from all lights, and lets the field learn from what they meet.
-    pub(super) fn learn_from_photons(&self, field: &mut Field, photons: u32, seed: u32, threads: usize) {
-        let lights = self.scene.light_sampler(LightSamplerKind::Power, self.settings.light_strategy);
+    pub(super) fn learn_from_photons(
+        &self,
+        field: &mut Field,
+        photons: u32,
+        seed: u32,
+        threads: usize,
+    ) {
+        let lights =
+            self.scene.light_sampler(LightSamplerKind::Power, self.settings.light_strategy);
         let sampler = Sampler::new(SamplerKind::Independent, seed, 1);
         let batches = photons as usize / BATCH;
         let shoot = |batches: Range<usize>, maps: &ProjectionMaps| {
@@ -76,7 +85,12 @@ impl Job<'_> {
                 while !tracer.is_cancelled() {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(shots) = shots.get(index) else { break };
-                    lock(shots).shoot((self.scene, &lights, maps), &sampler, batches.start + index, &mut tracer);
+                    lock(shots).shoot(
+                        (self.scene, &lights, maps),
+                        &sampler,
+                        batches.start + index,
+                        &mut tracer,
+                    );
                 }
             };
             on_threads(threads, work);
@@ -84,10 +98,12 @@ impl Job<'_> {
         };
         let scouts = batches / SCOUTS;
         let mut shots = shoot(0..scouts, &ProjectionMaps::default());
-        let maps = ProjectionMaps::new(shots.iter().flat_map(|shots| shots.focused.iter().copied()));
+        let maps =
+            ProjectionMaps::new(shots.iter().flat_map(|shots| shots.focused.iter().copied()));
         shots.extend(shoot(scouts..batches, &maps));
         let records: Vec<Record> = shots.into_iter().flat_map(|shots| shots.records).collect();
-        // Regions and quads are made by what is found in them, so all is read again where there are new ones.
+        // Regions and quads are made by what is found in them, so all is read again where there are
+        // new ones.
         let is_cancelled = || self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed));
         for round in (0..ROUNDS).take_while(|_| !is_cancelled()) {
             if round == PARALLAX_ROUND {
@@ -117,7 +133,8 @@ impl Shots {
         tracer: &mut Tracer,
     ) {
         let random = |i: usize| sampler.random([batch as u32, i as u32], 0);
-        let mut photons: Vec<Photon> = (0..BATCH).filter_map(|i| emitted(scene, lights, maps, random(i))).collect();
+        let mut photons: Vec<Photon> =
+            (0..BATCH).filter_map(|i| emitted(scene, lights, maps, random(i))).collect();
         let mut hits = Vec::new();
         for depth in 0..MAX_DEPTH {
             let rays: Vec<Ray> = photons.iter().map(|p| p.ray).collect();
@@ -129,7 +146,12 @@ impl Shots {
 }
 
 /// A photon leaves a light.
-fn emitted(scene: &CompiledScene, lights: &LightSampler, maps: &ProjectionMaps, random: Random) -> Option<Photon> {
+fn emitted(
+    scene: &CompiledScene,
+    lights: &LightSampler,
+    maps: &ProjectionMaps,
+    random: Random,
+) -> Option<Photon> {
     let vertex = random.at_vertex(0, 0);
     let chosen = lights.sample(&Receiver::default(), || vertex.number(dimension::LIGHT))?;
     let u = vertex.pair(dimension::POSITION);
@@ -152,9 +174,13 @@ fn emitted(scene: &CompiledScene, lights: &LightSampler, maps: &ProjectionMaps, 
                 true => (normal, 2.0, Vec2::new(v.x * 2.0 - 1.0, v.y)),
                 false => (normal, 1.0, v),
             };
-            let direction = Frame::from_z(normal).from_local(sampling::cosine_hemisphere(v)).try_normalize()?;
+            let direction =
+                Frame::from_z(normal).from_local(sampling::cosine_hemisphere(v)).try_normalize()?;
             let radiance = material.emitted(&point, direction);
-            (Ray::new(sample.surface.ray_origin(direction), direction), radiance * (sides * PI / sample.pdf_area))
+            (
+                Ray::new(sample.surface.ray_origin(direction), direction),
+                radiance * (sides * PI / sample.pdf_area),
+            )
         }
         CompiledLight::Light(light) => {
             let seen = light.sample(scene.center, u, COLOR)?;
@@ -173,7 +199,10 @@ fn emitted(scene: &CompiledScene, lights: &LightSampler, maps: &ProjectionMaps, 
         }
         CompiledLight::Medium(_, glow) => {
             let (position, pdf) = glow.sample(u);
-            (Ray::new(position, sampling::uniform_sphere(v)), glow.emission(position, COLOR) * (4.0 * PI / pdf))
+            (
+                Ray::new(position, sampling::uniform_sphere(v)),
+                glow.emission(position, COLOR) * (4.0 * PI / pdf),
+            )
         }
         CompiledLight::Environment => {
             let environment = scene.environment.as_ref()?;
@@ -208,7 +237,13 @@ fn hit_of(surface: &snell_intersect::SurfaceInteraction) -> Hit {
 }
 
 /// Writes down where a photon arrives, and sends it on.
-fn bounced(scene: &CompiledScene, photon: &Photon, hit: &Hit, depth: u32, shots: &mut Shots) -> Option<Photon> {
+fn bounced(
+    scene: &CompiledScene,
+    photon: &Photon,
+    hit: &Hit,
+    depth: u32,
+    shots: &mut Shots,
+) -> Option<Photon> {
     if !hit.is_hit() {
         return None;
     }
@@ -221,13 +256,21 @@ fn bounced(scene: &CompiledScene, photon: &Photon, hit: &Hit, depth: u32, shots:
         let normal = shading.frame.z;
         let normal = if normal.dot(from) < 0.0 { -normal } else { normal };
         let (position, light) = (surface.position, photon.flux.average());
-        shots.records.push(Record { position, normal, direction: from, light, found: 0.0, bsdf_share: 0.0 });
+        shots.records.push(Record {
+            position,
+            normal,
+            direction: from,
+            light,
+            found: 0.0,
+            bsdf_share: 0.0,
+        });
         if photon.is_caustic {
             shots.focused.push(photon.departure);
         }
     }
     let vertex = photon.random.at_vertex(0, depth + 1);
-    let sample = shading.sample(from, vertex.number(dimension::LOBE), vertex.pair(dimension::BSDF))?;
+    let sample =
+        shading.sample(from, vertex.number(dimension::LOBE), vertex.pair(dimension::BSDF))?;
     let flux = photon.flux * sample.weight;
     let survival = (flux.max_element() / photon.first_flux).min(MAX_SURVIVAL);
     if !flux.is_finite() || vertex.number(dimension::ROULETTE) >= survival {

@@ -1,6 +1,8 @@
-//! Where photons go that glass and mirrors focus: few of a light's photons meet these, and all light in caustics is theirs. So after some photons
-//! have gone everywhere, half of the others go where those went that were focused (projection maps: Jensen, Global illumination using
-//! photon maps, 1996, section 2.1). What is mapped are the random numbers that a photon leaves its light by, so one map does for all kinds of lights.
+//! Where photons go that glass and mirrors focus: few of a light's photons meet these, and all
+//! light in caustics is theirs. So after some photons have gone everywhere, half of the others go
+//! where those went that were focused (projection maps: Jensen, Global illumination using photon
+//! maps, 1996, section 2.1). What is mapped are the random numbers that a photon leaves its light
+//! by, so one map does for all kinds of lights.
 
 use snell_math::Vec2;
 use snell_math::rng::ONE_MINUS_EPSILON;
@@ -47,7 +49,8 @@ impl ProjectionMaps {
     pub fn new(focused: impl Iterator<Item = Departure>) -> Self {
         let mut maps = BTreeMap::new();
         for Departure { map, cell } in focused {
-            maps.entry(map).or_insert_with(|| Map { ends: vec![0; SIDE * SIDE] }).ends[cell as usize] += 1;
+            maps.entry(map).or_insert_with(|| Map { ends: vec![0; SIDE * SIDE] }).ends
+                [cell as usize] += 1;
         }
         for map in maps.values_mut() {
             let mut sum = 0;
@@ -59,7 +62,8 @@ impl ProjectionMaps {
         Self { maps }
     }
 
-    /// Turns random numbers into those that a photon leaves a light by; with how much less often those come otherwise.
+    /// Turns random numbers into those that a photon leaves a light by; with how much less often
+    /// those come otherwise.
     pub fn aim(&self, light: usize, choice: f32, u: Vec2) -> (Vec2, f32, Departure) {
         let number = (light % MAPS) as u32;
         let departure = |u: Vec2| {
@@ -94,7 +98,9 @@ mod tests {
         let nowhere = ProjectionMaps::default();
         let numbers = |i: u32| (uniform2([i, 1, 2, 3]).x, uniform2([i, 3, 2, 1]));
         let n = 200_000;
-        let focused = (0..n).map(|i| nowhere.aim(5, numbers(i).0, numbers(i).1)).filter(|found| narrow(found.0));
+        let focused = (0..n)
+            .map(|i| nowhere.aim(5, numbers(i).0, numbers(i).1))
+            .filter(|found| narrow(found.0));
         let aim = ProjectionMaps::new(focused.map(|found| found.2));
         let found: Vec<_> = (n..2 * n).map(|i| aim.aim(5, numbers(i).0, numbers(i).1)).collect();
         let mean = |f: &dyn Fn(Vec2, f32) -> f32| {

@@ -1,4 +1,5 @@
-//! What the renderer asks the world: every batch of rays passes here, is timed, and kept if somebody wants to look at it.
+//! What the renderer asks the world: every batch of rays passes here, is timed, and kept if
+//! somebody wants to look at it.
 
 use crate::compile::CompiledScene;
 use snell_intersect::{AcceptAll, Grouping, Hit, HitFilter, Rays};
@@ -35,7 +36,11 @@ impl Recording {
 }
 
 impl<'a> Tracer<'a> {
-    pub fn new(scene: &'a CompiledScene, recording: Option<Recording>, cancel: Option<&'a AtomicBool>) -> Self {
+    pub fn new(
+        scene: &'a CompiledScene,
+        recording: Option<Recording>,
+        cancel: Option<&'a AtomicBool>,
+    ) -> Self {
         Self { scene, spent: Duration::ZERO, recording, cancel }
     }
 
@@ -50,7 +55,13 @@ impl<'a> Tracer<'a> {
     }
 
     /// The nearest hit of each ray. Each has a time, which counts if the scene moves.
-    pub fn closest(&mut self, rays: &[Ray], times: &[f32], grouping: Grouping, hits: &mut Vec<Hit>) {
+    pub fn closest(
+        &mut self,
+        rays: &[Ray],
+        times: &[f32],
+        grouping: Grouping,
+        hits: &mut Vec<Hit>,
+    ) {
         self.closest_by(self.filter(), rays, times, grouping, hits);
     }
 
@@ -77,7 +88,8 @@ impl<'a> Tracer<'a> {
     where
         'a: 'r,
     {
-        let rays = if self.scene.moves { Rays::new(rays).with_times(times) } else { Rays::new(rays) };
+        let rays =
+            if self.scene.moves { Rays::new(rays).with_times(times) } else { Rays::new(rays) };
         self.cancel.map_or(rays, |cancel| rays.with_cancel(cancel))
     }
 
@@ -94,7 +106,8 @@ impl<'a> Tracer<'a> {
     }
 }
 
-/// Who decides about hits on cut-out and blended surfaces of a scene; scenes without any are traced without asking.
+/// Who decides about hits on cut-out and blended surfaces of a scene; scenes without any are traced
+/// without asking.
 pub fn hit_filter(scene: &CompiledScene) -> &dyn HitFilter {
     if scene.has_filter() { scene } else { &AcceptAll }
 }

@@ -34,7 +34,8 @@ struct Pass {
 }
 
 impl Pass {
-    /// Pass number `pass`: tiles from all over the picture if one sample in each pixel is too many, else all tiles.
+    /// Pass number `pass`: tiles from all over the picture if one sample in each pixel is too many,
+    /// else all tiles.
     fn new(tiles: &[Crop], pass: u32, seed: u32) -> Self {
         let pixels: u64 = tiles.iter().map(super::pixels).sum();
         let paths = Guiding::FIRST_PASS << pass;
@@ -48,23 +49,26 @@ impl Pass {
         let samples = (paths / pixels.max(1)).min(u64::from(u32::MAX)) as u32;
         let starts = (0..samples).step_by(MAX_RANGE as usize);
         let ranges = starts.map(|start| [start, (start + MAX_RANGE).min(samples)]);
-        let parts = ranges.flat_map(|range| order.iter().map(move |&t| (tiles[t], range))).collect();
+        let parts =
+            ranges.flat_map(|range| order.iter().map(move |&t| (tiles[t], range))).collect();
         Self { parts, samples }
     }
 }
 
 impl Job<'_> {
-    /// Learns where light comes from; `None` if the settings ask for no guiding. A pass that `keep_going` interrupts counts for
-    /// nothing; `statistics` says how many were whole.
+    /// Learns where light comes from; `None` if the settings ask for no guiding. A pass that
+    /// `keep_going` interrupts counts for nothing; `statistics` says how many were whole.
     pub(super) fn train(
         &self,
         threads: usize,
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
         statistics: &mut Statistics,
     ) -> Option<Field> {
-        let guiding = self.settings.guiding.filter(|_| self.settings.integrator == IntegratorKind::Path)?;
+        let guiding =
+            self.settings.guiding.filter(|_| self.settings.integrator == IntegratorKind::Path)?;
         // All of the picture, even if only a part of it is rendered: crops must fit together.
-        let tiles: Vec<Crop> = Film::new(Crop::full(self.settings.size), &[]).tiles.iter().map(|t| t.area).collect();
+        let tiles: Vec<Crop> =
+            Film::new(Crop::full(self.settings.size), &[]).tiles.iter().map(|t| t.area).collect();
         let mut field = Field::new(self.scene.center, self.scene.radius);
         if guiding.photons > 0 {
             self.learn_from_photons(
@@ -119,8 +123,14 @@ impl Job<'_> {
                     wants_lobes: false,
                 };
                 let tracer = Tracer::new(self.scene, None, self.cancel);
-                let mut renderer =
-                    PartRenderer::new(context, self.camera, &sampler, &self.filter, &light_parts, tracer);
+                let mut renderer = PartRenderer::new(
+                    context,
+                    self.camera,
+                    &sampler,
+                    &self.filter,
+                    &light_parts,
+                    tracer,
+                );
                 let mut mine = Statistics::default();
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);

@@ -41,7 +41,9 @@ impl Underway {
 
     /// How many pixels of a tile go on.
     fn count(&self, tile: usize) -> u64 {
-        self.active[tile].as_ref().map_or_else(|| pixels(&self.film.tiles[tile].area), |p| p.len() as u64)
+        self.active[tile]
+            .as_ref()
+            .map_or_else(|| pixels(&self.film.tiles[tile].area), |p| p.len() as u64)
     }
 
     /// Gives what it has to the threads of a step.
@@ -57,8 +59,13 @@ impl Underway {
 }
 
 impl Job<'_> {
-    /// Begins a render that is made in steps: learns where light comes from, if the settings ask for it.
-    pub fn begin(&self, threads: usize, keep_going: &(dyn Fn(&Progress) -> bool + Sync)) -> Underway {
+    /// Begins a render that is made in steps: learns where light comes from, if the settings ask
+    /// for it.
+    pub fn begin(
+        &self,
+        threads: usize,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+    ) -> Underway {
         self.begin_from(self.empty_film(), threads, keep_going)
     }
 
@@ -72,8 +79,8 @@ impl Job<'_> {
         Underway::new(film, field, statistics)
     }
 
-    /// Goes on until every pixel has `until` samples or stops by its error, or `keep_going` says no. True if there is more to do then.
-    /// In how many steps a picture is made never shows in it.
+    /// Goes on until every pixel has `until` samples or stops by its error, or `keep_going` says
+    /// no. True if there is more to do then. In how many steps a picture is made never shows in it.
     pub fn go_on(
         &self,
         underway: &mut Underway,
@@ -101,11 +108,15 @@ impl Job<'_> {
         let is_progressive = self.settings.progressive;
         let tally = underway.tally(record);
         let film = &mut underway.film;
-        let missing = |tile: &FilmTile| pixels(&tile.area) * u64::from(until.saturating_sub(tile.samples));
+        let missing =
+            |tile: &FilmTile| pixels(&tile.area) * u64::from(until.saturating_sub(tile.samples));
         tally.total.store(film.tiles.iter().map(missing).sum(), Ordering::Relaxed);
         // What the film brings along is not rendered again.
-        let parts =
-            self.parts(film, |tile| Ranges::Blocks { start: film.tiles[tile].samples, end: until, is_progressive });
+        let parts = self.parts(film, |tile| Ranges::Blocks {
+            start: film.tiles[tile].samples,
+            end: until,
+            is_progressive,
+        });
         let passes = usize::from(underway.samples > 0);
         self.render_parts(film, &underway.active, &parts, passes, threads, &tally, keep_going);
         let recording = underway.take_back(tally);
@@ -132,10 +143,21 @@ impl Job<'_> {
             tally.total.store(done + still * u64::from(end - start), Ordering::Relaxed);
             let parts = self.parts(&underway.film, |tile| {
                 // A round that was interrupted has come further in some tiles.
-                Ranges::of_round([underway.film.tiles[tile].samples.max(start), end], underway.count(tile))
+                Ranges::of_round(
+                    [underway.film.tiles[tile].samples.max(start), end],
+                    underway.count(tile),
+                )
             });
             let (film, active) = (&mut underway.film, &underway.active);
-            self.render_parts(film, active, &parts, usize::from(start > 0), threads, &tally, keep_going);
+            self.render_parts(
+                film,
+                active,
+                &parts,
+                usize::from(start > 0),
+                threads,
+                &tally,
+                keep_going,
+            );
             let is_stopped = tally.stopped.load(Ordering::Relaxed);
             if !is_stopped {
                 underway.samples = end;
@@ -171,7 +193,8 @@ mod tests {
     #[test]
     fn steps_and_interruptions_do_not_show_in_a_picture_whose_pixels_stop_or_learn() {
         let scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
-        let compiled = CompiledScene::new(&scene, &snell_intersect::BuildOptions::default()).expect("a valid scene");
+        let compiled = CompiledScene::new(&scene, &snell_intersect::BuildOptions::default())
+            .expect("a valid scene");
         let guiding = Some(Guiding::with_passes(2));
         let plain = Settings { size: [20, 20], spp: 300, max_depth: 3, ..Settings::default() };
         let by_error = Settings { noise: Some(0.1), ..plain.clone() };
@@ -180,7 +203,8 @@ mod tests {
             let job = Job::new(&compiled, &scene.cameras[0], settings);
             let (whole, statistics) = job.run(2, &|_| true);
             let mut underway = job.begin(2, &|_| true);
-            let steps = (0..).take_while(|step| job.go_on(&mut underway, 1 << step, 2, &|_| true)).count();
+            let steps =
+                (0..).take_while(|step| job.go_on(&mut underway, 1 << step, 2, &|_| true)).count();
             assert!(steps > 3 && underway.statistics.is_complete);
             assert_eq!(underway.film.image(), whole.image());
             assert_eq!(underway.statistics.samples, statistics.samples);
@@ -192,7 +216,8 @@ mod tests {
         assert!(job.go_on(&mut underway, 64, 2, &|_| asked.fetch_add(1, Ordering::Relaxed) < 3));
         assert!(!underway.statistics.is_complete);
         job.go_on(&mut underway, 300, 2, &|_| true);
-        let [stopped, whole] = [underway.film, job.run(2, &|_| true).0].map(|film| film.mean_samples());
+        let [stopped, whole] =
+            [underway.film, job.run(2, &|_| true).0].map(|film| film.mean_samples());
         assert!((stopped / whole - 1.0).abs() < 0.2, "{stopped} {whole}");
     }
 }

@@ -1,11 +1,13 @@
-//! Batches of paths and light rays through media: all are traced, those that pass a surface are traced again, until all have
-//! arrived.
+//! Batches of paths and light rays through media: all are traced, those that pass a surface are
+//! traced again, until all have arrived.
 
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
 use crate::integrator::{Context, MediumVertex};
 use crate::sampler::{Random, Sampler};
-use crate::volume::{AlikeWays, Crossings, Filling, KnownInsides, Numbers, Walker, end_of, length_to};
+use crate::volume::{
+    AlikeWays, Crossings, Filling, KnownInsides, Numbers, Walker, end_of, length_to,
+};
 use snell_intersect::{Grouping, Hit, SurfaceInteraction, SurfacePoint};
 use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec3};
 use snell_scene::{MaterialId, MediumId};
@@ -81,11 +83,13 @@ impl OnTheWay<'_> {
 
     /// Says that a ray is to be kept at a place before its own, and what it passes.
     fn keep(&mut self, from: usize, to: usize, material: MaterialId) {
-        (self.pending[to], self.rays[to], self.times[to]) = (self.pending[from], self.rays[from], self.times[from]);
+        (self.pending[to], self.rays[to], self.times[to]) =
+            (self.pending[from], self.rays[from], self.times[from]);
         (self.hits[to], self.materials[to]) = (self.hits[from], material);
     }
 
-    /// Takes every ray through its surface: `go_on` is told whose it is, its number here, and the insides it comes to.
+    /// Takes every ray through its surface: `go_on` is told whose it is, its number here, and the
+    /// insides it comes to.
     fn cross(
         &mut self,
         walker: &Walker,
@@ -98,7 +102,8 @@ impl OnTheWay<'_> {
             let (ray, hit, whose) = (&mut self.rays[at], &self.hits[at], self.pending[at] as usize);
             let mode = mode(whose);
             let surface = || walker.interaction(ray, self.times[at], hit);
-            let to = walker.crossed(known, insides[whose], crossing, self.materials[at], mode, surface);
+            let to =
+                walker.crossed(known, insides[whose], crossing, self.materials[at], mode, surface);
             insides[whose] = to;
             *ray = Ray::new(crossing.origin, ray.direction).with_t_max(ray.t_max - hit.t);
         }
@@ -109,7 +114,8 @@ impl<'a> VolumeBatch<'a> {
     /// `None` if the scene has no media.
     pub fn new(context: &Context<'a>, sampler: &Sampler, eye: Vec3) -> Option<Self> {
         let walker = Walker::new(context)?;
-        let wide = context.scene.world.simd().wide().filter(|_| context.settings.color == ColorModel::Rgb);
+        let wide =
+            context.scene.world.simd().wide().filter(|_| context.settings.color == ColorModel::Rgb);
         Some(Self {
             walker,
             known: KnownInsides::new(walker.everywhere()),
@@ -161,8 +167,9 @@ impl<'a> VolumeBatch<'a> {
         self.walker.has_passable()
     }
 
-    /// Brings every path to its next vertex, of this depth. The hits are those of the rays as the renderer sees them, and are found again
-    /// if [`Self::sees_more`]. `random` gives the numbers of a path's next vertex, `emitted` takes the emission on its way.
+    /// Brings every path to its next vertex, of this depth. The hits are those of the rays as the
+    /// renderer sees them, and are found again if [`Self::sees_more`]. `random` gives the numbers
+    /// of a path's next vertex, `emitted` takes the emission on its way.
     pub fn advance(
         &mut self,
         tracer: &mut Tracer,
@@ -174,7 +181,13 @@ impl<'a> VolumeBatch<'a> {
     ) {
         let (walker, count) = (self.walker, paths.len());
         if walker.has_passable() {
-            tracer.closest_by(walker.filter(), &paths.rays, &paths.times, grouping, &mut paths.hits);
+            tracer.closest_by(
+                walker.filter(),
+                &paths.rays,
+                &paths.times,
+                grouping,
+                &mut paths.hits,
+            );
         }
         self.scattered.clear();
         self.scattered.resize(count, None);
@@ -184,7 +197,9 @@ impl<'a> VolumeBatch<'a> {
             alike.start(&self.sampler, depth);
         }
         self.on_the_way.pending.clear();
-        self.on_the_way.pending.extend((0..count as u32).filter(|&path| !paths.is_dead(path as usize)));
+        self.on_the_way
+            .pending
+            .extend((0..count as u32).filter(|&path| !paths.is_dead(path as usize)));
         for _ in 0..MOST_PASSED {
             self.travel(paths, &random, &mut emitted);
             let Self { known, insides, scattered, on_the_way: way, .. } = self;
@@ -194,7 +209,8 @@ impl<'a> VolumeBatch<'a> {
                 let path = whose as usize;
                 let hit = paths.hits[path];
                 if scattered[path].is_none()
-                    && let Some(material) = walker.path_passes(known.get(insides[path]), &mut paths.carried[path], &hit)
+                    && let Some(material) =
+                        walker.path_passes(known.get(insides[path]), &mut paths.carried[path], &hit)
                 {
                     way.push(whose, paths.rays[path], paths.rest(path).time, hit, material);
                 }
@@ -204,7 +220,13 @@ impl<'a> VolumeBatch<'a> {
                 return;
             }
             way.cross(&walker, known, insides, |path| paths.rest(path).mode);
-            tracer.closest_by(walker.filter(), &way.rays, &way.times, Grouping::None, &mut way.hits);
+            tracer.closest_by(
+                walker.filter(),
+                &way.rays,
+                &way.times,
+                Grouping::None,
+                &mut way.hits,
+            );
             for ((&path, ray), hit) in way.pending.iter().zip(&way.rays).zip(&way.hits) {
                 (paths.rays[path as usize], paths.hits[path as usize]) = (*ray, *hit);
             }
@@ -234,7 +256,14 @@ impl<'a> VolumeBatch<'a> {
                 && let Some(medium) = walker.alike_in_rgb(&known.own, filling)
                 && !walker.seeks_beacons(carried)
             {
-                alike.push_path(whose, medium, end_of(ray, hit), carried.throughput, &random, steps[path]);
+                alike.push_path(
+                    whose,
+                    medium,
+                    end_of(ray, hit),
+                    carried.throughput,
+                    &random,
+                    steps[path],
+                );
                 steps[path] += 1;
                 if alike.is_full() {
                     arrive(alike, paths, scattered);
@@ -242,10 +271,12 @@ impl<'a> VolumeBatch<'a> {
                 continue;
             }
             let mut numbers = Numbers::of_path(random, steps[path]);
-            let (mut carried, rest, mut radiance) = (*carried, *paths.rest(path), SampledSpectrum::ZERO);
+            let (mut carried, rest, mut radiance) =
+                (*carried, *paths.rest(path), SampledSpectrum::ZERO);
             let state = (&mut carried, &rest);
             let here = known.get(insides[path]);
-            let vertex = walker.travel(&known.own, here, ray, hit, state, &mut numbers, &mut radiance);
+            let vertex =
+                walker.travel(&known.own, here, ray, hit, state, &mut numbers, &mut radiance);
             steps[path] = numbers.step();
             paths.carried[path].throughput = carried.throughput;
             if !radiance.is_black() {
@@ -266,7 +297,8 @@ impl<'a> VolumeBatch<'a> {
         self.walker.outside_ior(self.known.get(self.insides[path]), hit)
     }
 
-    /// Notes the insides of the rays that a vertex sends out. Of its surface, the whole is asked for only where a medium depends on it.
+    /// Notes the insides of the rays that a vertex sends out. Of its surface, the whole is asked
+    /// for only where a medium depends on it.
     pub fn note_outputs(
         &mut self,
         path: usize,
@@ -283,11 +315,20 @@ impl<'a> VolumeBatch<'a> {
         let (walker, known) = (self.walker, &mut self.known);
         let mut of = |direction: Vec3| match &surface {
             Some((point, whole))
-                if direction.dot(point.geometric_normal) * arriving.dot(point.geometric_normal) > 0.0 =>
+                if direction.dot(point.geometric_normal) * arriving.dot(point.geometric_normal)
+                    > 0.0 =>
             {
                 *beyond.get_or_insert_with(|| {
                     let insides = *known.get(here);
-                    let beyond = walker.through(&mut known.own, &insides, point, hit, direction, mode, whole);
+                    let beyond = walker.through(
+                        &mut known.own,
+                        &insides,
+                        point,
+                        hit,
+                        direction,
+                        mode,
+                        whole,
+                    );
                     known.number(beyond)
                 })
             }
@@ -305,7 +346,12 @@ impl<'a> VolumeBatch<'a> {
     }
 
     /// Notes that the only light ray of a vertex starts on the side that the path has come from.
-    pub fn note_light_ray(&mut self, path: usize, random: impl FnOnce() -> Random, glowing: Option<MediumId>) {
+    pub fn note_light_ray(
+        &mut self,
+        path: usize,
+        random: impl FnOnce() -> Random,
+        glowing: Option<MediumId>,
+    ) {
         self.light_insides.push(self.insides[path]);
         if !self.walker.is_in_closed_form() {
             self.light_numbers.push(Numbers::of_light_ray(random(), 0));
@@ -318,9 +364,24 @@ impl<'a> VolumeBatch<'a> {
         self.next.push(self.insides[path]);
     }
 
-    /// Sends light rays to their lights: values lose what media take, and what arrives is not `blocked`. `mode` is that of a sample.
-    pub fn trace_light_rays(&mut self, tracer: &mut Tracer, light: &mut LightRays, mode: impl Fn(u32) -> ColorMode) {
-        let Self { walker, known, light_insides: insides, light_numbers, glowing, on_the_way: way, alike, .. } = self;
+    /// Sends light rays to their lights: values lose what media take, and what arrives is not
+    /// `blocked`. `mode` is that of a sample.
+    pub fn trace_light_rays(
+        &mut self,
+        tracer: &mut Tracer,
+        light: &mut LightRays,
+        mode: impl Fn(u32) -> ColorMode,
+    ) {
+        let Self {
+            walker,
+            known,
+            light_insides: insides,
+            light_numbers,
+            glowing,
+            on_the_way: way,
+            alike,
+            ..
+        } = self;
         let may_see_past = walker.has_priorities() || walker.follows_light_rays();
         if may_see_past {
             light.blocked.clear();
@@ -328,7 +389,8 @@ impl<'a> VolumeBatch<'a> {
         } else {
             tracer.occluded(&light.rays, &light.times, &mut light.blocked);
         }
-        let is_in = |known: &KnownInsides, insides: u32, glowing| walker.is_in(known.get(insides), glowing);
+        let is_in =
+            |known: &KnownInsides, insides: u32, glowing| walker.is_in(known.get(insides), glowing);
         way.clear();
         for i in (0..light.rays.len()).filter(|&i| !light.blocked[i]) {
             way.pending.push(i as u32);
@@ -341,7 +403,13 @@ impl<'a> VolumeBatch<'a> {
                 break;
             }
             if walker.has_passable() {
-                tracer.closest_by(walker.filter(), &way.rays, &way.times, Grouping::None, &mut way.hits);
+                tracer.closest_by(
+                    walker.filter(),
+                    &way.rays,
+                    &way.times,
+                    Grouping::None,
+                    &mut way.hits,
+                );
             } else {
                 // Nothing is in the way, as is known already.
                 way.hits.clear();
@@ -366,7 +434,8 @@ impl<'a> VolumeBatch<'a> {
                 } else {
                     let (value, mode) = (light.values[i], mode(light.samples[i]));
                     let numbers = || light_numbers[i].next();
-                    light.values[i] = walker.attenuate(&known.own, here, ray, hit, value, mode, numbers);
+                    light.values[i] =
+                        walker.attenuate(&known.own, here, ray, hit, value, mode, numbers);
                 }
             }
             if let Some(alike) = alike {

@@ -1,6 +1,7 @@
-//! Builds a light BVH from the top: a node's range of emitters is split into up to eight, always the part that costs most, where the
-//! surface area orientation heuristic finds it best (Conty Estevez and Kulla, section 4.4; Pharr, Jakob and Humphreys, section
-//! 12.6.3). Candidates are compared by cones around a box of axes, which is cheap; nodes get tight ones.
+//! Builds a light BVH from the top: a node's range of emitters is split into up to eight, always
+//! the part that costs most, where the surface area orientation heuristic finds it best (Conty
+//! Estevez and Kulla, section 4.4; Pharr, Jakob and Humphreys, section 12.6.3). Candidates are
+//! compared by cones around a box of axes, which is cheap; nodes get tight ones.
 
 use super::bvh::{EMITTER, NONE, Node, WIDTH};
 use super::cone::sin_from_cos;
@@ -10,7 +11,8 @@ use snell_scene::light::LightBounds;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 const BUCKETS: usize = 12;
-/// Ranges of more emitters are built in parallel, on the threads of the current rayon pool; the tree does not depend on them.
+/// Ranges of more emitters are built in parallel, on the threads of the current rayon pool; the
+/// tree does not depend on them.
 const PARALLEL: usize = 4096;
 
 /// An emitter in the units of the tree.
@@ -26,10 +28,13 @@ pub struct Emitter {
     number: u32,
 }
 
-/// Emitters of some intensity with positions around 0 and of extent about 1, and intensities of at most 1; the origin and the scale
-/// of the positions.
-pub fn normalized<'a>(lights: impl Iterator<Item = &'a LightBounds> + Clone) -> (Vec<Emitter>, Vec3, f32) {
-    let usable = |l: &LightBounds| l.intensity > 0.0 && l.bounds.is_finite() && !l.bounds.is_empty();
+/// Emitters of some intensity with positions around 0 and of extent about 1, and intensities of at
+/// most 1; the origin and the scale of the positions.
+pub fn normalized<'a>(
+    lights: impl Iterator<Item = &'a LightBounds> + Clone,
+) -> (Vec<Emitter>, Vec3, f32) {
+    let usable =
+        |l: &LightBounds| l.intensity > 0.0 && l.bounds.is_finite() && !l.bounds.is_empty();
     let all = lights.clone().filter(|l| usable(l)).fold(Bounds3d::EMPTY, |b, l| b.union(&l.bounds));
     let strongest = lights.clone().filter(|l| usable(l)).map(|l| l.intensity).fold(0.0, f64::max);
     let origin = if all.is_empty() { Vec3::ZERO } else { all.center().as_vec3() };
@@ -80,8 +85,10 @@ fn subtree(emitters: &mut [Emitter]) -> Vec<Node> {
     }
     let mut root = Node::new(NONE, 0);
     (0..).zip(&parts).for_each(|(lane, part)| set_child(&mut root, lane, part));
-    let below: Vec<Vec<Node>> =
-        parts.into_par_iter().map(|part| if part.len() > 1 { subtree(part) } else { Vec::new() }).collect();
+    let below: Vec<Vec<Node>> = parts
+        .into_par_iter()
+        .map(|part| if part.len() > 1 { subtree(part) } else { Vec::new() })
+        .collect();
     let mut nodes = vec![root];
     for (lane, below) in below.into_iter().enumerate().filter(|(_, nodes)| !nodes.is_empty()) {
         let offset = nodes.len() as u32;
@@ -89,8 +96,11 @@ fn subtree(emitters: &mut [Emitter]) -> Vec<Node> {
         nodes.extend(below.into_iter().map(|mut node| {
             let is_node = |c: u32| c != NONE && c & EMITTER == 0;
             node.child = node.child.map(|c| if is_node(c) { c + offset } else { c });
-            (node.parent, node.slot) =
-                if node.parent == NONE { (0, lane as u32) } else { (node.parent + offset, node.slot) };
+            (node.parent, node.slot) = if node.parent == NONE {
+                (0, lane as u32)
+            } else {
+                (node.parent + offset, node.slot)
+            };
             node
         }));
     }
@@ -126,7 +136,10 @@ fn split_wide(emitters: &mut [Emitter]) -> Vec<usize> {
     let mut parts = vec![(0, emitters.len(), f32::INFINITY)];
     while parts.len() < WIDTH {
         let splittable = parts.iter().enumerate().filter(|(_, part)| part.1 > 1);
-        let Some((worst, &(start, length, _))) = splittable.max_by(|a, b| a.1.2.total_cmp(&b.1.2)) else { break };
+        let Some((worst, &(start, length, _))) = splittable.max_by(|a, b| a.1.2.total_cmp(&b.1.2))
+        else {
+            break;
+        };
         let (middle, costs) = split(&mut emitters[start..start + length]);
         parts[worst] = (start, middle, costs[0]);
         parts.insert(worst + 1, (start + middle, length - middle, costs[1]));
@@ -176,7 +189,8 @@ impl Bucket {
         }
     }
 
-    /// The surface area orientation heuristic: intensity, times the measure of directions, times the surface of the box.
+    /// The surface area orientation heuristic: intensity, times the measure of directions, times
+    /// the surface of the box.
     fn cost(&self) -> f32 {
         if self.count == 0 {
             return 0.0;
@@ -185,7 +199,8 @@ impl Bucket {
         let widest = (spread + angle(self.cos_emission)).min(PI);
         let (sin, cos) = spread.sin_cos();
         let directions = TAU * (1.0 - cos)
-            + FRAC_PI_2 * (2.0 * widest * sin - (spread - 2.0 * widest).cos() - 2.0 * spread * sin + cos);
+            + FRAC_PI_2
+                * (2.0 * widest * sin - (spread - 2.0 * widest).cos() - 2.0 * spread * sin + cos);
         // Points and lines have no surface, but lie apart.
         let size = self.bounds.size();
         self.intensity * directions * (self.bounds.half_area() + 1e-3 * size.length_squared())
@@ -286,15 +301,17 @@ fn set_child(node: &mut Node, lane: usize, emitters: &[Emitter]) {
     }
     let bounds = emitters.iter().fold(Bounds3::EMPTY, |b, e| b.union(&e.bounds()));
     let center = bounds.center();
-    let radius = emitters.iter().map(|e| (e.center - center).length() + e.radius).fold(0.0, f32::max);
+    let radius =
+        emitters.iter().map(|e| (e.center - center).length() + e.radius).fold(0.0, f32::max);
     let is_two_sided = emitters.iter().any(|e| e.is_two_sided);
     let sum = emitters.iter().fold(Vec3::ZERO, |sum, e| sum + e.axis * e.intensity);
     let axis = sum.try_normalize().unwrap_or(emitters[0].axis);
     // Rounding of unit vectors.
-    let least =
-        emitters.iter().map(|e| e.axis.dot(axis)).fold(1.0, f32::min) - if emitters.len() > 1 { 1e-6 } else { 0.0 };
+    let least = emitters.iter().map(|e| e.axis.dot(axis)).fold(1.0, f32::min)
+        - if emitters.len() > 1 { 1e-6 } else { 0.0 };
     let widest = emitters.iter().map(|e| e.cos_spread).fold(1.0, f32::min);
-    let cos_spread = if widest == 1.0 { least.max(-1.0) } else { (angle(least) + angle(widest)).min(PI).cos() };
+    let cos_spread =
+        if widest == 1.0 { least.max(-1.0) } else { (angle(least) + angle(widest)).min(PI).cos() };
     for k in 0..3 {
         node.center[k][lane] = center[k];
         node.axis[k][lane] = axis[k];

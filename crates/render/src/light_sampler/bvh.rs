@@ -1,9 +1,11 @@
-//! A light BVH: a tree over all lights with a place and all triangles of emissive surfaces, descended with one random number by what
-//! each branch may bring to the receiver (Conty Estevez and Kulla, Importance Sampling of Many Lights with Adaptive Tree Splitting,
-//! 2018; the importance is that of Pharr, Jakob and Humphreys, 4th edition, section 12.6.3).
+//! A light BVH: a tree over all lights with a place and all triangles of emissive surfaces,
+//! descended with one random number by what each branch may bring to the receiver (Conty Estevez
+//! and Kulla, Importance Sampling of Many Lights with Adaptive Tree Splitting, 2018; the importance
+//! is that of Pharr, Jakob and Humphreys, 4th edition, section 12.6.3).
 //!
-//! Nodes have up to eight children and the importance of all is computed at once. Space is bounded by spheres, directions by cones.
-//! Lights without a place (the environment, the sun) stand beside the tree in a table.
+//! Nodes have up to eight children and the importance of all is computed at once. Space is bounded
+//! by spheres, directions by cones. Lights without a place (the environment, the sun) stand beside
+//! the tree in a table.
 
 use super::build;
 use super::cone::{cos_of_difference, sin_from_cos, sin_of_difference};
@@ -92,13 +94,29 @@ impl LightBvh {
         let (normalized, origin, scale) = build::normalized(parts);
         let nodes = build::build(normalized);
         let in_tree = |i: &usize| first[*i] != NONE && !nodes.is_empty();
-        let tree_power = (0..lights.len()).filter(in_tree).map(|i| lights[i].power).sum::<f64>().min(f64::MAX);
-        let weights =
-            mixed(std::iter::once(tree_power).chain(beside.iter().map(|&i| lights[i as usize].power)).collect());
+        let tree_power =
+            (0..lights.len()).filter(in_tree).map(|i| lights[i].power).sum::<f64>().min(f64::MAX);
+        let weights = mixed(
+            std::iter::once(tree_power)
+                .chain(beside.iter().map(|&i| lights[i as usize].power))
+                .collect(),
+        );
         let table = LightTable::new(&weights[1..]);
         let places = vec![NONE; emitters.len()];
         let tree_share = weights[0] as f32;
-        let mut tree = Self { nodes, emitters, places, first, beside, table, entry, tree_share, wide, origin, scale };
+        let mut tree = Self {
+            nodes,
+            emitters,
+            places,
+            first,
+            beside,
+            table,
+            entry,
+            tree_share,
+            wide,
+            origin,
+            scale,
+        };
         tree.note_places();
         tree
     }
@@ -129,7 +147,13 @@ impl LightBvh {
     }
 
     /// A light for each of the first receivers, so many.
-    pub fn sample_many(&self, receivers: &Receivers, u: &[f32; MANY], count: usize, chosen: &mut ChosenLights) {
+    pub fn sample_many(
+        &self,
+        receivers: &Receivers,
+        u: &[f32; MANY],
+        count: usize,
+        chosen: &mut ChosenLights,
+    ) {
         at_level!(
             self.wide,
             sample_many,
@@ -150,7 +174,11 @@ impl LightBvh {
         let of_tree = self.probability_of_tree(&local);
         if first == NONE {
             let entry = self.entry[light];
-            return if entry == NONE { 0.0 } else { self.table.probability(entry as usize) * (1.0 - of_tree) };
+            return if entry == NONE {
+                0.0
+            } else {
+                self.table.probability(entry as usize) * (1.0 - of_tree)
+            };
         }
         let Some(&place) = self.places.get((first + part) as usize) else { return 0.0 };
         if place == NONE {
@@ -168,7 +196,8 @@ impl LightBvh {
         }
     }
 
-    /// The probability of choosing the tree rather than a light beside it: 0 where no emitter can bring light.
+    /// The probability of choosing the tree rather than a light beside it: 0 where no emitter can
+    /// bring light.
     fn probability_of_tree(&self, local: &Receiver) -> f32 {
         match self.nodes.first() {
             None => 0.0,
@@ -177,7 +206,8 @@ impl LightBvh {
         }
     }
 
-    /// [`Self::probability_of_tree`] where there are lights beside it, by the importance of the root's children.
+    /// [`Self::probability_of_tree`] where there are lights beside it, by the importance of the
+    /// root's children.
     #[inline(always)]
     pub(super) fn share_of_tree(&self, weights: &[f32; WIDTH]) -> f32 {
         if weights.iter().any(|&w| w > 0.0) { self.tree_share } else { 0.0 }
@@ -204,7 +234,8 @@ impl LightBvh {
     }
 }
 
-/// Probabilities, half alike and half by power: power alone would starve a lamp indoors beside the sun.
+/// Probabilities, half alike and half by power: power alone would starve a lamp indoors beside the
+/// sun.
 fn mixed(powers: Vec<f64>) -> Vec<f64> {
     let count = powers.len() as f64;
     let strongest = powers.iter().copied().fold(0.0, f64::max);
@@ -247,8 +278,8 @@ impl Node {
 
     /// What each child may bring to the receiver, in units that only compare: 0 if surely nothing.
     ///
-    /// The intensity, times the cosine of the least angle between a main direction and the way to the receiver, over the squared
-    /// distance, times the cosine of the least angle of incidence.
+    /// The intensity, times the cosine of the least angle between a main direction and the way to
+    /// the receiver, over the squared distance, times the cosine of the least angle of incidence.
     fn importance(&self, receiver: &Receiver, wide: Option<Wide>) -> [f32; WIDTH] {
         at_level!(wide, importance, (node: &Node = self, receiver: &Receiver = receiver) -> [f32; WIDTH])
     }
@@ -342,8 +373,8 @@ impl Lane {
     }
 }
 
-/// A child by its weight, its probability, and the rest of the number. The probability is NaN if all weights are 0. Without branches: which child it is
-/// cannot be foreseen.
+/// A child by its weight, its probability, and the rest of the number. The probability is NaN if
+/// all weights are 0. Without branches: which child it is cannot be foreseen.
 #[inline(always)]
 pub(super) fn choose(weights: &[f32; WIDTH], u: f32) -> (usize, f32, f32) {
     let mut sums = [0.0; WIDTH + 1];
@@ -352,7 +383,8 @@ pub(super) fn choose(weights: &[f32; WIDTH], u: f32) -> (usize, f32, f32) {
     }
     let total = sums[WIDTH];
     let target = u * total;
-    // The first whose sum is more than the target; should rounding leave none, the last that has any weight.
+    // The first whose sum is more than the target; should rounding leave none, the last that has
+    // any weight.
     let (mut passed, mut last) = (0, 0);
     for sum in &sums[1..] {
         passed += usize::from(*sum <= target);

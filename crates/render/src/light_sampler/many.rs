@@ -1,4 +1,5 @@
-//! Lights of a [`LightBvh`] for many receivers at once: the same ones as one at a time, bit for bit.
+//! Lights of a [`LightBvh`] for many receivers at once: the same ones as one at a time, bit for
+//! bit.
 
 use super::bvh::{EMITTER, LightBvh, NONE, Node, WIDTH, choose, importance};
 use super::{ChosenLight, Receiver};
@@ -40,7 +41,8 @@ impl ChosenLights {
             self.light[i] = NONE;
             return;
         };
-        (self.light[i], self.part[i], self.probability[i]) = (light as u32, part.unwrap_or(NONE), probability);
+        (self.light[i], self.part[i], self.probability[i]) =
+            (light as u32, part.unwrap_or(NONE), probability);
     }
 }
 
@@ -65,7 +67,11 @@ impl<'a> Receivers<'a> {
     #[inline(always)]
     pub fn get(&self, i: usize) -> Receiver {
         let at = |v: &[[f32; MANY]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
-        Receiver { position: at(self.position), normal: at(self.normal), transmits: self.transmits[i] }
+        Receiver {
+            position: at(self.position),
+            normal: at(self.normal),
+            transmits: self.transmits[i],
+        }
     }
 }
 
@@ -89,8 +95,8 @@ pub(super) fn sample_many(
     }
 }
 
-/// All receivers go down the tree level by level: the importance of the children of all their nodes first, then the choice between them, so that
-/// none waits for its own results.
+/// All receivers go down the tree level by level: the importance of the children of all their nodes
+/// first, then the choice between them, so that none waits for its own results.
 #[inline(always)]
 fn descend(
     tree: &LightBvh,
@@ -157,12 +163,21 @@ fn descend(
     }
 }
 
-/// [`sample_many`] where all lights are children of one node: the receivers in lanes instead of the children.
+/// [`sample_many`] where all lights are children of one node: the receivers in lanes instead of the
+/// children.
 #[inline(always)]
-fn sample_few(tree: &LightBvh, root: &Node, receivers: &Receivers, u: &[f32; MANY], chosen: &mut ChosenLights) {
+fn sample_few(
+    tree: &LightBvh,
+    root: &Node,
+    receivers: &Receivers,
+    u: &[f32; MANY],
+    chosen: &mut ChosenLights,
+) {
     let mut weights = [[0.0; MANY]; WIDTH];
     let mut total = [0.0; MANY];
-    for (child, weights) in weights.iter_mut().enumerate().filter(|(child, _)| root.child[*child] != NONE) {
+    for (child, weights) in
+        weights.iter_mut().enumerate().filter(|(child, _)| root.child[*child] != NONE)
+    {
         let lane = root.lane(child);
         for i in 0..MANY {
             weights[i] = lane.importance(&tree.local(&receivers.get(i)));
@@ -178,7 +193,9 @@ fn sample_few(tree: &LightBvh, root: &Node, receivers: &Receivers, u: &[f32; MAN
             let weight = weights[i];
             let is_next = (weight > 0.0) & (over[i] == 0);
             next[i] = u32::from(is_next);
-            over[i] |= u32::from(is_next & (least(u[i], ONE_MINUS_EPSILON) * total[i] < before[i] + weight));
+            over[i] |= u32::from(
+                is_next & (least(u[i], ONE_MINUS_EPSILON) * total[i] < before[i] + weight),
+            );
             before[i] += if is_next { weight } else { 0.0 };
         }
         for i in 0..MANY {

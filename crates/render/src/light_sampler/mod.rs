@@ -1,5 +1,5 @@
-//! Which light is sampled: from a table, the same everywhere ([`table`]), or from a tree that knows where the receiving point is
-//! ([`bvh`]).
+//! Which light is sampled: from a table, the same everywhere ([`table`]), or from a tree that knows
+//! where the receiving point is ([`bvh`]).
 
 mod build;
 mod bvh;
@@ -24,8 +24,8 @@ pub enum LightSamplerKind {
     Uniform,
     /// In proportion to emitted power.
     Power,
-    /// By what it may bring to the point that receives light: power, distance and angles, by a tree over all lights and all triangles
-    /// of emissive surfaces.
+    /// By what it may bring to the point that receives light: power, distance and angles, by a tree
+    /// over all lights and all triangles of emissive surfaces.
     #[default]
     Bvh,
 }
@@ -49,7 +49,8 @@ impl LightSamplerKind {
 pub struct Receiver {
     /// Where.
     pub position: Vec3,
-    /// Unit shading normal on the side of the viewer; zero inside a medium, which receives light from everywhere.
+    /// Unit shading normal on the side of the viewer; zero inside a medium, which receives light
+    /// from everywhere.
     pub normal: Vec3,
     /// True if light from behind the normal counts too.
     pub transmits: bool,
@@ -71,7 +72,8 @@ pub struct ChosenLight {
 pub struct LightSummary {
     /// Approximate power, W. Finite, not negative.
     pub power: f64,
-    /// Bounds of its parts, in order; empty if it has no place or does not fade with the square of the distance.
+    /// Bounds of its parts, in order; empty if it has no place or does not fade with the square of
+    /// the distance.
     pub parts: Vec<LightBounds>,
     /// False for lights that are left to BSDF samples.
     pub is_sampled: bool,
@@ -92,7 +94,8 @@ impl LightSampler {
         let powers = |light: &LightSummary| if light.is_sampled { light.power } else { 0.0 };
         match kind {
             LightSamplerKind::Uniform => {
-                let weights: Vec<f64> = lights.iter().map(|l| f64::from(u8::from(l.is_sampled))).collect();
+                let weights: Vec<f64> =
+                    lights.iter().map(|l| f64::from(u8::from(l.is_sampled))).collect();
                 Self::Table(LightTable::new(&weights))
             }
             LightSamplerKind::Power => {
@@ -114,7 +117,8 @@ impl LightSampler {
         }
     }
 
-    /// A light; `None` if none can bring light to the receiver. `u` is asked for a uniform number if there is a choice.
+    /// A light; `None` if none can bring light to the receiver. `u` is asked for a uniform number
+    /// if there is a choice.
     pub fn sample(&self, receiver: &Receiver, u: impl FnOnce() -> f32) -> Option<ChosenLight> {
         match self {
             Self::Table(table) => table.sample(u),
@@ -122,15 +126,23 @@ impl LightSampler {
         }
     }
 
-    /// What [`Self::sample`] gives for each of the first receivers, so many. For further ones anything.
-    pub fn sample_many(&self, receivers: &Receivers, u: &[f32; MANY], count: usize, chosen: &mut ChosenLights) {
+    /// What [`Self::sample`] gives for each of the first receivers, so many. For further ones
+    /// anything.
+    pub fn sample_many(
+        &self,
+        receivers: &Receivers,
+        u: &[f32; MANY],
+        count: usize,
+        chosen: &mut ChosenLights,
+    ) {
         match self {
             Self::Table(table) => (0..count).for_each(|i| chosen.put(i, table.sample(|| u[i]))),
             Self::Bvh(bvh) => bvh.sample_many(receivers, u, count, chosen),
         }
     }
 
-    /// The probability of choosing this part of a light, where `part` is its number and its probability if only the light is chosen.
+    /// The probability of choosing this part of a light, where `part` is its number and its
+    /// probability if only the light is chosen.
     pub fn probability(&self, receiver: &Receiver, light: usize, part: (u32, f32)) -> f32 {
         match self {
             Self::Table(table) => table.probability(light) * part.1,

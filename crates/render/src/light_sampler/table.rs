@@ -12,7 +12,8 @@ pub struct LightTable {
 impl LightTable {
     /// Choices with these weights (finite, not negative); none if all are 0.
     pub fn new(weights: &[f64]) -> Self {
-        // Relative to the strongest: the powers of huge and tiny scenes do not fit in single precision.
+        // Relative to the strongest: the powers of huge and tiny scenes do not fit in single
+        // precision.
         let strongest = weights.iter().copied().fold(0.0, f64::max);
         let relative: Vec<f32> = weights.iter().map(|w| (w / strongest) as f32).collect();
         Self { distribution: (strongest > 0.0).then(|| Distribution1D::new(&relative)) }

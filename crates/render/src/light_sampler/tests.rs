@@ -39,13 +39,29 @@ fn lights(count: u32, size: f32) -> Vec<LightSummary> {
 }
 
 fn receiver(key: u32, size: f32) -> Receiver {
-    let normal = if key.is_multiple_of(4) { Vec3::ZERO } else { sampling::uniform_sphere(uniform2([key, 7, 7, 7])) };
-    Receiver { position: random_point(key ^ 0x5555, size), normal, transmits: key.is_multiple_of(3) }
+    let normal = if key.is_multiple_of(4) {
+        Vec3::ZERO
+    } else {
+        sampling::uniform_sphere(uniform2([key, 7, 7, 7]))
+    };
+    Receiver {
+        position: random_point(key ^ 0x5555, size),
+        normal,
+        transmits: key.is_multiple_of(3),
+    }
 }
 
 fn table(kind: LightSamplerKind, powers: &[f64], left_out: Option<usize>) -> LightSampler {
-    let light = |(i, &power): (usize, &f64)| LightSummary { power, parts: vec![], is_sampled: left_out != Some(i) };
-    LightSampler::new(kind, &powers.iter().enumerate().map(light).collect::<Vec<_>>(), Level::best().wide())
+    let light = |(i, &power): (usize, &f64)| LightSummary {
+        power,
+        parts: vec![],
+        is_sampled: left_out != Some(i),
+    };
+    LightSampler::new(
+        kind,
+        &powers.iter().enumerate().map(light).collect::<Vec<_>>(),
+        Level::best().wide(),
+    )
 }
 
 fn probability(sampler: &LightSampler, light: usize) -> f32 {
@@ -72,7 +88,11 @@ fn lights_without_power_are_chosen_among_themselves() {
 fn a_light_that_is_left_out_takes_no_samples_from_the_others() {
     for kind in LightSamplerKind::ALL {
         let sampler = table(kind, &[2.0, 2.0, 1000.0], Some(2));
-        assert_eq!([0, 1, 2].map(|light| probability(&sampler, light)), [0.5, 0.5, 0.0], "{kind:?}");
+        assert_eq!(
+            [0, 1, 2].map(|light| probability(&sampler, light)),
+            [0.5, 0.5, 0.0],
+            "{kind:?}"
+        );
     }
     for kind in LightSamplerKind::ALL {
         assert!(table(kind, &[2.0], Some(0)).sample(&Receiver::default(), || 0.5).is_none());
@@ -88,8 +108,9 @@ fn the_tree_gives_every_emitter_with_the_probability_it_says() {
             let receiver = receiver(key, size);
             let parts = |l: &LightSummary| l.parts.len().max(1) as u32;
             let of = |light: usize, part: u32| sampler.probability(&receiver, light, (part, 1.0));
-            let all: f64 =
-                (0..lights.len()).flat_map(|l| (0..parts(&lights[l])).map(move |p| f64::from(of(l, p)))).sum();
+            let all: f64 = (0..lights.len())
+                .flat_map(|l| (0..parts(&lights[l])).map(move |p| f64::from(of(l, p))))
+                .sum();
             let mut chosen_at_all = 0.0;
             for i in 0..2000 {
                 let u = (i as f32 + 0.5) / 2000.0;
@@ -98,8 +119,12 @@ fn the_tree_gives_every_emitter_with_the_probability_it_says() {
                 assert!((again / chosen.probability - 1.0).abs() < 1e-4, "{again} {chosen:?}");
                 chosen_at_all += 1.0 / 2000.0;
             }
-            // The rest ends in branches that promise light from afar, of which no emitter can bring any.
-            assert!((all - chosen_at_all).abs() < 0.01 && all < 1.0001, "{count} {key}: {all} {chosen_at_all}");
+            // The rest ends in branches that promise light from afar, of which no emitter can bring
+            // any.
+            assert!(
+                (all - chosen_at_all).abs() < 0.01 && all < 1.0001,
+                "{count} {key}: {all} {chosen_at_all}"
+            );
         }
     }
 }
@@ -119,12 +144,18 @@ fn emitters_are_chosen_as_often_as_stated() {
         for key in 0..receivers {
             let receiver = receiver(key, size);
             // The tree chooses parts; tables choose lights, and the rest is the light's.
-            let parts = |l: &LightSummary| if kind == LightSamplerKind::Bvh { l.parts.len().max(1) } else { 1 };
-            let firsts: Vec<usize> =
-                lights.iter().scan(0, |sum, l| Some(std::mem::replace(sum, *sum + parts(l)))).collect();
+            let parts = |l: &LightSummary| {
+                if kind == LightSamplerKind::Bvh { l.parts.len().max(1) } else { 1 }
+            };
+            let firsts: Vec<usize> = lights
+                .iter()
+                .scan(0, |sum, l| Some(std::mem::replace(sum, *sum + parts(l))))
+                .collect();
             let mut expected: Vec<f64> = (0..lights.len())
                 .flat_map(|l| (0..parts(&lights[l]) as u32).map(move |part| (l, part)))
-                .map(|(l, part)| f64::from(sampler.probability(&receiver, l, (part, 1.0))) * f64::from(n))
+                .map(|(l, part)| {
+                    f64::from(sampler.probability(&receiver, l, (part, 1.0))) * f64::from(n)
+                })
                 .collect();
             expected.push((f64::from(n) - expected.iter().sum::<f64>()).max(0.0));
             let mut found = vec![0; expected.len()];
@@ -151,7 +182,8 @@ fn the_tree_does_not_depend_on_the_number_of_threads() {
     let lights = [LightSummary { power: 1.0, parts, is_sampled: true }];
     let choices = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-        let sampler = pool.install(|| LightSampler::new(LightSamplerKind::Bvh, &lights, Level::best().wide()));
+        let sampler = pool
+            .install(|| LightSampler::new(LightSamplerKind::Bvh, &lights, Level::best().wide()));
         (0..3000).map(|i| sampler.sample(&receiver(i, 1.0), || unit(i, 9))).collect::<Vec<_>>()
     };
     assert_eq!(choices(1), choices(3));
@@ -172,11 +204,15 @@ fn stratified_numbers_stay_stratified_over_the_tree() {
     }
     for (key, (count, probability)) in counts {
         let expected = probability * n as f32;
-        assert!((count as f32 - expected).abs() <= 2.0 + 1e-4 * expected, "{key:?}: {count} {expected}");
+        assert!(
+            (count as f32 - expected).abs() <= 2.0 + 1e-4 * expected,
+            "{key:?}: {count} {expected}"
+        );
     }
 }
 
-/// What may bring light must have a chance: the importance of a branch is never 0 where an emitter in it could shine.
+/// What may bring light must have a chance: the importance of a branch is never 0 where an emitter
+/// in it could shine.
 #[test]
 fn no_emitter_that_may_bring_light_is_left_out() {
     let lights = lights(200, 1.0);
@@ -193,7 +229,10 @@ fn no_emitter_that_may_bring_light_is_left_out() {
                 let incident = -to_receiver.dot(receiver.normal);
                 let incident = if receiver.transmits { incident.abs() } else { incident };
                 if shines && (receiver.normal == Vec3::ZERO || incident > 1e-3) {
-                    assert!(sampler.probability(&receiver, number, (k, 1.0)) > 0.0, "{key} {number} {k}");
+                    assert!(
+                        sampler.probability(&receiver, number, (k, 1.0)) > 0.0,
+                        "{key} {number} {k}"
+                    );
                 }
             }
         }
@@ -227,7 +266,10 @@ fn near_and_facing_lights_are_preferred() {
 fn broken_emitters_and_receivers_give_no_nan() {
     let mut broken = lights(40, 1.0);
     let point = |x: f64| Bounds3d { min: DVec3::splat(x), max: DVec3::splat(x) };
-    for (i, bounds) in [point(f64::NAN), point(f64::INFINITY), Bounds3d::EMPTY, point(1e300)].into_iter().enumerate() {
+    for (i, bounds) in [point(f64::NAN), point(f64::INFINITY), Bounds3d::EMPTY, point(1e300)]
+        .into_iter()
+        .enumerate()
+    {
         let parts = vec![LightBounds { bounds, ..part(i as u32, 1.0) }];
         broken.push(LightSummary { power: 1.0, parts, is_sampled: true });
     }
@@ -238,14 +280,24 @@ fn broken_emitters_and_receivers_give_no_nan() {
     // A thousand in one place.
     broken.push(LightSummary { power: 1.0, parts: vec![part(9, 1.0); 1000], is_sampled: true });
     let sampler = LightSampler::new(LightSamplerKind::Bvh, &broken, Level::best().wide());
-    let positions = [Vec3::ZERO, Vec3::NAN, Vec3::splat(f32::INFINITY), Vec3::splat(f32::MAX), Vec3::splat(1e-40)];
+    let positions = [
+        Vec3::ZERO,
+        Vec3::NAN,
+        Vec3::splat(f32::INFINITY),
+        Vec3::splat(f32::MAX),
+        Vec3::splat(1e-40),
+    ];
     for position in positions {
         for normal in [Vec3::Z, Vec3::ZERO, Vec3::NAN] {
             let receiver = Receiver { position, normal, transmits: false };
             for i in 0..200 {
                 if let Some(chosen) = sampler.sample(&receiver, || unit(i, 1)) {
                     assert!(chosen.probability > 0.0 && chosen.probability <= 1.0001, "{chosen:?}");
-                    let again = sampler.probability(&receiver, chosen.light, (chosen.part.unwrap_or(0), 1.0));
+                    let again = sampler.probability(
+                        &receiver,
+                        chosen.light,
+                        (chosen.part.unwrap_or(0), 1.0),
+                    );
                     assert!((again / chosen.probability - 1.0).abs() < 1e-3);
                 }
             }
@@ -257,10 +309,13 @@ fn broken_emitters_and_receivers_give_no_nan() {
 #[test]
 #[ignore = "a measurement"]
 fn a_million_emitters() {
-    let parts: Vec<LightBounds> = (0..1_000_000).map(|i| LightBounds { cos_spread: 1.0, ..part(i, 1.0) }).collect();
+    let parts: Vec<LightBounds> =
+        (0..1_000_000).map(|i| LightBounds { cos_spread: 1.0, ..part(i, 1.0) }).collect();
     let lights = [LightSummary { power: 1.0, parts, is_sampled: true }];
     let start = std::time::Instant::now();
-    let LightSampler::Bvh(tree) = LightSampler::new(LightSamplerKind::Bvh, &lights, Level::best().wide()) else {
+    let LightSampler::Bvh(tree) =
+        LightSampler::new(LightSamplerKind::Bvh, &lights, Level::best().wide())
+    else {
         return;
     };
     let built = start.elapsed();
@@ -272,5 +327,8 @@ fn a_million_emitters() {
         sum += tree.sample(&receiver, || unit(i, 3)).map_or(0.0, |c| c.probability);
     }
     let nanoseconds = start.elapsed().as_nanos() / u128::from(n);
-    println!("built in {built:?}, {} MB, {nanoseconds} ns a choice ({sum})", tree.bytes() / 1_000_000);
+    println!(
+        "built in {built:?}, {} MB, {nanoseconds} ns a choice ({sum})",
+        tree.bytes() / 1_000_000
+    );
 }

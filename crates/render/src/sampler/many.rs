@@ -103,14 +103,23 @@ impl<const N: usize> ManyRandoms<N> {
                 )
             }
             SamplerKind::Independent => to = self.pairs(dimension - self.base, wide)[0],
-            SamplerKind::Stratified => (0..N).for_each(|i| to[i] = self.sampler.number(self.key(i), dimension)),
+            SamplerKind::Stratified => {
+                (0..N).for_each(|i| to[i] = self.sampler.number(self.key(i), dimension))
+            }
         }
         to
     }
 }
 
 #[inline(always)]
-fn sobol_pairs(keys: &[u32], samples: &[u32], dimension: u32, set_log2: u32, x: &mut [f32], y: &mut [f32]) {
+fn sobol_pairs(
+    keys: &[u32],
+    samples: &[u32],
+    dimension: u32,
+    set_log2: u32,
+    x: &mut [f32],
+    y: &mut [f32],
+) {
     let count = keys.len();
     let (samples, x, y) = (&samples[..count], &mut x[..count], &mut y[..count]);
     for i in 0..count {
@@ -124,7 +133,8 @@ fn independent_pairs(keys: &[u32], samples: &[u32], dimension: u32, x: &mut [f32
     let count = keys.len();
     let (samples, x, y) = (&samples[..count], &mut x[..count], &mut y[..count]);
     for i in 0..count {
-        let u = rng::uniform2([rng::hash_combine(keys[i], dimension), samples[i], keys[i], dimension]);
+        let u =
+            rng::uniform2([rng::hash_combine(keys[i], dimension), samples[i], keys[i], dimension]);
         (x[i], y[i]) = (u.x, u.y);
     }
 }
@@ -148,13 +158,18 @@ mod tests {
         for kind in SamplerKind::ALL {
             let sampler = Sampler::new(kind, 7, 12);
             let mut many = ManyRandoms::<20>::new(&sampler, 3);
-            let singles: Vec<Random> = (0..20).map(|i| sampler.random([i * 7, 40 - i], i % 12)).collect();
+            let singles: Vec<Random> =
+                (0..20).map(|i| sampler.random([i * 7, 40 - i], i % 12)).collect();
             singles.iter().enumerate().for_each(|(lane, random)| many.set(lane, random.key()));
             for level in Level::ALL {
                 let (pairs, numbers) = (many.pairs(2, level.wide()), many.numbers(5, level.wide()));
                 for (lane, random) in singles.iter().enumerate() {
                     let at_vertex = random.at_vertex(0, 3);
-                    assert_eq!([pairs[0][lane], pairs[1][lane]], at_vertex.pair(2).to_array(), "{kind:?}");
+                    assert_eq!(
+                        [pairs[0][lane], pairs[1][lane]],
+                        at_vertex.pair(2).to_array(),
+                        "{kind:?}"
+                    );
                     assert_eq!(numbers[lane], at_vertex.number(5), "{kind:?}");
                 }
             }

@@ -1,7 +1,8 @@
 //! Samplers: pure functions from (seed, pixel, sample, dimension) to numbers in `[0, 1)`.
 //!
-//! A *dimension* is what the number is for (lens, light, BSDF at the third bounce …); [`Random`] binds the rest. Nothing depends on
-//! the order of calls, so batching, threads and splitting cannot change a number.
+//! A *dimension* is what the number is for (lens, light, BSDF at the third bounce …); [`Random`]
+//! binds the rest. Nothing depends on the order of calls, so batching, threads and splitting cannot
+//! change a number.
 
 mod many;
 mod sobol;
@@ -22,9 +23,11 @@ pub enum SamplerKind {
     Independent,
     /// Jittered strata, one sample in each (Cook, 1986), with strata permuted between dimensions.
     Stratified,
-    /// Owen-scrambled Sobol points, padded by two dimensions at a time (Burley, Practical hash-based Owen scrambling, JCGT 2020).
+    /// Owen-scrambled Sobol points, padded by two dimensions at a time (Burley, Practical
+    /// hash-based Owen scrambling, JCGT 2020).
     Sobol,
-    /// The same points, shared out among neighbouring pixels so that the error of the picture is blue noise (Ahmed and Wonka, 2020).
+    /// The same points, shared out among neighbouring pixels so that the error of the picture is
+    /// blue noise (Ahmed and Wonka, 2020).
     #[default]
     ZSobol,
 }
@@ -60,8 +63,8 @@ impl Sampler {
         Self { kind, seed, spp: spp.max(1), in_blocks: false }
     }
 
-    /// A sampler for any number of samples: those of each block are spread well, and different blocks are independent, so that
-    /// the differences of blocks tell the error of their mean.
+    /// A sampler for any number of samples: those of each block are spread well, and different
+    /// blocks are independent, so that the differences of blocks tell the error of their mean.
     pub fn in_blocks(kind: SamplerKind, seed: u32, block: u32) -> Self {
         Self { in_blocks: true, ..Self::new(kind, seed, block) }
     }
@@ -135,7 +138,9 @@ impl Sampler {
         match self.kind {
             SamplerKind::Independent => rng::uniform2([of_dimension, sample, pixel, dimension]),
             SamplerKind::Stratified => stratified::point(of_dimension, sample, self.spp),
-            SamplerKind::Sobol | SamplerKind::ZSobol => sobol::point(of_dimension, sample, self.set_log2()),
+            SamplerKind::Sobol | SamplerKind::ZSobol => {
+                sobol::point(of_dimension, sample, self.set_log2())
+            }
         }
     }
 }
@@ -185,7 +190,8 @@ impl Random {
         self.sampler.point(self.key, self.base + dimension)
     }
 
-    /// The pair of number `step` of a sequence of independent pairs: where nobody knows how many it takes.
+    /// The pair of number `step` of a sequence of independent pairs: where nobody knows how many it
+    /// takes.
     pub fn independent_pair(&self, step: u32) -> Vec2 {
         rng::uniform2([self.key.pixel, self.key.sample, rng::hash32(self.base), step])
     }
@@ -200,14 +206,23 @@ impl Random {
 mod tests {
     use super::*;
 
-    /// Integrates over the unit square with `spp` samples in each of many pixels; returns mean and variance of the estimates.
-    fn estimate(kind: SamplerKind, spp: u32, dimension: u32, f: impl Fn(Vec2) -> f32) -> (f64, f64) {
+    /// Integrates over the unit square with `spp` samples in each of many pixels; returns mean and
+    /// variance of the estimates.
+    fn estimate(
+        kind: SamplerKind,
+        spp: u32,
+        dimension: u32,
+        f: impl Fn(Vec2) -> f32,
+    ) -> (f64, f64) {
         let sampler = Sampler::new(kind, 1, spp);
         let pixels = 2000;
         let estimates: Vec<f64> = (0..pixels)
             .map(|x| {
-                let sum: f64 =
-                    (0..spp).map(|s| f64::from(f(sampler.random([x, 3], s).at_vertex(0, 2).pair(dimension)))).sum();
+                let sum: f64 = (0..spp)
+                    .map(|s| {
+                        f64::from(f(sampler.random([x, 3], s).at_vertex(0, 2).pair(dimension)))
+                    })
+                    .sum();
                 sum / f64::from(spp)
             })
             .collect();
@@ -225,13 +240,18 @@ mod tests {
             for dimension in [0, 1, 7] {
                 let (mean, variance) = estimate(kind, 16, dimension, disk);
                 let error = (variance / 2000.0).sqrt();
-                assert!((mean - std::f64::consts::FRAC_PI_4).abs() < 4.0 * error, "{kind:?}: {mean} +- {error}");
+                assert!(
+                    (mean - std::f64::consts::FRAC_PI_4).abs() < 4.0 * error,
+                    "{kind:?}: {mean} +- {error}"
+                );
             }
             let (mean, variance) = estimate(kind, 16, 3, smooth);
             assert!((mean - 0.25).abs() < 4.0 * (variance / 2000.0).sqrt(), "{kind:?}: {mean}");
             variances.push(variance);
         }
-        let [independent, stratified, sobol, zsobol] = variances[..] else { panic!("four samplers") };
+        let [independent, stratified, sobol, zsobol] = variances[..] else {
+            panic!("four samplers")
+        };
         assert!(stratified < 0.25 * independent && sobol < 0.1 * independent, "{variances:?}");
         assert!(zsobol < 1.2 * sobol, "{variances:?}");
     }
@@ -247,7 +267,11 @@ mod tests {
             let pixels = 0..2000;
             let variance = pixels.clone().map(|x| mean(x, 0).powi(2)).sum::<f64>();
             let covariance = pixels.map(|x| mean(x, 0) * mean(x, 1)).sum::<f64>();
-            assert!((covariance / variance).abs() < 4.0 / 2000f64.sqrt(), "{kind:?}: {}", covariance / variance);
+            assert!(
+                (covariance / variance).abs() < 4.0 / 2000f64.sqrt(),
+                "{kind:?}: {}",
+                covariance / variance
+            );
         }
     }
 
@@ -270,18 +294,27 @@ mod tests {
 
     #[test]
     fn what_depends_on_several_dimensions_is_as_good_as_chance_allows() {
-        // The product of 8 numbers plus 1/2: the parts that depend on one pair vanish, the others are random.
+        // The product of 8 numbers plus 1/2: the parts that depend on one pair vanish, the others
+        // are random.
         let pair = (13.0f64 / 12.0).powi(2) - 1.0;
         let rest = (1.0 + pair).powi(4) - 1.0 - 4.0 * pair;
         for kind in [SamplerKind::Stratified, SamplerKind::Sobol, SamplerKind::ZSobol] {
             let mut variance = 0.0;
             for x in 0..4000 {
                 let sampler = Sampler::new(kind, x, 64);
-                let value = |s| (0..4).map(|d| sampler.random([x, 7], s).pair(d) + 0.5).fold(1.0, |f, u| f * u.x * u.y);
+                let value = |s| {
+                    (0..4)
+                        .map(|d| sampler.random([x, 7], s).pair(d) + 0.5)
+                        .fold(1.0, |f, u| f * u.x * u.y)
+                };
                 let mean = f64::from((0..64).map(value).sum::<f32>()) / 64.0;
                 variance += (mean - 1.0).powi(2) / 4000.0;
             }
-            assert!((0.9..1.15).contains(&(variance * 64.0 / rest)), "{kind:?}: {}", variance * 64.0 / rest);
+            assert!(
+                (0.9..1.15).contains(&(variance * 64.0 / rest)),
+                "{kind:?}: {}",
+                variance * 64.0 / rest
+            );
         }
     }
 
@@ -322,10 +355,15 @@ mod tests {
         let sampler = Sampler::new(SamplerKind::ZSobol, 5, 4);
         for corner in [[0, 0], [2, 6], [130, 258]] {
             let pixels = (0..4).map(|p| [corner[0] + p % 2, corner[1] + p / 2]);
-            let points: Vec<Vec2> =
-                pixels.flat_map(|p| (0..4).map(move |s| sampler.random(p, s).at_vertex(0, 1).pair(3))).collect();
+            let points: Vec<Vec2> = pixels
+                .flat_map(|p| (0..4).map(move |s| sampler.random(p, s).at_vertex(0, 1).pair(3)))
+                .collect();
             for (columns, rows) in [(16, 1), (8, 2), (4, 4), (2, 8), (1, 16)] {
-                assert_eq!(counts(&points, columns, rows), [1; 16], "{corner:?} {columns} x {rows}");
+                assert_eq!(
+                    counts(&points, columns, rows),
+                    [1; 16],
+                    "{corner:?} {columns} x {rows}"
+                );
             }
         }
     }

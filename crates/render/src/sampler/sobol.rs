@@ -18,9 +18,10 @@ pub fn number(key: u32, index: u32, set_log2: u32) -> f32 {
     rng::to_unit(owen_scramble(index.reverse_bits(), rng::hash_combine(key, 1)))
 }
 
-/// The order of the points, which decides what meets what in different dimensions. A nested scramble leaves aligned runs of a power of
-/// two together, and so all prefixes good; but two neighbours are then in opposite halves in *every* dimension, and their products
-/// are alike. So runs of up to 16 are permuted freely.
+/// The order of the points, which decides what meets what in different dimensions. A nested
+/// scramble leaves aligned runs of a power of two together, and so all prefixes good; but two
+/// neighbours are then in opposite halves in *every* dimension, and their products are alike. So
+/// runs of up to 16 are permuted freely.
 #[inline(always)]
 fn shuffle(index: u32, key: u32, set_log2: u32) -> u32 {
     let bits = set_log2.min(4);
@@ -30,7 +31,8 @@ fn shuffle(index: u32, key: u32, set_log2: u32) -> u32 {
     run << bits | permute(nested & mask, mask, rng::hash32(run ^ key.rotate_left(16)))
 }
 
-/// Position of `i` in a permutation of `0..=mask` chosen by `key`; `mask` is a power of two less one, at most 15.
+/// Position of `i` in a permutation of `0..=mask` chosen by `key`; `mask` is a power of two less
+/// one, at most 15.
 #[inline(always)]
 fn permute(i: u32, mask: u32, key: u32) -> u32 {
     let i = (i ^ key) & mask;
@@ -43,8 +45,8 @@ fn permute(i: u32, mask: u32, key: u32) -> u32 {
     i.wrapping_mul(key >> 20 | 1).wrapping_add(key >> 24) & mask
 }
 
-/// The second Sobol dimension. Its direction numbers are those of Pascal's triangle modulo 2, so the matrix product is five steps of
-/// shift and exclusive or instead of a table.
+/// The second Sobol dimension. Its direction numbers are those of Pascal's triangle modulo 2, so
+/// the matrix product is five steps of shift and exclusive or instead of a table.
 #[inline(always)]
 fn second_dimension(index: u32) -> u32 {
     let mut x = index;
@@ -56,8 +58,9 @@ fn second_dimension(index: u32) -> u32 {
     x.reverse_bits()
 }
 
-/// Nested uniform scramble of a number in `[0, 2^32)` whose highest bit is the first digit: each bit is flipped or not depending on
-/// the bits above it only (Laine and Karras, 2011; constants of Vegdahl's search).
+/// Nested uniform scramble of a number in `[0, 2^32)` whose highest bit is the first digit: each
+/// bit is flipped or not depending on the bits above it only (Laine and Karras, 2011; constants of
+/// Vegdahl's search).
 #[inline(always)]
 fn owen_scramble(x: u32, seed: u32) -> u32 {
     let mut x = x.reverse_bits();
@@ -100,7 +103,10 @@ mod tests {
                 counts[permute(mask / 2, mask, key) as usize] += 1;
             }
             let expected = 4000 / (mask + 1);
-            assert!(counts[..=mask as usize].iter().all(|c| c.abs_diff(expected) < expected / 3), "{counts:?}");
+            assert!(
+                counts[..=mask as usize].iter().all(|c| c.abs_diff(expected) < expected / 3),
+                "{counts:?}"
+            );
         }
     }
 }

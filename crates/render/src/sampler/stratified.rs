@@ -10,10 +10,12 @@ pub fn point(key: u32, index: u32, spp: u32) -> Vec2 {
     let cell = permute(index % spp, spp, rng::hash_combine(key, round));
     let jitter = rng::uniform2([key, index, 0x6a09_e667, spp]);
     let corner = Vec2::new((cell % columns) as f32, (cell / columns) as f32);
-    ((corner + jitter) / Vec2::new(columns as f32, rows as f32)).min(Vec2::splat(rng::ONE_MINUS_EPSILON))
+    ((corner + jitter) / Vec2::new(columns as f32, rows as f32))
+        .min(Vec2::splat(rng::ONE_MINUS_EPSILON))
 }
 
-/// Position of `index` in a pseudo-random permutation of `0..length` (Kensler, Correlated Multi-Jittered Sampling, 2013).
+/// Position of `index` in a pseudo-random permutation of `0..length` (Kensler, Correlated
+/// Multi-Jittered Sampling, 2013).
 fn permute(mut index: u32, length: u32, p: u32) -> u32 {
     let w = length.next_power_of_two() - 1;
     loop {

@@ -1,12 +1,14 @@
-//! Sobol points handed out along a space-filling curve over the pixels, so that what one pixel gets too much of, its neighbours get
-//! too little: the error of the picture is blue noise (Ahmed and Wonka, Screen-space blue-noise diffusion of Monte Carlo sampling
-//! error via hierarchical ordering of pixels, 2020; `ZSobolSampler` of pbrt-v4).
+//! Sobol points handed out along a space-filling curve over the pixels, so that what one pixel gets
+//! too much of, its neighbours get too little: the error of the picture is blue noise (Ahmed and
+//! Wonka, Screen-space blue-noise diffusion of Monte Carlo sampling error via hierarchical ordering
+//! of pixels, 2020; `ZSobolSampler` of pbrt-v4).
 //!
-//! One scrambled sequence per dimension serves a square of pixels. Position on the curve and number of the sample together, highest
-//! digits first, are a number in that sequence. So the samples of a pixel are a stretch whose length is a power of two, which is a
-//! net by itself; two neighbours on the curve, four, sixteen … are nets too. The curve is Hilbert's instead of Morton's: the pairs
-//! of a Morton curve are always side by side, those of Hilbert's also one above the other, so that a binary scramble (see
-//! [`super::sobol`]) shuffles as well as a quaternary one.
+//! One scrambled sequence per dimension serves a square of pixels. Position on the curve and number
+//! of the sample together, highest digits first, are a number in that sequence. So the samples of a
+//! pixel are a stretch whose length is a power of two, which is a net by itself; two neighbours on
+//! the curve, four, sixteen … are nets too. The curve is Hilbert's instead of Morton's: the pairs
+//! of a Morton curve are always side by side, those of Hilbert's also one above the other, so that
+//! a binary scramble (see [`super::sobol`]) shuffles as well as a quaternary one.
 
 /// Where a pixel's samples lie in the sequences of its square.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,7 +22,8 @@ pub struct Stretch {
 /// Logarithm of the side of the largest square.
 const MAX_SIDE_LOG2: u32 = 8;
 
-/// The stretch of a pixel that takes `spp` samples. Squares are smaller where many samples would use up the 32-bit numbers.
+/// The stretch of a pixel that takes `spp` samples. Squares are smaller where many samples would
+/// use up the 32-bit numbers.
 pub fn stretch(pixel: [u32; 2], spp: u32) -> Stretch {
     let samples_log2 = spp.max(1).next_power_of_two().trailing_zeros();
     let side_log2 = ((32 - samples_log2) / 2).min(MAX_SIDE_LOG2);
@@ -60,8 +63,13 @@ mod tests {
                     visited[hilbert_position([x, y], side_log2) as usize] = Some([x, y]);
                 }
             }
-            let curve: Vec<_> = visited.into_iter().map(|p| p.expect("every position has a pixel")).collect();
-            assert!(curve.windows(2).all(|w| w[0][0].abs_diff(w[1][0]) + w[0][1].abs_diff(w[1][1]) == 1));
+            let curve: Vec<_> =
+                visited.into_iter().map(|p| p.expect("every position has a pixel")).collect();
+            assert!(
+                curve
+                    .windows(2)
+                    .all(|w| w[0][0].abs_diff(w[1][0]) + w[0][1].abs_diff(w[1][1]) == 1)
+            );
         }
     }
 
@@ -70,7 +78,12 @@ mod tests {
         for spp in [1, 3, 16, 100, 1 << 16, 1 << 24] {
             let mut starts: Vec<_> = (0..64).map(|i| stretch([i % 8, i / 8], spp)).collect();
             starts.sort_by_key(|s| (s.square, s.start));
-            assert!(starts.windows(2).all(|w| w[0].square != w[1].square || w[1].start - w[0].start >= spp), "{spp}");
+            assert!(
+                starts
+                    .windows(2)
+                    .all(|w| w[0].square != w[1].square || w[1].start - w[0].start >= spp),
+                "{spp}"
+            );
             assert!(starts.iter().all(|s| s.start.checked_add(spp - 1).is_some()), "{spp}");
         }
     }

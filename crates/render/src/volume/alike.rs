@@ -1,5 +1,5 @@
-//! Ways of paths and light rays through media that are the same everywhere and do not shine, many at once: what [`super::Walker`] does
-//! with each, bit for bit.
+//! Ways of paths and light rays through media that are the same everywhere and do not shine, many
+//! at once: what [`super::Walker`] does with each, bit for bit.
 
 use super::Numbers;
 use crate::integrator::dimension;
@@ -8,7 +8,9 @@ use crate::sampler::{ManyRandoms, Random, Sampler};
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::Wide;
 use snell_math::{SampledSpectrum, Vec2, at_level};
-use snell_scene::medium::{HenyeyGreenstein, MediumProperties, Scattering, attenuate_alike, travel_alike};
+use snell_scene::medium::{
+    HenyeyGreenstein, MediumProperties, Scattering, attenuate_alike, travel_alike,
+};
 
 /// Ways being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
 #[derive(Debug)]
@@ -42,7 +44,14 @@ impl AlikeWays {
         Self {
             whose: Vec::new(),
             phase: [HenyeyGreenstein::new(0.0); LANES],
-            ways: Ways { sigma_t: ZERO, sigma_s: ZERO, length, color: ZERO, distance, is_scattered },
+            ways: Ways {
+                sigma_t: ZERO,
+                sigma_s: ZERO,
+                length,
+                color: ZERO,
+                distance,
+                is_scattered,
+            },
             randoms: ManyRandoms::new(sampler, 0),
             later: Vec::new(),
             wide,
@@ -73,7 +82,13 @@ impl AlikeWays {
 
     /// Puts the way of a light ray into the next lane.
     #[inline(always)]
-    pub fn push(&mut self, whose: u32, medium: &MediumProperties, length: f32, value: SampledSpectrum) {
+    pub fn push(
+        &mut self,
+        whose: u32,
+        medium: &MediumProperties,
+        length: f32,
+        value: SampledSpectrum,
+    ) {
         let lane = self.whose.len() % LANES;
         self.whose.push(whose);
         put_color(&mut self.ways.sigma_t, lane, medium.sigma_t());
@@ -81,7 +96,8 @@ impl AlikeWays {
         self.ways.length[lane] = length;
     }
 
-    /// Puts the way of a path into the next lane, which has taken so many steps of the numbers of its vertex already.
+    /// Puts the way of a path into the next lane, which has taken so many steps of the numbers of
+    /// its vertex already.
     #[inline(always)]
     pub fn push_path(
         &mut self,
@@ -135,8 +151,10 @@ impl AlikeWays {
 fn travel(u: &[HitLanes; 2], ways: &mut Ways) {
     for i in 0..LANES {
         let color = |v: &HitVectors| [v[0][i], v[1][i], v[2][i]];
-        let (sigma_t, sigma_s, throughput) = (color(&ways.sigma_t), color(&ways.sigma_s), color(&ways.color));
-        let travel = travel_alike(sigma_t, sigma_s, ways.length[i], throughput, Vec2::new(u[0][i], u[1][i]));
+        let (sigma_t, sigma_s, throughput) =
+            (color(&ways.sigma_t), color(&ways.sigma_s), color(&ways.color));
+        let travel =
+            travel_alike(sigma_t, sigma_s, ways.length[i], throughput, Vec2::new(u[0][i], u[1][i]));
         for channel in 0..3 {
             ways.color[channel][i] = travel.throughput[channel];
         }

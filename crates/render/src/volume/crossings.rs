@@ -1,4 +1,5 @@
-//! Where rays go on that pass surfaces, for many at once: the same as [`snell_intersect::SurfacePoint`] says of each, bit for bit.
+//! Where rays go on that pass surfaces, for many at once: the same as
+//! [`snell_intersect::SurfacePoint`] says of each, bit for bit.
 
 use crate::compile::CompiledScene;
 use crate::integrator::lanes::{LANES, ZERO, at, put};
@@ -45,7 +46,11 @@ struct Ways {
 
 impl Crossing {
     fn of(point: &SurfacePoint, direction: Vec3) -> Self {
-        Self { origin: point.ray_origin(direction), enters: point.is_front_facing(direction), on_curve: point.on_curve }
+        Self {
+            origin: point.ray_origin(direction),
+            enters: point.is_front_facing(direction),
+            on_curve: point.on_curve,
+        }
     }
 }
 
@@ -82,7 +87,8 @@ impl<'a> Crossings<'a> {
             self.find_plain(&rays[some.clone()], &hits[some.clone()]);
             for i in some {
                 let lane = i - first;
-                let is_found = plain(&self.meshes, &hits[i]).is_some() && self.points.is_sound[lane] != 0;
+                let is_found =
+                    plain(&self.meshes, &hits[i]).is_some() && self.points.is_sound[lane] != 0;
                 self.found[i] = match is_found {
                     true => Crossing {
                         origin: at(&self.ways.origin, lane),
@@ -106,7 +112,9 @@ impl<'a> Crossings<'a> {
         let on_mesh = |(lane, hit)| plain(meshes, hit).map(|mesh| (lane, mesh, hit));
         triangles.gather(hits.iter().enumerate().filter_map(on_mesh));
         triangles.points(points, *wide);
-        rays.iter().enumerate().for_each(|(lane, ray)| put(&mut ways.direction, lane, ray.direction));
+        rays.iter()
+            .enumerate()
+            .for_each(|(lane, ray)| put(&mut ways.direction, lane, ray.direction));
         at_level!(*wide, leave, (points: &TrianglePoints = points, ways: &mut Ways = ways));
     }
 }

@@ -33,7 +33,8 @@ pub struct Inside {
 }
 
 impl Inside {
-    const NONE: Self = Self { material: MaterialId(u32::MAX), priority: 0, filling: Filling::Empty };
+    const NONE: Self =
+        Self { material: MaterialId(u32::MAX), priority: 0, filling: Filling::Empty };
 }
 
 /// The insides that a point is in, in the order in which a path entered them.
@@ -62,7 +63,10 @@ impl Insides {
 
     /// The inside that is there if those of a material are not.
     pub fn innermost_but(&self, material: MaterialId) -> Option<&Inside> {
-        self.entered().iter().filter(|inside| inside.material != material).max_by_key(|inside| inside.priority)
+        self.entered()
+            .iter()
+            .filter(|inside| inside.material != material)
+            .max_by_key(|inside| inside.priority)
     }
 
     /// What is there, where `everywhere` is what is outside of all.
@@ -92,7 +96,11 @@ mod tests {
     use super::*;
 
     fn inside(material: u32, priority: i32) -> Inside {
-        Inside { material: MaterialId(material), priority, filling: Filling::Medium(MediumId(material)) }
+        Inside {
+            material: MaterialId(material),
+            priority,
+            filling: Filling::Medium(MediumId(material)),
+        }
     }
 
     fn at(insides: &Insides) -> Option<u32> {
@@ -109,7 +117,10 @@ mod tests {
         insides.enter(inside(3, -1));
         assert_eq!(at(&insides), Some(2));
         insides.leave(MaterialId(2));
-        assert_eq!((at(&insides), insides.innermost_but(MaterialId(1)).map(|i| i.material.0)), (Some(1), Some(3)));
+        assert_eq!(
+            (at(&insides), insides.innermost_but(MaterialId(1)).map(|i| i.material.0)),
+            (Some(1), Some(3))
+        );
         insides.leave(MaterialId(7));
         insides.leave(MaterialId(1));
         assert_eq!(at(&insides), Some(3));

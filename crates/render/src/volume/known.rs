@@ -73,10 +73,17 @@ impl KnownInsides {
         self.all[number as usize].1
     }
 
-    /// The number of those that a crossing leads to. `find` finds them, and tells whether all crossings of the same kind lead there.
+    /// The number of those that a crossing leads to. `find` finds them, and tells whether all
+    /// crossings of the same kind lead there.
     #[inline]
-    pub fn crossed(&mut self, crossed: Crossed, find: impl FnOnce(&Insides, &mut OwnMedia) -> (Insides, bool)) -> u32 {
-        let slot = (crossed.from.wrapping_mul(7) ^ crossed.material.0 << 1 ^ u32::from(crossed.enters)) as usize;
+    pub fn crossed(
+        &mut self,
+        crossed: Crossed,
+        find: impl FnOnce(&Insides, &mut OwnMedia) -> (Insides, bool),
+    ) -> u32 {
+        let slot = (crossed.from.wrapping_mul(7)
+            ^ crossed.material.0 << 1
+            ^ u32::from(crossed.enters)) as usize;
         let slot = slot % REMEMBERED;
         if let Some((recent, to)) = self.recent[slot]
             && recent == crossed
@@ -99,7 +106,11 @@ mod tests {
     #[test]
     fn equal_insides_have_one_number_and_crossings_are_asked_about_once() {
         let mut known = KnownInsides::new(Filling::Empty);
-        let inside = |material: u32| Inside { material: MaterialId(material), priority: 0, filling: Filling::Empty };
+        let inside = |material: u32| Inside {
+            material: MaterialId(material),
+            priority: 0,
+            filling: Filling::Empty,
+        };
         let mut asked = 0;
         let mut cross = |known: &mut KnownInsides, from: u32, material: u32, enters: bool| {
             known.crossed(Crossed { from, material: MaterialId(material), enters }, |insides, _| {

@@ -4,8 +4,8 @@ use crate::integrator::dimension;
 use crate::sampler::Random;
 use snell_math::Vec2;
 
-/// Pairs of uniform numbers for one way between two vertices, however many it takes. The first pair of a path is a well-distributed
-/// one of the sampler; all others are independent.
+/// Pairs of uniform numbers for one way between two vertices, however many it takes. The first pair
+/// of a path is a well-distributed one of the sampler; all others are independent.
 #[derive(Clone, Copy, Debug)]
 pub struct Numbers {
     random: Random,
@@ -16,7 +16,8 @@ pub struct Numbers {
 const LIGHT_RAY: u32 = 1 << 24;
 
 impl Numbers {
-    /// For the way of a path to the vertex that `random` belongs to, of which so many steps are done.
+    /// For the way of a path to the vertex that `random` belongs to, of which so many steps are
+    /// done.
     pub fn of_path(random: Random, step: u32) -> Self {
         Self { random, step }
     }
@@ -35,6 +36,10 @@ impl Numbers {
     pub fn next(&mut self) -> Vec2 {
         let step = self.step;
         self.step = step.wrapping_add(1);
-        if step == 0 { self.random.pair(dimension::MEDIUM) } else { self.random.independent_pair(step) }
+        if step == 0 {
+            self.random.pair(dimension::MEDIUM)
+        } else {
+            self.random.independent_pair(step)
+        }
     }
 }

@@ -1,4 +1,5 @@
-//! Media in pictures: closed forms, furnaces, agreement of strategies, and bits that depend on nothing.
+//! Media in pictures: closed forms, furnaces, agreement of strategies, and bits that depend on
+//! nothing.
 
 use crate::reference::ray_cast;
 use crate::{CompiledScene, Filter, IntegratorKind, Job, LightStrategy, Settings};
@@ -63,7 +64,10 @@ fn settings(spp: u32) -> Settings {
 #[track_caller]
 fn assert_mean(pixels: &[[f64; 3]], expected: [f64; 3]) {
     for ((mean, error), expected) in mean(pixels).into_iter().zip(expected) {
-        assert!((mean - expected).abs() <= 4.0 * error + 2e-4 * expected, "{mean} +- {error} is not {expected}");
+        assert!(
+            (mean - expected).abs() <= 4.0 * error + 2e-4 * expected,
+            "{mean} +- {error} is not {expected}"
+        );
     }
 }
 
@@ -71,11 +75,14 @@ fn assert_mean(pixels: &[[f64; 3]], expected: [f64; 3]) {
 fn puff(sigma_a: Rgb, sigma_s: Rgb, g: f32) -> Grid {
     let n = 10;
     let value = |i: usize| {
-        let [x, y, z] = [i % n, i / n % n, i / n / n].map(|c| (c as f32 + 0.5) / n as f32 * 2.0 - 1.0);
+        let [x, y, z] =
+            [i % n, i / n % n, i / n / n].map(|c| (c as f32 + 0.5) / n as f32 * 2.0 - 1.0);
         (1.2 - (x * x + y * y + z * z)).max(0.0)
     };
-    let density = ScalarGrid::new([n; 3], (0..n * n * n).map(value).collect()).expect("as many values as cells");
-    let map = DAffine3::from_translation(DVec3::splat(-1.0)) * DAffine3::from_scale(DVec3::splat(2.0));
+    let density = ScalarGrid::new([n; 3], (0..n * n * n).map(value).collect())
+        .expect("as many values as cells");
+    let map =
+        DAffine3::from_translation(DVec3::splat(-1.0)) * DAffine3::from_scale(DVec3::splat(2.0));
     Grid::new(sigma_a, sigma_s, g, density, map)
 }
 
@@ -86,8 +93,8 @@ fn clear_colours_of_glass_are_those_of_lambert_and_beer() {
     let material = around(&mut scene, Homogeneous::absorbing(Rgb::new(0.1, 0.5, 2.0)));
     add_ball(&mut scene, DVec3::ZERO, 1.0, material);
     let camera = Camera::look_at(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, Vec3::Y, 1e-4);
-    let expected =
-        [(0.1, 1.0), (0.5, 2.0), (2.0, 3.0)].map(|(sigma, radiance): (f64, f64)| radiance * (-2.0 * sigma).exp());
+    let expected = [(0.1, 1.0), (0.5, 2.0), (2.0, 3.0)]
+        .map(|(sigma, radiance): (f64, f64)| radiance * (-2.0 * sigma).exp());
     for pixel in render(&scene, &camera, &settings(1)) {
         for c in 0..3 {
             assert!((pixel[c] - expected[c]).abs() < 1e-5, "{pixel:?} is not {expected:?}");
@@ -134,7 +141,9 @@ fn a_slab_scatters_once_what_the_integral_says() {
 #[test]
 fn nothing_is_seen_of_a_medium_that_only_scatters_in_a_furnace() {
     let (white, chromatic) = (Rgb::splat(1.5), Rgb::new(0.3, 1.0, 3.0));
-    let fog = |sigma_s, g| Medium::from(Homogeneous { sigma_a: Rgb::BLACK, sigma_s, emission: Rgb::BLACK, g });
+    let fog = |sigma_s, g| {
+        Medium::from(Homogeneous { sigma_a: Rgb::BLACK, sigma_s, emission: Rgb::BLACK, g })
+    };
     let media = [
         fog(white, 0.0),
         fog(white, 0.9),
@@ -166,7 +175,10 @@ fn nothing_is_seen_of_a_medium_that_only_scatters_in_a_furnace() {
             let pixels = render(&scene, &camera, &settings);
             for ((mean, error), expected) in mean(&pixels).into_iter().zip([1.0, 0.5, 0.25]) {
                 let what = (medium.name(), strategy, inside);
-                assert!((mean - expected).abs() <= 4.0 * error + 1e-4, "{what:?}: {mean} +- {error} is not {expected}");
+                assert!(
+                    (mean - expected).abs() <= 4.0 * error + 1e-4,
+                    "{what:?}: {mean} +- {error} is not {expected}"
+                );
                 let noise = if strategy == LightStrategy::Mis { 0.02 } else { 0.1 };
                 assert!(error < noise, "{what:?}: {mean} +- {error}");
             }
@@ -179,8 +191,11 @@ fn everything() -> (Scene, Camera) {
     let mut scene = Scene::new("everything");
     sky(&mut scene, Rgb::new(0.1, 0.2, 0.3));
     let floor = scene.add_material(Material::new("floor", Diffuse::new(Rgb::splat(0.6))));
-    let lamp = scene.add_material(Material::new("lamp", Diffuse::new(Rgb::BLACK)).emitting(Rgb::new(9.0, 6.0, 3.0)));
-    let fog = around(&mut scene, Homogeneous::scattering(Rgb::new(0.1, 0.15, 0.3), Rgb::splat(0.9), 0.5));
+    let lamp = scene.add_material(
+        Material::new("lamp", Diffuse::new(Rgb::BLACK)).emitting(Rgb::new(9.0, 6.0, 3.0)),
+    );
+    let fog =
+        around(&mut scene, Homogeneous::scattering(Rgb::new(0.1, 0.15, 0.3), Rgb::splat(0.9), 0.5));
     let mut cloud = puff(Rgb::splat(0.1), Rgb::new(2.0, 3.0, 4.0), 0.3);
     cloud.emission = Rgb::new(0.2, 0.05, 0.0);
     let cloud = around(&mut scene, cloud);
@@ -195,8 +210,10 @@ fn everything() -> (Scene, Camera) {
         interior: interior(Some(milk), 0),
         ..Material::new("drink", Dielectric::rough(1.33, 0.4))
     });
-    let bubble = scene
-        .add_material(Material { interior: interior(None, 2), ..Material::new("bubble", Dielectric::smooth(1.0)) });
+    let bubble = scene.add_material(Material {
+        interior: interior(None, 2),
+        ..Material::new("bubble", Dielectric::smooth(1.0))
+    });
     add_box(&mut scene, DVec3::new(-9.0, -2.0, -9.0), DVec3::new(9.0, -1.0, 9.0), floor);
     add_box(&mut scene, DVec3::splat(-4.0), DVec3::splat(4.0), fog);
     add_box(&mut scene, DVec3::splat(-1.0), DVec3::splat(1.0), cloud);
@@ -218,7 +235,10 @@ fn the_batched_renderer_agrees_with_the_textbook_in_media() {
         for (i, expected) in ray_cast(&compiled, &camera, &settings).iter().enumerate() {
             for c in 0..3 {
                 let (a, b) = (image.layers[0].values[i * 4 + c], expected.to_array()[c]);
-                assert!((a - b).abs() <= 1e-5 * b.abs().max(1.0), "depth {max_depth} pixel {i}: {a} {b}");
+                assert!(
+                    (a - b).abs() <= 1e-5 * b.abs().max(1.0),
+                    "depth {max_depth} pixel {i}: {a} {b}"
+                );
             }
         }
     }
@@ -236,16 +256,27 @@ fn threads_and_passes_change_no_bit_of_media() {
     };
     let expected = picture(1, false, [40, 30]);
     for (threads, progressive) in [(4, false), (3, true)] {
-        assert!(picture(threads, progressive, [40, 30]) == expected, "{threads} threads, progressive {progressive}");
+        assert!(
+            picture(threads, progressive, [40, 30]) == expected,
+            "{threads} threads, progressive {progressive}"
+        );
     }
 }
 
 #[test]
 fn strategies_agree_on_light_in_media() {
     let (scene, camera) = everything();
-    // Light that comes straight from smooth glass can be found in one way only and is noisy in all: leave it out.
+    // Light that comes straight from smooth glass can be found in one way only and is noisy in all:
+    // leave it out.
     let estimate = |light_strategy, seed| {
-        let settings = Settings { size: [10, 8], spp: 64, light_strategy, seed, max_depth: 6, ..Settings::default() };
+        let settings = Settings {
+            size: [10, 8],
+            spp: 64,
+            light_strategy,
+            seed,
+            max_depth: 6,
+            ..Settings::default()
+        };
         render(&scene, &camera, &settings)
     };
     let runs = |strategy| (0..4).map(|seed| estimate(strategy, seed)).collect::<Vec<_>>();
@@ -266,31 +297,45 @@ fn strategies_agree_on_light_in_media() {
 
 #[test]
 fn a_point_light_in_fog_has_the_closed_form_of_its_halo_in_the_limit_of_thin_fog() {
-    // Single scattering of isotropic fog so thin that it hardly absorbs: sigma_s I / (4 pi) * angle / distance to the ray.
+    // Single scattering of isotropic fog so thin that it hardly absorbs: sigma_s I / (4 pi) * angle
+    // / distance to the ray.
     let mut scene = Scene::new("halo");
     let fog = Homogeneous::scattering(Rgb::splat(1e-4), Rgb::WHITE, 0.0);
     scene.medium = Some(scene.add_medium(fog));
     let position = DVec3::new(0.5, 0.0, 0.0);
     let attenuation = Attenuation::INVERSE_SQUARE;
-    scene.add_light(Point { position, intensity: Rgb::splat(4e4 * PI as f32), attenuation, body_radius: 0.0 });
+    scene.add_light(Point {
+        position,
+        intensity: Rgb::splat(4e4 * PI as f32),
+        attenuation,
+        body_radius: 0.0,
+    });
     // A wall ends the rays at z = -2.
     let wall = scene.add_material(Material::new("wall", snell_scene::material::Black {}));
     add_box(&mut scene, DVec3::new(-9.0, -9.0, -3.0), DVec3::new(9.0, 9.0, -2.0), wall);
     let camera = Camera::look_at(Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO, Vec3::Y, 1e-3);
-    let settings = Settings { integrator: IntegratorKind::Direct, size: [32, 32], ..settings(1024) };
+    let settings =
+        Settings { integrator: IntegratorKind::Direct, size: [32, 32], ..settings(1024) };
     let angle = 2.0 * (2.0f64 / 0.5).atan();
     // Nearly all rays pass: the noise is that of the few that do not.
     for (mean, error) in mean(&render(&scene, &camera, &settings)) {
-        assert!((mean - angle / 0.5).abs() < 4.0 * error + 1e-3 * mean, "{mean} +- {error} is not {}", angle / 0.5);
+        assert!(
+            (mean - angle / 0.5).abs() < 4.0 * error + 1e-3 * mean,
+            "{mean} +- {error} is not {}",
+            angle / 0.5
+        );
     }
 }
 
 #[test]
 fn a_lamp_in_fog_looks_the_same_with_less_noise_where_distances_are_drawn_near_it() {
-    // Fog that thins out with no height is the same everywhere, but distances are drawn without regard to lamps.
+    // Fog that thins out with no height is the same everywhere, but distances are drawn without
+    // regard to lamps.
     let (sigma_a, sigma_s, g) = (Rgb::splat(0.01), Rgb::new(0.05, 0.06, 0.1), 0.3);
-    let plain = HeightFog { sigma_a, sigma_s, g, base: DVec3::ZERO, up: DVec3::Y, scale_height: 0.0 };
-    let media = [Medium::from(Homogeneous { sigma_a, sigma_s, emission: Rgb::BLACK, g }), plain.into()];
+    let plain =
+        HeightFog { sigma_a, sigma_s, g, base: DVec3::ZERO, up: DVec3::Y, scale_height: 0.0 };
+    let media =
+        [Medium::from(Homogeneous { sigma_a, sigma_s, emission: Rgb::BLACK, g }), plain.into()];
     let lamp = |scene: &mut Scene, is_ball: bool| {
         let position = DVec3::new(0.1, 0.0, -1.0);
         if is_ball {
@@ -315,7 +360,10 @@ fn a_lamp_in_fog_looks_the_same_with_less_noise_where_distances_are_drawn_near_i
         });
         for c in 0..3 {
             let ((a, error_a), (b, error_b)) = (near[c], plain[c]);
-            assert!((a - b).abs() < 4.5 * error_a.hypot(error_b), "channel {c}: {near:?} {plain:?}");
+            assert!(
+                (a - b).abs() < 4.5 * error_a.hypot(error_b),
+                "channel {c}: {near:?} {plain:?}"
+            );
             // Where light is scattered again, some noise is that of where.
             let gain = if max_depth == 1 { 3.0 } else { 2.0 };
             assert!(error_a * gain < error_b, "channel {c}: {near:?} {plain:?}");
@@ -351,7 +399,10 @@ fn where_media_overlap_the_higher_priority_is_there_or_the_one_entered_last() {
         let (scene, camera) = overlapping(priorities, eye);
         let expected = f64::exp(-thickness);
         for pixel in render(&scene, &camera, &settings(1)) {
-            assert!((pixel[0] - expected).abs() < 1e-4, "{priorities:?} from {eye}: {pixel:?} is not {expected}");
+            assert!(
+                (pixel[0] - expected).abs() < 1e-4,
+                "{priorities:?} from {eye}: {pixel:?} is not {expected}"
+            );
         }
     }
 }
@@ -365,7 +416,8 @@ fn a_furnace_shows_nothing_in_spectral_colours_either() {
         sky(&mut scene, Rgb::splat(0.5));
         let material = around(&mut scene, medium);
         add_ball(&mut scene, DVec3::ZERO, 1.0, material);
-        let settings = Settings { size: [8, 8], color: snell_math::ColorModel::Spectral, ..settings(64) };
+        let settings =
+            Settings { size: [8, 8], color: snell_math::ColorModel::Spectral, ..settings(64) };
         for (mean, error) in mean(&render(&scene, &camera(5.0), &settings)) {
             assert!((mean - 0.5).abs() <= 4.0 * error + 2e-3, "{mean} +- {error}");
         }
@@ -381,10 +433,21 @@ fn wild_media_end_soon_in_finite_pixels() {
         media.push(Homogeneous { sigma_a: color, sigma_s: color, emission: color, g: x }.into());
         media.push(Grid { emission: color, ..puff(color, color, x) }.into());
         media.push(
-            Grid { world_from_grid: DAffine3::from_scale(DVec3::splat(f64::from(x))), ..puff(color, color, x) }.into(),
+            Grid {
+                world_from_grid: DAffine3::from_scale(DVec3::splat(f64::from(x))),
+                ..puff(color, color, x)
+            }
+            .into(),
         );
         let up = DVec3::new(f64::from(x), 1.0, 0.0);
-        let fog = HeightFog { sigma_a: color, sigma_s: color, g: x, base: up, up, scale_height: f64::from(x) };
+        let fog = HeightFog {
+            sigma_a: color,
+            sigma_s: color,
+            g: x,
+            base: up,
+            up,
+            scale_height: f64::from(x),
+        };
         media.push(fog.into());
     }
     for medium in media {
@@ -399,7 +462,12 @@ fn wild_media_end_soon_in_finite_pixels() {
             }
             let position = DVec3::new(0.0, 3.0, 0.0);
             let attenuation = Attenuation::INVERSE_SQUARE;
-            scene.add_light(Point { position, intensity: Rgb::WHITE, attenuation, body_radius: 0.0 });
+            scene.add_light(Point {
+                position,
+                intensity: Rgb::WHITE,
+                attenuation,
+                body_radius: 0.0,
+            });
             let settings = Settings { size: [3, 3], max_depth: 20, ..settings(2) };
             for pixel in render(&scene, &camera(4.0), &settings) {
                 assert!(pixel.iter().all(|x| x.is_finite() && *x >= 0.0), "{medium:?}: {pixel:?}");

@@ -54,7 +54,8 @@ impl HitFilter for Walker<'_> {
     }
 
     fn accept_at(&self, ray: &Ray, time: f32, hit: &Hit) -> bool {
-        self.scene.material(self.scene.material_id(hit)).is_interface() || self.scene.accept_at(ray, time, hit)
+        self.scene.material(self.scene.material_id(hit)).is_interface()
+            || self.scene.accept_at(ray, time, hit)
     }
 }
 
@@ -62,7 +63,12 @@ impl<'a> Walker<'a> {
     /// `None` if the scene has no media.
     pub fn new(context: &Context<'a>) -> Option<Self> {
         let &Context { scene, lights, settings, .. } = context;
-        scene.volumes.as_ref().map(|table| Self { scene, table, lights, strategy: settings.light_strategy })
+        scene.volumes.as_ref().map(|table| Self {
+            scene,
+            table,
+            lights,
+            strategy: settings.light_strategy,
+        })
     }
 
     /// The surface at a hit.
@@ -80,7 +86,8 @@ impl<'a> Walker<'a> {
         self.table.has_priorities
     }
 
-    /// True if it costs more to ask first whether anything blocks a light ray than to follow it to where it ends.
+    /// True if it costs more to ask first whether anything blocks a light ray than to follow it to
+    /// where it ends.
     pub fn follows_light_rays(&self) -> bool {
         self.has_passable() && self.table.is_in_closed_form()
     }
@@ -106,7 +113,9 @@ impl<'a> Walker<'a> {
         numbers: &mut Numbers,
         radiance: &mut SampledSpectrum,
     ) -> PathStep {
-        if let Some(vertex) = self.travel(own, insides, ray, hit, (carried, rest), numbers, radiance) {
+        if let Some(vertex) =
+            self.travel(own, insides, ray, hit, (carried, rest), numbers, radiance)
+        {
             return PathStep::Scattered(vertex);
         }
         if self.path_passes(insides, carried, hit).is_none() {
@@ -128,7 +137,8 @@ impl<'a> Walker<'a> {
         numbers: &mut Numbers,
         radiance: &mut SampledSpectrum,
     ) -> Option<MediumVertex> {
-        let segment = Segment { origin: ray.origin, direction: ray.direction, length: end_of(ray, hit) };
+        let segment =
+            Segment { origin: ray.origin, direction: ray.direction, length: end_of(ray, hit) };
         let travel = self.travel_along(own, insides, &segment, (carried, rest), numbers);
         carried.throughput = travel.throughput;
         *radiance += travel.emitted;
@@ -136,13 +146,23 @@ impl<'a> Walker<'a> {
     }
 
     /// Where a medium has scattered the path of a ray.
-    pub fn vertex(ray: &Ray, carried: &Carried, &Scattering { distance, phase }: &Scattering) -> MediumVertex {
+    pub fn vertex(
+        ray: &Ray,
+        carried: &Carried,
+        &Scattering { distance, phase }: &Scattering,
+    ) -> MediumVertex {
         let footprint = carried.cone_width + carried.cone_spread * distance;
         MediumVertex { position: ray.at(distance), phase, footprint }
     }
 
-    /// Takes a path to a surface that it passes, and tells which that is; `None` if the path is over, or does not pass what it has hit.
-    pub fn path_passes(&self, insides: &Insides, carried: &mut Carried, hit: &Hit) -> Option<MaterialId> {
+    /// Takes a path to a surface that it passes, and tells which that is; `None` if the path is
+    /// over, or does not pass what it has hit.
+    pub fn path_passes(
+        &self,
+        insides: &Insides,
+        carried: &mut Carried,
+        hit: &Hit,
+    ) -> Option<MaterialId> {
         if !hit.is_hit() || carried.throughput.is_black() {
             return None;
         }
@@ -213,7 +233,9 @@ impl<'a> Walker<'a> {
         let (throughput, mode) = (carried.throughput, rest.mode);
         let id = match self.filling(insides) {
             Filling::Empty => return Travel::unchanged(throughput),
-            Filling::Own(i) => return self.travel_alike(&own[i as usize], segment, carried, numbers),
+            Filling::Own(i) => {
+                return self.travel_alike(&own[i as usize], segment, carried, numbers);
+            }
             Filling::Medium(id) => id,
         };
         let medium = self.table.medium(id);
@@ -224,7 +246,15 @@ impl<'a> Walker<'a> {
             return medium.travel(segment, throughput, mode, &mut || numbers.next());
         };
         let weight = |distance| {
-            let light_pdf = || light_pdf_of_glow(self.lights, &carried.receiver(), light, glow, segment.at(distance));
+            let light_pdf = || {
+                light_pdf_of_glow(
+                    self.lights,
+                    &carried.receiver(),
+                    light,
+                    glow,
+                    segment.at(distance),
+                )
+            };
             weight_of_found_light(self.strategy, carried.bsdf_pdf, light_pdf)
         };
         medium.travel_weighted(segment, throughput, mode, weight, &mut || numbers.next())
@@ -245,7 +275,8 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// Where media are to scatter a path more. Only one that was not scattered before: after that, most light comes from all around.
+    /// Where media are to scatter a path more. Only one that was not scattered before: after that,
+    /// most light comes from all around.
     fn beacon(&self, carried: &Carried, numbers: &mut Numbers) -> Option<Beacon> {
         let beacons = self.table.beacons.as_ref().filter(|_| self.seeks_beacons(carried))?;
         beacons.sample(|| numbers.next().x)
@@ -260,7 +291,8 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// True if a light ray that ends in these insides has come to the medium that it is meant to come from.
+    /// True if a light ray that ends in these insides has come to the medium that it is meant to
+    /// come from.
     pub fn is_in(&self, insides: &Insides, glowing: Option<MediumId>) -> bool {
         glowing.is_none_or(|medium| self.filling(insides) == Filling::Medium(medium))
     }
@@ -293,8 +325,13 @@ impl<'a> Walker<'a> {
         self.table.everywhere.map_or(Filling::Empty, Filling::Medium)
     }
 
-    /// What fills an inside, if it is the same everywhere and does not shine: as it is in [`ColorMode::Rgb`].
-    pub fn alike_in_rgb<'m>(&'m self, own: &'m OwnMedia, filling: Filling) -> Option<&'m MediumProperties> {
+    /// What fills an inside, if it is the same everywhere and does not shine: as it is in
+    /// [`ColorMode::Rgb`].
+    pub fn alike_in_rgb<'m>(
+        &'m self,
+        own: &'m OwnMedia,
+        filling: Filling,
+    ) -> Option<&'m MediumProperties> {
         let medium = match filling {
             Filling::Empty => None,
             Filling::Own(i) => Some(&own[i as usize]),
@@ -305,14 +342,17 @@ impl<'a> Walker<'a> {
 
     /// True if media are to scatter a path [more](Self::beacon) near lights.
     pub fn seeks_beacons(&self, carried: &Carried) -> bool {
-        self.table.beacons.is_some() && carried.marks.is_specular() && self.strategy != LightStrategy::Bsdf
+        self.table.beacons.is_some()
+            && carried.marks.is_specular()
+            && self.strategy != LightStrategy::Bsdf
     }
 
     fn filling(&self, insides: &Insides) -> Filling {
         insides.filling(self.everywhere())
     }
 
-    /// The material of the surface, if a ray goes on through it: an interface, or one that an inside of higher priority hides.
+    /// The material of the surface, if a ray goes on through it: an interface, or one that an
+    /// inside of higher priority hides.
     fn passed(&self, insides: &Insides, hit: &Hit) -> Option<MaterialId> {
         let material = self.scene.material_id(hit);
         let is_hidden = |boundary: &Boundary| {
@@ -341,7 +381,8 @@ impl<'a> Walker<'a> {
         self.through(own, insides, &SurfacePoint::from(surface), hit, direction, mode, || *surface)
     }
 
-    /// [`Self::beyond`], which asks for the whole surface only where the medium inside depends on it.
+    /// [`Self::beyond`], which asks for the whole surface only where the medium inside depends on
+    /// it.
     #[inline]
     pub fn through(
         &self,
@@ -355,7 +396,9 @@ impl<'a> Walker<'a> {
     ) -> Insides {
         let material = self.scene.material_id(hit);
         // Curves are met from outside only: what goes in would never come out.
-        let Some(boundary) = self.table.boundary(material).filter(|_| !point.on_curve) else { return *insides };
+        let Some(boundary) = self.table.boundary(material).filter(|_| !point.on_curve) else {
+            return *insides;
+        };
         let enters = point.is_front_facing(direction);
         self.changed(own, insides, material, boundary, enters, mode, surface)
     }
@@ -388,11 +431,14 @@ impl<'a> Walker<'a> {
         mode: ColorMode,
         surface: impl FnOnce() -> SurfaceInteraction,
     ) -> u32 {
-        let Some(boundary) = self.table.boundary(material).filter(|_| !crossing.on_curve) else { return from };
+        let Some(boundary) = self.table.boundary(material).filter(|_| !crossing.on_curve) else {
+            return from;
+        };
         let enters = crossing.enters;
         known.crossed(Crossed { from, material, enters }, |insides, own| {
-            let is_certain =
-                !enters || boundary.interior.medium.is_some() || !self.scene.material(material).has_own_medium();
+            let is_certain = !enters
+                || boundary.interior.medium.is_some()
+                || !self.scene.material(material).has_own_medium();
             (self.changed(own, insides, material, boundary, enters, mode, surface), is_certain)
         })
     }
@@ -419,13 +465,17 @@ impl<'a> Walker<'a> {
         Inside { material: id, priority: boundary.interior.priority, filling }
     }
 
-    /// The surfaces whose insides a point is in, outermost first: those that most of three rays first meet from within.
+    /// The surfaces whose insides a point is in, outermost first: those that most of three rays
+    /// first meet from within.
     pub fn surfaces_around(&self, point: Vec3) -> Vec<(MaterialId, SurfaceInteraction)> {
         /// Most surfaces that a ray passes.
         const MOST_SURFACES: usize = 1000;
         /// In no special direction.
-        const DIRECTIONS: [Vec3; 3] =
-            [Vec3::new(0.267, 0.802, 0.535), Vec3::new(-0.873, 0.218, 0.436), Vec3::new(0.371, -0.557, -0.743)];
+        const DIRECTIONS: [Vec3; 3] = [
+            Vec3::new(0.267, 0.802, 0.535),
+            Vec3::new(-0.873, 0.218, 0.436),
+            Vec3::new(0.371, -0.557, -0.743),
+        ];
         let mut from_within: Vec<(MaterialId, SurfaceInteraction)> = Vec::new();
         for direction in DIRECTIONS {
             let mut met = Vec::new();
@@ -454,7 +504,9 @@ impl<'a> Walker<'a> {
             }
         }
         // The farther one leaves it, the earlier one entered it.
-        around.sort_by(|a, b| (b.1.position - point).length().total_cmp(&(a.1.position - point).length()));
+        around.sort_by(|a, b| {
+            (b.1.position - point).length().total_cmp(&(a.1.position - point).length())
+        });
         around
     }
 

@@ -1,8 +1,11 @@
-//! Beckmann's distribution of microfacets, whose slopes are those of a Gaussian, with height-correlated masking and shadowing.
+//! Beckmann's distribution of microfacets, whose slopes are those of a Gaussian, with
+//! height-correlated masking and shadowing.
 //!
-//! Its highlights end sooner than those of [`super::Ggx`]. All directions here lie above the surface (`z > 0`), and all surfaces are
-//! rough. The formulas are those of Walter et al., Microfacet Models for Refraction through Rough Surfaces (EGSR 2007, section 5.2),
-//! with Smith's masking by the error function itself, arranged so that nothing is divided by a cosine that may vanish.
+//! Its highlights end sooner than those of [`super::Ggx`]. All directions here lie above the
+//! surface (`z > 0`), and all surfaces are rough. The formulas are those of Walter et al.,
+//! Microfacet Models for Refraction through Rough Surfaces (EGSR 2007, section 5.2), with Smith's
+//! masking by the error function itself, arranged so that nothing is divided by a cosine that may
+//! vanish.
 
 use super::{fresnel, unit_or, widths::Widths};
 use snell_math::{Vec2, Vec3, exponentials};
@@ -21,8 +24,8 @@ impl From<Widths> for Beckmann {
     }
 }
 
-/// A direction in the space in which the widths are 1, not of unit length: what masking depends on. Slopes are those along it: facets
-/// of positive ones are turned away from the viewer.
+/// A direction in the space in which the widths are 1, not of unit length: what masking depends on.
+/// Slopes are those along it: facets of positive ones are turned away from the viewer.
 #[derive(Clone, Copy, Debug)]
 struct Stretched {
     /// Length of the part along the surface.
@@ -39,16 +42,19 @@ impl Stretched {
     /// `z` times Smith's `Lambda`: what visible facets hide of others, projected to the direction.
     fn hidden(self) -> f64 {
         let a = self.steepest();
-        (0.5 * exponentials::exp(-a * a) * (FRAC_1_SQRT_PI * self.spread - self.z * exponentials::erfcx(a))).max(0.0)
+        (0.5 * exponentials::exp(-a * a)
+            * (FRAC_1_SQRT_PI * self.spread - self.z * exponentials::erfcx(a)))
+        .max(0.0)
     }
 
-    /// Area of all visible facets, projected to the direction: the integral of [`Self::visible`] over all slopes.
+    /// Area of all visible facets, projected to the direction: the integral of [`Self::visible`]
+    /// over all slopes.
     fn area(self) -> f64 {
         self.z + self.hidden()
     }
 
-    /// Area of the visible facets with slopes up to `x`, projected to the direction, and its derivative. `x` is at most the steepest
-    /// slope.
+    /// Area of the visible facets with slopes up to `x`, projected to the direction, and its
+    /// derivative. `x` is at most the steepest slope.
     fn visible(self, x: f64) -> (f64, f64) {
         let gaussian = exponentials::exp(-x * x);
         let tail = 0.5 * gaussian * exponentials::erfcx(x.abs());
@@ -57,8 +63,9 @@ impl Stretched {
         (area, FRAC_1_SQRT_PI * gaussian * (self.z - self.spread * x))
     }
 
-    /// The slope up to which this share of the visible facets is (Heitz and d'Eon, Importance Sampling
-    /// Microfacet-Based BSDFs using the Distribution of Visible Normals, EGSR 2014; by Newton's steps within bounds that close in).
+    /// The slope up to which this share of the visible facets is (Heitz and d'Eon, Importance
+    /// Sampling Microfacet-Based BSDFs using the Distribution of Visible Normals, EGSR 2014; by
+    /// Newton's steps within bounds that close in).
     fn slope(self, share: f64) -> f64 {
         /// The slope of facets that are never drawn, and the least share that is asked for.
         const WIDEST: f64 = 5.0;
@@ -80,15 +87,16 @@ impl Stretched {
         x
     }
 
-    /// [`Self::slope`] to start with: between those of a Gaussian, seen along the normal, and of the Rayleigh distribution, which is
-    /// seen at grazing angles. Both are elementary (the first by Winitzki, A handy approximation for the error function and its
-    /// inverse, 2008).
+    /// [`Self::slope`] to start with: between those of a Gaussian, seen along the normal, and of
+    /// the Rayleigh distribution, which is seen at grazing angles. Both are elementary (the first
+    /// by Winitzki, A handy approximation for the error function and its inverse, 2008).
     fn roughly(self, share: f64, all: f64) -> f64 {
         const A: f64 = 0.147;
         let rayleigh = -(-exponentials::ln(share)).sqrt();
         let logarithm = exponentials::ln(4.0 * share * (1.0 - share));
         let half = 2.0 / (PI * A) + 0.5 * logarithm;
-        let gaussian = ((half * half - logarithm / A).sqrt() - half).max(0.0).sqrt().copysign(share - 0.5);
+        let gaussian =
+            ((half * half - logarithm / A).sqrt() - half).max(0.0).sqrt().copysign(share - 0.5);
         let weight = self.z / all;
         weight * gaussian + (1.0 - weight) * rayleigh
     }
@@ -108,7 +116,11 @@ impl Beckmann {
     pub fn density(self, m: Vec3) -> f32 {
         let [x, y, z] = [m.x / self.0.x, m.y / self.0.y, m.z].map(f64::from);
         let (z2, area) = (z * z, f64::from(self.0.x) * f64::from(self.0.y));
-        if z > 0.0 { (exponentials::exp(-(x * x + y * y) / z2) / (PI * area * z2 * z2)) as f32 } else { 0.0 }
+        if z > 0.0 {
+            (exponentials::exp(-(x * x + y * y) / z2) / (PI * area * z2 * z2)) as f32
+        } else {
+            0.0
+        }
     }
 
     /// `G2(wo, wi) / (4 wo.z wi.z)`.
@@ -138,8 +150,8 @@ impl Beckmann {
         self.density(m) * wo.dot(m).max(0.0) / self.stretched(wo).area() as f32
     }
 
-    /// Facet normal that reflects `wi` to `wo`, `f |cos(wi)|` of that reflection by facets of reflectance 1, and the density of
-    /// [`Self::sample_reflection`] per steradian of `wi`.
+    /// Facet normal that reflects `wi` to `wo`, `f |cos(wi)|` of that reflection by facets of
+    /// reflectance 1, and the density of [`Self::sample_reflection`] per steradian of `wi`.
     pub fn reflection_and_pdf(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32, f32)> {
         let m = (wo + wi).try_normalize().filter(|m| m.z > 0.0)?;
         let density = self.density(m);
@@ -147,7 +159,8 @@ impl Beckmann {
         Some((m, density * self.visibility(wo, wi) * wi.z, pdf))
     }
 
-    /// Draws a direction of reflection of `wo` at visible normals. `None` for one that goes below the surface.
+    /// Draws a direction of reflection of `wo` at visible normals. `None` for one that goes below
+    /// the surface.
     pub fn sample_reflection(self, wo: Vec3, u: Vec2) -> Option<Vec3> {
         let wi = fresnel::reflect(wo, self.sample_visible_normal(wo, u));
         (wi.z > 0.0).then_some(wi)
@@ -166,7 +179,9 @@ mod tests {
 
     fn each() -> impl Iterator<Item = Beckmann> {
         let even = [1e-3, 0.1, 0.5, 1.0, 2.0].map(|alpha| Widths::from_alphas(alpha, alpha));
-        even.into_iter().chain([Widths::from_alphas(0.2, 0.7), Widths::from_alphas(1.0, 1e-9)]).map(Beckmann::from)
+        even.into_iter()
+            .chain([Widths::from_alphas(0.2, 0.7), Widths::from_alphas(1.0, 1e-9)])
+            .map(Beckmann::from)
     }
 
     fn above(i: u32) -> Vec3 {
@@ -187,10 +202,14 @@ mod tests {
 
     #[test]
     fn visible_facets_cover_the_view_of_the_surface() {
-        for beckmann in [0.3, 1.0, 2.0].map(|alpha| Beckmann::from(Widths::from_alphas(alpha, 0.5 * alpha))) {
+        for beckmann in
+            [0.3, 1.0, 2.0].map(|alpha| Beckmann::from(Widths::from_alphas(alpha, 0.5 * alpha)))
+        {
             for i in 0..8 {
                 let (wo, n) = (above(i), 400_000);
-                let sum: f64 = (0..n).map(|i| f64::from(beckmann.visible_normal_pdf(wo, above(i + 100)))).sum();
+                let sum: f64 = (0..n)
+                    .map(|i| f64::from(beckmann.visible_normal_pdf(wo, above(i + 100))))
+                    .sum();
                 let mean = sum * 2.0 * PI / f64::from(n);
                 assert!((mean - 1.0).abs() < 0.03, "{beckmann:?} {wo}: {mean}");
             }
@@ -203,7 +222,11 @@ mod tests {
         for i in 1..400 {
             let a = f64::from(i) * 0.01;
             let seen = Stretched { spread: 1.0, z: a };
-            let rational = if a < 1.6 { (3.535 + 2.181 * a) * a / (1.0 + (2.276 + 2.577 * a) * a) } else { 1.0 };
+            let rational = if a < 1.6 {
+                (3.535 + 2.181 * a) * a / (1.0 + (2.276 + 2.577 * a) * a)
+            } else {
+                1.0
+            };
             let masking = a / seen.area();
             assert!((masking / rational - 1.0).abs() < 4e-3, "{a}: {masking} {rational}");
         }
@@ -212,7 +235,11 @@ mod tests {
     #[test]
     fn slopes_have_the_share_that_was_asked_for() {
         for a in [0.0, 1e-9, 1e-3, 0.03, 0.3, 1.0, 3.0, 30.0, 1e3, 1e9, f64::INFINITY] {
-            let seen = if a > 1.0 { Stretched { spread: 1.0 / a, z: 1.0 } } else { Stretched { spread: 1.0, z: a } };
+            let seen = if a > 1.0 {
+                Stretched { spread: 1.0 / a, z: 1.0 }
+            } else {
+                Stretched { spread: 1.0, z: a }
+            };
             for i in 0..=2000 {
                 let share = match i {
                     0 => 0.0,
@@ -234,17 +261,25 @@ mod tests {
             for i in 0..1000 {
                 let wo = above(i);
                 let m = beckmann.sample_visible_normal(wo, uniform2([i, 2, 0, 9]));
-                assert!(m.is_normalized() && m.z >= 0.0 && wo.dot(m) > -1e-6, "{beckmann:?} {wo}: {m}");
+                assert!(
+                    m.is_normalized() && m.z >= 0.0 && wo.dot(m) > -1e-6,
+                    "{beckmann:?} {wo}: {m}"
+                );
                 let wi = fresnel::reflect(wo, m);
                 if wi.z <= 0.0 {
                     continue;
                 }
                 // Lobes that are narrow and grazed are sensitive to the last digits.
-                let Some((_, value, pdf)) = beckmann.reflection_and_pdf(wo, wi).filter(|r| r.2 > 1e-20) else {
+                let Some((_, value, pdf)) =
+                    beckmann.reflection_and_pdf(wo, wi).filter(|r| r.2 > 1e-20)
+                else {
                     continue;
                 };
                 let (weight, shadowing) = (value / pdf, beckmann.shadowing(wo, wi));
-                assert!((weight - shadowing).abs() < 1e-3, "{beckmann:?} {wo} {wi}: {weight} {shadowing}");
+                assert!(
+                    (weight - shadowing).abs() < 1e-3,
+                    "{beckmann:?} {wo} {wi}: {weight} {shadowing}"
+                );
                 assert!(weight <= 1.0 + 1e-4);
             }
         }
@@ -252,19 +287,33 @@ mod tests {
 
     #[test]
     fn values_are_sound_at_the_ends_of_everything() {
-        let grazing = [1.0f32, 1e-3, 1e-7, 1e-20, 1e-38].map(|z| Vec3::new(0.6, 0.8, z).normalize());
-        let views: Vec<Vec3> = grazing.into_iter().chain([Vec3::Z, Vec3::X]).chain((0..20).map(above)).collect();
+        let grazing =
+            [1.0f32, 1e-3, 1e-7, 1e-20, 1e-38].map(|z| Vec3::new(0.6, 0.8, z).normalize());
+        let views: Vec<Vec3> =
+            grazing.into_iter().chain([Vec3::Z, Vec3::X]).chain((0..20).map(above)).collect();
         for beckmann in each() {
             for &wo in &views {
                 for u in [0.0, 1e-9, 0.3, 0.5, 1.0 - f32::EPSILON] {
                     let m = beckmann.sample_visible_normal(wo, Vec2::new(1.0 - u, u));
                     let known = [beckmann.density(m), beckmann.visible_normal_pdf(wo, m)];
-                    assert!(m.is_finite() && known.iter().all(|x| x.is_finite() && *x >= 0.0), "{beckmann:?} {wo} {m}");
+                    assert!(
+                        m.is_finite() && known.iter().all(|x| x.is_finite() && *x >= 0.0),
+                        "{beckmann:?} {wo} {m}"
+                    );
                 }
-                for wi in views.iter().flat_map(|&w| [w, Vec3::new(-w.x, -w.y, w.z)]).filter(|w| w.z * wo.z > 0.0) {
-                    let Some((m, value, pdf)) = beckmann.reflection_and_pdf(wo, wi) else { continue };
+                for wi in views
+                    .iter()
+                    .flat_map(|&w| [w, Vec3::new(-w.x, -w.y, w.z)])
+                    .filter(|w| w.z * wo.z > 0.0)
+                {
+                    let Some((m, value, pdf)) = beckmann.reflection_and_pdf(wo, wi) else {
+                        continue;
+                    };
                     let others = [beckmann.shadowing(wo, wi), beckmann.refraction_flux(wo, wi, m)];
-                    assert!([value, pdf].iter().chain(&others).all(|x| x.is_finite() && *x >= 0.0), "{wo} {wi}");
+                    assert!(
+                        [value, pdf].iter().chain(&others).all(|x| x.is_finite() && *x >= 0.0),
+                        "{wo} {wi}"
+                    );
                 }
             }
         }

@@ -33,7 +33,8 @@ pub(super) struct CoatLobe {
     coat: Coat,
     albedo: DielectricReflection,
     frame: Frame,
-    /// Of what lies below at a right angle, and the share of diffuse light that is reflected back inside of the coat.
+    /// Of what lies below at a right angle, and the share of diffuse light that is reflected back
+    /// inside of the coat.
     base_albedo: SampledSpectrum,
     diffuse_reflection: f32,
 }
@@ -59,12 +60,23 @@ impl CoatLobe {
         let coat = Coat { ior, ..coat };
         let frame = Frame { x: Vec3::X, y: Vec3::Y, z: Vec3::Z };
         let diffuse_reflection = 1.0 - (1.0 - fresnel::dielectric_average(ior)) / (ior * ior);
-        Self { coat, albedo: DielectricReflection::new(coat.ggx.into(), ior), frame, base_albedo, diffuse_reflection }
+        Self {
+            coat,
+            albedo: DielectricReflection::new(coat.ggx.into(), ior),
+            frame,
+            base_albedo,
+            diffuse_reflection,
+        }
     }
 
     /// True if it has no colour, in the lanes in use: those where `unit` is not 0.
     pub(super) fn is_clear(&self, unit: SampledSpectrum) -> bool {
-        self.coat.color.zip(unit, |c, unit| if unit == 0.0 { 1.0 } else { c }).0.iter().all(|&c| c >= 1.0)
+        self.coat
+            .color
+            .zip(unit, |c, unit| if unit == 0.0 { 1.0 } else { c })
+            .0
+            .iter()
+            .all(|&c| c >= 1.0)
     }
 
     /// As [`Ggx::has_tangent`].
@@ -107,7 +119,8 @@ impl CoatLobe {
         }
     }
 
-    /// Factor on what lies below: reflected by the coat, absorbed in it, and darkened by reflections inside of it.
+    /// Factor on what lies below: reflected by the coat, absorbed in it, and darkened by
+    /// reflections inside of it.
     pub(super) fn passed(&self, seen: &CoatSeen, wi: Vec3) -> SampledSpectrum {
         // Light that goes through the base crosses the coat once.
         let way = seen.way + if seen.wo.z * wi.z > 0.0 { self.way(wi) } else { 0.0 };
@@ -124,7 +137,9 @@ impl CoatLobe {
         }
         let (o, i) = (lift(o), lift(i));
         let reflection = self.coat.ggx.reflection_and_pdf(o, i);
-        reflection.map_or((0.0, 0.0), |(m, value, pdf)| (fresnel::dielectric(o.dot(m), self.coat.ior) * value, pdf))
+        reflection.map_or((0.0, 0.0), |(m, value, pdf)| {
+            (fresnel::dielectric(o.dot(m), self.coat.ior) * value, pdf)
+        })
     }
 
     /// Draws a direction of reflection.

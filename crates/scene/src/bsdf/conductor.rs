@@ -22,8 +22,9 @@ pub enum FacetReflectance {
         /// Imaginary part (absorption).
         k: SampledSpectrum,
     },
-    /// Schlick's approximation between this reflectance at normal and white at grazing incidence, less a dip (Kutz, Hasan and
-    /// Edmondson, Novel aspects of the Adobe Standard Material, 2021): times `edge` at about 82 degrees.
+    /// Schlick's approximation between this reflectance at normal and white at grazing incidence,
+    /// less a dip (Kutz, Hasan and Edmondson, Novel aspects of the Adobe Standard Material, 2021):
+    /// times `edge` at about 82 degrees.
     F82 {
         /// Reflectance at normal incidence.
         f0: SampledSpectrum,
@@ -32,9 +33,11 @@ pub enum FacetReflectance {
     },
 }
 
-/// Cosine of the angle of [`FacetReflectance::F82`], and the height of the dip's shape `mu (1 - mu)^6` there.
+/// Cosine of the angle of [`FacetReflectance::F82`], and the height of the dip's shape
+/// `mu (1 - mu)^6` there.
 const EDGE: f32 = 1.0 / 7.0;
-const DIP: f32 = EDGE * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0);
+const DIP: f32 =
+    EDGE * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0);
 
 /// [`FacetReflectance::Complex`] at this cosine.
 #[inline(always)]
@@ -98,8 +101,9 @@ impl FacetReflectance {
     }
 }
 
-/// A metal. Light that bounces between facets is given back by a diffuse lobe, so that a white one loses nothing at any roughness
-/// (Kulla and Conty, Revisiting Physically Based Shading at Imageworks, SIGGRAPH 2017 course). Make it with [`ConductorBsdf::new`].
+/// A metal. Light that bounces between facets is given back by a diffuse lobe, so that a white one
+/// loses nothing at any roughness (Kulla and Conty, Revisiting Physically Based Shading at
+/// Imageworks, SIGGRAPH 2017 course). Make it with [`ConductorBsdf::new`].
 #[derive(Clone, Copy, Debug)]
 pub struct ConductorBsdf {
     facets: FacetReflectance,
@@ -136,9 +140,13 @@ impl ConductorBsdf {
         self.microfacets.has_tangent()
     }
 
-    /// A metal of this law of reflection and roughness; smooth ones are mirrors. `unit` is a factor on all it reflects, at most 1 in
-    /// every lane in use and 0 elsewhere.
-    pub fn new(facets: FacetReflectance, unit: SampledSpectrum, microfacets: impl Into<Microfacets>) -> Self {
+    /// A metal of this law of reflection and roughness; smooth ones are mirrors. `unit` is a factor
+    /// on all it reflects, at most 1 in every lane in use and 0 elsewhere.
+    pub fn new(
+        facets: FacetReflectance,
+        unit: SampledSpectrum,
+        microfacets: impl Into<Microfacets>,
+    ) -> Self {
         let microfacets = microfacets.into();
         let loss = FacetLoss::new(microfacets);
         let lost = loss.average();

@@ -1,9 +1,10 @@
 //! Glass, water: reflection and refraction at one interface.
 //!
-//! Refraction changes the solid angle of a beam, so the radiance a camera path sees through the interface is scaled by the squared
-//! ratio of the indices, as in Physically Based Rendering, section 9.5.2 ("non-symmetric scattering"): a path that enters glass from
-//! air gets the factor `1 / ior^2`, and gets it back when it leaves. Throughput inside glass is therefore small without being
-//! unimportant: Russian roulette compensates for it ([`Lobes::crossing_scale`]).
+//! Refraction changes the solid angle of a beam, so the radiance a camera path sees through the
+//! interface is scaled by the squared ratio of the indices, as in Physically Based Rendering,
+//! section 9.5.2 ("non-symmetric scattering"): a path that enters glass from air gets the factor
+//! `1 / ior^2`, and gets it back when it leaves. Throughput inside glass is therefore small without
+//! being unimportant: Russian roulette compensates for it ([`Lobes::crossing_scale`]).
 
 mod many;
 
@@ -17,9 +18,10 @@ use std::f32::consts::FRAC_1_PI;
 
 pub(super) use many::ManyGlass;
 
-/// An interface between the outside (`z > 0`, index 1) and a medium. Rough interfaces follow Walter et al., Microfacet Models for
-/// Refraction through Rough Surfaces (EGSR 2007), with visible normals. What bounces between facets is given back by diffuse lobes on
-/// both sides, so that a clear interface loses nothing at any roughness.
+/// An interface between the outside (`z > 0`, index 1) and a medium. Rough interfaces follow Walter
+/// et al., Microfacet Models for Refraction through Rough Surfaces (EGSR 2007), with visible
+/// normals. What bounces between facets is given back by diffuse lobes on both sides, so that a
+/// clear interface loses nothing at any roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct DielectricBsdf {
     /// Index of refraction inside over outside, positive.
@@ -36,8 +38,9 @@ pub struct DielectricBsdf {
     pub microfacets: Microfacets,
     /// What a rough interface loses; `None` for a smooth one. See [`Self::losses`].
     pub losses: Option<RoughLosses>,
-    /// Share of light that the medium lets through on the way from the last point to this one, for rays that come from the inside.
-    /// It is no property of the interface, but there a path knows how far it went.
+    /// Share of light that the medium lets through on the way from the last point to this one, for
+    /// rays that come from the inside. It is no property of the interface, but there a path knows
+    /// how far it went.
     pub arriving: SampledSpectrum,
 }
 
@@ -55,13 +58,18 @@ pub struct Split {
 }
 
 impl Split {
-    /// Of light seen from `wo`, at an interface with this index of refraction inside over outside. Without branches, so that loops
-    /// over it become vector code.
+    /// Of light seen from `wo`, at an interface with this index of refraction inside over outside.
+    /// Without branches, so that loops over it become vector code.
     #[inline(always)]
     pub fn at(wo: Vec3, ior: f32) -> Self {
         let (up, eta) = (lift(wo), relative_ior(wo, ior));
         let (wi, is_partial) = fresnel::refracted(up, Vec3::Z, eta);
-        Self { eta, reflectance: fresnel::dielectric(up.z, eta), refracted: lower_like(wi, wo), is_partial }
+        Self {
+            eta,
+            reflectance: fresnel::dielectric(up.z, eta),
+            refracted: lower_like(wi, wo),
+            is_partial,
+        }
     }
 
     /// Factor on radiance that crosses, by the change of solid angle.
@@ -87,7 +95,8 @@ pub struct DielectricSeen {
     lost: f32,
 }
 
-/// Diffuse lobes in place of light that bounces between facets of a rough interface: the same for all directions.
+/// Diffuse lobes in place of light that bounces between facets of a rough interface: the same for
+/// all directions.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughLosses {
     microfacets: Microfacets,
@@ -108,17 +117,26 @@ struct SideLoss {
 
 impl RoughLosses {
     fn new(microfacets: Microfacets, ior: f32) -> Self {
-        let losses = [DielectricLoss::new(microfacets, ior), DielectricLoss::new(microfacets, 1.0 / ior)];
+        let losses =
+            [DielectricLoss::new(microfacets, ior), DielectricLoss::new(microfacets, 1.0 / ior)];
         let [outer, inner] = [losses[0].average(), losses[1].average()];
-        // Diffuse light from the side of lower index is let through to this share. Both directions of the crossing must then carry
-        // the same light per squared index, which limits it.
+        // Diffuse light from the side of lower index is let through to this share. Both directions
+        // of the crossing must then carry the same light per squared index, which limits it.
         let through = 1.0 - fresnel::dielectric_average(ior.max(1.0 / ior));
         let transmitted = |eta: f32, near: f32, far: f32| {
             if near > 0.0 { through * (eta * eta * far / near).min(1.0) } else { 0.0 }
         };
         let sides = [
-            SideLoss { loss: losses[0], average: outer, transmitted: transmitted(ior, outer, inner) },
-            SideLoss { loss: losses[1], average: inner, transmitted: transmitted(1.0 / ior, inner, outer) },
+            SideLoss {
+                loss: losses[0],
+                average: outer,
+                transmitted: transmitted(ior, outer, inner),
+            },
+            SideLoss {
+                loss: losses[1],
+                average: inner,
+                transmitted: transmitted(1.0 / ior, inner, outer),
+            },
         ];
         Self { microfacets, ior, lobe: BouncedLobe::new(microfacets.widths()), sides }
     }
@@ -151,8 +169,13 @@ impl DielectricBsdf {
         self.losses.is_none()
     }
 
-    /// What an interface loses. Much work for a rough one: so those of another one are taken if it has the same roughness and index.
-    pub fn losses(microfacets: Microfacets, ior: f32, like: Option<&RoughLosses>) -> Option<RoughLosses> {
+    /// What an interface loses. Much work for a rough one: so those of another one are taken if it
+    /// has the same roughness and index.
+    pub fn losses(
+        microfacets: Microfacets,
+        ior: f32,
+        like: Option<&RoughLosses>,
+    ) -> Option<RoughLosses> {
         // With equal indices nothing bends, however rough the interface.
         if microfacets.is_smooth() || (ior - 1.0).abs() < 1e-4 {
             return None;
@@ -168,7 +191,8 @@ impl DielectricBsdf {
         let Some(film) = self.film.filter(|_| plain < 1.0) else { return (plain, f) };
         // The film knows the angle on the outer side only.
         let outside = eta == self.ior;
-        let cos = if outside { cos } else { (1.0 - (1.0 - cos * cos) / (eta * eta)).max(0.0).sqrt() };
+        let cos =
+            if outside { cos } else { (1.0 - (1.0 - cos * cos) / (eta * eta)).max(0.0).sqrt() };
         (plain, film.reflectance(cos, SampledSpectrum::splat(fresnel::f0_from_ior(self.ior)), f))
     }
 
@@ -203,8 +227,11 @@ impl DielectricBsdf {
             weight: self.crossing(eta) * absorbed * (SampledSpectrum::ONE - reflectance),
             is_transmission: true,
         });
-        let share =
-            if self.film.is_some() { plain.max(reflectance.max_element()).min(0.5 + 0.5 * plain) } else { plain };
+        let share = if self.film.is_some() {
+            plain.max(reflectance.max_element()).min(0.5 + 0.5 * plain)
+        } else {
+            plain
+        };
         (share, [reflection, transmission])
     }
 
@@ -232,7 +259,9 @@ impl DielectricBsdf {
         if f.wi.z > 0.0 {
             self.microfacets.visible_reflection_pdf(f.wo, f.wi) * reflectance
         } else {
-            self.microfacets.visible_normal_pdf(f.wo, f.m) * Self::refraction_jacobian(f, eta) * (1.0 - reflectance)
+            self.microfacets.visible_normal_pdf(f.wo, f.m)
+                * Self::refraction_jacobian(f, eta)
+                * (1.0 - reflectance)
         }
     }
 
@@ -243,13 +272,20 @@ impl DielectricBsdf {
             let value = self.microfacets.reflection(f.wo, f.wi).map_or(0.0, |(_, value)| value);
             self.mirror_tint(eta) * reflectance * value
         } else {
-            let flux = self.microfacets.refraction_flux(f.wo, lift(f.wi), f.m) * Self::refraction_jacobian(f, eta);
+            let flux = self.microfacets.refraction_flux(f.wo, lift(f.wi), f.m)
+                * Self::refraction_jacobian(f, eta);
             self.crossing(eta) * (SampledSpectrum::ONE - reflectance) * flux
         }
     }
 
     /// `f |cos(wi)|` with facets and diffuse lobes, for `wo` above; `wi` mirrored likewise.
-    fn value(&self, facet: Option<&Facet>, wi: Vec3, seen: &DielectricSeen, losses: &RoughLosses) -> SampledSpectrum {
+    fn value(
+        &self,
+        facet: Option<&Facet>,
+        wi: Vec3,
+        seen: &DielectricSeen,
+        losses: &RoughLosses,
+    ) -> SampledSpectrum {
         let (eta, transmitted) = (seen.eta, losses.side(seen.wo).transmitted);
         let facets = facet.map_or(SampledSpectrum::ZERO, |f| self.facet_value(f, eta));
         let to = losses.side(lower_like(wi, seen.wo));
@@ -266,7 +302,13 @@ impl DielectricBsdf {
     }
 
     /// The density, likewise.
-    fn mixture_pdf(&self, facet: Option<&Facet>, wi: Vec3, seen: &DielectricSeen, losses: &RoughLosses) -> f32 {
+    fn mixture_pdf(
+        &self,
+        facet: Option<&Facet>,
+        wi: Vec3,
+        seen: &DielectricSeen,
+        losses: &RoughLosses,
+    ) -> f32 {
         let facets = facet.map_or(0.0, |f| self.facet_pdf(f, seen.eta));
         let transmitted = losses.side(seen.wo).transmitted;
         let side = if wi.z < 0.0 { transmitted } else { 1.0 - transmitted };
@@ -274,7 +316,13 @@ impl DielectricBsdf {
     }
 
     /// A direction for `wo` above.
-    fn sample_rough(&self, seen: &DielectricSeen, losses: &RoughLosses, u_lobe: f32, u: Vec2) -> Option<Vec3> {
+    fn sample_rough(
+        &self,
+        seen: &DielectricSeen,
+        losses: &RoughLosses,
+        u_lobe: f32,
+        u: Vec2,
+    ) -> Option<Vec3> {
         let &DielectricSeen { wo, eta, lost } = seen;
         let up = lift(wo);
         if u_lobe < lost {
@@ -284,7 +332,8 @@ impl DielectricBsdf {
         }
         let m = self.microfacets.sample_visible_normal(up, u);
         let is_transmission = (u_lobe - lost) / (1.0 - lost) >= fresnel::dielectric(up.dot(m), eta);
-        let wi = if is_transmission { fresnel::refract(up, m, eta)? } else { fresnel::reflect(up, m) };
+        let wi =
+            if is_transmission { fresnel::refract(up, m, eta)? } else { fresnel::reflect(up, m) };
         (wi.z != 0.0 && (wi.z < 0.0) == is_transmission).then_some(wi)
     }
 }
@@ -294,7 +343,8 @@ impl Lobes for DielectricBsdf {
 
     fn seen(&self, wo: Vec3) -> DielectricSeen {
         let eta = self.relative_ior(wo);
-        let lost = self.losses.as_ref().map_or(0.0, |losses| losses.side(wo).loss.towards(lift(wo)));
+        let lost =
+            self.losses.as_ref().map_or(0.0, |losses| losses.side(wo).loss.towards(lift(wo)));
         DielectricSeen { wo, eta, lost }
     }
 

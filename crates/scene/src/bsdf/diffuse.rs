@@ -4,14 +4,16 @@ use super::{BsdfSample, Drawn, Lobes};
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::{FRAC_1_PI, PI};
 
-/// Rough matte surfaces look flatter and send more light back where it came from than smooth ones, which are Lambertian (Portsmouth,
-/// Kutz and Hill, EON: A practical energy-preserving rough diffuse BRDF, 2024). A white one loses nothing at any roughness.
+/// Rough matte surfaces look flatter and send more light back where it came from than smooth ones,
+/// which are Lambertian (Portsmouth, Kutz and Hill, EON: A practical energy-preserving rough
+/// diffuse BRDF, 2024). A white one loses nothing at any roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct DiffuseBsdf {
     /// Share of light reflected by a facet, `[0, 1]`: that of the surface where it is smooth.
     reflectance: SampledSpectrum,
     roughness: f32,
-    /// `A` of the model, and the factor of the lobe that stands for light that meets several facets.
+    /// `A` of the model, and the factor of the lobe that stands for light that meets several
+    /// facets.
     level: f32,
     bounced: SampledSpectrum,
 }
@@ -50,7 +52,8 @@ impl DiffuseBsdf {
         self.roughness == 0.0
     }
 
-    /// Share of light that a white surface does not reflect by single facets towards a direction of this cosine.
+    /// Share of light that a white surface does not reflect by single facets towards a direction of
+    /// this cosine.
     fn lost(&self, cos: f32) -> f32 {
         let sin = (1.0 - cos * cos).max(0.0).sqrt();
         let g = sin * (cos.clamp(-1.0, 1.0).acos() - sin * cos)
@@ -74,7 +77,8 @@ impl DiffuseBsdf {
         let [so, si] = [cos_o, cos_i].map(|c| (1.0 - c * c).max(0.0).sqrt());
         let s = FRAC_1_PI * so * si * (1.0 / cos_o.max(cos_i).max(1e-6) - 1.0);
         let mean = self.level * (1.0 + MEAN * self.roughness);
-        self.level * (1.0 + self.roughness * s) + self.lost(cos_o) * self.lost(cos_i) / (1.0 - mean).max(1e-6)
+        self.level * (1.0 + self.roughness * s)
+            + self.lost(cos_o) * self.lost(cos_i) / (1.0 - mean).max(1e-6)
     }
 
     /// Share of light reflected towards a direction of this cosine.
@@ -113,9 +117,12 @@ impl Lobes for DiffuseBsdf {
 
     /// The weight is the value without the cosine: nothing needs to be divided.
     fn sample_from(&self, wo: &Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
-        let Drawn::Direction { wi, is_transmission } = self.draw_from(wo, u_lobe, u)? else { return None };
+        let Drawn::Direction { wi, is_transmission } = self.draw_from(wo, u_lobe, u)? else {
+            return None;
+        };
         let up = super::lift(wi);
-        let (weight, pdf) = (self.value(super::lift(*wo), up), sampling::cosine_hemisphere_pdf(up.z));
+        let (weight, pdf) =
+            (self.value(super::lift(*wo), up), sampling::cosine_hemisphere_pdf(up.z));
         (pdf > 0.0).then_some(BsdfSample { wi, weight, pdf, is_delta: false, is_transmission })
     }
 

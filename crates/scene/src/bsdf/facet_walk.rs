@@ -1,8 +1,10 @@
-//! An independent reference for light that bounces between facets: a walk over the facets of a random surface (Heitz, Hanika, d'Eon and
-//! Dachsbacher, Multiple-Scattering Microfacet BSDFs with the Smith Model, SIGGRAPH 2016), in double precision and with nothing from the lobes.
+//! An independent reference for light that bounces between facets: a walk over the facets of a
+//! random surface (Heitz, Hanika, d'Eon and Dachsbacher, Multiple-Scattering Microfacet BSDFs with
+//! the Smith Model, SIGGRAPH 2016), in double precision and with nothing from the lobes.
 //!
-//! The lobes give back what a single bounce loses by a diffuse lobe, of which it is by construction only certain that nothing is lost. Here is
-//! whether it goes to the side where it should, and in the right colour.
+//! The lobes give back what a single bounce loses by a diffuse lobe, of which it is by construction
+//! only certain that nothing is lost. Here is whether it goes to the side where it should, and in
+//! the right colour.
 
 use super::{Lobes, tests::bsdf};
 use crate::material::{Conductor, Dielectric, MaterialKind};
@@ -28,7 +30,8 @@ fn lambda(w: DVec3, alpha: f64) -> f64 {
     0.5 * ((1.0 + slope2).sqrt().copysign(w.z) - 1.0)
 }
 
-/// The height, in `[-1, 1]`, at which a ray from a height meets a facet; `None` if it leaves (algorithm 3 there, heights evenly spread).
+/// The height, in `[-1, 1]`, at which a ray from a height meets a facet; `None` if it leaves
+/// (algorithm 3 there, heights evenly spread).
 fn next_height(w: DVec3, height: f64, alpha: f64, u: f64) -> Option<f64> {
     let (above, lambda) = (0.5 * (height + 1.0), lambda(w, alpha));
     if w.z > 0.0 && u > 1.0 - above.powf(lambda) {
@@ -37,7 +40,8 @@ fn next_height(w: DVec3, height: f64, alpha: f64, u: f64) -> Option<f64> {
     Some((2.0 * above / (1.0 - u).powf(1.0 / lambda) - 1.0).clamp(-1.0, 1.0))
 }
 
-/// A facet as it is seen from a direction, which may be below (Dupuy and Benyoub, Sampling Visible GGX Normals with Spherical Caps, 2023).
+/// A facet as it is seen from a direction, which may be below (Dupuy and Benyoub, Sampling Visible
+/// GGX Normals with Spherical Caps, 2023).
 fn visible_facet(w: DVec3, alpha: f64, numbers: &mut Numbers) -> DVec3 {
     let stretched = DVec3::new(alpha * w.x, alpha * w.y, w.z).normalize();
     let (u, phi) = (numbers.next(), TAU * numbers.next());
@@ -54,7 +58,10 @@ fn fresnel(cos: f64, eta: f64) -> (f64, f64) {
         return (1.0, 0.0);
     }
     let through = (1.0 - sin2).sqrt();
-    let (p, s) = ((eta * cos - through) / (eta * cos + through), (cos - eta * through) / (cos + eta * through));
+    let (p, s) = (
+        (eta * cos - through) / (eta * cos + through),
+        (cos - eta * through) / (cos + eta * through),
+    );
     (0.5 * (p * p + s * s), through)
 }
 
@@ -81,7 +88,9 @@ fn walk(wo: DVec3, alpha: f64, facets: &Facets, numbers: &mut Numbers) -> (bool,
         let reflected = ray + 2.0 * cos * facet;
         ray = match facets {
             Facets::Metal(f0) => {
-                left = std::array::from_fn(|i| left[i] * (f0[i] + (1.0 - f0[i]) * (1.0 - cos).powi(5)));
+                left = std::array::from_fn(|i| {
+                    left[i] * (f0[i] + (1.0 - f0[i]) * (1.0 - cos).powi(5))
+                });
                 reflected
             }
             Facets::Glass(ior) => {
@@ -118,7 +127,9 @@ fn reflected_by_lobes(kind: &MaterialKind, wo: Vec3) -> [f64; 3] {
     let (bsdf, mut sum) = (bsdf(kind), [0.0; 3]);
     for n in 0..WALKS {
         let [lobe, x, y, _] = rng::pcg4d([n, 3, 1, 4]).map(rng::to_unit);
-        if let Some(sample) = bsdf.sample(wo, lobe, Vec2::new(x, y)).filter(|sample| !sample.is_transmission) {
+        if let Some(sample) =
+            bsdf.sample(wo, lobe, Vec2::new(x, y)).filter(|sample| !sample.is_transmission)
+        {
             sum.iter_mut().zip(sample.weight.0).for_each(|(sum, weight)| *sum += f64::from(weight));
         }
     }
@@ -141,7 +152,10 @@ fn glass_is_off_by(roughness: f32) -> (f64, String) {
                 let expected = reflected(view, alpha, &Facets::Glass(eta.into()))[0];
                 let off = reflected_by_lobes(&kind, wo)[0] - expected;
                 if off.abs() > worst.0 {
-                    worst = (off.abs(), format!("{off:+.4} of {expected:.4} at {ior}, {roughness}, from {wo}"));
+                    worst = (
+                        off.abs(),
+                        format!("{off:+.4} of {expected:.4} at {ior}, {roughness}, from {wo}"),
+                    );
                 }
             }
         }
@@ -149,9 +163,11 @@ fn glass_is_off_by(roughness: f32) -> (f64, String) {
     worst
 }
 
-/// The diffuse lobes let the same share through from all directions. On very rough glass seen from the inside more goes through the steeper a walk
-/// begins, so lobes are off there: by 0.19 from grazing directions at a roughness of 0.9. (Shares that go with `0.25 + cos` were nearer, 0.05
-/// instead of 0.07 at a roughness of 0.7, but with their mean read from a table a furnace of Beckmann's glass was off by 0.0018.)
+/// The diffuse lobes let the same share through from all directions. On very rough glass seen from
+/// the inside more goes through the steeper a walk begins, so lobes are off there: by 0.19 from
+/// grazing directions at a roughness of 0.9. (Shares that go with `0.25 + cos` were nearer, 0.05
+/// instead of 0.07 at a roughness of 0.7, but with their mean read from a table a furnace of
+/// Beckmann's glass was off by 0.0018.)
 #[test]
 fn rough_glass_reflects_about_what_a_walk_over_its_facets_does() {
     for (roughness, most) in [(0.3, 0.025), (0.5, 0.025), (0.7, 0.09), (0.9, 0.22)] {
@@ -166,12 +182,18 @@ fn rough_metals_reflect_what_a_walk_over_their_facets_does() {
     for color in [[0.95, 0.6, 0.2], [0.5; 3]] {
         for roughness in [0.3f32, 0.5, 0.7, 0.9] {
             let [r, g, b] = color.map(|x: f64| x as f32);
-            let (kind, alpha) = (Conductor::color(Rgb::new(r, g, b), roughness).into(), f64::from(roughness).powi(2));
+            let (kind, alpha) = (
+                Conductor::color(Rgb::new(r, g, b), roughness).into(),
+                f64::from(roughness).powi(2),
+            );
             for view in views() {
                 let expected = reflected(view, alpha, &Facets::Metal(color));
                 let found = reflected_by_lobes(&kind, view.as_vec3());
                 for (found, expected) in found.into_iter().zip(expected) {
-                    assert!((found - expected).abs() < 0.035, "{found:.4}, {expected:.4} at {roughness}, from {view}");
+                    assert!(
+                        (found - expected).abs() < 0.035,
+                        "{found:.4}, {expected:.4} at {roughness}, from {view}"
+                    );
                 }
             }
         }

@@ -1,9 +1,10 @@
 //! A film about as thin as the wavelength of light: soap bubbles, oil on water, anodised metal.
 //!
-//! Airy's sum over the reflections between the faces of the film (Belcour and Barla, A Practical Extension to Microfacet Theory for
-//! the Modeling of Varying Iridescence, SIGGRAPH 2017). In spectral mode it is taken at the wavelengths; in RGB mode the cosines of
-//! the series are averaged over the sensitivity of the channels by the Gaussians that the paper's authors fitted. What lies below
-//! is known by its reflectance at normal incidence, as in `KHR_materials_iridescence`.
+//! Airy's sum over the reflections between the faces of the film (Belcour and Barla, A Practical
+//! Extension to Microfacet Theory for the Modeling of Varying Iridescence, SIGGRAPH 2017). In
+//! spectral mode it is taken at the wavelengths; in RGB mode the cosines of the series are averaged
+//! over the sensitivity of the channels by the Gaussians that the paper's authors fitted. What lies
+//! below is known by its reflectance at normal incidence, as in `KHR_materials_iridescence`.
 
 use super::fresnel;
 use snell_math::{ColorMode, Rgb, SampledSpectrum};
@@ -34,8 +35,14 @@ struct Series {
 }
 
 impl ThinFilm {
-    /// Reflectance of the film over what reflects `without` at this angle and `f0` at normal incidence.
-    pub(super) fn reflectance(&self, cos: f32, f0: SampledSpectrum, without: SampledSpectrum) -> SampledSpectrum {
+    /// Reflectance of the film over what reflects `without` at this angle and `f0` at normal
+    /// incidence.
+    pub(super) fn reflectance(
+        &self,
+        cos: f32,
+        f0: SampledSpectrum,
+        without: SampledSpectrum,
+    ) -> SampledSpectrum {
         let covered = self.covered(cos.clamp(0.0, 1.0), f0);
         without.lerp(covered, self.weight)
     }
@@ -64,11 +71,15 @@ impl ThinFilm {
         };
         let channels = Rgb::from(std::array::from_fn(|i| rgb_of(series(f0[i]))[i]));
         let at = |nm: f32, base_f0: f32| -> f32 {
-            let total: f32 = series(base_f0).iter().map(|s| s.constant + 2.0 * s.amplitude * s.sum(way, nm)).sum();
+            let total: f32 = series(base_f0)
+                .iter()
+                .map(|s| s.constant + 2.0 * s.amplitude * s.sum(way, nm))
+                .sum();
             0.5 * total
         };
         // Each lane has its own surface below: the wavelengths are asked for one by one.
-        let lanes: [SampledSpectrum; 4] = std::array::from_fn(|i| self.mode.lanes(channels, |nm| at(nm, f0[i])));
+        let lanes: [SampledSpectrum; 4] =
+            std::array::from_fn(|i| self.mode.lanes(channels, |nm| at(nm, f0[i])));
         SampledSpectrum(std::array::from_fn(|i| lanes[i][i])).clamp(0.0, 1.0)
     }
 }
@@ -88,7 +99,8 @@ fn smoothstep(x: f32) -> f32 {
     x * x * (3.0 - 2.0 * x)
 }
 
-/// Both polarisations of a film over a surface with this reflectance (to the outside) at normal incidence.
+/// Both polarisations of a film over a surface with this reflectance (to the outside) at normal
+/// incidence.
 fn polarisations(cos: f32, cos_film: f32, ior: f32, base_f0: f32) -> [Series; 2] {
     let root = base_f0.clamp(0.0, 0.9999).sqrt();
     let base_ior = (1.0 + root) / (1.0 - root);
@@ -97,8 +109,8 @@ fn polarisations(cos: f32, cos_film: f32, ior: f32, base_f0: f32) -> [Series; 2]
     let r23 = r23 + (1.0 - r23) * fresnel::schlick_weight(cos_film);
     let parallel = (ior * cos - cos_film) / (ior * cos + cos_film);
     let perpendicular = (cos - ior * cos_film) / (cos + ior * cos_film);
-    // The product of the inner reflections of a film between thinner things is positive, of one on a denser thing negative; beyond
-    // Brewster's angle one polarisation turns once more.
+    // The product of the inner reflections of a film between thinner things is positive, of one on
+    // a denser thing negative; beyond Brewster's angle one polarisation turns once more.
     let turns = if (base_ior < ior) == (ior > 1.0) { 0.0 } else { PI };
     let brewster = if parallel * (ior - 1.0) < 0.0 { PI } else { 0.0 };
     [(parallel, turns + brewster), (perpendicular, turns)].map(|(r, phase)| {
@@ -109,18 +121,24 @@ fn polarisations(cos: f32, cos_film: f32, ior: f32, base_f0: f32) -> [Series; 2]
     })
 }
 
-/// Mean of `cos(2 pi way / lambda + phase)` over the sensitivity of red, green and blue: the Fourier transforms of the colour
-/// matching functions, fitted by Gaussians in the wave number (Belcour and Barla, supplemental material), in linear Rec. 709 with the
-/// same share of white in each.
+/// Mean of `cos(2 pi way / lambda + phase)` over the sensitivity of red, green and blue: the
+/// Fourier transforms of the colour matching functions, fitted by Gaussians in the wave number
+/// (Belcour and Barla, supplemental material), in linear Rec. 709 with the same share of white in
+/// each.
 fn channel_cosines(way: f32, phase: f32) -> [f32; 3] {
     // Height, position and variance; metres.
-    const X: [(f32, f32, f32); 2] = [(5.4856e-13, 1.6810e6, 4.3278e9), (9.7470e-14, 2.2399e6, 4.5282e9)];
+    const X: [(f32, f32, f32); 2] =
+        [(5.4856e-13, 1.6810e6, 4.3278e9), (9.7470e-14, 2.2399e6, 4.5282e9)];
     const Y: (f32, f32, f32) = (4.4201e-13, 1.7953e6, 9.3046e9);
     const Z: (f32, f32, f32) = (5.2481e-13, 2.2084e6, 6.6121e9);
     const SCALE: f32 = 1.0 / 1.0685e-7;
     let k = 2.0 * PI * way * 1e-9;
     let gauss = |(height, position, variance): (f32, f32, f32)| {
-        height * (2.0 * PI * variance).sqrt() * (position * k + phase).cos() * (-variance * k * k).exp() * SCALE
+        height
+            * (2.0 * PI * variance).sqrt()
+            * (position * k + phase).cos()
+            * (-variance * k * k).exp()
+            * SCALE
     };
     let [x, y, z] = [gauss(X[0]) + gauss(X[1]), gauss(Y), gauss(Z)];
     const RGB: [[f32; 3]; 3] = [

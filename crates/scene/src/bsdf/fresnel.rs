@@ -9,14 +9,16 @@ pub fn reflect(w: Vec3, n: Vec3) -> Vec3 {
     n * (2.0 * w.dot(n)) - w
 }
 
-/// The direction in which light from `w` goes on behind the interface with unit normal `n`, on whose side `w` lies. `eta` is the
-/// index of refraction behind over the one on the side of `w`. `None` if all is reflected. Snell's law.
+/// The direction in which light from `w` goes on behind the interface with unit normal `n`, on
+/// whose side `w` lies. `eta` is the index of refraction behind over the one on the side of `w`.
+/// `None` if all is reflected. Snell's law.
 pub fn refract(w: Vec3, n: Vec3, eta: f32) -> Option<Vec3> {
     let (wi, exists) = refracted(w, n, eta);
     exists.then_some(wi)
 }
 
-/// [`refract`] without branches, so that loops over it become vector code; false where all is reflected.
+/// [`refract`] without branches, so that loops over it become vector code; false where all is
+/// reflected.
 #[inline(always)]
 pub fn refracted(w: Vec3, n: Vec3, eta: f32) -> (Vec3, bool) {
     let cos_i = w.dot(n);
@@ -27,8 +29,9 @@ pub fn refracted(w: Vec3, n: Vec3, eta: f32) -> (Vec3, bool) {
     (wi * scale, (sin2_t < 1.0) & (scale > 0.0) & (scale < f32::INFINITY))
 }
 
-/// Reflectance of an interface between dielectrics for unpolarised light. `cos_i >= 0` on the side light comes from, `eta` as in
-/// [`refract`]. Exactly 0 for `eta = 1`. Without branches, so that loops over it become vector code.
+/// Reflectance of an interface between dielectrics for unpolarised light. `cos_i >= 0` on the side
+/// light comes from, `eta` as in [`refract`]. Exactly 0 for `eta = 1`. Without branches, so that
+/// loops over it become vector code.
 #[inline(always)]
 pub fn dielectric(cos_i: f32, eta: f32) -> f32 {
     let cos_i = cos_i.clamp(0.0, 1.0);
@@ -41,8 +44,9 @@ pub fn dielectric(cos_i: f32, eta: f32) -> f32 {
     if eta == 1.0 { 0.0 } else { reflectance }
 }
 
-/// Reflectance of an interface between dielectrics for diffuse light from the side of lower index; `eta >= 1` as in [`refract`].
-/// The closed form of Walsh (1926), as in Judd, Fresnel reflection of diffusely incident light (1942).
+/// Reflectance of an interface between dielectrics for diffuse light from the side of lower index;
+/// `eta >= 1` as in [`refract`]. The closed form of Walsh (1926), as in Judd, Fresnel reflection of
+/// diffusely incident light (1942).
 pub fn dielectric_average(eta: f32) -> f32 {
     if eta < 1.002 {
         // Its terms cancel; the limit is linear.
@@ -60,8 +64,9 @@ pub fn dielectric_average(eta: f32) -> f32 {
     (rational + parallel - mixed + last) as f32
 }
 
-/// Reflectance of a conductor with index of refraction `eta + i k` (relative to the outside) for unpolarised light, from the
-/// closed form in real numbers (Born and Wolf, Principles of Optics, section 14.2).
+/// Reflectance of a conductor with index of refraction `eta + i k` (relative to the outside) for
+/// unpolarised light, from the closed form in real numbers (Born and Wolf, Principles of Optics,
+/// section 14.2).
 #[inline(always)]
 pub fn conductor(cos_i: f32, eta: f32, k: f32) -> f32 {
     let cos_i = cos_i.clamp(0.0, 1.0);
@@ -74,13 +79,15 @@ pub fn conductor(cos_i: f32, eta: f32, k: f32) -> f32 {
     let (t1, t2) = (a2_plus_b2 + cos2, 2.0 * cos_i * a);
     let (t3, t4) = (cos2 * a2_plus_b2 + sin2 * sin2, t2 * sin2);
     let perpendicular = (t1 - t2) / (t1 + t2);
-    let parallel = if t3 + t4 > 0.0 { perpendicular * (t3 - t4) / (t3 + t4) } else { perpendicular };
+    let parallel =
+        if t3 + t4 > 0.0 { perpendicular * (t3 - t4) / (t3 + t4) } else { perpendicular };
     let reflectance = 0.5 * (perpendicular + parallel);
     // Huge indices overflow; such a surface is a mirror.
     if reflectance.is_finite() { reflectance.clamp(0.0, 1.0) } else { 1.0 }
 }
 
-/// Schlick's weight of grazing reflection, `(1 - cos)^5` (An inexpensive BRDF model for physically-based rendering, 1994).
+/// Schlick's weight of grazing reflection, `(1 - cos)^5` (An inexpensive BRDF model for
+/// physically-based rendering, 1994).
 #[inline(always)]
 pub fn schlick_weight(cos_i: f32) -> f32 {
     let m = (1.0 - cos_i).clamp(0.0, 1.0);
@@ -108,7 +115,8 @@ mod tests {
     fn dielectric_reflectance_has_its_textbook_values() {
         assert!((dielectric(1.0, 1.5) - 0.04).abs() < 1e-6);
         assert!((dielectric(0.0, 1.5) - 1.0).abs() < 1e-6);
-        // Brewster's angle: parallel light is not reflected at all, the rest by ((eta^2 - 1) / (eta^2 + 1))^2.
+        // Brewster's angle: parallel light is not reflected at all, the rest by ((eta^2 - 1) /
+        // (eta^2 + 1))^2.
         let brewster = 1.5f32.atan().cos();
         assert!((dielectric(brewster, 1.5) - 0.5 * (1.25f32 / 3.25).powi(2)).abs() < 1e-6);
         // Beyond the critical angle of glass to air, 41.8 degrees.
@@ -137,7 +145,10 @@ mod tests {
             let t = refract(w, Vec3::Z, 1.5).expect("no total reflection from outside");
             assert!((dielectric(w.z, 1.5) - dielectric(-t.z, 1.0 / 1.5)).abs() < 1e-5);
             assert!((w.x + 1.5 * t.x).abs() < 1e-6, "Snell's law");
-            assert!((refract(-t, Vec3::Z, 1.0 / 1.5).expect("reversible") + w).length() < 1e-5 || t.z < 0.0);
+            assert!(
+                (refract(-t, Vec3::Z, 1.0 / 1.5).expect("reversible") + w).length() < 1e-5
+                    || t.z < 0.0
+            );
         }
     }
 

@@ -1,9 +1,10 @@
 //! Fuzz: fibres that stand on a surface, as on velvet, or dust.
 //!
-//! A volume of fibre-like flakes, fitted by linearly transformed cosines (Zeltner, Burley and Chiang, Practical Multiple-Scattering
-//! Sheen Using Linearly Transformed Cosines, SIGGRAPH 2022 talks). `sheen.bin` is the table that its authors publish with the talk
-//! (repository tizian/ltc-sheen, Apache 2.0): for 32 roughnesses and 32 cosines the coefficients `a` and `b` of the inverse transform
-//! and the reflectance, as 32-bit numbers.
+//! A volume of fibre-like flakes, fitted by linearly transformed cosines (Zeltner, Burley and
+//! Chiang, Practical Multiple-Scattering Sheen Using Linearly Transformed Cosines, SIGGRAPH 2022
+//! talks). `sheen.bin` is the table that its authors publish with the talk (repository
+//! tizian/ltc-sheen, Apache 2.0): for 32 roughnesses and 32 cosines the coefficients `a` and `b` of
+//! the inverse transform and the reflectance, as 32-bit numbers.
 
 use snell_math::{Frame, Vec2, Vec3, sampling};
 
@@ -30,13 +31,21 @@ pub(super) struct FuzzLobe {
 
 impl FuzzLobe {
     pub(super) fn new(roughness: f32, wo: Vec3) -> Self {
-        // The rows for the least roughness, whose fibres stand so straight that nothing is seen of them, are empty.
+        // The rows for the least roughness, whose fibres stand so straight that nothing is seen of
+        // them, are empty.
         let (row, r) = super::energy::nodes(roughness.max(0.07), SIZE);
         let (column, c) = super::energy::nodes(wo.z, SIZE);
-        let lerp = |a: [f32; 3], b: [f32; 3], t: f32| -> [f32; 3] { std::array::from_fn(|k| a[k] + (b[k] - a[k]) * t) };
+        let lerp = |a: [f32; 3], b: [f32; 3], t: f32| -> [f32; 3] {
+            std::array::from_fn(|k| a[k] + (b[k] - a[k]) * t)
+        };
         let at = |row| lerp(entry(row, column), entry(row, column + 1), c);
         let [a, b, reflectance] = lerp(at(row), at(row + 1), r);
-        Self { frame: Frame::from_z_and_x(Vec3::Z, Vec3::new(wo.x, wo.y, 0.0)), a: a.max(1e-3), b, reflectance }
+        Self {
+            frame: Frame::from_z_and_x(Vec3::Z, Vec3::new(wo.x, wo.y, 0.0)),
+            a: a.max(1e-3),
+            b,
+            reflectance,
+        }
     }
 
     /// Density per steradian with which light comes from `wi`, above.

@@ -1,8 +1,9 @@
-//! The GGX (Trowbridge-Reitz) distribution of microfacets, with height-correlated masking and shadowing.
+//! The GGX (Trowbridge-Reitz) distribution of microfacets, with height-correlated masking and
+//! shadowing.
 //!
-//! All directions here lie above the surface (`z > 0`); BSDFs mirror directions from below before they come here. The formulas are
-//! those of Heitz, Understanding the Masking-Shadowing Function (JCGT 2014), arranged so that nothing is divided by a cosine that
-//! may vanish.
+//! All directions here lie above the surface (`z > 0`); BSDFs mirror directions from below before
+//! they come here. The formulas are those of Heitz, Understanding the Masking-Shadowing Function
+//! (JCGT 2014), arranged so that nothing is divided by a cosine that may vanish.
 
 use super::unit_or;
 use super::widths::Widths;
@@ -94,8 +95,8 @@ impl Ggx {
         unit_or(Vec3::new(w.x * self.0.x, w.y * self.0.y, w.z), Vec3::Z)
     }
 
-    /// Draws a facet normal among those visible from `wo` (Dupuy and Benyoub, Sampling Visible GGX Normals with Spherical Caps,
-    /// HPG 2023).
+    /// Draws a facet normal among those visible from `wo` (Dupuy and Benyoub, Sampling Visible GGX
+    /// Normals with Spherical Caps, HPG 2023).
     pub fn sample_visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
         self.visible_normal(wo, u)
     }
@@ -112,7 +113,8 @@ impl Ggx {
         self.density(m) * wo.dot(m).max(0.0) * 2.0 / (wo.z + self.root(wo))
     }
 
-    /// Facet normal that reflects `wi` to `wo`, and `f |cos(wi)|` of that reflection by facets of reflectance 1.
+    /// Facet normal that reflects `wi` to `wo`, and `f |cos(wi)|` of that reflection by facets of
+    /// reflectance 1.
     pub fn reflection(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32)> {
         self.reflection_and_pdf(wo, wi).map(|(m, value, _)| (m, value))
     }
@@ -124,7 +126,8 @@ impl Ggx {
         exists.then_some((m, value, pdf))
     }
 
-    /// [`Self::reflection_and_pdf`] without branches, so that loops over it become vector code; false where there is no such facet.
+    /// [`Self::reflection_and_pdf`] without branches, so that loops over it become vector code;
+    /// false where there is no such facet.
     #[inline(always)]
     pub(super) fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool) {
         let half = wo + wi;
@@ -137,8 +140,9 @@ impl Ggx {
         (m, density * self.visibility(wo, wi) * wi.z, pdf, exists)
     }
 
-    /// Share of the lower bound of the spherical cap that reflections above the surface can come from (Eto and Tokuyoshi, Bounded
-    /// VNDF Sampling for Smith-GGX Reflections, SIGGRAPH Asia 2023, equations 5 and 6).
+    /// Share of the lower bound of the spherical cap that reflections above the surface can come
+    /// from (Eto and Tokuyoshi, Bounded VNDF Sampling for Smith-GGX Reflections, SIGGRAPH Asia
+    /// 2023, equations 5 and 6).
     #[inline(always)]
     fn cap(self, wo: Vec3) -> f32 {
         let a = self.0.x.min(self.0.y).min(1.0);
@@ -147,14 +151,15 @@ impl Ggx {
         (1.0 - a2) * s2 / (s2 + a2 * wo.z * wo.z)
     }
 
-    /// Draws a direction of reflection of `wo`: at visible normals, without most of those that would reflect below the surface (Eto
-    /// and Tokuyoshi). `None` for one that still does.
+    /// Draws a direction of reflection of `wo`: at visible normals, without most of those that
+    /// would reflect below the surface (Eto and Tokuyoshi). `None` for one that still does.
     pub fn sample_reflection(self, wo: Vec3, u: Vec2) -> Option<Vec3> {
         let (wi, exists) = self.drawn_reflection(wo, u);
         exists.then_some(wi)
     }
 
-    /// [`Self::sample_reflection`] without branches, so that loops over it become vector code; false where it is none.
+    /// [`Self::sample_reflection`] without branches, so that loops over it become vector code;
+    /// false where it is none.
     #[inline(always)]
     pub(super) fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool) {
         let stretched = self.stretch(wo);
@@ -169,7 +174,8 @@ impl Ggx {
         self.reflection_and_pdf(wo, wi).map_or(0.0, |(.., pdf)| pdf)
     }
 
-    /// Density per steradian of `wi` when `wo` is reflected at a normal drawn by [`Self::sample_visible_normal`].
+    /// Density per steradian of `wi` when `wo` is reflected at a normal drawn by
+    /// [`Self::sample_visible_normal`].
     pub fn visible_reflection_pdf(self, wo: Vec3, wi: Vec3) -> f32 {
         match (wo + wi).try_normalize() {
             Some(m) if m.z > 0.0 => self.density(m) * 0.5 / (wo.z + self.root(wo)),
@@ -177,8 +183,8 @@ impl Ggx {
         }
     }
 
-    /// `f |cos(wi)|` of refraction into `wi` (mirrored to the upper side) at facets with normal `m` and transmittance 1, without
-    /// the density and the Jacobian: `D G2 (wo . m) / wo.z`.
+    /// `f |cos(wi)|` of refraction into `wi` (mirrored to the upper side) at facets with normal `m`
+    /// and transmittance 1, without the density and the Jacobian: `D G2 (wo . m) / wo.z`.
     pub fn refraction_flux(self, wo: Vec3, wi: Vec3, m: Vec3) -> f32 {
         self.density(m) * 4.0 * self.visibility(wo, wi) * wi.z * wo.dot(m).abs()
     }
@@ -192,7 +198,11 @@ mod tests {
 
     #[test]
     fn projected_facets_cover_the_surface_once() {
-        for ggx in [0.3, 0.6, 1.0].map(Ggx::from_roughness).into_iter().chain([Ggx::from_anisotropy(0.7, 0.6)]) {
+        for ggx in [0.3, 0.6, 1.0]
+            .map(Ggx::from_roughness)
+            .into_iter()
+            .chain([Ggx::from_anisotropy(0.7, 0.6)])
+        {
             let n = 400_000;
             let mut sum = 0.0f64;
             for i in 0..n {
@@ -225,7 +235,9 @@ mod tests {
 
     #[test]
     fn the_bound_loses_fewer_samples_and_none_of_the_light() {
-        for ggx in [Ggx::from_roughness(1.0), Ggx::from_roughness(0.6), Ggx::from_anisotropy(0.8, 0.7)] {
+        for ggx in
+            [Ggx::from_roughness(1.0), Ggx::from_roughness(0.6), Ggx::from_anisotropy(0.8, 0.7)]
+        {
             for wo in [Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.1, 0.98, 0.15)] {
                 let (wo, n) = (wo.normalize(), 40_000);
                 let (mut kept, mut visible, mut sums) = (0, 0, [0.0f64; 2]);

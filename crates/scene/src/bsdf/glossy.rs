@@ -1,9 +1,10 @@
 //! A dielectric gloss over a scattering body: plastics, paints, leaves, skin.
 //!
-//! The gloss is of microfacets with Fresnel's law. The body gets what the gloss lets through on the way in and on the way out,
-//! `(1 - E(wo)) (1 - E(wi))` with `E` the albedo of the gloss, over its mean in the body's directions (Kelemen and Szirmay-Kalos, A
-//! Microfacet Based Coupled Specular-Matte BRDF Model, 2001): a white body loses nothing, and over a Lambertian body the model is
-//! reciprocal. Light that bounces between facets enters the body.
+//! The gloss is of microfacets with Fresnel's law. The body gets what the gloss lets through on the
+//! way in and on the way out, `(1 - E(wo)) (1 - E(wi))` with `E` the albedo of the gloss, over its
+//! mean in the body's directions (Kelemen and Szirmay-Kalos, A Microfacet Based Coupled
+//! Specular-Matte BRDF Model, 2001): a white body loses nothing, and over a Lambertian body the
+//! model is reciprocal. Light that bounces between facets enters the body.
 
 mod many;
 
@@ -13,15 +14,17 @@ use super::energy::DielectricReflection;
 use super::film::ThinFilm;
 use super::many::Palette;
 use super::mirror::mirror_branch;
-use super::{Choice, DiffuseBsdf, Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like};
+use super::{
+    Choice, DiffuseBsdf, Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like,
+};
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::FRAC_1_PI;
 
 /// The interface on top.
 #[derive(Clone, Copy, Debug)]
 pub struct Gloss {
-    /// Index of refraction over that of the outside. Below 1 the reflectance is that of its inverse, without total reflection, as
-    /// OpenPBR suggests for what lies under a denser coat.
+    /// Index of refraction over that of the outside. Below 1 the reflectance is that of its
+    /// inverse, without total reflection, as OpenPBR suggests for what lies under a denser coat.
     pub ior: f32,
     /// Factor on the reflection.
     pub tint: SampledSpectrum,
@@ -34,11 +37,15 @@ pub struct Gloss {
 impl Gloss {
     /// True if this has no film, and all else as another one.
     fn is_plainly(&self, other: &Self) -> bool {
-        self.film.is_none() && self.ior == other.ior && self.tint == other.tint && self.microfacets == other.microfacets
+        self.film.is_none()
+            && self.ior == other.ior
+            && self.tint == other.tint
+            && self.microfacets == other.microfacets
     }
 }
 
-/// What lies below the interface. Shares of the light that reaches it, together at most 1 in each lane.
+/// What lies below the interface. Shares of the light that reaches it, together at most 1 in each
+/// lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Body {
     /// What comes back diffusely.
@@ -75,7 +82,8 @@ pub struct GlossySeen {
     /// Share of light that the gloss reflects, and share that it lets through.
     gloss: SampledSpectrum,
     passed: SampledSpectrum,
-    /// Mean of what the gloss lets through, over the directions in which a white body scatters light towards `wo`.
+    /// Mean of what the gloss lets through, over the directions in which a white body scatters
+    /// light towards `wo`.
     mean: SampledSpectrum,
     /// Share of light that the body reflects, of what reaches it.
     body: SampledSpectrum,
@@ -98,7 +106,9 @@ impl GlossyBsdf {
     pub(crate) fn like(other: Option<&Self>, gloss: Gloss, body: Body) -> Self {
         let ior = if gloss.ior < 1.0 { 1.0 / gloss.ior } else { gloss.ior };
         let gloss = Gloss { ior, ..gloss };
-        if let Some(other) = other.filter(|other| gloss.film.is_none() && other.gloss.is_plainly(&gloss)) {
+        if let Some(other) =
+            other.filter(|other| gloss.film.is_none() && other.gloss.is_plainly(&gloss))
+        {
             return Self { body, ..*other };
         }
         let mut made = Self {
@@ -149,11 +159,13 @@ impl GlossyBsdf {
     fn gloss_albedo(&self, w: Vec3) -> SampledSpectrum {
         let plain = self.albedo.towards(w);
         let Some(film) = self.gloss.film else { return self.gloss.tint * plain };
-        // The film changes the reflectance of the typical facet, and as much what all of them reflect.
+        // The film changes the reflectance of the typical facet, and as much what all of them
+        // reflect.
         let cos = self.gloss.microfacets.widths().facet_cosine(w);
         let f = fresnel::dielectric(cos, self.gloss.ior);
         let ratio = if f > 0.0 { plain / f } else { 1.0 };
-        (film.reflectance(cos, self.f0, SampledSpectrum::splat(f)) * ratio).clamp(0.0, 1.0) * self.gloss.tint
+        (film.reflectance(cos, self.f0, SampledSpectrum::splat(f)) * ratio).clamp(0.0, 1.0)
+            * self.gloss.tint
     }
 
     /// Share of light that reaches the body from a direction above.
@@ -161,21 +173,24 @@ impl GlossyBsdf {
         SampledSpectrum::ONE - self.gloss_albedo(w)
     }
 
-    /// Mean of [`Self::passed`] over the directions in which a white body scatters light towards a direction above of this cosine.
+    /// Mean of [`Self::passed`] over the directions in which a white body scatters light towards a
+    /// direction above of this cosine.
     fn passed_by_body(&self, cos_o: f32) -> SampledSpectrum {
         let diffuse = &self.body.diffuse;
         if diffuse.is_lambertian() || diffuse.is_black() {
             return self.passed_average;
         }
         let difference = |&(cos, weight): &(f32, f32)| {
-            (self.passed(along(cos)) - self.passed_average) * (weight * (diffuse.white_mean(cos_o, cos) - 1.0))
+            (self.passed(along(cos)) - self.passed_average)
+                * (weight * (diffuse.white_mean(cos_o, cos) - 1.0))
         };
         self.passed_average + NODES.iter().map(difference).sum::<SampledSpectrum>()
     }
 
     /// `(1 - E(wo)) (1 - E(wi)) / mean` for directions above.
     fn coupling(&self, seen: &GlossySeen, wi: Vec3, mean: SampledSpectrum) -> SampledSpectrum {
-        (seen.passed * self.passed(wi)).zip(mean, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 })
+        (seen.passed * self.passed(wi))
+            .zip(mean, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 })
     }
 
     /// `f |cos(wi)|` of the gloss for directions above, and its density.
@@ -184,7 +199,9 @@ impl GlossyBsdf {
             return (SampledSpectrum::ZERO, 0.0);
         }
         let reflection = self.gloss.microfacets.reflection_and_pdf(wo, wi);
-        reflection.map_or((SampledSpectrum::ZERO, 0.0), |(m, value, pdf)| (self.fresnel(wo.dot(m)) * value, pdf))
+        reflection.map_or((SampledSpectrum::ZERO, 0.0), |(m, value, pdf)| {
+            (self.fresnel(wo.dot(m)) * value, pdf)
+        })
     }
 
     /// `f |cos(wi)|` of the body for a direction lifted above.
@@ -194,7 +211,9 @@ impl GlossyBsdf {
             if self.body.diffuse.is_black() {
                 return SampledSpectrum::ZERO;
             }
-            return self.body.diffuse.value(lift(seen.wo), wi) * self.coupling(seen, wi, seen.mean) * cos;
+            return self.body.diffuse.value(lift(seen.wo), wi)
+                * self.coupling(seen, wi, seen.mean)
+                * cos;
         }
         let mut value = SampledSpectrum::ZERO;
         if !self.body.through.is_black() {
@@ -206,7 +225,8 @@ impl GlossyBsdf {
         value
     }
 
-    /// `f |cos(wi)|` where light of the medium inside, gathered along `wo`, comes out: `wi` is outside and above, for a share of 1.
+    /// `f |cos(wi)|` where light of the medium inside, gathered along `wo`, comes out: `wi` is
+    /// outside and above, for a share of 1.
     pub(super) fn exit_value(&self, wi: Vec3) -> SampledSpectrum {
         self.passed(wi).zip(self.passed_average, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 })
             * (wi.z * FRAC_1_PI)
@@ -217,8 +237,8 @@ impl GlossyBsdf {
     }
 }
 
-/// Cosines and weights for means with the weight `2 mu` on [0, 1]: Gauss's points in the root of the cosine, as rough matte bodies and Fresnel's
-/// law change most at grazing angles.
+/// Cosines and weights for means with the weight `2 mu` on [0, 1]: Gauss's points in the root of
+/// the cosine, as rough matte bodies and Fresnel's law change most at grazing angles.
 const NODES: [(f32, f32); 8] = [
     (0.000_394_22, 0.000_001_58),
     (0.010_336_13, 0.000_467_37),
@@ -255,7 +275,8 @@ impl Lobes for GlossyBsdf {
             return (SampledSpectrum::ZERO, 0.0);
         }
         let wi = lift(wi);
-        let (body, cosine) = (self.body_value(seen, wi, side < 0.0), sampling::cosine_hemisphere_pdf(wi.z));
+        let (body, cosine) =
+            (self.body_value(seen, wi, side < 0.0), sampling::cosine_hemisphere_pdf(wi.z));
         if side < 0.0 {
             return (body, through * cosine);
         }
@@ -312,7 +333,12 @@ impl Lobes for GlossyBsdf {
     }
 
     fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
-        let mirror = self.gloss.microfacets.is_smooth().then(|| self.mirror(wo)).filter(|b| !b.weight.is_black());
+        let mirror = self
+            .gloss
+            .microfacets
+            .is_smooth()
+            .then(|| self.mirror(wo))
+            .filter(|b| !b.weight.is_black());
         [mirror, None]
     }
 }

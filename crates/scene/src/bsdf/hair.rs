@@ -4,19 +4,21 @@ use super::{Choice, Drawn, Lobes, fresnel};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
 
-/// Ways through the fibre that have lobes of their own: reflection (R), straight through (TT), one inner reflection (TRT). A fourth
-/// lobe stands for all that are longer.
+/// Ways through the fibre that have lobes of their own: reflection (R), straight through (TT), one
+/// inner reflection (TRT). A fourth lobe stands for all that are longer.
 const WAYS: usize = 3;
 
-/// The hair model of Chiang, Bitterli, Tappan and Burley (A Practical and Controllable Hair and Fur Model for Production Path Tracing,
-/// 2016), in the form of pbrt, 4th edition, section 9.9.
+/// The hair model of Chiang, Bitterli, Tappan and Burley (A Practical and Controllable Hair and Fur
+/// Model for Production Path Tracing, 2016), in the form of pbrt, 4th edition, section 9.9.
 ///
-/// The local `x` axis is along the fibre, towards its tip, and `z` is the normal. What is called *longitudinal* is the inclination of a
-/// direction to the plane across the fibre, what is called *azimuthal* the angle within that plane. A direction arrives at all points of
-/// the fibre's width; the *offset* says at which of them, from -1 to 1. The value has no cosine: the fibre is lit from all around.
+/// The local `x` axis is along the fibre, towards its tip, and `z` is the normal. What is called
+/// *longitudinal* is the inclination of a direction to the plane across the fibre, what is called
+/// *azimuthal* the angle within that plane. A direction arrives at all points of the fibre's width;
+/// the *offset* says at which of them, from -1 to 1. The value has no cosine: the fibre is lit from
+/// all around.
 ///
-/// Every lobe keeps its energy, so hair without pigment loses nothing. The model is not reciprocal: it looks at the offset and the
-/// attenuation of `wo` alone.
+/// Every lobe keeps its energy, so hair without pigment loses nothing. The model is not reciprocal:
+/// it looks at the offset and the attenuation of `wo` alone.
 #[derive(Clone, Copy, Debug)]
 pub struct HairBsdf {
     offset: Option<f32>,
@@ -34,8 +36,8 @@ pub struct HairBsdf {
 /// What [`HairBsdf`] is made of.
 #[derive(Clone, Copy, Debug)]
 pub struct HairFiber {
-    /// Where across the fibre it is met, from -1 to 1, positive towards the local `y` axis. `None` on a round fibre, where `wo` and the normal
-    /// say it.
+    /// Where across the fibre it is met, from -1 to 1, positive towards the local `y` axis. `None`
+    /// on a round fibre, where `wo` and the normal say it.
     pub offset: Option<f32>,
     /// Index of refraction.
     pub ior: f32,
@@ -51,7 +53,8 @@ pub struct HairFiber {
     pub scale_tilt: f32,
 }
 
-/// A fibre seen from a direction. It looks the same from below: angles are those of the direction lifted above.
+/// A fibre seen from a direction. It looks the same from below: angles are those of the direction
+/// lifted above.
 #[derive(Clone, Debug)]
 pub struct HairSeen {
     /// The direction as it is.
@@ -69,8 +72,8 @@ pub struct HairSeen {
 impl HairBsdf {
     /// A fibre at a point.
     pub fn new(fiber: &HairFiber) -> Self {
-        let [m, n] =
-            [fiber.longitudinal_roughness, fiber.azimuthal_roughness].map(|r| super::bounded(r, 1.0).max(0.01));
+        let [m, n] = [fiber.longitudinal_roughness, fiber.azimuthal_roughness]
+            .map(|r| super::bounded(r, 1.0).max(0.01));
         let variance = (0.726 * m + 0.812 * m * m + 3.7 * m.powi(20)).powi(2);
         let tilt = |angle: f32| angle.sin_cos().into();
         let alpha = fiber.scale_tilt;
@@ -85,14 +88,19 @@ impl HairBsdf {
         }
     }
 
-    /// Absorption per radius that gives white light about this colour after many hairs, `[0, 1]`: the fit of Chiang et al., section 4.2.
-    pub fn absorption_of_color(color: SampledSpectrum, azimuthal_roughness: f32) -> SampledSpectrum {
+    /// Absorption per radius that gives white light about this colour after many hairs, `[0, 1]`:
+    /// the fit of Chiang et al., section 4.2.
+    pub fn absorption_of_color(
+        color: SampledSpectrum,
+        azimuthal_roughness: f32,
+    ) -> SampledSpectrum {
         let scale = Self::color_scale(azimuthal_roughness);
         // What is black absorbs very much.
         color.map(|c| (c.clamp(1e-4, 1.0).ln() / scale).powi(2))
     }
 
-    /// The colour that much hair of this absorption per radius, at least 0, has in white light: [`Self::absorption_of_color`] backwards.
+    /// The colour that much hair of this absorption per radius, at least 0, has in white light:
+    /// [`Self::absorption_of_color`] backwards.
     pub fn color_of_absorption(absorption: f32, azimuthal_roughness: f32) -> f32 {
         (-absorption.max(0.0).sqrt() * Self::color_scale(azimuthal_roughness)).exp()
     }
@@ -103,14 +111,19 @@ impl HairBsdf {
         fit.iter().rev().fold(0.0, |sum, c| sum * n + c)
     }
 
-    /// Share of the light that goes each way, for an angle of incidence of this cosine, and what of it a way through the fibre leaves.
+    /// Share of the light that goes each way, for an angle of incidence of this cosine, and what of
+    /// it a way through the fibre leaves.
     fn attenuations(&self, cos: f32, through: SampledSpectrum) -> [SampledSpectrum; WAYS + 1] {
         let f = fresnel::dielectric(cos, self.ior);
         let first = through * ((1.0 - f) * (1.0 - f));
         let second = first * through * f;
         let rest = through * f;
         // A geometric series; nothing gets in where all is reflected.
-        let all = if f < 1.0 { second * rest / (SampledSpectrum::ONE - rest) } else { SampledSpectrum::ZERO };
+        let all = if f < 1.0 {
+            second * rest / (SampledSpectrum::ONE - rest)
+        } else {
+            SampledSpectrum::ZERO
+        };
         [SampledSpectrum::splat(f), first, second, all].map(|share| share * self.unit)
     }
 
@@ -132,7 +145,11 @@ impl HairBsdf {
         let inclination = [sin, (1.0 - sin * sin).max(0.0).sqrt()];
         let turn = wi.z.atan2(wi.y) - seen.azimuth;
         std::array::from_fn(|lobe| {
-            let along = longitudinal(inclination, self.tilted(lobe, seen.inclination), self.variances[lobe]);
+            let along = longitudinal(
+                inclination,
+                self.tilted(lobe, seen.inclination),
+                self.variances[lobe],
+            );
             let around = match lobe {
                 WAYS => 0.5 * FRAC_1_PI,
                 _ => trimmed_logistic(wrapped(turn - Self::turn(lobe, seen.gammas)), self.scale),
@@ -142,8 +159,9 @@ impl HairBsdf {
     }
 }
 
-/// Density of an inclination: of a direction around the mirror image of the (turned) inclination of `wo`, smeared over the sphere and
-/// averaged over azimuths (d'Eon et al., An Energy-Conserving Hair Reflectance Model, 2011). Its integral with the cosine is 1.
+/// Density of an inclination: of a direction around the mirror image of the (turned) inclination of
+/// `wo`, smeared over the sphere and averaged over azimuths (d'Eon et al., An Energy-Conserving
+/// Hair Reflectance Model, 2011). Its integral with the cosine is 1.
 fn longitudinal([sin, cos]: [f32; 2], [sin_o, cos_o]: [f32; 2], variance: f32) -> f32 {
     // The paper's exponents cancel for small variances; this is their difference.
     let distance2 = (cos - cos_o).powi(2) + (sin + sin_o).powi(2);
@@ -151,12 +169,15 @@ fn longitudinal([sin, cos]: [f32; 2], [sin_o, cos_o]: [f32; 2], variance: f32) -
     (-0.5 * distance2 / variance).exp() * scaled_bessel(cos * cos_o / variance) / norm
 }
 
-/// The modified Bessel function of order 0, times `exp(-x)`, for `x >= 0` (Abramowitz and Stegun, 9.8.1 and 9.8.2; off by less than 1e-6).
+/// The modified Bessel function of order 0, times `exp(-x)`, for `x >= 0` (Abramowitz and Stegun,
+/// 9.8.1 and 9.8.2; off by less than 1e-6).
 fn scaled_bessel(x: f32) -> f32 {
-    let sum = |coefficients: &[f32], t: f32| coefficients.iter().rev().fold(0.0, |sum, c| sum * t + c);
+    let sum =
+        |coefficients: &[f32], t: f32| coefficients.iter().rev().fold(0.0, |sum, c| sum * t + c);
     if x < 3.75 {
         let t = (x / 3.75).powi(2);
-        sum(&[1.0, 3.515_622_9, 3.089_942_4, 1.206_749_2, 0.265_973_2, 0.036_076_8, 0.004_581_3], t) * (-x).exp()
+        sum(&[1.0, 3.515_622_9, 3.089_942_4, 1.206_749_2, 0.265_973_2, 0.036_076_8, 0.004_581_3], t)
+            * (-x).exp()
     } else {
         let coefficients = [
             0.398_942_28,
@@ -212,9 +233,11 @@ impl Lobes for HairBsdf {
             None => 0.0,
         };
         let cos = (1.0 - sin * sin).max(0.0).sqrt();
-        // The index of refraction as it looks in the plane across (Marschner et al., Light Scattering from Human Hair Fibers, 2003).
+        // The index of refraction as it looks in the plane across (Marschner et al., Light
+        // Scattering from Human Hair Fibers, 2003).
         let projected = (self.ior * self.ior - sin * sin).max(0.0).sqrt();
-        let sin_refracted = if projected > 0.0 { (h * cos / projected).clamp(-1.0, 1.0) } else { 0.0 };
+        let sin_refracted =
+            if projected > 0.0 { (h * cos / projected).clamp(-1.0, 1.0) } else { 0.0 };
         let cos_refracted = (1.0 - sin_refracted * sin_refracted).max(0.0).sqrt();
         let sin_within = (sin / self.ior).clamp(-1.0, 1.0);
         let cos_within = (1.0 - sin_within * sin_within).max(1e-8).sqrt();
@@ -245,7 +268,8 @@ impl Lobes for HairBsdf {
         let [sin_o, cos_o] = self.tilted(lobe, seen.inclination);
         let variance = self.variances[lobe];
         // A direction around that of `wo` turned by the scales, mirrored in the plane across.
-        let cos_away = 1.0 + variance * (u.x.max(1e-7) + (1.0 - u.x) * (-2.0 / variance).exp()).ln();
+        let cos_away =
+            1.0 + variance * (u.x.max(1e-7) + (1.0 - u.x) * (-2.0 / variance).exp()).ln();
         let sin_away = (1.0 - cos_away * cos_away).max(0.0).sqrt();
         let sin = (-cos_away * sin_o + sin_away * (TAU * u.y).cos() * cos_o).clamp(-1.0, 1.0);
         let cos = (1.0 - sin * sin).max(0.0).sqrt();
@@ -287,7 +311,9 @@ mod tests {
     }
 
     fn views() -> Vec<Vec3> {
-        (0..6).map(|i| super::super::lift(sampling::uniform_sphere(rng::uniform2([i, 3, 7, 1])))).collect()
+        (0..6)
+            .map(|i| super::super::lift(sampling::uniform_sphere(rng::uniform2([i, 3, 7, 1]))))
+            .collect()
     }
 
     /// The integral over the sphere, by midpoints of inclination and azimuth.
@@ -313,7 +339,8 @@ mod tests {
                 for (i, wo) in views().into_iter().enumerate() {
                     let offset = [None, Some(-0.95), Some(0.3)][i % 3];
                     let hair = HairBsdf::new(&fiber(offset, m, n));
-                    let [value, pdf] = [integral(|wi| hair.eval(wo, wi)[0]), integral(|wi| hair.pdf(wo, wi))];
+                    let [value, pdf] =
+                        [integral(|wi| hair.eval(wo, wi)[0]), integral(|wi| hair.pdf(wo, wi))];
                     assert!(
                         (value - 1.0).abs() < 1e-3 && (pdf - 1.0).abs() < 1e-3,
                         "{m} {n} {wo} {offset:?}: {value} {pdf}"
@@ -338,7 +365,8 @@ mod tests {
         }
     }
 
-    /// Reflected and refracted rays in a real cylinder of radius 1 around x: directions and shares of the first ways.
+    /// Reflected and refracted rays in a real cylinder of radius 1 around x: directions and shares
+    /// of the first ways.
     fn traced(h: f32, wo: Vec3, ior: f32) -> Vec<(Vec3, f32, f32)> {
         // The offset is to the side of y of a viewer at z.
         let start = Vec3::new(0.0, h, (1.0 - h * h).sqrt());
@@ -375,11 +403,20 @@ mod tests {
             let round = HairBsdf::new(&HairFiber { offset: None, ..plain }).seen(local);
             for (way, (wi, share, length)) in traced(h, wo, 1.55).into_iter().enumerate() {
                 let azimuth = seen.azimuth + HairBsdf::turn(way, seen.gammas);
-                assert!(wrapped(azimuth - wi.z.atan2(wi.y)).abs() < 2e-3, "way {way} at {h}: {azimuth} for {wi}");
+                assert!(
+                    wrapped(azimuth - wi.z.atan2(wi.y)).abs() < 2e-3,
+                    "way {way} at {h}: {azimuth} for {wi}"
+                );
                 assert!((wi.x + wo.x).abs() < 1e-4, "inclinations are mirrored: {wi}");
                 let expected = share * (-0.3 * length).exp();
-                assert!((seen.attenuations[way][0] - expected).abs() < 1e-3 * expected + 1e-5, "way {way} at {h}");
-                assert!((round.attenuations[way][0] - expected).abs() < 1e-3 * expected + 1e-5, "way {way} at {h}");
+                assert!(
+                    (seen.attenuations[way][0] - expected).abs() < 1e-3 * expected + 1e-5,
+                    "way {way} at {h}"
+                );
+                assert!(
+                    (round.attenuations[way][0] - expected).abs() < 1e-3 * expected + 1e-5,
+                    "way {way} at {h}"
+                );
                 assert!((round.gammas[0] - seen.gammas[0]).abs() < 1e-3);
             }
         }
@@ -389,13 +426,20 @@ mod tests {
     fn over_the_width_of_a_fibre_without_scales_directions_of_equal_inclination_are_exchangeable() {
         let hairs: Vec<_> = (0..400)
             .map(|i| {
-                HairBsdf::new(&HairFiber { scale_tilt: 0.0, ..fiber(Some((i as f32 + 0.5) / 200.0 - 1.0), 0.3, 0.3) })
+                HairBsdf::new(&HairFiber {
+                    scale_tilt: 0.0,
+                    ..fiber(Some((i as f32 + 0.5) / 200.0 - 1.0), 0.3, 0.3)
+                })
             })
             .collect();
-        let direction = |azimuth: f32, x: f32| Vec3::new(x, azimuth.cos() * 0.8, azimuth.sin() * 0.8);
+        let direction =
+            |azimuth: f32, x: f32| Vec3::new(x, azimuth.cos() * 0.8, azimuth.sin() * 0.8);
         for i in 0..20 {
-            let (a, b) = (direction(0.3 + 0.13 * i as f32, 0.6), direction(2.0 - 0.05 * i as f32, -0.6));
-            let mean = |o, i| hairs.iter().map(|hair| hair.eval(o, i)[0]).sum::<f32>() / hairs.len() as f32;
+            let (a, b) =
+                (direction(0.3 + 0.13 * i as f32, 0.6), direction(2.0 - 0.05 * i as f32, -0.6));
+            let mean = |o, i| {
+                hairs.iter().map(|hair| hair.eval(o, i)[0]).sum::<f32>() / hairs.len() as f32
+            };
             let (there, back) = (mean(a, b), mean(b, a));
             assert!((there - back).abs() < 2e-3 * there, "{there}, back {back}");
         }
@@ -414,9 +458,13 @@ mod tests {
 
     #[test]
     fn the_bessel_function_has_its_tabled_values() {
-        for (x, value) in
-            [(0.0, 1.0), (1.0, 0.465_759_6), (3.0, 0.243_000_35), (5.0, 0.183_540_8), (20.0, 0.089_780_31)]
-        {
+        for (x, value) in [
+            (0.0, 1.0),
+            (1.0, 0.465_759_6),
+            (3.0, 0.243_000_35),
+            (5.0, 0.183_540_8),
+            (20.0, 0.089_780_31),
+        ] {
             assert!((scaled_bessel(x) - value).abs() < 1e-6, "{x}: {}", scaled_bessel(x));
         }
     }
@@ -427,7 +475,12 @@ mod tests {
             for absorption in [0.0, 1e6] {
                 for ior in [1.0, 0.5, 1.55, 900.0] {
                     let absorption = SampledSpectrum::splat(absorption);
-                    let hair = HairBsdf::new(&HairFiber { absorption, ior, scale_tilt: 30.0, ..fiber(None, m, n) });
+                    let hair = HairBsdf::new(&HairFiber {
+                        absorption,
+                        ior,
+                        scale_tilt: 30.0,
+                        ..fiber(None, m, n)
+                    });
                     for i in 0..200u32 {
                         let u = |k| rng::uniform2([i, k, 5, 2]);
                         let wo = match i % 5 {
@@ -443,7 +496,10 @@ mod tests {
                         let ends = [Vec2::ZERO, Vec2::splat(1.0 - f32::EPSILON)];
                         let u2 = if i < 20 { ends[i as usize % 2] } else { u(2) };
                         if let Some(s) = hair.sample(wo, u(3).x, u2) {
-                            assert!(s.wi.is_normalized() && s.weight.is_finite() && s.pdf.is_finite(), "{wo}: {s:?}");
+                            assert!(
+                                s.wi.is_normalized() && s.weight.is_finite() && s.pdf.is_finite(),
+                                "{wo}: {s:?}"
+                            );
                         }
                     }
                 }

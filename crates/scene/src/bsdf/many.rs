@@ -1,4 +1,5 @@
-//! BSDFs that many directions are asked about at once: the same bits as [`Lobes`] gives one by one, in loops that become vector code.
+//! BSDFs that many directions are asked about at once: the same bits as [`Lobes`] gives one by one,
+//! in loops that become vector code.
 
 use super::coat::ManyCoated;
 use super::conductor::ManyMetal;
@@ -19,8 +20,10 @@ type Vectors = [Numbers; 3];
 /// A spectrum for each.
 type Spectra = [Numbers; 4];
 
-/// Spectra that a BSDF asks for: of a gloss, the reflectance of the body and the tint; of a metal, as in [`super::FacetReflectance`] and a factor on all of it (a
-/// mixture of both has the first two in common); of glass, the tint, and factors on what is reflected on the outer and the inner side.
+/// Spectra that a BSDF asks for: of a gloss, the reflectance of the body and the tint; of a metal,
+/// as in [`super::FacetReflectance`] and a factor on all of it (a mixture of both has the first two
+/// in common); of glass, the tint, and factors on what is reflected on the outer and the inner
+/// side.
 pub type Palette = [SampledSpectrum; 3];
 
 /// What is asked of a BSDF, in its frame.
@@ -28,7 +31,8 @@ pub type Palette = [SampledSpectrum; 3];
 pub struct ManyQuestions<'a> {
     /// 0 for those of which nothing is asked: what is answered for them means nothing.
     pub is_asked: &'a [u32; MANY],
-    /// As [`ManyPoint::palette`]: in [`snell_math::ColorMode::Rgb`] only the first three channels of the first are looked at.
+    /// As [`ManyPoint::palette`]: in [`snell_math::ColorMode::Rgb`] only the first three channels
+    /// of the first are looked at.
     pub palette: [[&'a Numbers; 4]; 3],
     /// Whether spectra are colours.
     pub color: ColorModel,
@@ -49,8 +53,9 @@ pub struct ManyQuestions<'a> {
 /// What may differ from point to point of a surface. A BSDF looks only at what it has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ManyPoint {
-    /// In [`snell_math::ColorMode::Rgb`] only the first of them, where that is the reflectance of a body below a gloss, and at normal incidence of the metal
-    /// that is mixed with it. In spectral colour all.
+    /// In [`snell_math::ColorMode::Rgb`] only the first of them, where that is the reflectance of a
+    /// body below a gloss, and at normal incidence of the metal that is mixed with it. In spectral
+    /// colour all.
     pub palette: Palette,
     /// How wide the facets of such a mixture are distributed, see [`super::Widths`].
     pub alpha: f32,
@@ -61,7 +66,11 @@ pub struct ManyPoint {
 impl ManyPoint {
     /// With a body of this reflectance, where nothing else counts.
     pub fn with_body(body: SampledSpectrum) -> Self {
-        Self { palette: [body, SampledSpectrum::ZERO, SampledSpectrum::ZERO], alpha: 0.0, metalness: 0.0 }
+        Self {
+            palette: [body, SampledSpectrum::ZERO, SampledSpectrum::ZERO],
+            alpha: 0.0,
+            metalness: 0.0,
+        }
     }
 }
 
@@ -88,7 +97,8 @@ pub struct ManyAnswers {
     pub exists: [u32; MANY],
 }
 
-/// A BSDF that can be asked so, as it is in [`snell_math::ColorMode::Rgb`]; in spectral colour by the [`Palette`] of each lane.
+/// A BSDF that can be asked so, as it is in [`snell_math::ColorMode::Rgb`]; in spectral colour by
+/// the [`Palette`] of each lane.
 #[derive(Clone, Debug)]
 pub struct ManyBsdf(Kind);
 
@@ -120,7 +130,8 @@ impl ManyBsdf {
             Bsdf::Conductor(metal) => Self::of_metal(metal),
             Bsdf::OpenPbr(layers) => {
                 if let Some((metal, gloss)) = layers.only_mixture() {
-                    return ManyMixed::of(metal, gloss).map(|mixed| Self(Kind::Mixed(Box::new(mixed))));
+                    return ManyMixed::of(metal, gloss)
+                        .map(|mixed| Self(Kind::Mixed(Box::new(mixed))));
                 }
                 let (slab, coat) = layers.only_slab()?;
                 match (slab, coat) {
@@ -129,12 +140,16 @@ impl ManyBsdf {
                     (OnlySlab::Opaque(gloss), Some(coat)) => {
                         let (unit, base) = (ColorMode::Rgb.unit(), ManyGloss::of(gloss)?);
                         let rough = ManyCoated::of(coat, unit, base.clone()).map(Kind::CoatedGloss);
-                        rough.or_else(|| ManyCoated::of(coat, unit, base).map(Kind::LacqueredGloss)).map(Self)
+                        rough
+                            .or_else(|| ManyCoated::of(coat, unit, base).map(Kind::LacqueredGloss))
+                            .map(Self)
                     }
                     (OnlySlab::Metal(metal), Some(coat)) => {
                         let (unit, base) = (ColorMode::Rgb.unit(), ManyMetal::of(metal)?);
                         let rough = ManyCoated::of(coat, unit, base.clone()).map(Kind::CoatedMetal);
-                        rough.or_else(|| ManyCoated::of(coat, unit, base).map(Kind::LacqueredMetal)).map(Self)
+                        rough
+                            .or_else(|| ManyCoated::of(coat, unit, base).map(Kind::LacqueredMetal))
+                            .map(Self)
                     }
                 }
             }
@@ -164,7 +179,8 @@ impl ManyBsdf {
         })
     }
 
-    /// The spectra of this BSDF in another mode of colour; `None` if it can only be asked one by one there.
+    /// The spectra of this BSDF in another mode of colour; `None` if it can only be asked one by
+    /// one there.
     pub fn palette_of(bsdf: &Bsdf) -> Option<Palette> {
         match bsdf {
             Bsdf::Glossy(gloss) => Some(gloss.palette()),
@@ -276,7 +292,11 @@ impl ManyDrawn {
 }
 
 #[inline(always)]
-fn answer<const CHANNELS: usize, B: ManyLobes>(bsdf: &B, asked: &ManyQuestions, answers: &mut ManyAnswers) {
+fn answer<const CHANNELS: usize, B: ManyLobes>(
+    bsdf: &B,
+    asked: &ManyQuestions,
+    answers: &mut ManyAnswers,
+) {
     for i in 0..MANY {
         let colors = match CHANNELS {
             4 => bsdf.colors_of(&asked.palette(i)),
@@ -321,7 +341,11 @@ impl ManyQuestions<'_> {
 impl ManyAnswers {
     /// Value and density of the direction that was asked about.
     #[inline(always)]
-    pub(super) fn take_value<const CHANNELS: usize>(&mut self, i: usize, (value, pdf): (SampledSpectrum, f32)) {
+    pub(super) fn take_value<const CHANNELS: usize>(
+        &mut self,
+        i: usize,
+        (value, pdf): (SampledSpectrum, f32),
+    ) {
         put::<CHANNELS>(&mut self.value, i, value);
         self.pdf[i] = pdf;
     }
@@ -337,7 +361,8 @@ impl ManyAnswers {
         let scattered = value / pdf;
         let pick = |delta: f32, other: f32| if drawn.is_delta { delta } else { other };
         put::<CHANNELS>(&mut self.weight, i, drawn.delta.zip(scattered, pick));
-        (self.drawn[0][i], self.drawn[1][i], self.drawn[2][i]) = (drawn.wi.x, drawn.wi.y, drawn.wi.z);
+        (self.drawn[0][i], self.drawn[1][i], self.drawn[2][i]) =
+            (drawn.wi.x, drawn.wi.y, drawn.wi.z);
         self.drawn_pdf[i] = pick(0.0, pdf);
         self.is_delta[i] = u32::from(drawn.is_delta);
         self.is_transmission[i] = u32::from(drawn.is_transmission);
@@ -371,16 +396,23 @@ mod tests {
 
     #[test]
     fn many_at_once_get_the_bits_of_one_by_one() {
-        let coated = [0.0, 0.05, 0.3, 1.0].map(|rough| CoatedDiffuse::new(Rgb::new(0.8, 0.3, 0.0), rough).into());
+        let coated = [0.0, 0.05, 0.3, 1.0]
+            .map(|rough| CoatedDiffuse::new(Rgb::new(0.8, 0.3, 0.0), rough).into());
         let glass = [0.05, 0.4, 1.0].map(|rough| Dielectric::rough(1.5, rough).into());
-        let coated_slabs = [(0.0, 0.0), (0.0, 0.3), (1.0, 0.0), (1.0, 0.3)].map(|(metal, rough): (f32, f32)| {
-            let surface =
-                OpenPbr { base_metalness: metal.into(), specular_roughness: 0.4.into(), ..OpenPbr::default() };
-            OpenPbr { coat_weight: 0.7.into(), coat_roughness: rough.into(), ..surface }.into()
-        });
+        let coated_slabs =
+            [(0.0, 0.0), (0.0, 0.3), (1.0, 0.0), (1.0, 0.3)].map(|(metal, rough): (f32, f32)| {
+                let surface = OpenPbr {
+                    base_metalness: metal.into(),
+                    specular_roughness: 0.4.into(),
+                    ..OpenPbr::default()
+                };
+                OpenPbr { coat_weight: 0.7.into(), coat_roughness: rough.into(), ..surface }.into()
+            });
         let metals = [0.05, 0.4, 1.0].map(|rough| Conductor::copper(rough).into());
-        let colors = [0.05, 0.4, 1.0].map(|rough| Conductor::color(Rgb::new(0.9, 0.5, 0.0), rough).into());
-        let kinds: [&[MaterialKind]; 6] = [&coated, &coated_slabs, &glass, &metals, &colors, &MaterialKind::examples()];
+        let colors =
+            [0.05, 0.4, 1.0].map(|rough| Conductor::color(Rgb::new(0.9, 0.5, 0.0), rough).into());
+        let kinds: [&[MaterialKind]; 6] =
+            [&coated, &coated_slabs, &glass, &metals, &colors, &MaterialKind::examples()];
         let mut asked_of = 0;
         for (number, kind) in kinds.into_iter().flatten().enumerate() {
             let bsdf = bsdf(kind);
@@ -409,29 +441,40 @@ mod tests {
 
     #[test]
     fn many_of_different_wavelengths_get_the_bits_of_one_by_one() {
-        let coated = [0.0, 0.3].map(|rough| CoatedDiffuse::new(Rgb::new(0.8, 0.3, 0.0), rough).into());
+        let coated =
+            [0.0, 0.3].map(|rough| CoatedDiffuse::new(Rgb::new(0.8, 0.3, 0.0), rough).into());
         let metals = [0.05, 0.4].map(|rough| Conductor::copper(rough).into());
         let surface = |metal: f32, rough: f32, coat: f32| -> MaterialKind {
             let (base, tint) = (Rgb::new(0.9, 0.2, 0.0).into(), Rgb::new(0.9, 0.7, 0.5).into());
             let surface = OpenPbr { base_color: base, specular_color: tint, ..OpenPbr::default() };
-            let surface = OpenPbr { base_metalness: metal.into(), specular_roughness: rough.into(), ..surface };
+            let surface = OpenPbr {
+                base_metalness: metal.into(),
+                specular_roughness: rough.into(),
+                ..surface
+            };
             OpenPbr { coat_weight: coat.into(), specular_weight: 0.6.into(), ..surface }.into()
         };
-        let layers = [(0.0, 0.4, 0.0), (0.0, 0.0, 0.7), (1.0, 0.4, 0.7), (0.3, 0.4, 0.0), (1.0, 0.5, 0.0)];
+        let layers =
+            [(0.0, 0.4, 0.0), (0.0, 0.0, 0.7), (1.0, 0.4, 0.7), (0.3, 0.4, 0.0), (1.0, 0.5, 0.0)];
         let layers = layers.map(|(metal, rough, coat)| surface(metal, rough, coat));
         let kinds: [&[MaterialKind]; 4] = [&coated, &metals, &layers, &MaterialKind::examples()];
         let mut asked_of = 0;
         for (number, kind) in kinds.into_iter().flatten().enumerate() {
             let Some(many) = ManyBsdf::of(&bsdf(kind)) else { continue };
-            let modes: [_; MANY] =
-                std::array::from_fn(|i| ColorModel::Spectral.mode(|| rng::uniform2([number as u32, i as u32, 1, 9]).x));
+            let modes: [_; MANY] = std::array::from_fn(|i| {
+                ColorModel::Spectral.mode(|| rng::uniform2([number as u32, i as u32, 1, 9]).x)
+            });
             let bsdfs = modes.map(|mode| bsdf_in(mode, kind));
             if Material::new("", kind.clone()).is_dispersive() {
                 continue;
             }
-            let Some(palettes) = bsdfs.iter().map(ManyBsdf::palette_of).collect::<Option<Vec<_>>>() else { continue };
+            let Some(palettes) = bsdfs.iter().map(ManyBsdf::palette_of).collect::<Option<Vec<_>>>()
+            else {
+                continue;
+            };
             asked_of += 1;
-            let points: [_; MANY] = std::array::from_fn(|i| ManyPoint { palette: palettes[i], ..many.point() });
+            let points: [_; MANY] =
+                std::array::from_fn(|i| ManyPoint { palette: palettes[i], ..many.point() });
             for round in 0..100 {
                 let asked = Asked::new([number as u32, round], &points);
                 for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
@@ -451,8 +494,10 @@ mod tests {
     fn mixtures_that_differ_from_point_to_point_give_the_bits_of_each() {
         let mixture = |metal: f32, rough: f32, color: Rgb| -> MaterialKind {
             let tint = Rgb::new(0.9, 0.7, 0.5).into();
-            let surface = OpenPbr { base_color: color.into(), specular_color: tint, ..OpenPbr::default() };
-            OpenPbr { base_metalness: metal.into(), specular_roughness: rough.into(), ..surface }.into()
+            let surface =
+                OpenPbr { base_color: color.into(), specular_color: tint, ..OpenPbr::default() };
+            OpenPbr { base_metalness: metal.into(), specular_roughness: rough.into(), ..surface }
+                .into()
         };
         let many = ManyBsdf::of(&bsdf(&mixture(0.5, 0.5, Rgb::WHITE))).expect("a mixture of two");
         assert!(many.takes_any_point());
@@ -501,7 +546,8 @@ mod tests {
             let (mut wos, mut wis, mut u_lobe, mut u) = (ZERO, ZERO, [0.0; MANY], [[0.0; MANY]; 2]);
             for i in 0..MANY {
                 let number = |use_of: u32| rng::uniform2([seed[0], seed[1], i as u32, use_of]);
-                let [mut wo, mut wi] = [1, 2].map(|use_of| sampling::uniform_sphere(number(use_of)));
+                let [mut wo, mut wi] =
+                    [1, 2].map(|use_of| sampling::uniform_sphere(number(use_of)));
                 // Grazing directions, those in the surface, and mirror directions too.
                 match i {
                     0 => wo.z = 0.0,
@@ -518,7 +564,9 @@ mod tests {
                 (u_lobe[i], u[0][i], u[1][i]) = (number(3).x, number(4).x, number(4).y);
             }
             Self {
-                palette: [0, 1, 2].map(|i| [0, 1, 2, 3].map(|channel| points.map(|point| point.palette[i][channel]))),
+                palette: [0, 1, 2].map(|i| {
+                    [0, 1, 2, 3].map(|channel| points.map(|point| point.palette[i][channel]))
+                }),
                 alpha: points.map(|point| point.alpha),
                 metalness: points.map(|point| point.metalness),
                 wo: wos,
@@ -550,14 +598,20 @@ mod tests {
         let seen = bsdf.seen(at(asked.wo, i));
         let (value, pdf) = bsdf.value_and_pdf_from(&seen, at(asked.wi, i));
         assert_eq!(bits(spectrum(&answers.value), answers.pdf[i]), bits(value.0, pdf), "{what}");
-        let sample = bsdf.sample_from(&seen, asked.u_lobe[i], Vec2::new(asked.u[0][i], asked.u[1][i]));
+        let sample =
+            bsdf.sample_from(&seen, asked.u_lobe[i], Vec2::new(asked.u[0][i], asked.u[1][i]));
         assert_eq!(answers.exists[i] != 0, sample.is_some(), "{what}");
         let Some(sample) = sample else { return };
-        assert_eq!(bits(spectrum(&answers.weight), answers.drawn_pdf[i]), bits(sample.weight.0, sample.pdf), "{what}");
+        assert_eq!(
+            bits(spectrum(&answers.weight), answers.drawn_pdf[i]),
+            bits(sample.weight.0, sample.pdf),
+            "{what}"
+        );
         assert_eq!(at(answers.drawn.each_ref(), i), sample.wi, "{what}");
         let is = [answers.is_delta[i] != 0, answers.is_transmission[i] != 0];
         assert_eq!(is, [sample.is_delta, sample.is_transmission], "{what}");
-        let crossing = if sample.is_transmission { bsdf.crossing_scale(at(asked.wo, i)) } else { 1.0 };
+        let crossing =
+            if sample.is_transmission { bsdf.crossing_scale(at(asked.wo, i)) } else { 1.0 };
         assert_eq!(answers.crossing[i], crossing, "{what}");
     }
 }

@@ -122,7 +122,9 @@ impl Microfacets {
         match self {
             Self::Ggx(ggx) => ggx.visible_reflection_pdf(wo, wi),
             // Those are the normals that it draws reflections at.
-            Self::Beckmann(beckmann) => beckmann.reflection_and_pdf(wo, wi).map_or(0.0, |(.., pdf)| pdf),
+            Self::Beckmann(beckmann) => {
+                beckmann.reflection_and_pdf(wo, wi).map_or(0.0, |(.., pdf)| pdf)
+            }
         }
     }
 

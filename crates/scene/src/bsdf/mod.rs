@@ -1,7 +1,9 @@
-//! The lobes that materials are made of, in the local frame: `z` is the shading normal on the outer side of the surface.
+//! The lobes that materials are made of, in the local frame: `z` is the shading normal on the outer
+//! side of the surface.
 //!
-//! Directions are unit vectors that point away from the surface. `wo` goes to where light is gathered (the camera), `wi` to where
-//! it comes from. Opaque BSDFs reflect on both sides; dielectrics are outside where `z > 0`.
+//! Directions are unit vectors that point away from the surface. `wo` goes to where light is
+//! gathered (the camera), `wi` to where it comes from. Opaque BSDFs reflect on both sides;
+//! dielectrics are outside where `z > 0`.
 
 mod beckmann;
 mod black;
@@ -59,7 +61,8 @@ pub struct BsdfSample {
     pub weight: SampledSpectrum,
     /// Density per steradian of this direction over all non-delta lobes; 0 for a delta direction.
     pub pdf: f32,
-    /// True if the direction is the only one possible (mirror, smooth refraction): light samples cannot find it.
+    /// True if the direction is the only one possible (mirror, smooth refraction): light samples
+    /// cannot find it.
     pub is_delta: bool,
     /// True if the path crosses the surface.
     pub is_transmission: bool,
@@ -94,7 +97,8 @@ impl<const N: usize> Choice<N> {
         Self { probabilities }
     }
 
-    /// The lobe that a number in `[0, 1)` stands for, and a number in `[0, 1)` for use in that lobe.
+    /// The lobe that a number in `[0, 1)` stands for, and a number in `[0, 1)` for use in that
+    /// lobe.
     fn pick(&self, u: f32) -> Option<(usize, f32)> {
         let mut rest = u;
         for (i, &p) in self.probabilities.iter().enumerate() {
@@ -109,7 +113,8 @@ impl<const N: usize> Choice<N> {
 }
 
 impl Choice<2> {
-    /// True if it is the first lobe that a number in `[0, 1)` stands for, and false if it is none: as [`Self::pick`], without branches.
+    /// True if it is the first lobe that a number in `[0, 1)` stands for, and false if it is none:
+    /// as [`Self::pick`], without branches.
     #[inline(always)]
     fn picks_first(&self, u: f32) -> (bool, bool) {
         let [first, second] = self.probabilities;
@@ -122,11 +127,16 @@ impl Choice<2> {
         let [first, second] = self.probabilities;
         let (is_first, exists) = self.picks_first(u);
         let (from, of) = if is_first { (u, first) } else { (u - first, second) };
-        (is_first, exists, if from < of { least(from / of, 1.0 - f32::EPSILON) } else { 1.0 - f32::EPSILON })
+        (
+            is_first,
+            exists,
+            if from < of { least(from / of, 1.0 - f32::EPSILON) } else { 1.0 - f32::EPSILON },
+        )
     }
 }
 
-/// One direction of perfect reflection or refraction with its factor: what Whitted's recursion follows.
+/// One direction of perfect reflection or refraction with its factor: what Whitted's recursion
+/// follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpecularBranch {
     /// The direction.
@@ -153,8 +163,9 @@ pub enum Drawn {
 
 /// What every BSDF answers.
 ///
-/// Much of the work depends on `wo` alone: [`Self::seen`] does it once, and the methods whose names end in `_from` answer any number of
-/// questions with it. Those that take `wo` itself are for single questions.
+/// Much of the work depends on `wo` alone: [`Self::seen`] does it once, and the methods whose names
+/// end in `_from` answer any number of questions with it. Those that take `wo` itself are for
+/// single questions.
 pub trait Lobes: Sized {
     /// What is known of `wo`.
     type Seen: Clone + std::fmt::Debug;
@@ -162,13 +173,16 @@ pub trait Lobes: Sized {
     /// The BSDF seen from a direction.
     fn seen(&self, wo: Vec3) -> Self::Seen;
 
-    /// `f(wo, wi) |cos(wi)|`, and the density per steradian with which [`Self::sample_from`] draws `wi`; both without delta lobes.
+    /// `f(wo, wi) |cos(wi)|`, and the density per steradian with which [`Self::sample_from`] draws
+    /// `wi`; both without delta lobes.
     fn value_and_pdf_from(&self, seen: &Self::Seen, wi: Vec3) -> (SampledSpectrum, f32);
 
-    /// Draws a direction. `u_lobe` chooses the lobe, `u` the direction, all in `[0, 1)`. `None` if the path ends.
+    /// Draws a direction. `u_lobe` chooses the lobe, `u` the direction, all in `[0, 1)`. `None` if
+    /// the path ends.
     fn draw_from(&self, seen: &Self::Seen, u_lobe: f32, u: Vec2) -> Option<Drawn>;
 
-    /// Approximate share of light that is reflected or transmitted towards `wo`: what the albedo AOV shows.
+    /// Approximate share of light that is reflected or transmitted towards `wo`: what the albedo
+    /// AOV shows.
     fn albedo_from(&self, seen: &Self::Seen) -> SampledSpectrum;
 
     /// [`Self::draw_from`] with weight and density.
@@ -210,7 +224,8 @@ pub trait Lobes: Sized {
     /// True if there is no lobe but delta lobes: light samples are useless.
     fn is_delta(&self) -> bool;
 
-    /// True if [`Self::eval`] is 0 for directions on opposite sides: lights behind the surface need no samples. Delta lobes do not count.
+    /// True if [`Self::eval`] is 0 for directions on opposite sides: lights behind the surface need
+    /// no samples. Delta lobes do not count.
     fn is_opaque(&self) -> bool {
         false
     }
@@ -221,19 +236,22 @@ pub trait Lobes: Sized {
         SampledSpectrum::ZERO
     }
 
-    /// `pi f(wo, wi) |cos(wi)|`, or what a classic formula has in its place (Phong): `raycast` and `whitted` add this times
-    /// `irradiance / pi` per light, with the irradiance of a surface that faces the light.
+    /// `pi f(wo, wi) |cos(wi)|`, or what a classic formula has in its place (Phong): `raycast` and
+    /// `whitted` add this times `irradiance / pi` per light, with the irradiance of a surface that
+    /// faces the light.
     fn eval_classic(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         self.eval(wo, wi) * PI
     }
 
-    /// Reflectance for ambient light: what `raycast` and `whitted` multiply the scene's ambient radiance by.
+    /// Reflectance for ambient light: what `raycast` and `whitted` multiply the scene's ambient
+    /// radiance by.
     fn ambient(&self, wo: Vec3) -> SampledSpectrum {
         self.albedo(wo)
     }
 
-    /// Factor that undoes the change of radiance by refraction, for a path that crosses the surface as seen from `wo`. Russian
-    /// roulette needs it: throughput inside glass is small without being unimportant.
+    /// Factor that undoes the change of radiance by refraction, for a path that crosses the surface
+    /// as seen from `wo`. Russian roulette needs it: throughput inside glass is small without being
+    /// unimportant.
     fn crossing_scale(&self, wo: Vec3) -> f32 {
         let _ = wo;
         1.0
@@ -246,7 +264,8 @@ pub trait Lobes: Sized {
     }
 }
 
-/// Makes an enum of BSDFs from their list, the enum of what they know of a direction, and the dispatch.
+/// Makes an enum of BSDFs from their list, the enum of what they know of a direction, and the
+/// dispatch.
 macro_rules! bsdfs {
     ($(#[$doc:meta])* $name:ident, $(#[$seen_doc:meta])* $seen:ident, $($kind:ident => $type:ty, $known:ty;)*) => {
         $(#[$doc])*

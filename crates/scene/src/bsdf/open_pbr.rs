@@ -1,8 +1,10 @@
-//! The layered surface of OpenPBR Surface 1.1: fuzz over coat over a mixture of metal, clear and scattering dielectrics.
+//! The layered surface of OpenPBR Surface 1.1: fuzz over coat over a mixture of metal, clear and
+//! scattering dielectrics.
 //!
-//! Layers are put together as the specification proposes ("Reduction to a mixture of lobes"): what lies below gets the share that a
-//! layer does not reflect towards the viewer. So nothing is lost that is not absorbed, at the price of reciprocity: light that comes
-//! from where the viewer is would be shared by its own direction.
+//! Layers are put together as the specification proposes ("Reduction to a mixture of lobes"): what
+//! lies below gets the share that a layer does not reflect towards the viewer. So nothing is lost
+//! that is not absorbed, at the price of reciprocity: light that comes from where the viewer is
+//! would be shared by its own direction.
 
 mod many;
 
@@ -12,8 +14,8 @@ use super::coat::{Coat, CoatLobe, CoatSeen};
 use super::fuzz::FuzzLobe;
 use super::many::Palette;
 use super::{
-    BsdfSample, Choice, ConductorBsdf, ConductorSeen, DielectricBsdf, DielectricSeen, Drawn, GlossyBsdf, GlossySeen,
-    Lobes, SheetBsdf, SheetSeen, SpecularBranch, bsdfs, lift, lower_like,
+    BsdfSample, Choice, ConductorBsdf, ConductorSeen, DielectricBsdf, DielectricSeen, Drawn,
+    GlossyBsdf, GlossySeen, Lobes, SheetBsdf, SheetSeen, SpecularBranch, bsdfs, lift, lower_like,
 };
 use snell_math::{ColorMode, Frame, SampledSpectrum, Vec2, Vec3, sampling};
 
@@ -93,9 +95,16 @@ const FUZZ: usize = 4;
 
 impl OpenPbrBsdf {
     /// A base under its layers; the coat follows the base's normal.
-    pub fn new(slabs: Slabs, coat: Option<Coat>, fuzz: Option<Fuzz>, unit: SampledSpectrum) -> Self {
+    pub fn new(
+        slabs: Slabs,
+        coat: Option<Coat>,
+        fuzz: Option<Fuzz>,
+        unit: SampledSpectrum,
+    ) -> Self {
         let bare = Self { slabs, coat: None, fuzz: None, unit };
-        let coat = coat.map(|coat| CoatLobe::new(coat, bare.seen_from_outside(Vec3::Z).slabs.into_iter().sum()));
+        let coat = coat.map(|coat| {
+            CoatLobe::new(coat, bare.seen_from_outside(Vec3::Z).slabs.into_iter().sum())
+        });
         Self { coat, fuzz, ..bare }
     }
 
@@ -125,7 +134,8 @@ impl OpenPbrBsdf {
         }
     }
 
-    /// The slab that is all there is but for a coat, in [`snell_math::ColorMode::Rgb`]: without a coat, the surface does just what the slab does.
+    /// The slab that is all there is but for a coat, in [`snell_math::ColorMode::Rgb`]: without a
+    /// coat, the surface does just what the slab does.
     pub(super) fn only_slab(&self) -> Option<(OnlySlab<'_>, Option<&CoatLobe>)> {
         let Slabs { metal, opaque, translucent, subsurface } = &self.slabs;
         let is_bare = self.fuzz.is_none() && translucent.is_none() && *subsurface == 0.0;
@@ -151,12 +161,19 @@ impl OpenPbrBsdf {
     /// Metal and opaque dielectric where these are all there is, in [`snell_math::ColorMode::Rgb`].
     pub(super) fn only_mixture(&self) -> Option<(&(f32, ConductorBsdf), &(f32, GlossyBsdf))> {
         let Slabs { metal, opaque, translucent, subsurface } = &self.slabs;
-        let is_bare = self.fuzz.is_none() && self.coat.is_none() && translucent.is_none() && *subsurface == 0.0;
-        metal.as_ref().zip(opaque.as_ref()).filter(|_| is_bare && self.unit == ColorMode::Rgb.unit())
+        let is_bare = self.fuzz.is_none()
+            && self.coat.is_none()
+            && translucent.is_none()
+            && *subsurface == 0.0;
+        metal
+            .as_ref()
+            .zip(opaque.as_ref())
+            .filter(|_| is_bare && self.unit == ColorMode::Rgb.unit())
     }
 
-    /// Gives the coat another frame (in that of the base) than the base: a smooth coat over rough grain, or the reverse. As with
-    /// all shading normals, the cosine of incident light is then the one with that normal.
+    /// Gives the coat another frame (in that of the base) than the base: a smooth coat over rough
+    /// grain, or the reverse. As with all shading normals, the cosine of incident light is then the
+    /// one with that normal.
     pub fn with_coat_frame(mut self, frame: Frame) -> Self {
         self.coat = self.coat.map(|coat| coat.with_frame(frame));
         self
@@ -174,7 +191,8 @@ impl OpenPbrBsdf {
 
     /// True if directions below are inside of something.
     fn has_inside(&self) -> bool {
-        self.slabs.subsurface > 0.0 || matches!(self.slabs.translucent, Some((_, Translucent::Solid(_))))
+        self.slabs.subsurface > 0.0
+            || matches!(self.slabs.translucent, Some((_, Translucent::Solid(_))))
     }
 
     fn is_inside(&self, wo: Vec3) -> bool {
@@ -204,7 +222,10 @@ impl OpenPbrBsdf {
 
     /// Factor on the base under the coat.
     fn under_coat(&self, coat: &Option<CoatSeen>, wi: Vec3) -> SampledSpectrum {
-        self.coat.as_ref().zip(coat.as_ref()).map_or(SampledSpectrum::ONE, |(coat, seen)| coat.passed(seen, wi))
+        self.coat
+            .as_ref()
+            .zip(coat.as_ref())
+            .map_or(SampledSpectrum::ONE, |(coat, seen)| coat.passed(seen, wi))
     }
 
     fn coat_seen(&self, wo: Vec3) -> Option<CoatSeen> {
@@ -215,18 +236,22 @@ impl OpenPbrBsdf {
         let (fuzz, coat) = (self.fuzz_lobe(wo), self.coat_seen(wo));
         let under_fuzz = Self::under_fuzz(&fuzz);
         let s = &self.slabs;
-        let (metal, opaque, translucent) = (seen(&s.metal, wo), seen(&s.opaque, wo), seen(&s.translucent, wo));
-        let slabs =
-            [albedo(&s.metal, &metal), albedo(&s.opaque, &opaque) * self.unit, albedo(&s.translucent, &translucent)];
+        let (metal, opaque, translucent) =
+            (seen(&s.metal, wo), seen(&s.opaque, wo), seen(&s.translucent, wo));
+        let slabs = [
+            albedo(&s.metal, &metal),
+            albedo(&s.opaque, &opaque) * self.unit,
+            albedo(&s.translucent, &translucent),
+        ];
         let base = self.under_coat(&coat, mirrored(wo)) * under_fuzz;
         let [m, o, t] = slabs.map(|albedo| albedo * base);
         let c =
             self.coat.as_ref().zip(coat.as_ref()).map_or(SampledSpectrum::ZERO, |(coat, seen)| {
                 self.unit * (seen.reflected * coat.weight() * under_fuzz)
             });
-        let f = fuzz
-            .as_ref()
-            .map_or(SampledSpectrum::ZERO, |(fuzz, lobe)| fuzz.color * self.unit * (fuzz.weight * lobe.reflectance));
+        let f = fuzz.as_ref().map_or(SampledSpectrum::ZERO, |(fuzz, lobe)| {
+            fuzz.color * self.unit * (fuzz.weight * lobe.reflectance)
+        });
         let choice = Choice::new([m, o, t, c, f]);
         OpenPbrSeen { wo, metal, opaque, translucent, coat, fuzz, under_fuzz, slabs, choice }
     }
@@ -255,7 +280,9 @@ impl OpenPbrBsdf {
         let rest = ((u_lobe - scattering) / clear).min(1.0 - f32::EPSILON);
         let (_, drawn) = draw(&self.slabs.translucent, &seen.translucent, rest, u)?;
         Some(match drawn {
-            Drawn::Delta(sample) => Drawn::Delta(BsdfSample { weight: sample.weight * self.unit, ..sample }),
+            Drawn::Delta(sample) => {
+                Drawn::Delta(BsdfSample { weight: sample.weight * self.unit, ..sample })
+            }
             direction => direction,
         })
     }
@@ -264,7 +291,9 @@ impl OpenPbrBsdf {
     fn inside(&self, seen: &OpenPbrSeen, wi: Vec3) -> (SampledSpectrum, f32) {
         let (clear, scattering) = self.inside_shares();
         let (mut value, mut pdf) = (SampledSpectrum::ZERO, 0.0);
-        if let Some((_, through, density)) = value_and_pdf(&self.slabs.translucent, &seen.translucent, wi) {
+        if let Some((_, through, density)) =
+            value_and_pdf(&self.slabs.translucent, &seen.translucent, wi)
+        {
             value += through * clear;
             pdf += density * clear;
         }
@@ -301,7 +330,12 @@ fn value_and_pdf<B: Lobes>(
 }
 
 /// The share of a slab, and a direction drawn from it.
-fn draw<B: Lobes>(slab: &Option<(f32, B)>, seen: &Option<B::Seen>, u_lobe: f32, u: Vec2) -> Option<(f32, Drawn)> {
+fn draw<B: Lobes>(
+    slab: &Option<(f32, B)>,
+    seen: &Option<B::Seen>,
+    u_lobe: f32,
+    u: Vec2,
+) -> Option<(f32, Drawn)> {
     let ((share, b), seen) = slab.as_ref().zip(seen.as_ref())?;
     Some((*share, b.draw_from(seen, u_lobe, u)?))
 }
@@ -315,7 +349,11 @@ impl Lobes for OpenPbrBsdf {
     type Seen = Box<OpenPbrSeen>;
 
     fn seen(&self, wo: Vec3) -> Box<OpenPbrSeen> {
-        Box::new(if self.is_inside(wo) { self.seen_from_inside(wo) } else { self.seen_from_outside(wo) })
+        Box::new(if self.is_inside(wo) {
+            self.seen_from_inside(wo)
+        } else {
+            self.seen_from_outside(wo)
+        })
     }
 
     fn value_and_pdf_from(&self, seen: &Box<OpenPbrSeen>, wi: Vec3) -> (SampledSpectrum, f32) {
@@ -373,7 +411,9 @@ impl Lobes for OpenPbrBsdf {
             COAT => {
                 let (coat, known) = self.coat.as_ref().zip(seen.coat.as_ref())?;
                 return match coat.branch(wo, self.unit) {
-                    Some(branch) => Some(SpecularBranch { weight: branch.weight * under, ..branch }.drawn(p)),
+                    Some(branch) => {
+                        Some(SpecularBranch { weight: branch.weight * under, ..branch }.drawn(p))
+                    }
                     None => reflected(coat.sample(known, u)?),
                 };
             }
@@ -381,7 +421,8 @@ impl Lobes for OpenPbrBsdf {
         };
         Some(match drawn {
             Drawn::Delta(below) => {
-                let factor = self.unit * self.under_coat(&seen.coat, below.wi) * (under * share / p);
+                let factor =
+                    self.unit * self.under_coat(&seen.coat, below.wi) * (under * share / p);
                 Drawn::Delta(BsdfSample { weight: below.weight * factor, ..below })
             }
             direction => direction,
@@ -393,9 +434,16 @@ impl Lobes for OpenPbrBsdf {
             return self.unit;
         }
         let base: SampledSpectrum = seen.slabs.into_iter().sum();
-        let coat = self.coat.as_ref().zip(seen.coat.as_ref()).map_or(0.0, |(c, seen)| seen.reflected * c.weight());
+        let coat = self
+            .coat
+            .as_ref()
+            .zip(seen.coat.as_ref())
+            .map_or(0.0, |(c, seen)| seen.reflected * c.weight());
         let coated = base * self.under_coat(&seen.coat, mirrored(seen.wo)) + self.unit * coat;
-        let top = seen.fuzz.as_ref().map_or(SampledSpectrum::ZERO, |(f, lobe)| f.color * (f.weight * lobe.reflectance));
+        let top = seen
+            .fuzz
+            .as_ref()
+            .map_or(SampledSpectrum::ZERO, |(f, lobe)| f.color * (f.weight * lobe.reflectance));
         coated * seen.under_fuzz + top * self.unit
     }
 
@@ -413,7 +461,8 @@ impl Lobes for OpenPbrBsdf {
             return SampledSpectrum::ZERO;
         };
         let under_fuzz = Self::under_fuzz(&self.fuzz_lobe(wo));
-        body.diffuse(wo, wi) * (self.unit * self.under_coat(&self.coat_seen(wo), wi) * (share * under_fuzz))
+        body.diffuse(wo, wi)
+            * (self.unit * self.under_coat(&self.coat_seen(wo), wi) * (share * under_fuzz))
     }
 
     fn is_opaque(&self) -> bool {

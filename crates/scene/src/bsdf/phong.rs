@@ -1,9 +1,12 @@
-//! Phong's model, twice: the classic formula for local illumination, and an energy-conserving BSDF for path tracing.
+//! Phong's model, twice: the classic formula for local illumination, and an energy-conserving BSDF
+//! for path tracing.
 //!
-//! The classic side is what `.scn` and `.mtl` files mean: `kd (N.L) + ks (V.R)^n` per light, `reflection` times what the mirror
-//! direction shows, `transmission` times what the refracted direction shows, without Fresnel's law. The BSDF is the modified Phong
-//! model of Lafortune and Willems (Using the Modified Phong Reflectance Model for Physically Based Rendering, 1994) with a glossy
-//! lobe of albedo `specular`; mirror reflection beyond that (`reflection - specular`) and transmission are delta lobes.
+//! The classic side is what `.scn` and `.mtl` files mean: `kd (N.L) + ks (V.R)^n` per light,
+//! `reflection` times what the mirror direction shows, `transmission` times what the refracted
+//! direction shows, without Fresnel's law. The BSDF is the modified Phong model of Lafortune and
+//! Willems (Using the Modified Phong Reflectance Model for Physically Based Rendering, 1994) with a
+//! glossy lobe of albedo `specular`; mirror reflection beyond that (`reflection - specular`) and
+//! transmission are delta lobes.
 
 use super::mirror::mirror_branch;
 use super::{Drawn, Lobes, SpecularBranch, fresnel, lift, lower_like};
@@ -47,8 +50,8 @@ pub struct PhongCoefficients {
 }
 
 impl PhongBsdf {
-    /// The BSDF of these coefficients. If they add up to more than 1 in a channel, the BSDF (not the classic formula) scales all
-    /// down by the same factor.
+    /// The BSDF of these coefficients. If they add up to more than 1 in a channel, the BSDF (not
+    /// the classic formula) scales all down by the same factor.
     pub fn new(c: PhongCoefficients) -> Self {
         let mirror = c.reflection.zip(c.specular, |r, s| (r - s).max(0.0));
         let most = (c.diffuse + c.specular + mirror + c.transmission).max_element();
@@ -71,7 +74,8 @@ impl PhongBsdf {
     /// `cos^n` of the angle between `wi` and the mirror direction of `wo`, both above.
     fn highlight(&self, wo: Vec3, wi: Vec3) -> f32 {
         let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
-        // From the chord, because the cosine of a small angle has lost its digits; they matter for large exponents.
+        // From the chord, because the cosine of a small angle has lost its digits; they matter for
+        // large exponents.
         let one_minus_cos = 0.5 * (mirror - wi).length_squared();
         if one_minus_cos >= 1.0 { 0.0 } else { (self.exponent * (-one_minus_cos).ln_1p()).exp() }
     }
@@ -87,19 +91,25 @@ impl PhongBsdf {
     /// Shares of diffuse, highlight, mirror and transmission among the samples.
     fn choice(&self) -> Option<[f32; 4]> {
         let sum = |s: SampledSpectrum| s.0.iter().sum::<f32>();
-        let weights = [self.diffuse, self.specular, self.mirror_excess(), self.transmission].map(sum);
+        let weights =
+            [self.diffuse, self.specular, self.mirror_excess(), self.transmission].map(sum);
         let total: f32 = weights.iter().sum();
         (total > 0.0).then(|| weights.map(|w| w / total))
     }
 
     /// Density of a direction above, whose [`Self::highlight`] is known.
     fn mixture_pdf(&self, [diffuse, glossy, ..]: [f32; 4], highlight: f32, wi: Vec3) -> f32 {
-        diffuse * sampling::cosine_hemisphere_pdf(wi.z) + glossy * (self.exponent + 1.0) * 0.5 * FRAC_1_PI * highlight
+        diffuse * sampling::cosine_hemisphere_pdf(wi.z)
+            + glossy * (self.exponent + 1.0) * 0.5 * FRAC_1_PI * highlight
     }
 
     fn refraction(&self, wo: Vec3) -> Option<SpecularBranch> {
         let eta = if wo.z > 0.0 { self.ior } else { 1.0 / self.ior };
-        let wi = if self.ior == 1.0 { -wo } else { lower_like(fresnel::refract(lift(wo), Vec3::Z, eta)?, wo) };
+        let wi = if self.ior == 1.0 {
+            -wo
+        } else {
+            lower_like(fresnel::refract(lift(wo), Vec3::Z, eta)?, wo)
+        };
         Some(SpecularBranch { wi, weight: self.transmission, is_transmission: true })
     }
 }
@@ -123,7 +133,11 @@ impl Lobes for PhongBsdf {
     }
 
     fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        if wo.z * wi.z > 0.0 { self.diffuse * (FRAC_1_PI * wi.z.abs() * self.scale) } else { SampledSpectrum::ZERO }
+        if wo.z * wi.z > 0.0 {
+            self.diffuse * (FRAC_1_PI * wi.z.abs() * self.scale)
+        } else {
+            SampledSpectrum::ZERO
+        }
     }
 
     fn draw_from(&self, &wo: &Vec3, u_lobe: f32, u: Vec2) -> Option<Drawn> {
@@ -138,9 +152,9 @@ impl Lobes for PhongBsdf {
         } else if u_lobe < diffuse + highlight + mirror {
             return Some(mirror_branch(wo, self.mirror_excess() * self.scale).drawn(mirror));
         } else if transmission > 0.0 {
-            return self
-                .refraction(wo)
-                .map(|b| SpecularBranch { weight: b.weight * self.scale, ..b }.drawn(transmission));
+            return self.refraction(wo).map(|b| {
+                SpecularBranch { weight: b.weight * self.scale, ..b }.drawn(transmission)
+            });
         } else {
             return None;
         };

@@ -1,7 +1,7 @@
 //! A thin sheet of glass: a window, a soap bubble.
 //!
-//! Light bounces between the two faces of the sheet; the sum over all bounces is reflected or goes straight on. Roughness spreads
-//! what goes through as much as what is reflected.
+//! Light bounces between the two faces of the sheet; the sum over all bounces is reflected or goes
+//! straight on. Roughness spreads what goes through as much as what is reflected.
 
 use super::energy::{BouncedLobe, FacetLoss};
 use super::film::ThinFilm;
@@ -45,7 +45,8 @@ impl SheetBsdf {
         self.ggx.has_tangent()
     }
 
-    /// A sheet of this index of refraction over the outside; `tint` is a factor on what it reflects, `unit` is 1 in every lane in use.
+    /// A sheet of this index of refraction over the outside; `tint` is a factor on what it
+    /// reflects, `unit` is 1 in every lane in use.
     pub fn new(
         ior: f32,
         tint: SampledSpectrum,
@@ -58,7 +59,8 @@ impl SheetBsdf {
         let f0 = SampledSpectrum::splat(fresnel::f0_from_ior(ior));
         let bounced = [SampledSpectrum::ZERO; 2];
         let lost = loss.average();
-        let mut sheet = Self { ior, tint, transmittance, unit, ggx, film, f0, loss, mean_loss: lost, bounced };
+        let mut sheet =
+            Self { ior, tint, transmittance, unit, ggx, film, f0, loss, mean_loss: lost, bounced };
         if lost > 0.0 {
             // As at the mean angle of diffuse light.
             sheet.bounced = sheet.shares(2.0 / 3.0).map(|s| s * (1.0 / lost));
@@ -72,7 +74,8 @@ impl SheetBsdf {
         let f = self.film.map_or(f, |film| film.reflectance(cos, self.f0, f));
         let sin2 = (1.0 - cos * cos).max(0.0) / (self.ior * self.ior);
         let inside = (1.0 - sin2).max(1e-4).sqrt();
-        let left = self.transmittance.map(|t| if t >= 1.0 { 1.0 } else { t.max(0.0).powf(1.0 / inside) });
+        let left =
+            self.transmittance.map(|t| if t >= 1.0 { 1.0 } else { t.max(0.0).powf(1.0 / inside) });
         let pass = SampledSpectrum::ONE - f;
         let ladder = SampledSpectrum::ONE - f * f * left * left;
         let over = |x: SampledSpectrum| x.zip(ladder, |x, l| if l > 1e-6 { x / l } else { 0.0 });
@@ -106,7 +109,8 @@ impl Lobes for SheetBsdf {
             Some((m, value, pdf)) => (self.shares(wo.dot(m))[side] * value, pdf),
             None => (SampledSpectrum::ZERO, 0.0),
         };
-        let value = once + self.bounced[side] * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
+        let value =
+            once + self.bounced[side] * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
         let p = seen.choice.probabilities;
         (value, p[side] * pdf + p[2 + side] * BouncedLobe::new(self.ggx.widths()).pdf(wi.z))
     }
@@ -119,7 +123,9 @@ impl Lobes for SheetBsdf {
         let lobe = seen.choice.pick(u_lobe)?.0;
         let side = lobe % 2;
         if self.ggx.is_smooth() {
-            return Some(Self::branches(wo, seen.shares)[side].drawn(seen.choice.probabilities[lobe]));
+            return Some(
+                Self::branches(wo, seen.shares)[side].drawn(seen.choice.probabilities[lobe]),
+            );
         }
         let wi = if lobe < 2 {
             self.ggx.sample_reflection(lift(wo), u)?
@@ -128,7 +134,10 @@ impl Lobes for SheetBsdf {
         };
         let Vec3 { x, y, z } = lower_like(wi, wo);
         let is_transmission = side == 1;
-        Some(Drawn::Direction { wi: Vec3::new(x, y, if is_transmission { -z } else { z }), is_transmission })
+        Some(Drawn::Direction {
+            wi: Vec3::new(x, y, if is_transmission { -z } else { z }),
+            is_transmission,
+        })
     }
 
     fn is_delta(&self) -> bool {
@@ -145,6 +154,10 @@ impl Lobes for SheetBsdf {
     }
 
     fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
-        if self.is_delta() { Self::branches(wo, self.shares(wo.z.abs())).map(Some) } else { [None, None] }
+        if self.is_delta() {
+            Self::branches(wo, self.shares(wo.z.abs())).map(Some)
+        } else {
+            [None, None]
+        }
     }
 }

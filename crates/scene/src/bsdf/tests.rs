@@ -8,7 +8,11 @@ use snell_math::statistics::{HemisphereCells, chi_squared_deviation, sidak_devia
 use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec2, Vec3, rng};
 
 fn surface() -> SurfaceInteraction {
-    SurfaceInteraction { uv: [Vec2::splat(0.3); 2], t: 1.0, ..SurfaceInteraction::plain(Vec3::ZERO, Vec3::Z) }
+    SurfaceInteraction {
+        uv: [Vec2::splat(0.3); 2],
+        t: 1.0,
+        ..SurfaceInteraction::plain(Vec3::ZERO, Vec3::Z)
+    }
 }
 
 pub(super) fn bsdf(kind: &MaterialKind) -> Bsdf {
@@ -17,13 +21,21 @@ pub(super) fn bsdf(kind: &MaterialKind) -> Bsdf {
 
 pub(super) fn bsdf_in(mode: ColorMode, kind: &MaterialKind) -> Bsdf {
     let textures = TextureSet::default();
-    kind.bsdf(&ShadingPoint { surface: &surface(), footprint: 0.0, textures: &textures, mode, outside_ior: 1.0 })
+    kind.bsdf(&ShadingPoint {
+        surface: &surface(),
+        footprint: 0.0,
+        textures: &textures,
+        mode,
+        outside_ior: 1.0,
+    })
 }
 
 /// Directions to look from: both sides, straight and grazing.
 fn views() -> Vec<Vec3> {
     [(0.0f32, 0.3f32), (0.7, 0.0), (1.2, 2.0), (1.5, 4.0), (2.2, 1.0), (3.0, 5.0)]
-        .map(|(theta, phi)| Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()))
+        .map(|(theta, phi)| {
+            Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+        })
         .to_vec()
 }
 
@@ -41,7 +53,9 @@ fn for_each(mut check: impl FnMut(&str, &MaterialKind, &Bsdf, Vec3)) {
 fn relative_ior(kind: &MaterialKind, wo: Vec3) -> f32 {
     let ior = match kind {
         MaterialKind::Dielectric(d) => d.ior.at_line_d(),
-        MaterialKind::OpenPbr(p) if p.transmission_weight.factor > 0.0 && !p.geometry_thin_walled => {
+        MaterialKind::OpenPbr(p)
+            if p.transmission_weight.factor > 0.0 && !p.geometry_thin_walled =>
+        {
             p.specular_ior.factor
         }
         _ => 1.0,
@@ -59,7 +73,8 @@ fn has_walk(kind: &MaterialKind) -> bool {
     matches!(kind, MaterialKind::OpenPbr(p) if p.subsurface_weight.factor > 0.0 && !p.geometry_thin_walled)
 }
 
-/// True for materials whose layers or lobes are weighted by the viewer's direction alone (and fuzz, which is a fit of that form).
+/// True for materials whose layers or lobes are weighted by the viewer's direction alone (and fuzz,
+/// which is a fit of that form).
 fn is_layered(kind: &MaterialKind) -> bool {
     match kind {
         MaterialKind::OpenPbr(p) => {
@@ -98,7 +113,8 @@ fn sobol(i: u32) -> [f32; 3] {
 
 /// Share of a uniform surrounding that is seen, by the first points of Sobol's sequence.
 fn furnace(kind: &MaterialKind, bsdf: &Bsdf, wo: Vec3, n: u32) -> [f64; 3] {
-    static POINTS: std::sync::LazyLock<Vec<[f32; 3]>> = std::sync::LazyLock::new(|| (0..1 << 17).map(sobol).collect());
+    static POINTS: std::sync::LazyLock<Vec<[f32; 3]>> =
+        std::sync::LazyLock::new(|| (0..1 << 17).map(sobol).collect());
     let half = 0.5 / n as f32;
     let mut sum = [0.0; 3];
     for &[lobe, x, y] in &POINTS[..n as usize] {
@@ -132,7 +148,9 @@ fn no_bsdf_makes_light() {
 
 #[test]
 fn lossless_settings_lose_nothing() {
-    use crate::material::{Conductor, Dielectric, Diffuse, MetallicRoughness, Mirror, Phong, Plastic};
+    use crate::material::{
+        Conductor, Dielectric, Diffuse, MetallicRoughness, Mirror, Phong, Plastic,
+    };
     let white = Rgb::WHITE;
     let lossless: Vec<MaterialKind> = vec![
         Diffuse::new(white).into(),
@@ -147,13 +165,17 @@ fn lossless_settings_lose_nothing() {
         Plastic::new(white, 0.5).into(),
         MetallicRoughness::new(white, 1.0, 0.0).into(),
         MetallicRoughness::new(white, 0.0, 0.0).into(),
-        MetallicRoughness { transmission: 1.0.into(), ..MetallicRoughness::new(white, 0.0, 0.0) }.into(),
+        MetallicRoughness { transmission: 1.0.into(), ..MetallicRoughness::new(white, 0.0, 0.0) }
+            .into(),
     ];
     for kind in lossless {
         let bsdf = bsdf(&kind);
         for wo in views() {
             let albedo = furnace(&kind, &bsdf, wo, 1 << 16);
-            assert!(albedo.iter().all(|a| (a - 1.0).abs() < 1e-3), "{kind:?} from {wo}: {albedo:?}");
+            assert!(
+                albedo.iter().all(|a| (a - 1.0).abs() < 1e-3),
+                "{kind:?} from {wo}: {albedo:?}"
+            );
         }
     }
 }
@@ -162,7 +184,8 @@ fn lossless_settings_lose_nothing() {
 fn integrated_furnace(kind: &MaterialKind, bsdf: &Bsdf, wo: Vec3) -> f64 {
     let scale = |is_transmission| f64::from(energy_scale(kind, wo, is_transmission));
     let [above, below] = halves(wo, relative_ior(kind, wo), 6, 4);
-    let spread = |cells: HemisphereCells| cells.integrate(|wi| bsdf.eval(wo, wi)[0]).iter().sum::<f64>();
+    let spread =
+        |cells: HemisphereCells| cells.integrate(|wi| bsdf.eval(wo, wi)[0]).iter().sum::<f64>();
     let sharp = bsdf.specular_branches(wo).into_iter().flatten();
     let sharp: f64 = sharp.map(|b| f64::from(b.weight[0]) * scale(b.is_transmission)).sum();
     sharp + spread(above) + if bsdf.is_opaque() { 0.0 } else { spread(below) * scale(true) }
@@ -170,7 +193,8 @@ fn integrated_furnace(kind: &MaterialKind, bsdf: &Bsdf, wo: Vec3) -> f64 {
 
 const SHAPES: [MicrofacetShape; 2] = [MicrofacetShape::Ggx, MicrofacetShape::Beckmann];
 
-/// Twenty roughnesses and ten angles, from either side where `sides` is 2, of lossless settings: they keep all light but a thousandth.
+/// Twenty roughnesses and ten angles, from either side where `sides` is 2, of lossless settings:
+/// they keep all light but a thousandth.
 fn lossless_at_every_roughness_and_angle(
     name: &str,
     sides: usize,
@@ -196,7 +220,8 @@ fn keeps_all_light_but(
         for angle in 0..10 {
             for side in 0..sides {
                 let theta = (angle as f32 * 9.5 + 2.0).to_radians();
-                let wo = Vec3::new(theta.sin(), 0.0, if side == 0 { theta.cos() } else { -theta.cos() });
+                let wo =
+                    Vec3::new(theta.sin(), 0.0, if side == 0 { theta.cos() } else { -theta.cos() });
                 let off = seen(&kind, &bsdf, wo) - 1.0;
                 if off.abs() > worst.0 {
                     worst = (off.abs(), format!("{off:+.5} at roughness {roughness} from {wo}"));
@@ -213,18 +238,25 @@ fn white_metals_lose_nothing_at_any_roughness() {
     use crate::material::Conductor;
     for microfacets in SHAPES {
         let kind = |r| Conductor { microfacets, ..Conductor::color(Rgb::WHITE, r) }.into();
-        lossless_at_every_roughness_and_angle(&format!("metal {microfacets:?}"), 1, kind, integrated_furnace);
+        lossless_at_every_roughness_and_angle(
+            &format!("metal {microfacets:?}"),
+            1,
+            kind,
+            integrated_furnace,
+        );
     }
 }
 
-/// By random numbers: at grazing angles the refraction of rough glass has ridges that are too sharp to be integrated.
+/// By random numbers: at grazing angles the refraction of rough glass has ridges that are too sharp
+/// to be integrated.
 fn clear_dielectrics_lose_next_to_nothing(iors: &[f32], n: u32) {
     use crate::material::Dielectric;
     for &ior in iors {
         let seen = |kind: &MaterialKind, bsdf: &Bsdf, wo| furnace(kind, bsdf, wo, n)[0];
         for microfacets in SHAPES {
             let kind = |r| Dielectric { microfacets, ..Dielectric::rough(ior, r) }.into();
-            // (Off by up to 0.0012 here with Beckmann's, and by 0.0008 with four times as many points.)
+            // (Off by up to 0.0012 here with Beckmann's, and by 0.0008 with four times as many
+            // points.)
             let share = if microfacets == MicrofacetShape::Ggx { 1e-3 } else { 1.5e-3 };
             keeps_all_light_but(share, &format!("glass of {ior} {microfacets:?}"), 2, kind, seen);
         }
@@ -247,7 +279,12 @@ fn white_plastics_lose_nothing_at_any_roughness() {
     use crate::material::Plastic;
     for microfacets in SHAPES {
         let kind = |r| Plastic { microfacets, ..Plastic::new(Rgb::WHITE, r) }.into();
-        lossless_at_every_roughness_and_angle(&format!("plastic {microfacets:?}"), 1, kind, integrated_furnace);
+        lossless_at_every_roughness_and_angle(
+            &format!("plastic {microfacets:?}"),
+            1,
+            kind,
+            integrated_furnace,
+        );
     }
 }
 
@@ -255,12 +292,25 @@ fn white_plastics_lose_nothing_at_any_roughness() {
 fn white_layers_lose_nothing_at_any_roughness() {
     use crate::material::OpenPbr;
     let white = || crate::material::ColorParam::from(Rgb::WHITE);
-    let plain = |r: f32| OpenPbr { base_color: white(), specular_roughness: r.into(), ..OpenPbr::default() };
+    let plain = |r: f32| OpenPbr {
+        base_color: white(),
+        specular_roughness: r.into(),
+        ..OpenPbr::default()
+    };
     let all: [&dyn Fn(f32) -> OpenPbr; 8] = [
         &plain,
-        &|r| OpenPbr { base_diffuse_roughness: 1.0.into(), specular_weight: 2.0.into(), ..plain(r) },
+        &|r| OpenPbr {
+            base_diffuse_roughness: 1.0.into(),
+            specular_weight: 2.0.into(),
+            ..plain(r)
+        },
         &|r| OpenPbr { coat_weight: 1.0.into(), coat_roughness: r.into(), ..plain(0.5) },
-        &|r| OpenPbr { coat_weight: 0.7.into(), base_metalness: 0.5.into(), fuzz_weight: 1.0.into(), ..plain(r) },
+        &|r| OpenPbr {
+            coat_weight: 0.7.into(),
+            base_metalness: 0.5.into(),
+            fuzz_weight: 1.0.into(),
+            ..plain(r)
+        },
         &|r| OpenPbr { fuzz_weight: 0.8.into(), fuzz_roughness: r.into(), ..plain(0.3) },
         &|r| OpenPbr { transmission_weight: 1.0.into(), geometry_thin_walled: true, ..plain(r) },
         &|r| OpenPbr {
@@ -269,9 +319,15 @@ fn white_layers_lose_nothing_at_any_roughness() {
             geometry_thin_walled: true,
             ..plain(r)
         },
-        &|r| OpenPbr { subsurface_weight: 0.6.into(), subsurface_color: white(), coat_weight: 1.0.into(), ..plain(r) },
+        &|r| OpenPbr {
+            subsurface_weight: 0.6.into(),
+            subsurface_color: white(),
+            coat_weight: 1.0.into(),
+            ..plain(r)
+        },
     ];
-    let names = ["plain", "rough matte", "coat", "mixture", "fuzz", "pane", "leaf", "wax under a coat"];
+    let names =
+        ["plain", "rough matte", "coat", "mixture", "fuzz", "pane", "leaf", "wax under a coat"];
     for (name, surface) in names.into_iter().zip(all) {
         lossless_at_every_roughness_and_angle(name, 1, |r| surface(r).into(), integrated_furnace);
     }
@@ -283,7 +339,8 @@ fn nothing_is_lost_on_a_walk_through_a_glass_ball() {
     let glass = bsdf(&Dielectric::smooth(1.5).into());
     for seed in 0..2000u32 {
         let u = |bounce: u32| rng::uniform2([seed, bounce, 5, 1]);
-        // The ball by its normals alone: inside, each chord meets the surface at the angle at which it left it.
+        // The ball by its normals alone: inside, each chord meets the surface at the angle at which
+        // it left it.
         let (mut wo, mut throughput) = (fresnel_view(u(100).x), SampledSpectrum::ONE);
         for bounce in 0..200 {
             let s = glass.sample(wo, u(bounce).x, u(bounce + 1000)).expect("glass absorbs nothing");
@@ -309,7 +366,10 @@ fn samples_agree_with_value_and_density() {
             let (u, lobe) = (rng::uniform2([i, 11, 3, 0]), rng::uniform2([i, 12, 3, 0]).x);
             let Some(s) = bsdf.sample(wo, lobe, u) else { continue };
             assert!((s.wi.length() - 1.0).abs() < 1e-4, "{name}: {s:?}");
-            assert!(s.weight.is_finite() && s.weight.0.iter().all(|&w| w >= 0.0) && s.pdf.is_finite(), "{name}: {s:?}");
+            assert!(
+                s.weight.is_finite() && s.weight.0.iter().all(|&w| w >= 0.0) && s.pdf.is_finite(),
+                "{name}: {s:?}"
+            );
             assert_eq!(s.is_transmission, s.wi.z * wo.z < 0.0, "{name}: {s:?}");
             assert_eq!(s.is_delta, s.pdf == 0.0, "{name}: {s:?}");
             assert!(!bsdf.is_delta() || s.is_delta, "{name}: a delta BSDF gave {s:?}");
@@ -352,7 +412,10 @@ fn values_are_reciprocal() {
 #[test]
 fn both_sides_of_opaque_materials_look_alike() {
     for_each(|name, kind, bsdf, wo| {
-        if relative_ior(kind, wo) != 1.0 || has_walk(kind) || matches!(kind, MaterialKind::Dielectric(_)) {
+        if relative_ior(kind, wo) != 1.0
+            || has_walk(kind)
+            || matches!(kind, MaterialKind::Dielectric(_))
+        {
             return;
         }
         let flip = |v: Vec3| Vec3::new(v.x, v.y, -v.z);
@@ -372,22 +435,34 @@ fn directions_in_the_surface_are_harmless() {
             for i in 0..100u32 {
                 let (u, lobe) = (rng::uniform2([i, 41, 3, 0]), rng::uniform2([i, 42, 3, 0]).x);
                 if let Some(s) = bsdf.sample(wo, lobe, if i == 0 { Vec2::ZERO } else { u }) {
-                    assert!(s.weight.is_finite() && s.weight.0.iter().all(|&w| w >= 0.0), "{kind:?} {wo} {s:?}");
+                    assert!(
+                        s.weight.is_finite() && s.weight.0.iter().all(|&w| w >= 0.0),
+                        "{kind:?} {wo} {s:?}"
+                    );
                 }
                 let wi = snell_math::sampling::uniform_sphere(u);
                 for wi in [wi, Vec3::Y, -wo, wo, Vec3::new(-wo.x, -wo.y, wo.z)] {
                     let (value, pdf) = (bsdf.eval(wo, wi), bsdf.pdf(wo, wi));
-                    assert!(value.is_finite() && value.0.iter().all(|&v| v >= 0.0), "{kind:?} {wo} {wi} {value:?}");
+                    assert!(
+                        value.is_finite() && value.0.iter().all(|&v| v >= 0.0),
+                        "{kind:?} {wo} {wi} {value:?}"
+                    );
                     assert!(pdf.is_finite() && pdf >= 0.0, "{kind:?} {wo} {wi} {pdf}");
                 }
             }
-            assert!(bsdf.specular_branches(wo).iter().flatten().all(|b| b.weight.is_finite() && b.wi.is_finite()));
+            assert!(
+                bsdf.specular_branches(wo)
+                    .iter()
+                    .flatten()
+                    .all(|b| b.weight.is_finite() && b.wi.is_finite())
+            );
             assert!(bsdf.albedo(wo).is_finite() && bsdf.ambient(wo).is_finite());
         }
     }
 }
 
-/// Cells about the mirror image and about where a smooth surface of this relative index would send light, where lobes are sharp.
+/// Cells about the mirror image and about where a smooth surface of this relative index would send
+/// light, where lobes are sharp.
 fn halves(wo: Vec3, eta: f32, rings: usize, sectors: usize) -> [HemisphereCells; 2] {
     let side = Vec3::new(0.0, 0.0, wo.z.signum());
     [fresnel::reflect(wo, side), fresnel::refract(wo, side, eta).unwrap_or(-wo)]
@@ -404,7 +479,8 @@ fn samples_are_distributed_by_their_density() {
         }
         const CELLS: usize = 20 * 8;
         let halves = halves(wo, relative_ior(kind, wo), 20, 8);
-        let mut expected: Vec<f64> = halves.iter().flat_map(|c| c.integrate(|w| bsdf.pdf(wo, w))).collect();
+        let mut expected: Vec<f64> =
+            halves.iter().flat_map(|c| c.integrate(|w| bsdf.pdf(wo, w))).collect();
         let total: f64 = expected.iter().sum();
         assert!(total <= 1.0 + 5e-4, "{name}: density adds up to {total}");
         let n = 40_000u32;
@@ -430,7 +506,10 @@ fn samples_are_distributed_by_their_density() {
         }
     });
     let limit = sidak_deviation(0.01, tests);
-    assert!(tests > 100 && worst.0 < limit, "{tests} tests, the worst {worst:?}, but at most {limit}");
+    assert!(
+        tests > 100 && worst.0 < limit,
+        "{tests} tests, the worst {worst:?}, but at most {limit}"
+    );
 }
 
 #[test]
@@ -465,8 +544,13 @@ fn phong_keeps_the_classic_formula() {
 fn phong_refracts_without_fresnel_and_drops_total_reflection() {
     use crate::material::Phong;
     let glass = bsdf(
-        &Phong { diffuse: Rgb::BLACK.into(), transmission: Rgb::splat(0.7).into(), ior: 1.5, ..Phong::default() }
-            .into(),
+        &Phong {
+            diffuse: Rgb::BLACK.into(),
+            transmission: Rgb::splat(0.7).into(),
+            ior: 1.5,
+            ..Phong::default()
+        }
+        .into(),
     );
     let [_, through] = glass.specular_branches(Vec3::new(0.6, 0.0, 0.8));
     let through = through.expect("enters");

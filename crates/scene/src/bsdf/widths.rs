@@ -1,11 +1,13 @@
-//! How rough a surface of microfacets is: all that distributions of different shapes have in common.
+//! How rough a surface of microfacets is: all that distributions of different shapes have in
+//! common.
 
 use snell_math::Vec3;
 
 /// Widths below this are too narrow for single precision.
 const MIN_ALPHA: f32 = 1e-3;
 
-/// Roughness of a surface: the root mean square slope is about `x` along the tangent and `y` along the bitangent.
+/// Roughness of a surface: the root mean square slope is about `x` along the tangent and `y` along
+/// the bitangent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Widths {
     pub(super) x: f32,
@@ -13,7 +15,8 @@ pub struct Widths {
 }
 
 impl Widths {
-    /// Those of a perceptual roughness in `[0, 1]`: `alpha = roughness^2`, as in glTF and OpenPBR. Clamps; NaN counts as 0.
+    /// Those of a perceptual roughness in `[0, 1]`: `alpha = roughness^2`, as in glTF and OpenPBR.
+    /// Clamps; NaN counts as 0.
     pub fn from_roughness(roughness: f32) -> Self {
         let roughness = super::bounded(roughness, 1.0);
         Self { x: roughness * roughness, y: roughness * roughness }
@@ -25,8 +28,9 @@ impl Widths {
         Self { x: alpha, y: alpha }
     }
 
-    /// Those of a perceptual roughness that is stretched along the tangent, both in `[0, 1]`: the mean square of the two widths is
-    /// `roughness^4` whatever the anisotropy (OpenPBR Surface 1.1, section "Microfacet model").
+    /// Those of a perceptual roughness that is stretched along the tangent, both in `[0, 1]`: the
+    /// mean square of the two widths is `roughness^4` whatever the anisotropy (OpenPBR Surface 1.1,
+    /// section "Microfacet model").
     pub fn from_anisotropy(roughness: f32, anisotropy: f32) -> Self {
         let (r, rest) = (super::bounded(roughness, 1.0), 1.0 - super::bounded(anisotropy, 1.0));
         let x = r * r * (2.0 / (1.0 + rest * rest)).sqrt();
@@ -39,10 +43,15 @@ impl Widths {
         if anisotropy < 0.0 { Self { x: y, y: x } } else { Self { x, y } }
     }
 
-    /// These widths along tangent and bitangent. A surface that is smooth one way only gets the least width that can be computed with.
+    /// These widths along tangent and bitangent. A surface that is smooth one way only gets the
+    /// least width that can be computed with.
     pub fn from_alphas(x: f32, y: f32) -> Self {
         let [x, y] = [x, y].map(|alpha| super::bounded(alpha, 2.0));
-        if x.max(y) < MIN_ALPHA { Self { x, y } } else { Self { x: x.max(MIN_ALPHA), y: y.max(MIN_ALPHA) } }
+        if x.max(y) < MIN_ALPHA {
+            Self { x, y }
+        } else {
+            Self { x: x.max(MIN_ALPHA), y: y.max(MIN_ALPHA) }
+        }
     }
 
     /// Width of the distribution; for an anisotropic one the geometric mean of its two.
@@ -55,8 +64,8 @@ impl Widths {
         self.x != self.y && !self.is_smooth()
     }
 
-    /// True if the surface is to be treated as perfectly smooth, with delta lobes: below `alpha = 0.001` lobes are too narrow for
-    /// single precision.
+    /// True if the surface is to be treated as perfectly smooth, with delta lobes: below
+    /// `alpha = 0.001` lobes are too narrow for single precision.
     #[inline(always)]
     pub fn is_smooth(self) -> bool {
         self.x.max(self.y) < MIN_ALPHA
@@ -75,8 +84,8 @@ impl Widths {
         (x * x + y * y + w.z * w.z).sqrt()
     }
 
-    /// The cosine of a direction in units of the roughness: 0 where it grazes the surface, 1 along the normal. Masking depends on
-    /// this alone.
+    /// The cosine of a direction in units of the roughness: 0 where it grazes the surface, 1 along
+    /// the normal. Masking depends on this alone.
     #[inline(always)]
     pub(super) fn steepness(self, w: Vec3) -> f32 {
         let spread = self.spread(w);
@@ -96,7 +105,9 @@ mod tests {
 
     #[test]
     fn stretched_widths_have_the_mean_square_of_the_roughness() {
-        for (anisotropy, ratio) in [(0.0, 1.0), (0.6, 0.4), (-0.6, 2.5), (1.0, 0.0), (f32::NAN, 1.0)] {
+        for (anisotropy, ratio) in
+            [(0.0, 1.0), (0.6, 0.4), (-0.6, 2.5), (1.0, 0.0), (f32::NAN, 1.0)]
+        {
             let Widths { x, y } = Widths::stretched(0.8, anisotropy);
             assert!((0.5 * (x * x + y * y) - 0.8f32.powi(4)).abs() < 1e-5, "{anisotropy}: {x} {y}");
             assert!((y / x - ratio).abs() < 2e-3, "{anisotropy}: {x} {y}");

@@ -1,4 +1,5 @@
-//! A room that is lit through a door left ajar, after an idea of Veach (1997): the lamp is in the next room.
+//! A room that is lit through a door left ajar, after an idea of Veach (1997): the lamp is in the
+//! next room.
 
 use super::palette::{glass, matte, metal, plastic};
 use super::quads::quads;
@@ -26,10 +27,12 @@ pub fn scene() -> Scene {
     let white = scene.add_material(plastic("china", Rgb::new(0.75, 0.75, 0.73), 0.05));
     let steel = scene.add_material(metal("steel", Rgb::splat(0.7), 0.15));
     let clear = scene.add_material(glass("glass"));
-    let lamp = scene.add_material(Material::new("lamp", Black {}).emitting(Rgb::new(9000.0, 8200.0, 6900.0)));
+    let lamp = scene
+        .add_material(Material::new("lamp", Black {}).emitting(Rgb::new(9000.0, 8200.0, 6900.0)));
     rooms(&mut scene, walls, floor);
     let depth = DOOR[0];
-    let hinge = DAffine3::from_translation(DVec3::new(0.0, 0.0, depth)) * DAffine3::from_rotation_y(OPEN);
+    let hinge =
+        DAffine3::from_translation(DVec3::new(0.0, 0.0, depth)) * DAffine3::from_rotation_y(OPEN);
     // The leaf hangs at its far end and opens into the room that is seen.
     put(&mut scene, "door", [0.0, 0.005, -depth], [0.05, DOOR[1] - 0.01, 0.0], hinge, wood);
     let still = DAffine3::IDENTITY;
@@ -42,10 +45,16 @@ pub fn scene() -> Scene {
     ball(&mut scene, "glass", DVec3::new(1.8, 0.88, -0.15), 0.14, clear);
     // Turned to the far wall of the next room.
     let lamp_quad = [[-1.9, 0.9, 2.4], [-1.9, 2.1, 2.4], [-1.5, 2.1, 2.4], [-1.5, 0.9, 2.4]];
-    scene.add_child(scene.root, Node { surfaces: vec![quads(&[lamp_quad], lamp)], ..Node::named("lamp") });
+    scene.add_child(
+        scene.root,
+        Node { surfaces: vec![quads(&[lamp_quad], lamp)], ..Node::named("lamp") },
+    );
     let (eye, target) = (DVec3::new(4.6, 1.65, 1.2), DVec3::new(0.9, 0.95, 0.35));
     let projection = Projection::from_half_angle_x(0.5);
-    scene.cameras.push(Camera { name: "main".into(), ..Camera::from_target(eye, target, DVec3::Y, projection) });
+    scene.cameras.push(Camera {
+        name: "main".into(),
+        ..Camera::from_target(eye, target, DVec3::Y, projection)
+    });
     scene.settings.size = Some([640, 480]);
     scene
 }
@@ -61,8 +70,14 @@ fn rooms(scene: &mut Scene, walls: MaterialId, floor: MaterialId) {
         [[left, 0.0, front], [left, 0.0, back], [left, h, back], [left, h, front]],
         [[right, 0.0, back], [right, 0.0, front], [right, h, front], [right, h, back]],
     ];
-    scene.add_child(scene.root, Node { surfaces: vec![quads(&[ground], floor)], ..Node::named("floor") });
-    scene.add_child(scene.root, Node { surfaces: vec![quads(&faces, walls)], ..Node::named("rooms") });
+    scene.add_child(
+        scene.root,
+        Node { surfaces: vec![quads(&[ground], floor)], ..Node::named("floor") },
+    );
+    scene.add_child(
+        scene.root,
+        Node { surfaces: vec![quads(&faces, walls)], ..Node::named("rooms") },
+    );
     let (back, front) = (f64::from(back), f64::from(front));
     let still = DAffine3::IDENTITY;
     put(scene, "wall", [-WALL, 0.0, back], [0.0, HEIGHT, 0.0], still, walls);
@@ -70,7 +85,14 @@ fn rooms(scene: &mut Scene, walls: MaterialId, floor: MaterialId) {
     put(scene, "lintel", [-WALL, DOOR[1], 0.0], [0.0, HEIGHT, DOOR[0]], still, walls);
 }
 
-fn put(scene: &mut Scene, name: &str, min: [f64; 3], max: [f64; 3], transform: DAffine3, material: MaterialId) {
+fn put(
+    scene: &mut Scene,
+    name: &str,
+    min: [f64; 3],
+    max: [f64; 3],
+    transform: DAffine3,
+    material: MaterialId,
+) {
     let shape = BoxShape { min: DVec3::from(min), max: DVec3::from(max) };
     let surfaces = vec![Surface::shape(shape, material)];
     scene.add_child(scene.root, Node { transform, surfaces, ..Node::named(name) });

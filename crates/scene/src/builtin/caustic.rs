@@ -1,4 +1,5 @@
-//! A ball of glass under a small lamp: nearly all of its light on the floor has gone through the glass.
+//! A ball of glass under a small lamp: nearly all of its light on the floor has gone through the
+//! glass.
 
 use super::palette::{glass, gold, matte};
 use super::quads::quads;
@@ -21,7 +22,8 @@ pub fn scene() -> Scene {
     let blue = scene.add_material(matte("blue wall", Rgb::new(0.12, 0.24, 0.5)));
     let clear = scene.add_material(glass("glass"));
     let gold = scene.add_material(gold("gold", 0.2));
-    let lamp = scene.add_material(Material::new("lamp", Black {}).emitting(Rgb::new(1500.0, 1240.0, 900.0)));
+    let lamp = scene
+        .add_material(Material::new("lamp", Black {}).emitting(Rgb::new(1500.0, 1240.0, 900.0)));
     let (w, h, f, b) = (HALF, HEIGHT, FRONT, -HALF);
     let ground = [[-w, 0.0, f], [w, 0.0, f], [w, 0.0, b], [-w, 0.0, b]];
     let back = [[-w, 0.0, b], [w, 0.0, b], [w, h, b], [-w, h, b]];
@@ -29,7 +31,8 @@ pub fn scene() -> Scene {
     let front = [[w, 0.0, f], [-w, 0.0, f], [-w, h, f], [w, h, f]];
     let left = [[-w, 0.0, f], [-w, 0.0, b], [-w, h, b], [-w, h, f]];
     let right = [[w, 0.0, b], [w, 0.0, f], [w, h, f], [w, h, b]];
-    let mut add = |name: &str, surfaces| scene.add_child(scene.root, Node { surfaces, ..Node::named(name) });
+    let mut add =
+        |name: &str, surfaces| scene.add_child(scene.root, Node { surfaces, ..Node::named(name) });
     add("floor", vec![quads(&[ground], floor)]);
     add("room", vec![quads(&[back, ceiling, front, right], walls)]);
     add("left wall", vec![quads(&[left], blue)]);
@@ -38,7 +41,10 @@ pub fn scene() -> Scene {
     ball(&mut scene, "lamp", DVec3::new(-1.9, 3.5, -1.2), 0.06, lamp);
     let (eye, target) = (DVec3::new(1.0, 2.4, 7.2), DVec3::new(0.15, 0.85, 0.2));
     let projection = Projection::from_half_angle_x(0.36);
-    scene.cameras.push(Camera { name: "main".into(), ..Camera::from_target(eye, target, DVec3::Y, projection) });
+    scene.cameras.push(Camera {
+        name: "main".into(),
+        ..Camera::from_target(eye, target, DVec3::Y, projection)
+    });
     scene.settings.size = Some([640, 480]);
     scene
 }

@@ -1,8 +1,9 @@
 //! The Cornell box.
 //!
-//! Geometry and camera are the measurements published by the Cornell University Program of Computer Graphics ("Cornell Box Data",
-//! 1998), in millimetres. Its reflectances and the lamp are published as spectra; the linear Rec. 709 colours here are the
-//! approximations in common use for them. The lamp hangs a tenth of a millimetre under the ceiling, instead of in a hole in it.
+//! Geometry and camera are the measurements published by the Cornell University Program of Computer
+//! Graphics ("Cornell Box Data", 1998), in millimetres. Its reflectances and the lamp are published
+//! as spectra; the linear Rec. 709 colours here are the approximations in common use for them. The
+//! lamp hangs a tenth of a millimetre under the ceiling, instead of in a hole in it.
 
 use super::palette::matte;
 use super::quads::quads;
@@ -19,11 +20,15 @@ const LAMP: Rgb = Rgb::new(31.0, 24.0, 11.5);
 type Quad = [[f32; 3]; 4];
 
 const FLOOR: Quad = [[552.8, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 559.2], [549.6, 0.0, 559.2]];
-const CEILING: Quad = [[556.0, 548.8, 0.0], [556.0, 548.8, 559.2], [0.0, 548.8, 559.2], [0.0, 548.8, 0.0]];
-const BACK: Quad = [[549.6, 0.0, 559.2], [0.0, 0.0, 559.2], [0.0, 548.8, 559.2], [556.0, 548.8, 559.2]];
+const CEILING: Quad =
+    [[556.0, 548.8, 0.0], [556.0, 548.8, 559.2], [0.0, 548.8, 559.2], [0.0, 548.8, 0.0]];
+const BACK: Quad =
+    [[549.6, 0.0, 559.2], [0.0, 0.0, 559.2], [0.0, 548.8, 559.2], [556.0, 548.8, 559.2]];
 const RIGHT: Quad = [[0.0, 0.0, 559.2], [0.0, 0.0, 0.0], [0.0, 548.8, 0.0], [0.0, 548.8, 559.2]];
-const LEFT: Quad = [[552.8, 0.0, 0.0], [549.6, 0.0, 559.2], [556.0, 548.8, 559.2], [556.0, 548.8, 0.0]];
-const LIGHT: Quad = [[343.0, 548.7, 227.0], [343.0, 548.7, 332.0], [213.0, 548.7, 332.0], [213.0, 548.7, 227.0]];
+const LEFT: Quad =
+    [[552.8, 0.0, 0.0], [549.6, 0.0, 559.2], [556.0, 548.8, 559.2], [556.0, 548.8, 0.0]];
+const LIGHT: Quad =
+    [[343.0, 548.7, 227.0], [343.0, 548.7, 332.0], [213.0, 548.7, 332.0], [213.0, 548.7, 227.0]];
 
 const SHORT_BLOCK: [Quad; 5] = [
     [[130.0, 165.0, 65.0], [82.0, 165.0, 225.0], [240.0, 165.0, 272.0], [290.0, 165.0, 114.0]],
@@ -48,7 +53,8 @@ pub fn scene() -> Scene {
     let red = scene.add_material(matte("red", RED));
     let green = scene.add_material(matte("green", GREEN));
     let lamp = scene.add_material(matte("lamp", Rgb::splat(0.78)).emitting(LAMP));
-    let mut add = |name: &str, surfaces| scene.add_child(scene.root, Node { surfaces, ..Node::named(name) });
+    let mut add =
+        |name: &str, surfaces| scene.add_child(scene.root, Node { surfaces, ..Node::named(name) });
     add("room", vec![quads(&[FLOOR, CEILING, BACK], white)]);
     add("left wall", vec![quads(&[LEFT], red)]);
     add("right wall", vec![quads(&[RIGHT], green)]);
@@ -92,7 +98,9 @@ mod tests {
         assert!(normals(&scene, "left wall").iter().all(|n| n.x < -0.99));
         assert!(normals(&scene, "right wall").iter().all(|n| n.x > 0.99));
         assert!(normals(&scene, "lamp").iter().all(|n| *n == Vec3::NEG_Y));
-        for (block, center) in [(&SHORT_BLOCK, [186.0, 82.0, 169.0]), (&TALL_BLOCK, [368.0, 165.0, 351.0])] {
+        for (block, center) in
+            [(&SHORT_BLOCK, [186.0, 82.0, 169.0]), (&TALL_BLOCK, [368.0, 165.0, 351.0])]
+        {
             for quad in block {
                 let [a, b, c, _] = quad.map(Vec3::from);
                 assert!((b - a).cross(c - a).dot(a - Vec3::from(center)) > 0.0, "{quad:?}");
@@ -103,7 +111,8 @@ mod tests {
     #[test]
     fn the_opening_fills_the_picture_and_red_is_on_the_left() {
         let camera = &scene().cameras[0];
-        let pixel = |x: f64, y: f64| camera.project(DVec3::new(x, y, 0.0), [512, 512]).expect("in front");
+        let pixel =
+            |x: f64, y: f64| camera.project(DVec3::new(x, y, 0.0), [512, 512]).expect("in front");
         assert!(pixel(552.8, 0.0).x < 20.0 && pixel(0.0, 0.0).x > 492.0);
         assert!((pixel(278.0, 273.0) - DVec2::splat(256.0)).length() < 1e-9);
     }

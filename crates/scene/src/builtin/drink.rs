@@ -1,4 +1,5 @@
-//! A glass of iced tea: things within things, each of its own index of refraction, with priorities where they overlap.
+//! A glass of iced tea: things within things, each of its own index of refraction, with priorities
+//! where they overlap.
 
 use super::palette::matte;
 use super::quads::ground;
@@ -15,25 +16,39 @@ use snell_math::{DAffine3, DVec3, Rgb};
 pub fn scene() -> Scene {
     let mut scene = Scene::new("drink");
     let table = scene.add_material(matte("table", Rgb::new(0.62, 0.6, 0.57)));
-    scene.add_child(scene.root, Node { surfaces: vec![ground(0.0, 400.0, table)], ..Node::named("table") });
-    let mut add = |name: &str, ior: f32, medium: Option<Medium>, priority, shape: AnyShape, transform| {
-        let medium = medium.map(|medium| scene.add_medium(medium));
-        let interior = Some(Interior { medium, priority });
-        let material = scene.add_material(Material { interior, ..Material::new(name, Dielectric::smooth(ior)) });
-        let surfaces = vec![Surface::shape(shape, material)];
-        scene.add_child(scene.root, Node { transform, surfaces, ..Node::named(name) });
-    };
+    scene.add_child(
+        scene.root,
+        Node { surfaces: vec![ground(0.0, 400.0, table)], ..Node::named("table") },
+    );
+    let mut add =
+        |name: &str, ior: f32, medium: Option<Medium>, priority, shape: AnyShape, transform| {
+            let medium = medium.map(|medium| scene.add_medium(medium));
+            let interior = Some(Interior { medium, priority });
+            let material = scene.add_material(Material {
+                interior,
+                ..Material::new(name, Dielectric::smooth(ior))
+            });
+            let surfaces = vec![Surface::shape(shape, material)];
+            scene.add_child(scene.root, Node { transform, surfaces, ..Node::named(name) });
+        };
     let cylinder = |radius, height| AnyShape::from(Cylinder { radius, height, caps: true });
     let at = |x, y, z| DAffine3::from_translation(DVec3::new(x, y, z));
     // Each displaces those of lower priority: no two surfaces need to coincide.
     let green = Homogeneous::absorbing(Rgb::new(0.02, 0.005, 0.015));
     add("glass", 1.5, Some(green.into()), 1, cylinder(3.6, 11.0), at(0.0, 5.51, 0.0));
     add("hollow", 1.0, None, 2, cylinder(3.3, 11.0), at(0.0, 6.7, 0.0));
-    let tea =
-        Homogeneous { sigma_a: Rgb::new(0.03, 0.16, 0.9), sigma_s: Rgb::splat(0.01), emission: Rgb::BLACK, g: 0.8 };
+    let tea = Homogeneous {
+        sigma_a: Rgb::new(0.03, 0.16, 0.9),
+        sigma_s: Rgb::splat(0.01),
+        emission: Rgb::BLACK,
+        g: 0.8,
+    };
     add("tea", 1.333, Some(tea.into()), 3, cylinder(3.35, 7.4), at(0.0, 4.85, 0.0));
-    let cube = |half: f64| AnyShape::from(BoxShape { min: DVec3::splat(-half), max: DVec3::splat(half) });
-    let turned = |axis: DVec3, angle, x, y, z| at(x, y, z) * DAffine3::from_axis_angle(axis.normalize(), angle);
+    let cube =
+        |half: f64| AnyShape::from(BoxShape { min: DVec3::splat(-half), max: DVec3::splat(half) });
+    let turned = |axis: DVec3, angle, x, y, z| {
+        at(x, y, z) * DAffine3::from_axis_angle(axis.normalize(), angle)
+    };
     add("ice", 1.31, None, 4, cube(1.2), turned(DVec3::new(1.0, 0.4, 0.2), 0.6, -1.1, 8.0, 0.5));
     add("ice", 1.31, None, 4, cube(1.1), turned(DVec3::new(-0.3, 1.0, 0.5), 0.9, 1.3, 7.9, -0.6));
     let eye = DVec3::new(2.0, 14.0, 27.0);

@@ -15,7 +15,8 @@ const ROOM: DVec3 = DVec3::new(4.0, 3.0, 6.0);
 /// Thickness of the walls.
 const WALL: f64 = 0.25;
 
-/// A room of 4 m by 6 m with a barred window in its right wall, dust in the air, and the sun outside.
+/// A room of 4 m by 6 m with a barred window in its right wall, dust in the air, and the sun
+/// outside.
 pub fn scene() -> Scene {
     let mut scene = Scene::new("fog");
     let plaster = scene.add_material(matte("plaster", Rgb::new(0.72, 0.66, 0.58)));
@@ -23,9 +24,12 @@ pub fn scene() -> Scene {
     let ball = scene.add_material(matte("ball", Rgb::new(0.15, 0.3, 0.62)));
     let dust = scene.add_medium(Homogeneous::scattering(Rgb::splat(0.09), Rgb::splat(0.92), 0.45));
     let air = scene.add_material(Material::interface("air", dust));
-    let mut add = |name: &str, surfaces| scene.add_child(scene.root, Node { surfaces, ..Node::named(name) });
+    let mut add =
+        |name: &str, surfaces| scene.add_child(scene.root, Node { surfaces, ..Node::named(name) });
     let (x, y, z) = (ROOM.x, ROOM.y, ROOM.z);
-    let slab = |min: [f64; 3], max: [f64; 3], material| block(DVec3::from(min), DVec3::from(max), material);
+    let slab = |min: [f64; 3], max: [f64; 3], material| {
+        block(DVec3::from(min), DVec3::from(max), material)
+    };
     add("floor", vec![slab([-WALL, -WALL, -WALL], [x + WALL, 0.0, z + WALL], floor)]);
     add("ceiling", vec![slab([-WALL, y, -WALL], [x + WALL, y + WALL, z + WALL], plaster)]);
     add("left wall", vec![slab([-WALL, 0.0, -WALL], [0.0, y, z + WALL], plaster)]);

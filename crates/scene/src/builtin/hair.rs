@@ -20,7 +20,8 @@ const SKIN: f32 = 0.72;
 /// Radius of a strand at its root.
 const THICKNESS: f32 = 0.0045;
 
-/// Fur around the origin: roots spread evenly by the golden angle, strands that bend into tufts and hang a little.
+/// Fur around the origin: roots spread evenly by the golden angle, strands that bend into tufts and
+/// hang a little.
 fn fur() -> Curves {
     let golden = TAU * (1.0 - 2.0 / (1.0 + 5f32.sqrt()));
     let mut points = Vec::new();
@@ -31,8 +32,11 @@ fn fur() -> Curves {
         let random = |k: u32| rng::pcg4d([i, k, 7, 3]).map(rng::to_unit);
         let [a, b, c, length] = random(0);
         // A slow swirl over the ball that neighbours share, and a little of their own.
-        let swirl =
-            Vec3::new((5.0 * up.y).sin() + (7.0 * up.z).cos(), (6.0 * up.x).sin(), (5.0 * up.z + 4.0 * up.y).cos());
+        let swirl = Vec3::new(
+            (5.0 * up.y).sin() + (7.0 * up.z).cos(),
+            (6.0 * up.x).sin(),
+            (5.0 * up.z + 4.0 * up.y).cos(),
+        );
         let own = Vec3::new(a - 0.5, b - 0.5, c - 0.5);
         let lean = swirl.cross(up) * 0.22 + own * 0.35;
         let length = 0.34 + 0.12 * length;
@@ -51,19 +55,28 @@ fn fur() -> Curves {
 pub fn scene() -> Scene {
     let mut scene = Scene::new("hair");
     let floor = scene.add_material(matte("ground", Rgb::new(0.4, 0.38, 0.36)));
-    scene.add_child(scene.root, Node { surfaces: vec![ground(0.0, 60.0, floor)], ..Node::named("ground") });
+    scene.add_child(
+        scene.root,
+        Node { surfaces: vec![ground(0.0, 60.0, floor)], ..Node::named("ground") },
+    );
     let fur = Arc::new(fur());
     let blonde = Hair { longitudinal_roughness: 0.25.into(), ..Hair::pigmented(0.25, 0.05) };
-    let dyed = Hair { color: Rgb::new(0.75, 0.16, 0.3).into(), longitudinal_roughness: 0.35.into(), ..Hair::default() };
+    let dyed = Hair {
+        color: Rgb::new(0.75, 0.16, 0.3).into(),
+        longitudinal_roughness: 0.35.into(),
+        ..Hair::default()
+    };
     let kinds = [("brown", Hair::pigmented(1.3, 0.2)), ("blonde", blonde), ("dyed", dyed)];
     for ((name, hair), x) in kinds.into_iter().zip([-2.3, 0.0, 2.3]) {
-        let skin = scene.add_material(matte(&format!("skin below {name} hair"), Rgb::new(0.25, 0.16, 0.12)));
+        let skin = scene
+            .add_material(matte(&format!("skin below {name} hair"), Rgb::new(0.25, 0.16, 0.12)));
         let hair = scene.add_material(Material::new(format!("{name} hair"), hair));
         let surfaces = vec![
             Surface::with_material(Geometry::Curves(fur.clone()), hair),
             Surface::shape(Sphere { radius: f64::from(SKIN) }, skin),
         ];
-        let transform = DAffine3::from_translation(DVec3::new(x, 1.15, 0.0)) * DAffine3::from_rotation_y(x);
+        let transform =
+            DAffine3::from_translation(DVec3::new(x, 1.15, 0.0)) * DAffine3::from_rotation_y(x);
         scene.add_child(scene.root, Node { transform, surfaces, ..Node::named(name) });
     }
     let camera = Camera::from_target(
@@ -74,7 +87,10 @@ pub fn scene() -> Scene {
     );
     scene.environment = Some(sky_seen_by(&camera, DVec3::Y));
     // The sun is behind, where it shines through what is thin.
-    scene.add_light(Directional { direction: DVec3::new(0.5, -0.7, 0.65).normalize(), irradiance: Rgb::splat(2.5) });
+    scene.add_light(Directional {
+        direction: DVec3::new(0.5, -0.7, 0.65).normalize(),
+        irradiance: Rgb::splat(2.5),
+    });
     scene.cameras.push(Camera { name: "main".into(), ..camera });
     scene.settings.size = Some([800, 400]);
     scene
@@ -91,7 +107,10 @@ mod tests {
         assert_eq!(fur.strands().len(), STRANDS as usize);
         for strand in fur.strand_points() {
             let height = |p: &Vec4| p.truncate().length();
-            assert!(height(&strand[0]) < SKIN && strand[1..].iter().all(|p| height(p) > SKIN), "{strand:?}");
+            assert!(
+                height(&strand[0]) < SKIN && strand[1..].iter().all(|p| height(p) > SKIN),
+                "{strand:?}"
+            );
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Heckbert's minimal ray tracer: scenes of spheres, as in the ACM contest of 1987 and on the business card (P. Heckbert, A
-//! Minimal Ray Tracer, Graphics Gems IV, 1994).
+//! Heckbert's minimal ray tracer: scenes of spheres, as in the ACM contest of 1987 and on the
+//! business card (P. Heckbert, A Minimal Ray Tracer, Graphics Gems IV, 1994).
 
 use super::palette::minimal;
 use crate::camera::{Camera, Projection};
@@ -96,7 +96,11 @@ impl MinrayDescription {
             return error("size", self.size.into(), "1 to 65536 pixels");
         }
         if !(self.aov_degrees > 0.0 && self.aov_degrees < 180.0) {
-            return error("aov_degrees", self.aov_degrees, "an angle of view between 0 and 180 degrees");
+            return error(
+                "aov_degrees",
+                self.aov_degrees,
+                "an angle of view between 0 and 180 degrees",
+            );
         }
         if let Some(&a) = self.ambient.iter().find(|a| !a.is_finite()) {
             return error("ambient", a.into(), "a finite number");
@@ -107,8 +111,18 @@ impl MinrayDescription {
 
 impl MinraySphere {
     fn check(&self, number: usize) -> Result<(), MinrayError> {
-        let floats = [("r", self.r), ("g", self.g), ("b", self.b), ("kd", self.kd), ("ks", self.ks), ("kt", self.kt)];
-        let floats = floats.into_iter().chain([("kl", self.kl), ("ir", self.ir)]).map(|(name, x)| (name, f64::from(x)));
+        let floats = [
+            ("r", self.r),
+            ("g", self.g),
+            ("b", self.b),
+            ("kd", self.kd),
+            ("ks", self.ks),
+            ("kt", self.kt),
+        ];
+        let floats = floats
+            .into_iter()
+            .chain([("kl", self.kl), ("ir", self.ir)])
+            .map(|(name, x)| (name, f64::from(x)));
         let doubles = [("x", self.x), ("y", self.y), ("z", self.z), ("rad", self.rad)];
         if let Some((name, found)) = floats.chain(doubles).find(|(_, x)| !x.is_finite()) {
             return Err(MinrayError::Sphere { number, name, found, expected: "a finite number" });
@@ -119,7 +133,12 @@ impl MinraySphere {
         }
         if self.ir <= 0.0 {
             let (name, found) = ("ir", self.ir.into());
-            return Err(MinrayError::Sphere { number, name, found, expected: "an index of refraction above 0" });
+            return Err(MinrayError::Sphere {
+                number,
+                name,
+                found,
+                expected: "an index of refraction above 0",
+            });
         }
         Ok(())
     }
@@ -132,8 +151,9 @@ impl MinraySphere {
         Rgb::new(self.r, self.g, self.b)
     }
 
-    /// The light that a luminous sphere is: a point at its centre that does not fade with distance. The original adds
-    /// `kl colour cos` to what `kd` multiplies; a Lambertian surface of reflectance `kd` makes `1 / pi` of its irradiance.
+    /// The light that a luminous sphere is: a point at its centre that does not fade with distance.
+    /// The original adds `kl colour cos` to what `kd` multiplies; a Lambertian surface of
+    /// reflectance `kd` makes `1 / pi` of its irradiance.
     fn light(&self) -> Light {
         Light::Point(Point {
             position: self.center(),
@@ -144,7 +164,8 @@ impl MinraySphere {
     }
 }
 
-/// The scene of a description, with settings under which the integrator `whitted` gives the original's picture.
+/// The scene of a description, with settings under which the integrator `whitted` gives the
+/// original's picture.
 pub fn minray_scene(description: &MinrayDescription) -> Result<Scene, MinrayError> {
     description.check()?;
     let mut scene = Scene::new(&description.name);
@@ -153,7 +174,8 @@ pub fn minray_scene(description: &MinrayDescription) -> Result<Scene, MinrayErro
         let material = scene.add_material(material);
         let shape = Surface::shape(Sphere { radius: sphere.rad }, material);
         let transform = DAffine3::from_translation(sphere.center());
-        let node = Node { transform, surfaces: vec![shape], ..Node::named(format!("sphere {}", i + 1)) };
+        let node =
+            Node { transform, surfaces: vec![shape], ..Node::named(format!("sphere {}", i + 1)) };
         scene.add_child(scene.root, node);
         if sphere.kl > 0.0 {
             scene.lights.push(sphere.light());
@@ -169,9 +191,10 @@ pub fn minray_scene(description: &MinrayDescription) -> Result<Scene, MinrayErro
     Ok(scene)
 }
 
-/// The eye is at the origin and looks along `+y`, `z` is up. With `h = size / 2` rounded down, the ray of pixel `(x, y)` has the
-/// direction `(x - h, h / tan(aov / 2), h - y)`. For an even size these are the upper left corners of the pixels of a view of that
-/// angle; for an odd size their centres, the view being wider by `size / (2 h)`.
+/// The eye is at the origin and looks along `+y`, `z` is up. With `h = size / 2` rounded down, the
+/// ray of pixel `(x, y)` has the direction `(x - h, h / tan(aov / 2), h - y)`. For an even size
+/// these are the upper left corners of the pixels of a view of that angle; for an odd size their
+/// centres, the view being wider by `size / (2 h)`.
 fn set_view(scene: &mut Scene, description: &MinrayDescription) {
     let size = description.size;
     let half = f64::from((size / 2).max(1));
@@ -221,9 +244,17 @@ mod tests {
     use snell_math::{DVec2, Vec2};
 
     fn description(size: u32) -> MinrayDescription {
-        let sphere = MinraySphere::from([0.0, 5.0, 0.0, 1.0, 0.5, 0.2, 1.0, 0.7, 0.2, 0.1, 0.3, 1.5]);
+        let sphere =
+            MinraySphere::from([0.0, 5.0, 0.0, 1.0, 0.5, 0.2, 1.0, 0.7, 0.2, 0.1, 0.3, 1.5]);
         let (name, ambient) = ("test".into(), [0.1, 0.2, 0.3]);
-        MinrayDescription { name, depth: 2, size, aov_degrees: 40.0, ambient, spheres: vec![sphere] }
+        MinrayDescription {
+            name,
+            depth: 2,
+            size,
+            aov_degrees: 40.0,
+            ambient,
+            spheres: vec![sphere],
+        }
     }
 
     #[test]
@@ -234,10 +265,16 @@ mod tests {
             let h = f64::from(size / 2);
             for (x, y) in [(0, 0), (size - 1, 0), (size / 2, size / 2), (1, size - 1)] {
                 let film = DVec2::new(f64::from(x) + px, f64::from(y) + py);
-                let found = scene.cameras[0].ray(&CameraSample { film, lens: Vec2::ZERO }, [size, size]).ray.direction;
+                let found = scene.cameras[0]
+                    .ray(&CameraSample { film, lens: Vec2::ZERO }, [size, size])
+                    .ray
+                    .direction;
                 let (x, y) = (f64::from(x), f64::from(y));
                 let expected = DVec3::new(x - h, h / 20f64.to_radians().tan(), h - y).normalize();
-                assert!((found.as_dvec3() - expected).length() < 1e-6, "{size} {x} {y}: {found} {expected}");
+                assert!(
+                    (found.as_dvec3() - expected).length() < 1e-6,
+                    "{size} {x} {y}: {found} {expected}"
+                );
             }
         }
     }
@@ -245,7 +282,9 @@ mod tests {
     #[test]
     fn luminous_spheres_are_lights_with_a_body() {
         let scene = minray_scene(&description(32)).expect("in range");
-        let Light::Point(Point { position, intensity, attenuation, body_radius }) = &scene.lights[0] else {
+        let Light::Point(Point { position, intensity, attenuation, body_radius }) =
+            &scene.lights[0]
+        else {
             panic!("a point")
         };
         assert_eq!((*position, *body_radius), (DVec3::new(0.0, 5.0, 0.0), 1.0));
@@ -260,7 +299,10 @@ mod tests {
     fn settings_ask_for_the_originals_picture() {
         let scene = minray_scene(&description(32)).expect("in range");
         let settings = &scene.settings;
-        assert_eq!((settings.size, settings.spp, settings.max_depth), (Some([32, 32]), Some(1), Some(1)));
+        assert_eq!(
+            (settings.size, settings.spp, settings.max_depth),
+            (Some([32, 32]), Some(1), Some(1))
+        );
         assert_eq!(settings.integrator.as_deref(), Some("whitted"));
         assert!(settings.raw_display);
         assert_eq!(scene.background, Background::Color(Rgb::new(0.1, 0.2, 0.3)));
@@ -277,7 +319,9 @@ mod tests {
         assert!(refused(|d| d.depth = 0).contains("depth is 0"));
         assert!(refused(|d| d.size = 0).contains("size is 0"));
         assert!(refused(|d| d.aov_degrees = f64::NAN).contains("aov_degrees is NaN"));
-        assert!(refused(|d| d.spheres[0].rad = -1.0).contains("sphere 1 (counted from 1): rad is -1"));
+        assert!(
+            refused(|d| d.spheres[0].rad = -1.0).contains("sphere 1 (counted from 1): rad is -1")
+        );
         assert!(refused(|d| d.spheres[0].kd = f32::INFINITY).contains("kd is inf"));
         assert!(refused(|d| d.spheres[0].ir = 0.0).contains("index of refraction"));
     }
@@ -291,12 +335,16 @@ mod tests {
         assert_eq!((scene.lights.len(), scene.settings.max_depth), (3, Some(2)));
         assert_eq!((scene.settings.size, scene.ambient), (Some([32, 32]), Rgb::splat(0.02)));
         let angle = 2.0
-            * (scene.cameras[0].ray(&CameraSample { film: DVec2::new(0.0, 16.0), lens: Vec2::ZERO }, [32, 32]))
-                .ray
-                .direction
-                .dot(snell_math::Vec3::Y)
-                .acos();
-        assert!((f64::from(angle) - 25f64.to_radians()).abs() < 1e-4, "the picture is 25 degrees wide");
+            * (scene.cameras[0]
+                .ray(&CameraSample { film: DVec2::new(0.0, 16.0), lens: Vec2::ZERO }, [32, 32]))
+            .ray
+            .direction
+            .dot(snell_math::Vec3::Y)
+            .acos();
+        assert!(
+            (f64::from(angle) - 25f64.to_radians()).abs() < 1e-4,
+            "the picture is 25 degrees wide"
+        );
     }
 
     #[test]
@@ -306,11 +354,15 @@ mod tests {
             eprintln!("skipped: {path} is not there");
             return;
         };
-        let read: MinrayDescription = serde_json::from_str(&text).expect("the description's own JSON");
+        let read: MinrayDescription =
+            serde_json::from_str(&text).expect("the description's own JSON");
         let (a, b) = (minray_scene(&read).expect("in range"), scene());
         let centers = |s: &Scene| s.nodes.iter().map(|n| n.transform).collect::<Vec<_>>();
         assert_eq!(centers(&a), centers(&b));
         assert_eq!((a.ambient, a.background), (b.ambient, b.background));
-        assert_eq!((a.materials, a.lights, a.cameras, a.settings), (b.materials, b.lights, b.cameras, b.settings));
+        assert_eq!(
+            (a.materials, a.lights, a.cameras, a.settings),
+            (b.materials, b.lights, b.cameras, b.settings)
+        );
     }
 }

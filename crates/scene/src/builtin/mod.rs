@@ -69,7 +69,8 @@ pub const BUILTINS: &[Builtin] = &[
     },
     Builtin {
         name: "night-town",
-        description: "A town at night: a thousand lamps of very different strengths, most of them hidden",
+        description: "A town at night: a thousand lamps of very different strengths, most of them \
+            hidden",
         make: night_town::scene,
     },
     Builtin {
@@ -77,13 +78,21 @@ pub const BUILTINS: &[Builtin] = &[
         description: "A slit seen through a prism of flint glass; render it with --color spectral",
         make: prism::scene,
     },
-    Builtin { name: "smoke", description: "A camp fire with its plume of smoke, on grids", make: smoke::scene },
+    Builtin {
+        name: "smoke",
+        description: "A camp fire with its plume of smoke, on grids",
+        make: smoke::scene,
+    },
     Builtin {
         name: "spheres",
         description: "Metal, glass and plastic balls under a sky, seen through a lens",
         make: spheres::scene,
     },
-    Builtin { name: "teapot", description: "Newell's teapot of 32 Bezier patches on a ground", make: teapot::scene },
+    Builtin {
+        name: "teapot",
+        description: "Newell's teapot of 32 Bezier patches on a ground",
+        make: teapot::scene,
+    },
 ];
 
 /// The built-in scene of this name.
@@ -131,7 +140,9 @@ mod tests {
             let (camera, size) = (&scene.cameras[0], scene.settings.size.expect("a size"));
             let bounds = scene.bounds().expect(b.name);
             let corners = (0..8).map(|i| {
-                let pick = |axis: usize| if i >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
+                let pick = |axis: usize| {
+                    if i >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] }
+                };
                 snell_math::DVec3::new(pick(0), pick(1), pick(2))
             });
             assert!(corners.clone().any(|c| camera.project(c, size).is_some()), "{}", b.name);

@@ -1,4 +1,5 @@
-//! A town at night: a thousand lamps of very different strengths, most of them hidden from most places.
+//! A town at night: a thousand lamps of very different strengths, most of them hidden from most
+//! places.
 
 use super::palette::{matte, plastic};
 use super::quads::{ground, quads};
@@ -23,15 +24,22 @@ pub fn scene() -> Scene {
     let street = scene.add_material(plastic("street", Rgb::new(0.2, 0.2, 0.22), 0.35));
     let walls = [Rgb::new(0.55, 0.42, 0.3), Rgb::new(0.5, 0.5, 0.52), Rgb::new(0.6, 0.35, 0.28)]
         .map(|color| scene.add_material(matte("wall", color)));
-    let glows =
-        [Rgb::new(1.0, 0.55, 0.2), Rgb::new(1.0, 0.8, 0.55), Rgb::new(0.65, 0.8, 1.0), Rgb::new(1.0, 0.25, 0.4)];
+    let glows = [
+        Rgb::new(1.0, 0.55, 0.2),
+        Rgb::new(1.0, 0.8, 0.55),
+        Rgb::new(0.65, 0.8, 1.0),
+        Rgb::new(1.0, 0.25, 0.4),
+    ];
     // By colour, then by strength.
     let lamps: Vec<MaterialId> = glows
         .iter()
         .flat_map(|&color| (0..4).map(move |power| color * (4.0 * 5f32.powi(power))))
         .map(|radiance| scene.add_material(Material::new("lamp", Black {}).emitting(radiance)))
         .collect();
-    scene.add_child(scene.root, Node { surfaces: vec![ground(0.0, 30.0, street)], ..Node::named("ground") });
+    scene.add_child(
+        scene.root,
+        Node { surfaces: vec![ground(0.0, 30.0, street)], ..Node::named("ground") },
+    );
     for house in 0..HOUSES * HOUSES {
         let surfaces = vec![walls_of(house, walls[house as usize % 3])];
         scene.add_child(scene.root, Node { surfaces, ..Node::named("house") });
@@ -39,7 +47,12 @@ pub fn scene() -> Scene {
     (0..LAMPS).for_each(|i| add_bulb(&mut scene, i, &lamps));
     (0..WINDOWS).for_each(|i| add_window(&mut scene, i, &lamps));
     let eye = DVec3::new(2.2, 5.2, 11.5);
-    let camera = Camera::from_target(eye, DVec3::new(-0.4, 0.4, 1.2), DVec3::Y, Projection::from_half_angle_x(0.45));
+    let camera = Camera::from_target(
+        eye,
+        DVec3::new(-0.4, 0.4, 1.2),
+        DVec3::Y,
+        Projection::from_half_angle_x(0.45),
+    );
     scene.cameras.push(Camera { name: "main".into(), ..camera });
     scene.background = Background::Color(Rgb::new(0.002, 0.003, 0.008));
     scene.settings.size = Some([800, 500]);
@@ -49,14 +62,18 @@ pub fn scene() -> Scene {
 /// Middle and height of a house.
 fn house_at(number: u32) -> (Vec2, f32) {
     let place = |k: u32| (k as f32 - (HOUSES - 1) as f32 * 0.5) * DISTANCE;
-    (Vec2::new(place(number % HOUSES), place(number / HOUSES)), 0.6 + 1.5 * uniform2([number, 1, 0, 0]).x)
+    (
+        Vec2::new(place(number % HOUSES), place(number / HOUSES)),
+        0.6 + 1.5 * uniform2([number, 1, 0, 0]).x,
+    )
 }
 
 fn walls_of(number: u32, material: MaterialId) -> Surface {
     let (m, top) = house_at(number);
     let p = |x: f32, y: f32, z: f32| [m.x + x * HALF, y, m.y + z * HALF];
-    let side =
-        |(ax, az): (f32, f32), (bx, bz): (f32, f32)| [p(ax, 0.0, az), p(bx, 0.0, bz), p(bx, top, bz), p(ax, top, az)];
+    let side = |(ax, az): (f32, f32), (bx, bz): (f32, f32)| {
+        [p(ax, 0.0, az), p(bx, 0.0, bz), p(bx, top, bz), p(ax, top, az)]
+    };
     let corners = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)];
     let roof = corners.map(|(x, z)| p(x, top, z));
     quads(
@@ -74,14 +91,18 @@ fn walls_of(number: u32, material: MaterialId) -> Surface {
 fn add_bulb(scene: &mut Scene, number: u32, lamps: &[MaterialId]) {
     let (u, v) = (uniform2([number, 2, 0, 0]), uniform2([number, 3, 0, 0]));
     // Along a street: between two rows of houses.
-    let street = (((u.x * (HOUSES - 1) as f32) as u32) as f32 - (HOUSES - 2) as f32 * 0.5) * DISTANCE;
+    let street =
+        (((u.x * (HOUSES - 1) as f32) as u32) as f32 - (HOUSES - 2) as f32 * 0.5) * DISTANCE;
     let along = (u.y * 2.0 - 1.0) * 0.5 * HOUSES as f32 * DISTANCE;
     let across = street + (v.x - 0.5) * 0.5;
     let (x, z) = if number.is_multiple_of(2) { (across, along) } else { (along, across) };
     let at = DVec3::new(x.into(), f64::from(0.1 + 0.5 * v.y * v.y), z.into());
     let radius = 0.012 + 0.02 * f64::from(uniform2([number, 4, 0, 0]).x);
     let surfaces = vec![Surface::shape(Sphere { radius }, lamp(number, lamps))];
-    scene.add_child(scene.root, Node { transform: DAffine3::from_translation(at), surfaces, ..Node::named("bulb") });
+    scene.add_child(
+        scene.root,
+        Node { transform: DAffine3::from_translation(at), surfaces, ..Node::named("bulb") },
+    );
 }
 
 fn add_window(scene: &mut Scene, number: u32, lamps: &[MaterialId]) {

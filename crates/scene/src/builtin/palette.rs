@@ -29,7 +29,8 @@ pub fn glass(name: &str) -> Material {
     Material::new(name, Dielectric::smooth(1.5))
 }
 
-/// What a sphere of the minimal ray tracer is made of: no highlights, because its lights are visible objects that mirrors show.
+/// What a sphere of the minimal ray tracer is made of: no highlights, because its lights are
+/// visible objects that mirrors show.
 pub fn minimal(name: &str, sphere: &MinraySphere) -> Material {
     let color = Rgb::new(sphere.r, sphere.g, sphere.b);
     let phong = Phong {

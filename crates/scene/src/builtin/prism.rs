@@ -1,7 +1,9 @@
-//! A prism of flint glass before a lamp in a slit: looking through it, the slit is spread into a spectrum.
+//! A prism of flint glass before a lamp in a slit: looking through it, the slit is spread into a
+//! spectrum.
 //!
-//! The camera looks at the prism at the angle of least deviation, and past it at the slit itself. Light of each wavelength takes its
-//! own way, so the picture needs spectral rendering; in RGB the slit is bent, but stays white.
+//! The camera looks at the prism at the angle of least deviation, and past it at the slit itself.
+//! Light of each wavelength takes its own way, so the picture needs spectral rendering; in RGB the
+//! slit is bent, but stays white.
 
 use super::palette::matte;
 use super::quads::quads;
@@ -29,7 +31,8 @@ fn least_deviation() -> f32 {
     2.0 * (Glass::SF11.index(LINE_D) * (APEX / 2.0).sin()).asin() - APEX
 }
 
-/// Direction in the horizontal plane: straight ahead of the camera for 0, to its left for positive angles.
+/// Direction in the horizontal plane: straight ahead of the camera for 0, to its left for positive
+/// angles.
 fn towards(angle: f32) -> Vec3 {
     Vec3::new(-angle.sin(), 0.0, -angle.cos())
 }
@@ -49,7 +52,16 @@ fn prism(material: MaterialId) -> Surface {
     let mesh = TriangleMesh {
         positions: [at_height(-HEIGHT / 2.0), at_height(HEIGHT / 2.0)].concat(),
         // The floor, the ceiling, and two triangles for each side.
-        indices: vec![[0, 2, 1], [3, 4, 5], [0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [2, 0, 3], [2, 3, 5]],
+        indices: vec![
+            [0, 2, 1],
+            [3, 4, 5],
+            [0, 1, 4],
+            [0, 4, 3],
+            [1, 2, 5],
+            [1, 5, 4],
+            [2, 0, 3],
+            [2, 3, 5],
+        ],
         ..TriangleMesh::default()
     };
     Surface::with_material(Geometry::Mesh(Arc::new(mesh)), material)
@@ -71,13 +83,18 @@ pub fn scene() -> Scene {
     let table = scene.add_material(matte("table", Rgb::splat(0.5)));
     let slit = Vec3::new(0.0, 0.0, -DISTANCE) + towards(least_deviation()) * TO_SLIT;
     let floor = -HEIGHT / 2.0 - 0.01;
-    let mut add =
-        |name: &str, surface| scene.add_child(scene.root, Node { surfaces: vec![surface], ..Node::named(name) });
+    let mut add = |name: &str, surface| {
+        scene.add_child(scene.root, Node { surfaces: vec![surface], ..Node::named(name) })
+    };
     add("prism", prism(glass));
     add("slit", screen(slit, SLIT, lamp));
     let (x, z) = (16.0, -24.0);
-    add("table", quads(&[[[-x, floor, 2.0], [x, floor, 2.0], [x, floor, z], [-x, floor, z]]], table));
-    let camera = Camera::look_at(Vec3::new(0.0, 0.35, 0.0), Vec3::new(-1.35, 0.0, -DISTANCE), Vec3::Y, 0.31);
+    add(
+        "table",
+        quads(&[[[-x, floor, 2.0], [x, floor, 2.0], [x, floor, z], [-x, floor, z]]], table),
+    );
+    let camera =
+        Camera::look_at(Vec3::new(0.0, 0.35, 0.0), Vec3::new(-1.35, 0.0, -DISTANCE), Vec3::Y, 0.31);
     // A little light from all around, to see the glass by.
     scene.environment = Some(Environment::Constant(Rgb::splat(0.03)));
     scene.cameras.push(Camera { name: "main".into(), ..camera });
@@ -108,7 +125,8 @@ mod tests {
     #[test]
     fn light_is_spread_over_some_degrees() {
         // Newton's minimum: sin((apex + deviation) / 2) = n sin(apex / 2).
-        let deviation = |lambda: f32| 2.0 * (Glass::SF11.index(lambda) * (APEX / 2.0).sin()).asin() - APEX;
+        let deviation =
+            |lambda: f32| 2.0 * (Glass::SF11.index(lambda) * (APEX / 2.0).sin()).asin() - APEX;
         let spread = (deviation(430.0) - deviation(660.0)).to_degrees();
         assert!((3.0..6.0).contains(&spread), "{spread}");
         assert!((least_deviation().to_degrees() - 47.9).abs() < 0.5);

@@ -6,15 +6,21 @@ use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3};
 use std::sync::Arc;
 
-/// A surface of quadrilaterals, each given by its corners in order: counter-clockwise seen from outside.
+/// A surface of quadrilaterals, each given by its corners in order: counter-clockwise seen from
+/// outside.
 pub fn quads(corners: &[[[f32; 3]; 4]], material: MaterialId) -> Surface {
     let first = |i: usize| 4 * i as u32;
     let mesh = TriangleMesh {
         positions: corners.iter().flatten().map(|&p| Vec3::from(p)).collect(),
         indices: (0..corners.len())
-            .flat_map(|i| [[first(i), first(i) + 1, first(i) + 2], [first(i), first(i) + 2, first(i) + 3]])
+            .flat_map(|i| {
+                [[first(i), first(i) + 1, first(i) + 2], [first(i), first(i) + 2, first(i) + 3]]
+            })
             .collect(),
-        uvs: [corners.iter().flat_map(|_| [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y]).collect(), Vec::new()],
+        uvs: [
+            corners.iter().flat_map(|_| [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y]).collect(),
+            Vec::new(),
+        ],
         ..TriangleMesh::default()
     };
     Surface::with_material(Geometry::Mesh(Arc::new(mesh)), material)

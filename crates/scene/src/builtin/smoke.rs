@@ -23,15 +23,20 @@ pub fn scene() -> Scene {
     let mut scene = Scene::new("smoke");
     let earth = scene.add_material(matte("earth", Rgb::new(0.3, 0.24, 0.18)));
     let stone = scene.add_material(matte("stone", Rgb::new(0.4, 0.4, 0.42)));
-    scene.add_child(scene.root, Node { surfaces: vec![ground(0.0, 40.0, earth)], ..Node::named("ground") });
+    scene.add_child(
+        scene.root,
+        Node { surfaces: vec![ground(0.0, 40.0, earth)], ..Node::named("ground") },
+    );
     for i in 0..9 {
         let (sin, cos) = (TAU * f64::from(i) / 9.0).sin_cos();
         let radius = 0.2 + 0.05 * f64::from(i * 7 % 4);
-        let transform = DAffine3::from_translation(DVec3::new(0.95 * cos, 0.6 * radius, 0.95 * sin));
+        let transform =
+            DAffine3::from_translation(DVec3::new(0.95 * cos, 0.6 * radius, 0.95 * sin));
         let surfaces = vec![Surface::shape(Sphere { radius }, stone)];
         scene.add_child(scene.root, Node { transform, surfaces, ..Node::named("stone") });
     }
-    let (min, max) = (DVec3::new(-HALF_WIDTH, 0.02, -HALF_WIDTH), DVec3::new(HALF_WIDTH, HEIGHT, HALF_WIDTH));
+    let (min, max) =
+        (DVec3::new(-HALF_WIDTH, 0.02, -HALF_WIDTH), DVec3::new(HALF_WIDTH, HEIGHT, HALF_WIDTH));
     let grid = Grid {
         emission: Rgb::new(14.0, 4.2, 0.9),
         emission_scale: Some(std::sync::Arc::new(sampled(flame))),
@@ -55,7 +60,12 @@ pub fn scene() -> Scene {
     let projection = Projection::from_half_angle_x(0.32);
     scene.cameras.push(Camera {
         name: "main".into(),
-        ..Camera::from_target(DVec3::new(2.0, 1.7, 9.5), DVec3::new(0.0, 2.5, 0.0), DVec3::Y, projection)
+        ..Camera::from_target(
+            DVec3::new(2.0, 1.7, 9.5),
+            DVec3::new(0.0, 2.5, 0.0),
+            DVec3::Y,
+            projection,
+        )
     });
     scene.settings.size = Some([480, 640]);
     scene

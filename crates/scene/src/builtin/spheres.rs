@@ -12,7 +12,10 @@ use snell_math::{DAffine3, DVec3, Rgb};
 pub fn scene() -> Scene {
     let mut scene = Scene::new("spheres");
     let floor = scene.add_material(matte("floor", Rgb::new(0.42, 0.43, 0.45)));
-    scene.add_child(scene.root, Node { surfaces: vec![ground(0.0, 60.0, floor)], ..Node::named("ground") });
+    scene.add_child(
+        scene.root,
+        Node { surfaces: vec![ground(0.0, 60.0, floor)], ..Node::named("ground") },
+    );
     let materials = [
         gold("gold", 0.15),
         glass("glass"),
@@ -69,8 +72,12 @@ mod tests {
     #[test]
     fn balls_rest_on_the_ground_and_do_not_overlap() {
         let scene = scene();
-        let balls: Vec<DVec3> =
-            scene.nodes.iter().filter(|n| n.name == "ball").map(|n| n.transform.translation).collect();
+        let balls: Vec<DVec3> = scene
+            .nodes
+            .iter()
+            .filter(|n| n.name == "ball")
+            .map(|n| n.transform.translation)
+            .collect();
         assert!(balls.len() > 10);
         for (i, a) in balls.iter().enumerate() {
             // The height of the centre is the radius.

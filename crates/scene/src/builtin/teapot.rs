@@ -1,7 +1,8 @@
 //! The Utah teapot (M. Newell, 1975), from its Bezier patches.
 //!
-//! Rim, body, lid and bottom of the classic data are quarter patches of surfaces of revolution, handle and spout are symmetric.
-//! So only the profiles are stored; the 32 patches follow. Newell's axes: `z` up, the spout along `+x`. The scene has `y` up.
+//! Rim, body, lid and bottom of the classic data are quarter patches of surfaces of revolution,
+//! handle and spout are symmetric. So only the profiles are stored; the 32 patches follow. Newell's
+//! axes: `z` up, the spout along `+x`. The scene has `y` up.
 
 use super::palette::{matte, plastic};
 use super::quads::ground;
@@ -30,7 +31,8 @@ const PROFILES: [[[f64; 2]; 4]; 6] = [
 /// Where Newell's quarter circles have their inner control points, as a share of the radius.
 const QUARTER: f64 = 0.56;
 
-/// Rows of control points of handle and spout: `x` and `z` on both ends of half a cross-section, and half its width.
+/// Rows of control points of handle and spout: `x` and `z` on both ends of half a cross-section,
+/// and half its width.
 type Tube = [[f64; 5]; 7];
 
 const HANDLE: Tube = [
@@ -56,7 +58,8 @@ const SPOUT: Tube = [
 /// Sixteen control points, row by row.
 type Patch = [[DVec3; 4]; 4];
 
-/// All patches, oriented alike: the derivative along a row crossed with the one from row to row points outwards.
+/// All patches, oriented alike: the derivative along a row crossed with the one from row to row
+/// points outwards.
 fn patches() -> Vec<Patch> {
     let mut patches = Vec::with_capacity(32);
     for profile in PROFILES {
@@ -75,8 +78,12 @@ fn patches() -> Vec<Patch> {
             let row = |i: usize| {
                 let [x0, z0, x1, z1, width] = tube[first + i];
                 let y = width * side;
-                let row =
-                    [DVec3::new(x0, 0.0, z0), DVec3::new(x0, y, z0), DVec3::new(x1, y, z1), DVec3::new(x1, 0.0, z1)];
+                let row = [
+                    DVec3::new(x0, 0.0, z0),
+                    DVec3::new(x0, y, z0),
+                    DVec3::new(x1, y, z1),
+                    DVec3::new(x1, 0.0, z1),
+                ];
                 if side < 0.0 { row } else { flipped(row) }
             };
             patches.push([row(0), row(1), row(2), row(3)]);
@@ -119,7 +126,8 @@ fn normal(patch: &Patch, u: f64, v: f64) -> DVec3 {
     at(v).or_else(|| at(v + inward)).unwrap_or(DVec3::Z)
 }
 
-/// The teapot with `n` times `n` cells to a patch, in Newell's axes. Texture coordinates run once over each patch.
+/// The teapot with `n` times `n` cells to a patch, in Newell's axes. Texture coordinates run once
+/// over each patch.
 fn teapot(n: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for patch in patches() {
@@ -152,8 +160,12 @@ pub fn scene() -> Scene {
     let mut scene = Scene::new("teapot");
     let floor = scene.add_material(matte("ground", Rgb::splat(0.5)));
     let glaze = scene.add_material(plastic("glaze", Rgb::new(0.16, 0.33, 0.42), 0.12));
-    scene.add_child(scene.root, Node { surfaces: vec![ground(0.0, 60.0, floor)], ..Node::named("ground") });
-    let transform = DAffine3::from_rotation_y(FRAC_PI_3 / 2.0) * DAffine3::from_rotation_x(-FRAC_PI_2);
+    scene.add_child(
+        scene.root,
+        Node { surfaces: vec![ground(0.0, 60.0, floor)], ..Node::named("ground") },
+    );
+    let transform =
+        DAffine3::from_rotation_y(FRAC_PI_3 / 2.0) * DAffine3::from_rotation_x(-FRAC_PI_2);
     let surfaces = vec![Surface::with_material(Geometry::Mesh(Arc::new(teapot(24))), glaze)];
     scene.add_child(scene.root, Node { transform, surfaces, ..Node::named("teapot") });
     let camera = Camera::from_target(
@@ -179,17 +191,25 @@ mod tests {
         let bounds = teapot(16).bounds();
         // The control points of handle and spout reach further than the surface.
         assert!((bounds.min.z, bounds.max.z) == (0.0, 3.15));
-        assert!((bounds.min.y + 2.0).abs() < 2e-3 && (bounds.max.y - 2.0).abs() < 2e-3, "{bounds:?}");
-        assert!((-3.0..-2.9).contains(&bounds.min.x) && (3.2..3.5).contains(&bounds.max.x), "{bounds:?}");
+        assert!(
+            (bounds.min.y + 2.0).abs() < 2e-3 && (bounds.max.y - 2.0).abs() < 2e-3,
+            "{bounds:?}"
+        );
+        assert!(
+            (-3.0..-2.9).contains(&bounds.min.x) && (3.2..3.5).contains(&bounds.max.x),
+            "{bounds:?}"
+        );
     }
 
     #[test]
     fn neighbouring_patches_meet() {
         let patches = patches();
-        // Around each surface of revolution, and from the upper to the lower half of the body, handle and spout.
+        // Around each surface of revolution, and from the upper to the lower half of the body,
+        // handle and spout.
         for profile in 0..6 {
             for quarter in 0..4 {
-                let (a, b) = (patches[profile * 4 + quarter], patches[profile * 4 + (quarter + 1) % 4]);
+                let (a, b) =
+                    (patches[profile * 4 + quarter], patches[profile * 4 + (quarter + 1) % 4]);
                 for row in 0..4 {
                     assert!((a[row][0] - b[row][3]).length() < 1e-12);
                 }
@@ -222,7 +242,8 @@ mod tests {
                 assert!(n.z > 0.9, "{p} {n}");
             }
         }
-        // The far side of the handle looks away from the pot, the spout's underside forward and down.
+        // The far side of the handle looks away from the pot, the spout's underside forward and
+        // down.
         let at = |p: Vec3| {
             let near = |q: &&usize| mesh.positions[**q].distance_squared(p);
             let all: Vec<usize> = (0..mesh.positions.len()).collect();

@@ -23,14 +23,16 @@ pub enum CameraError {
     NotAPose,
     /// Mirrored.
     #[error(
-        "the camera's matrix mirrors the world (its determinant is negative); is it given for axes of another convention?"
+        "the camera's matrix mirrors the world (its determinant is negative); is it given for axes \
+            of another convention?"
     )]
     Mirrored,
 }
 
 impl Camera {
-    /// The camera with this pose. `world_from_camera` maps points in the camera's own axes to the world; its scale does not matter,
-    /// and axes that are not quite perpendicular are made so, the view direction kept.
+    /// The camera with this pose. `world_from_camera` maps points in the camera's own axes to the
+    /// world; its scale does not matter, and axes that are not quite perpendicular are made so, the
+    /// view direction kept.
     pub fn from_matrix(
         world_from_camera: DMat4,
         axes: CameraAxes,
@@ -65,8 +67,13 @@ impl Camera {
             return Err(CameraError::NotAPose);
         }
         // Inverting may leave rounding in the last row.
-        let columns = [0, 1, 2, 3].map(|i| inverse.col(i).truncate().extend(if i == 3 { 1.0 } else { 0.0 }));
-        Self::from_matrix(DMat4::from_cols(columns[0], columns[1], columns[2], columns[3]), axes, projection)
+        let columns =
+            [0, 1, 2, 3].map(|i| inverse.col(i).truncate().extend(if i == 3 { 1.0 } else { 0.0 }));
+        Self::from_matrix(
+            DMat4::from_cols(columns[0], columns[1], columns[2], columns[3]),
+            axes,
+            projection,
+        )
     }
 
     /// The pose as a matrix: `world_from_camera` with unit axes of this convention.
@@ -75,6 +82,11 @@ impl Camera {
             CameraAxes::OpenCv => (-self.up, self.towards),
             CameraAxes::OpenGl => (self.up, -self.towards),
         };
-        DMat4::from_cols(self.right().extend(0.0), y.extend(0.0), z.extend(0.0), self.eye.extend(1.0))
+        DMat4::from_cols(
+            self.right().extend(0.0),
+            y.extend(0.0),
+            z.extend(0.0),
+            self.eye.extend(1.0),
+        )
     }
 }

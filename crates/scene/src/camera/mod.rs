@@ -20,7 +20,8 @@ use std::f64::consts::{PI, TAU};
 /// Where on the film and on the lens a ray passes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraSample {
-    /// Position in pixels from the upper left corner of the picture: `(0.5, 0.5)` is the centre of the first pixel.
+    /// Position in pixels from the upper left corner of the picture: `(0.5, 0.5)` is the centre of
+    /// the first pixel.
     pub film: DVec2,
     /// Uniform position on the lens, in `[0, 1)^2`.
     pub lens: Vec2,
@@ -39,7 +40,8 @@ pub struct Camera {
     pub up: DVec3,
     /// How directions map to the film.
     pub projection: Projection,
-    /// Radius of the lens in scene units; 0 is a pinhole. Panoramic and fisheye cameras have no lens.
+    /// Radius of the lens in scene units; 0 is a pinhole. Panoramic and fisheye cameras have no
+    /// lens.
     pub aperture_radius: f64,
     /// Distance along `towards` of the plane in which points are sharp. Positive.
     pub focus_distance: f64,
@@ -54,9 +56,11 @@ pub struct CameraRay {
     pub ray: Ray,
     /// Width of the pixel's cone at the ray's origin.
     pub width: f32,
-    /// Growth of the cone's width per unit of distance: the square root of the solid angle of a pixel.
+    /// Growth of the cone's width per unit of distance: the square root of the solid angle of a
+    /// pixel.
     pub spread: f32,
-    /// Weight of the sample: 1, except 0 where the projection has no ray (outside of a fisheye's circle).
+    /// Weight of the sample: 1, except 0 where the projection has no ray (outside of a fisheye's
+    /// circle).
     pub weight: f32,
 }
 
@@ -71,8 +75,9 @@ struct LocalRay {
 }
 
 impl Camera {
-    /// A pinhole camera at `eye` that looks along `towards`. `up` need not be perpendicular or of unit length; if it is parallel to
-    /// `towards` (or zero, or not finite), some other direction is up. A view direction of length 0 becomes `-z`.
+    /// A pinhole camera at `eye` that looks along `towards`. `up` need not be perpendicular or of
+    /// unit length; if it is parallel to `towards` (or zero, or not finite), some other direction
+    /// is up. A view direction of length 0 becomes `-z`.
     pub fn from_direction(eye: DVec3, towards: DVec3, up: DVec3, projection: Projection) -> Self {
         let towards = unit(towards).unwrap_or(DVec3::NEG_Z);
         let right = unit(up).and_then(|up| {
@@ -92,7 +97,8 @@ impl Camera {
         }
     }
 
-    /// A camera at `eye` that looks at the point `target` and is focused on it; otherwise as [`Self::from_direction`].
+    /// A camera at `eye` that looks at the point `target` and is focused on it; otherwise as
+    /// [`Self::from_direction`].
     pub fn from_target(eye: DVec3, target: DVec3, up: DVec3, projection: Projection) -> Self {
         let distance = (target - eye).length();
         let focus_distance = if distance > 0.0 && distance.is_finite() { distance } else { 1.0 };
@@ -105,7 +111,8 @@ impl Camera {
         Self::from_target(eye.as_dvec3(), target.as_dvec3(), up.as_dvec3(), projection)
     }
 
-    /// Makes `towards` a unit vector, and `up` one perpendicular to it, if they are not, as in files and edits by hand.
+    /// Makes `towards` a unit vector, and `up` one perpendicular to it, if they are not, as in
+    /// files and edits by hand.
     pub fn square_up(&mut self) {
         let is_unit = |v: DVec3| (v.length_squared() - 1.0).abs() < 1e-9;
         if is_unit(self.towards) && is_unit(self.up) && self.towards.dot(self.up).abs() < 1e-9 {
@@ -115,10 +122,12 @@ impl Camera {
         (self.towards, self.up) = (squared.towards, squared.up);
     }
 
-    /// The camera on its way to another place: at `s` from 0 (here) to 1 (there), on a straight line. It keeps its own projection.
+    /// The camera on its way to another place: at `s` from 0 (here) to 1 (there), on a straight
+    /// line. It keeps its own projection.
     pub fn on_its_way(&self, other: &Self, s: f64) -> Self {
         let (towards, up) = (self.towards.lerp(other.towards, s), self.up.lerp(other.up, s));
-        let placed = Self::from_direction(self.eye.lerp(other.eye, s), towards, up, self.projection);
+        let placed =
+            Self::from_direction(self.eye.lerp(other.eye, s), towards, up, self.projection);
         Self { eye: placed.eye, towards: placed.towards, up: placed.up, ..self.clone() }
     }
 
@@ -138,7 +147,8 @@ impl Camera {
         flat && self.aperture_radius > 0.0 && self.focus_distance > 0.0
     }
 
-    /// True if all rays leave from one point (so that the samples of a pixel can be traced as a packet).
+    /// True if all rays leave from one point (so that the samples of a pixel can be traced as a
+    /// packet).
     pub fn has_common_origin(&self) -> bool {
         !matches!(self.projection, Projection::Orthographic { .. }) && !self.has_lens()
     }
@@ -166,12 +176,19 @@ impl Camera {
         let p = DVec2::new(film.x / w * 2.0 - 1.0, 1.0 - film.y / h * 2.0);
         match &self.projection {
             Projection::Perspective { .. } | Projection::Intrinsics(_) => {
-                Pinhole::of(&self.projection, size).map_or(directed(DVec3::Z, 0.0), |pinhole| pinhole.local_ray(film))
+                Pinhole::of(&self.projection, size)
+                    .map_or(directed(DVec3::Z, 0.0), |pinhole| pinhole.local_ray(film))
             }
             Projection::Orthographic { half_size } => {
                 let [x, y] = resolve(*half_size, [w, h]);
                 let width = (4.0 * x * y / (w * h)).abs().sqrt();
-                LocalRay { origin: p * DVec2::new(x, y), direction: DVec3::Z, width, spread: 0.0, weight: 1.0 }
+                LocalRay {
+                    origin: p * DVec2::new(x, y),
+                    direction: DVec3::Z,
+                    width,
+                    spread: 0.0,
+                    weight: 1.0,
+                }
             }
             Projection::Panoramic => {
                 let (sin_phi, cos_phi) = (p.x * PI).sin_cos();
@@ -197,7 +214,8 @@ impl Camera {
         }
     }
 
-    /// Where a point in the world is seen in a picture of `size` pixels (through the centre of the lens), in the coordinates of
+    /// Where a point in the world is seen in a picture of `size` pixels (through the centre of the
+    /// lens), in the coordinates of
     /// [`CameraSample::film`]: the inverse of [`Self::ray`]. May lie outside the picture. `None` for points that are not in front
     /// of a flat view, or not in a fisheye's circle.
     pub fn project(&self, point: DVec3, size: [u32; 2]) -> Option<DVec2> {
@@ -213,7 +231,8 @@ impl Camera {
             Projection::Intrinsics(k) => (d.z > 0.0).then(|| {
                 let (x, y) = (d.x / d.z, -d.y / d.z);
                 let p = DVec2::new(k.focal_length[0] * x + k.skew * y, k.focal_length[1] * y);
-                let scale = DVec2::new(w / f64::from(k.size[0].max(1)), h / f64::from(k.size[1].max(1)));
+                let scale =
+                    DVec2::new(w / f64::from(k.size[0].max(1)), h / f64::from(k.size[1].max(1)));
                 (p + DVec2::from(k.principal_point)) * scale
             }),
             Projection::Orthographic { half_size } => {
@@ -259,7 +278,12 @@ impl<'a> CameraView<'a> {
         if let (Some(pinhole), Some(lens)) = (&self.pinhole, &self.lens) {
             let (origin, direction, spread, is_usual) = lens.ray(pinhole, sample.film, sample.lens);
             if is_usual {
-                return CameraRay { ray: Ray::new(origin, direction), width: 0.0, spread, weight: 1.0 };
+                return CameraRay {
+                    ray: Ray::new(origin, direction),
+                    width: 0.0,
+                    spread,
+                    weight: 1.0,
+                };
             }
         } else if let Some(pinhole) = &self.pinhole {
             let p = pinhole.point(sample.film);
@@ -278,8 +302,8 @@ impl<'a> CameraView<'a> {
         self.any_ray(sample)
     }
 
-    /// [`Self::ray`] of many points of the picture and of the lens (x and y of each), bit for bit. False, and nothing of use, if these are
-    /// not all plain rays of a flat view.
+    /// [`Self::ray`] of many points of the picture and of the lens (x and y of each), bit for bit.
+    /// False, and nothing of use, if these are not all plain rays of a flat view.
     pub fn many_rays<const N: usize>(
         &self,
         film: &[[f64; N]; 2],
@@ -322,15 +346,18 @@ impl<'a> CameraView<'a> {
     #[inline(never)]
     fn any_ray(&self, sample: &CameraSample) -> CameraRay {
         let camera = self.camera;
-        let LocalRay { origin, direction, width, spread, weight } = camera.local_ray(sample.film, self.size);
+        let LocalRay { origin, direction, width, spread, weight } =
+            camera.local_ray(sample.film, self.size);
         let (origin, direction) = if camera.has_lens() {
-            // All rays through the lens meet where the ray through its centre crosses the plane of focus.
+            // All rays through the lens meet where the ray through its centre crosses the plane of
+            // focus.
             let lens = sampling::concentric_disk(sample.lens).as_dvec2() * camera.aperture_radius;
             (origin + lens, direction * camera.focus_distance - lens.extend(0.0))
         } else {
             (origin, direction)
         };
-        let direction = self.right * direction.x + camera.up * direction.y + camera.towards * direction.z;
+        let direction =
+            self.right * direction.x + camera.up * direction.y + camera.towards * direction.z;
         let eye = camera.eye + self.right * origin.x + camera.up * origin.y;
         let direction = unit(direction).unwrap_or(camera.towards);
         CameraRay {
@@ -346,7 +373,8 @@ fn directed(direction: DVec3, spread: f64) -> LocalRay {
     LocalRay { origin: DVec2::ZERO, direction, width: 0.0, spread, weight: 1.0 }
 }
 
-/// The unit vector of this direction, at any scale that does not overflow; `None` for zero and for what is not finite.
+/// The unit vector of this direction, at any scale that does not overflow; `None` for zero and for
+/// what is not finite.
 fn unit(v: DVec3) -> Option<DVec3> {
     let largest = v.abs().max_element();
     (largest > 0.0 && v.is_finite()).then(|| (v / largest).normalize())

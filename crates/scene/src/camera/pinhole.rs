@@ -27,7 +27,8 @@ impl Pinhole {
             }
             Projection::Intrinsics(k) => {
                 let ([fx, fy], [cx, cy]) = (k.focal_length, k.principal_point);
-                let scale = DVec2::new(f64::from(k.size[0].max(1)) / w, f64::from(k.size[1].max(1)) / h);
+                let scale =
+                    DVec2::new(f64::from(k.size[0].max(1)) / w, f64::from(k.size[1].max(1)) / h);
                 let down = DVec3::new(0.0, scale.y / fy, -cy / fy);
                 (DVec3::new(scale.x / fx, 0.0, -cx / fx) - down * (k.skew / fx), -down)
             }
@@ -42,7 +43,8 @@ impl Pinhole {
         DVec2::new(along(self.x), along(self.y))
     }
 
-    /// The solid angle of a small patch of the plane falls with the cube of the cosine, which is this.
+    /// The solid angle of a small patch of the plane falls with the cube of the cosine, which is
+    /// this.
     #[inline(always)]
     pub fn spread(&self, cosine: f64) -> f64 {
         self.pixel * cosine * cosine.sqrt()
@@ -66,8 +68,9 @@ pub(super) struct Lens {
 }
 
 impl Lens {
-    /// The ray from a point of the lens, chosen by `u`, to where the ray through its middle crosses the plane of focus: origin, unit direction,
-    /// growth, and false if numbers are too large or small for that. Without branches, so that loops over it become vector code.
+    /// The ray from a point of the lens, chosen by `u`, to where the ray through its middle crosses
+    /// the plane of focus: origin, unit direction, growth, and false if numbers are too large or
+    /// small for that. Without branches, so that loops over it become vector code.
     #[inline(always)]
     pub fn ray(&self, pinhole: &Pinhole, film: DVec2, u: Vec2) -> (Vec3, Vec3, f32, bool) {
         let Self { eye, axes: [right, up, towards], radius, focus } = *self;
@@ -120,7 +123,8 @@ pub(super) fn lens_lanes(
 ) -> bool {
     let count = spread.len();
     let (film, u) = (film.map(|film| &film[..count]), u.map(|u| &u[..count]));
-    let (origin, direction) = (origin.map(|axis| &mut axis[..count]), direction.map(|axis| &mut axis[..count]));
+    let (origin, direction) =
+        (origin.map(|axis| &mut axis[..count]), direction.map(|axis| &mut axis[..count]));
     let mut are_usual = true;
     for i in 0..count {
         let at = (DVec2::new(film[0][i], film[1][i]), Vec2::new(u[0][i], u[1][i]));
@@ -135,7 +139,8 @@ pub(super) fn lens_lanes(
     are_usual
 }
 
-/// See [`CameraView::many_rays`], through a pinhole: the steps of [`CameraView::ray`] in the same order.
+/// See [`CameraView::many_rays`], through a pinhole: the steps of [`CameraView::ray`] in the same
+/// order.
 #[inline(always)]
 pub(super) fn lanes(
     pinhole: &Pinhole,

@@ -8,36 +8,38 @@ use serde::{Deserialize, Serialize};
 pub enum Projection {
     /// A pinhole or thin lens.
     Perspective {
-        /// Tangents of the half-angles of view, horizontal and vertical. `None` follows from the other and the shape of the
-        /// picture; at least one is given.
+        /// Tangents of the half-angles of view, horizontal and vertical. `None` follows from the
+        /// other and the shape of the picture; at least one is given.
         tan_half_fov: [Option<f64>; 2],
     },
     /// A pinhole or thin lens given by the matrix `[fx s cx; 0 fy cy; 0 0 1]` of computer vision.
     Intrinsics(Intrinsics),
     /// Parallel rays.
     Orthographic {
-        /// Half of the width and height of what is seen, in scene units. `None` follows from the other and the shape of the
-        /// picture; at least one is given.
+        /// Half of the width and height of what is seen, in scene units. `None` follows from the
+        /// other and the shape of the picture; at least one is given.
         half_size: [Option<f64>; 2],
     },
-    /// All directions, as a latitude-longitude picture: the middle is `towards`, the top edge `up`, and what is right of
-    /// `towards` is right in the picture. Both side edges show what is behind.
+    /// All directions, as a latitude-longitude picture: the middle is `towards`, the top edge `up`,
+    /// and what is right of `towards` is right in the picture. Both side edges show what is behind.
     Panoramic,
-    /// Equidistant fisheye: the angle from `towards` grows linearly with the distance from the middle of the picture. The circle
-    /// touches the nearer edges of the picture; outside of it there are no rays.
+    /// Equidistant fisheye: the angle from `towards` grows linearly with the distance from the
+    /// middle of the picture. The circle touches the nearer edges of the picture; outside of it
+    /// there are no rays.
     Fisheye {
         /// Total angle of view across the circle, radians, in `(0, 2 pi]`.
         max_angle: f64,
     },
 }
 
-/// A camera matrix, in pixels of a picture of the given size. A picture rendered at another size shows the same view.
+/// A camera matrix, in pixels of a picture of the given size. A picture rendered at another size
+/// shows the same view.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Intrinsics {
     /// Focal lengths `fx` and `fy`, not 0.
     pub focal_length: [f64; 2],
-    /// Principal point `cx` and `cy`, measured like [`super::CameraSample::film`]: the centre of the first pixel is
-    /// `(0.5, 0.5)`. (Where it is `(0, 0)`, add one half.)
+    /// Principal point `cx` and `cy`, measured like [`super::CameraSample::film`]: the centre of
+    /// the first pixel is `(0.5, 0.5)`. (Where it is `(0, 0)`, add one half.)
     pub principal_point: [f64; 2],
     /// Skew `s`, usually 0.
     #[serde(default)]
@@ -83,8 +85,8 @@ impl Projection {
         ]
     }
 
-    /// A perspective view whose picture is twice `half_angle` (radians) wide: the Θ of the view frustum. Clamped to what a flat
-    /// picture can show.
+    /// A perspective view whose picture is twice `half_angle` (radians) wide: the Θ of the view
+    /// frustum. Clamped to what a flat picture can show.
     pub fn from_half_angle_x(half_angle: f64) -> Self {
         Self::Perspective { tan_half_fov: [Some(tan_of_half_angle(half_angle)), None] }
     }
@@ -94,7 +96,8 @@ impl Projection {
         Self::Perspective { tan_half_fov: [None, Some(tan_of_half_angle(half_angle))] }
     }
 
-    /// A perspective view with a full angle of view in degrees. `size` tells which side of the picture is the larger.
+    /// A perspective view with a full angle of view in degrees. `size` tells which side of the
+    /// picture is the larger.
     pub fn from_fov_degrees(degrees: f64, axis: FovAxis, size: [u32; 2]) -> Self {
         let half_angle = degrees.to_radians() / 2.0;
         let wide = size[0] >= size[1];

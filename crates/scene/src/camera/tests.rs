@@ -18,12 +18,21 @@ fn close(a: DVec3, b: DVec3) -> bool {
 }
 
 fn with(projection: Projection) -> Camera {
-    Camera::from_direction(DVec3::new(1.0, 2.0, 3.0), DVec3::new(1.0, -0.2, -2.0), DVec3::Y, projection)
+    Camera::from_direction(
+        DVec3::new(1.0, 2.0, 3.0),
+        DVec3::new(1.0, -0.2, -2.0),
+        DVec3::Y,
+        projection,
+    )
 }
 
 fn examples() -> Vec<Camera> {
-    let intrinsics =
-        Intrinsics { focal_length: [500.0, 510.0], principal_point: [300.0, 200.0], skew: 3.0, size: [640, 360] };
+    let intrinsics = Intrinsics {
+        focal_length: [500.0, 510.0],
+        principal_point: [300.0, 200.0],
+        skew: 3.0,
+        size: [640, 360],
+    };
     vec![
         with(Projection::Perspective { tan_half_fov: [Some(0.5), None] }),
         with(Projection::Perspective { tan_half_fov: [None, Some(0.7)] }),
@@ -47,7 +56,8 @@ fn rays_pass_through_the_points_that_project_to_their_pixel() {
             if r.weight == 0.0 {
                 continue;
             }
-            let back = camera.project(r.ray.origin.as_dvec3() + 7.0 * r.ray.direction.as_dvec3(), SIZE);
+            let back =
+                camera.project(r.ray.origin.as_dvec3() + 7.0 * r.ray.direction.as_dvec3(), SIZE);
             let back = back.unwrap_or_else(|| panic!("{film} is seen by {camera:?}"));
             assert!((back - film).length() < 2e-3, "{film} came back as {back}: {camera:?}");
         }
@@ -56,8 +66,9 @@ fn rays_pass_through_the_points_that_project_to_their_pixel() {
 
 #[test]
 fn the_slides_ray_construction_gives_the_same_rays() {
-    // right = towards x up; P1 = P0 + d towards - d tan(theta) right; P2 = P0 + d towards + d tan(theta) right;
-    // P = P1 + ((i + 0.5) / width) (P2 - P1); V = (P - P0) / |P - P0|, where theta is the half-angle of the frustum.
+    // right = towards x up; P1 = P0 + d towards - d tan(theta) right; P2 = P0 + d towards + d
+    // tan(theta) right; P = P1 + ((i + 0.5) / width) (P2 - P1); V = (P - P0) / |P - P0|, where
+    // theta is the half-angle of the frustum.
     let (p0, towards, up) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(0.6, 0.0, -0.8), DVec3::Y);
     let (theta, width) = (0.4f64, 11u32);
     let camera = Camera::from_direction(p0, towards, up, Projection::from_half_angle_x(theta));
@@ -69,7 +80,9 @@ fn the_slides_ray_construction_gives_the_same_rays() {
             let s = (f64::from(i) + 0.5) / f64::from(width);
             let p = p1 + s * (p2 - p1);
             let r = ray(&camera, DVec2::new(f64::from(i) + 0.5, 0.5), [width, 1]).ray;
-            assert!(close(r.direction.as_dvec3(), (p - p0).normalize()) && r.origin == p0.as_vec3());
+            assert!(
+                close(r.direction.as_dvec3(), (p - p0).normalize()) && r.origin == p0.as_vec3()
+            );
         }
     }
 }
@@ -80,7 +93,12 @@ fn the_angle_of_view_is_total_and_its_axis_is_respected() {
         let camera = Camera::from_direction(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, projection);
         let mut film = DVec2::new(f64::from(size[0]), f64::from(size[1])) / 2.0;
         film[axis] = 0.0;
-        2.0 * ray(&camera, film, size).ray.direction.as_dvec3().angle_between(DVec3::NEG_Z).to_degrees()
+        2.0 * ray(&camera, film, size)
+            .ray
+            .direction
+            .as_dvec3()
+            .angle_between(DVec3::NEG_Z)
+            .to_degrees()
     };
     let (wide, tall) = ([200, 100], [100, 200]);
     for (axis, size, measured) in [
@@ -107,13 +125,20 @@ fn pixels_are_square_unless_both_angles_are_given() {
 
 #[test]
 fn camera_matrices_project_known_points_to_known_pixels() {
-    // fx = 100, centre (50, 40): the point (0.1, 0.2, 1) right, down and in front is seen at (60, 60).
-    let intrinsics = Intrinsics { focal_length: [100.0; 2], principal_point: [50.0, 40.0], skew: 0.0, size: [100, 80] };
+    // fx = 100, centre (50, 40): the point (0.1, 0.2, 1) right, down and in front is seen at (60,
+    // 60).
+    let intrinsics = Intrinsics {
+        focal_length: [100.0; 2],
+        principal_point: [50.0, 40.0],
+        skew: 0.0,
+        size: [100, 80],
+    };
     let projection = Projection::Intrinsics(intrinsics);
     let pose = DMat4::from_rotation_y(0.7) * DMat4::from_translation(DVec3::new(1.0, -2.0, 5.0));
-    for (axes, local) in
-        [(CameraAxes::OpenCv, DVec3::new(0.1, 0.2, 1.0)), (CameraAxes::OpenGl, DVec3::new(0.1, -0.2, -1.0))]
-    {
+    for (axes, local) in [
+        (CameraAxes::OpenCv, DVec3::new(0.1, 0.2, 1.0)),
+        (CameraAxes::OpenGl, DVec3::new(0.1, -0.2, -1.0)),
+    ] {
         let point = pose.transform_point3(local);
         for camera in [
             Camera::from_matrix(pose, axes, projection).expect("a pose"),
@@ -131,10 +156,18 @@ fn camera_matrices_project_known_points_to_known_pixels() {
 
 #[test]
 fn skew_moves_points_sideways_by_height() {
-    let intrinsics =
-        Intrinsics { focal_length: [100.0; 2], principal_point: [50.0, 40.0], skew: 10.0, size: [100, 80] };
-    let camera =
-        Camera::from_matrix(DMat4::IDENTITY, CameraAxes::OpenCv, Projection::Intrinsics(intrinsics)).expect("a pose");
+    let intrinsics = Intrinsics {
+        focal_length: [100.0; 2],
+        principal_point: [50.0, 40.0],
+        skew: 10.0,
+        size: [100, 80],
+    };
+    let camera = Camera::from_matrix(
+        DMat4::IDENTITY,
+        CameraAxes::OpenCv,
+        Projection::Intrinsics(intrinsics),
+    )
+    .expect("a pose");
     let pixel = camera.project(DVec3::new(0.0, 0.2, 1.0), [100, 80]).expect("in front");
     assert!((pixel - DVec2::new(52.0, 60.0)).length() < 1e-9);
 }
@@ -149,7 +182,10 @@ fn matrices_that_are_no_pose_are_refused() {
     assert_eq!(refused(mirrored), CameraError::Mirrored);
     assert_eq!(refused(singular), CameraError::NotAPose);
     assert_eq!(refused(transposed), CameraError::NotAPose);
-    assert_eq!(refused(DMat4::from_cols(DVec4::NAN, DVec4::Y, DVec4::Z, DVec4::W)), CameraError::NotAPose);
+    assert_eq!(
+        refused(DMat4::from_cols(DVec4::NAN, DVec4::Y, DVec4::Z, DVec4::W)),
+        CameraError::NotAPose
+    );
     assert!(Camera::from_extrinsics(singular, CameraAxes::OpenGl, projection).is_err());
 }
 
@@ -166,7 +202,12 @@ fn a_panorama_shows_the_axes_where_they_belong() {
 
 #[test]
 fn a_fisheye_is_equidistant_and_ends_at_its_circle() {
-    let camera = Camera::from_direction(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, Projection::Fisheye { max_angle: PI });
+    let camera = Camera::from_direction(
+        DVec3::ZERO,
+        DVec3::NEG_Z,
+        DVec3::Y,
+        Projection::Fisheye { max_angle: PI },
+    );
     assert!(close(direction(&camera, 320.0, 180.0), DVec3::NEG_Z));
     assert!(close(direction(&camera, 500.0, 180.0), DVec3::X));
     assert!(close(direction(&camera, 320.0, 0.0), DVec3::Y));
@@ -221,7 +262,8 @@ fn all_rays_through_the_lens_meet_in_the_plane_of_focus() {
 
 #[test]
 fn the_spread_is_the_root_of_the_pixels_solid_angle() {
-    // The pixels of a whole panorama cover the sphere; those of a 90 degree view cover a sixth of it.
+    // The pixels of a whole panorama cover the sphere; those of a 90 degree view cover a sixth of
+    // it.
     let total = |camera: &Camera, size: [u32; 2]| {
         let mut sum = 0.0;
         for y in 0..size[1] {
@@ -233,19 +275,34 @@ fn the_spread_is_the_root_of_the_pixels_solid_angle() {
         sum / (4.0 * PI)
     };
     assert!((total(&with(Projection::Panoramic), [120, 60]) - 1.0).abs() < 1e-3);
-    assert!((total(&with(Projection::from_half_angle_x(PI / 4.0)), [64, 64]) - 1.0 / 6.0).abs() < 1e-4);
+    assert!(
+        (total(&with(Projection::from_half_angle_x(PI / 4.0)), [64, 64]) - 1.0 / 6.0).abs() < 1e-4
+    );
     assert!((total(&with(Projection::Fisheye { max_angle: PI }), [128, 128]) - 0.5).abs() < 5e-3);
 }
 
 #[test]
 fn degenerate_cameras_still_have_orthonormal_axes() {
     let (nan, zero) = (DVec3::splat(f64::NAN), DVec3::ZERO);
-    for towards in [DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::new(1e-200, 0.0, 1e-200), zero, nan, DVec3::splat(1e300)] {
-        for up in [DVec3::Y, DVec3::NEG_Y * 1e-300, DVec3::new(0.0, 1.0, 1e-12), zero, nan, towards] {
-            let c = Camera::from_direction(zero, towards, up, Projection::from_half_angle_x(f64::NAN));
+    for towards in [
+        DVec3::Y,
+        DVec3::NEG_Y,
+        DVec3::Z,
+        DVec3::new(1e-200, 0.0, 1e-200),
+        zero,
+        nan,
+        DVec3::splat(1e300),
+    ] {
+        for up in [DVec3::Y, DVec3::NEG_Y * 1e-300, DVec3::new(0.0, 1.0, 1e-12), zero, nan, towards]
+        {
+            let c =
+                Camera::from_direction(zero, towards, up, Projection::from_half_angle_x(f64::NAN));
             let right = c.right();
             for (a, b) in [(c.towards, c.up), (c.up, right), (right, c.towards)] {
-                assert!((a.length() - 1.0).abs() < 1e-9 && a.dot(b).abs() < 1e-9, "{towards} {up}: {c:?}");
+                assert!(
+                    (a.length() - 1.0).abs() < 1e-9 && a.dot(b).abs() < 1e-9,
+                    "{towards} {up}: {c:?}"
+                );
             }
             assert!(ray(&c, DVec2::new(1.0, 2.0), SIZE).ray.is_valid());
         }
@@ -270,16 +327,23 @@ proptest! {
 
 #[test]
 fn many_rays_are_those_of_single_points_at_every_level() {
-    let with_lens = |camera: Camera| [Camera { aperture_radius: 0.1, focus_distance: 3.0, ..camera.clone() }, camera];
+    let with_lens = |camera: Camera| {
+        [Camera { aperture_radius: 0.1, focus_distance: 3.0, ..camera.clone() }, camera]
+    };
     for camera in examples().into_iter().flat_map(with_lens) {
         let view = camera.view(SIZE);
-        let film: [[f64; 40]; 2] = [[0.37, 640.0], [0.81, 360.0]]
-            .map(|[step, side]: [f64; 2]| std::array::from_fn(|i| (i as f64 * step).fract() * side));
-        let lens: [[f32; 40]; 2] = [0.29, 0.53].map(|step: f32| std::array::from_fn(|i| (i as f32 * step).fract()));
+        let film: [[f64; 40]; 2] = [[0.37, 640.0], [0.81, 360.0]].map(|[step, side]: [f64; 2]| {
+            std::array::from_fn(|i| (i as f64 * step).fract() * side)
+        });
+        let lens: [[f32; 40]; 2] =
+            [0.29, 0.53].map(|step: f32| std::array::from_fn(|i| (i as f32 * step).fract()));
         for level in snell_math::simd::Level::ALL {
             let mut rays = CameraRays::default();
             let is_known = view.many_rays(&film, &lens, level.wide(), &mut rays);
-            let is_flat = matches!(camera.projection, Projection::Perspective { .. } | Projection::Intrinsics(_));
+            let is_flat = matches!(
+                camera.projection,
+                Projection::Perspective { .. } | Projection::Intrinsics(_)
+            );
             assert_eq!(is_known, is_flat);
             for (i, (&x, &y)) in film[0].iter().zip(&film[1]).enumerate().filter(|_| is_known) {
                 let lens = Vec2::new(lens[0][i], lens[1][i]);

@@ -11,11 +11,12 @@ const ALBEDO: f32 = 0.95;
 /// The ball of fog is this much larger than the scene.
 const MARGIN: f64 = 1.01;
 
-/// Fills a ball around the scene with fog of this extinction coefficient (per scene unit), which scatters evenly in all directions. A
-/// scene without bounds is filled without end.
+/// Fills a ball around the scene with fog of this extinction coefficient (per scene unit), which
+/// scatters evenly in all directions. A scene without bounds is filled without end.
 pub fn fill_with_fog(scene: &mut Scene, density: f32) -> Result<(), SceneError> {
     let bounds = scene.bounds()?;
-    let fog = scene.add_medium(Homogeneous::scattering(Rgb::splat(density), Rgb::splat(ALBEDO), 0.0));
+    let fog =
+        scene.add_medium(Homogeneous::scattering(Rgb::splat(density), Rgb::splat(ALBEDO), 0.0));
     if !bounds.is_finite() || bounds.is_empty() || bounds.radius() <= 0.0 {
         scene.medium = Some(fog);
         return Ok(());
@@ -41,7 +42,11 @@ mod tests {
         let before = scene.bounds().expect("no cycles");
         fill_with_fog(&mut scene, 0.001).expect("no cycles");
         let after = scene.bounds().expect("no cycles");
-        assert!(scene.medium.is_none() && after.min.cmplt(before.min).all() && after.max.cmpgt(before.max).all());
+        assert!(
+            scene.medium.is_none()
+                && after.min.cmplt(before.min).all()
+                && after.max.cmpgt(before.max).all()
+        );
         let mut empty = Scene::new("nothing");
         fill_with_fog(&mut empty, 0.001).expect("no cycles");
         assert!(empty.medium.is_some());

@@ -1,4 +1,5 @@
-//! How far the surfaces of a scene reach in some directions: what a tight view needs to know of them.
+//! How far the surfaces of a scene reach in some directions: what a tight view needs to know of
+//! them.
 
 use super::fit::Extent;
 use crate::graph::{Geometry, NodeId, Scene, Surface};
@@ -6,14 +7,20 @@ use snell_intersect::{AnyShape, Shape, TriangleMesh};
 use snell_math::{Bounds3d, DAffine3, DVec3, Transform};
 use std::collections::BTreeMap;
 
-/// After this many vertices, triangles and nodes the boxes of nodes have to do: instances of instances may stand for any number.
+/// After this many vertices, triangles and nodes the boxes of nodes have to do: instances of
+/// instances may stand for any number.
 const BUDGET: usize = 12_000_000;
 
 /// A node costs as much as this many vertices or triangles.
 const NODE_COST: usize = 32;
 
-/// The extent of all bounded surfaces in world coordinates. `bounds` are those of the nodes, each in its own coordinates.
-pub fn extent_of_scene(scene: &Scene, bounds: &BTreeMap<NodeId, Bounds3d>, directions: &[DVec3; 4]) -> Extent {
+/// The extent of all bounded surfaces in world coordinates. `bounds` are those of the nodes, each
+/// in its own coordinates.
+pub fn extent_of_scene(
+    scene: &Scene,
+    bounds: &BTreeMap<NodeId, Bounds3d>,
+    directions: &[DVec3; 4],
+) -> Extent {
     let mut extent = Extent::EMPTY;
     let mut budget = BUDGET;
     let mut open = vec![(scene.root, DAffine3::IDENTITY)];
@@ -53,18 +60,26 @@ fn extent_of_geometry(geometry: &Geometry, directions: &[DVec3; 4]) -> Extent {
     match geometry {
         Geometry::Mesh(mesh) => extent_of_mesh(mesh, directions),
         Geometry::Shape(shape) => match &**shape {
-            AnyShape::Sphere(sphere) => Extent { reach: directions.map(|d| d.length() * sphere.radius) },
+            AnyShape::Sphere(sphere) => {
+                Extent { reach: directions.map(|d| d.length() * sphere.radius) }
+            }
             shape => Extent::of_box(&shape.bounds(), directions),
         },
         Geometry::Curves(curves) => {
             let points = curves.points().iter().filter(|p| p.is_finite());
-            extent_of_balls(points.map(|p| (p.truncate().as_dvec3(), f64::from(p.w.max(0.0)))), directions)
+            extent_of_balls(
+                points.map(|p| (p.truncate().as_dvec3(), f64::from(p.w.max(0.0)))),
+                directions,
+            )
         }
     }
 }
 
 fn extent_of_mesh(mesh: &TriangleMesh, directions: &[DVec3; 4]) -> Extent {
-    extent_of_balls(mesh.positions.iter().filter(|p| p.is_finite()).map(|p| (p.as_dvec3(), 0.0)), directions)
+    extent_of_balls(
+        mesh.positions.iter().filter(|p| p.is_finite()).map(|p| (p.as_dvec3(), 0.0)),
+        directions,
+    )
 }
 
 /// How far balls (centre and radius) reach.
@@ -94,7 +109,9 @@ mod tests {
     /// Smallest and largest of the projected points, from -1 to 1 across the picture.
     fn projected(scene: &Scene, points: &[DVec3]) -> (DVec2, DVec2) {
         let half = DVec2::new(SIZE[0].into(), SIZE[1].into()) / 2.0;
-        let shown = points.iter().map(|p| (scene.cameras[0].project(*p, SIZE).expect("in front") - half) / half);
+        let shown = points
+            .iter()
+            .map(|p| (scene.cameras[0].project(*p, SIZE).expect("in front") - half) / half);
         shown.fold((DVec2::MAX, DVec2::MIN), |(least, most), p| (least.min(p), most.max(p)))
     }
 
@@ -103,7 +120,8 @@ mod tests {
         assert!((most - least).max_element() > extent, "{least} {most}");
     }
 
-    /// In the middle, as far as perspective lets things be: not so for slivers that point at the camera.
+    /// In the middle, as far as perspective lets things be: not so for slivers that point at the
+    /// camera.
     fn assert_is_centred((least, most): (DVec2, DVec2)) {
         let middle = (least + most) / 2.0;
         assert!(middle.abs().max_element() < 0.01, "{middle}");
@@ -137,10 +155,16 @@ mod tests {
     fn a_sphere_fills_the_picture_from_top_to_bottom() {
         let mut scene = Scene::new("ball");
         let sphere = Geometry::Shape(Arc::new(Sphere { radius: 2.0 }.into()));
-        scene.add_child(scene.root, Node { surfaces: vec![Surface::new(sphere)], ..Node::named("ball") });
-        prepare(&mut scene, &FramingOptions { size: SIZE, ..Default::default() }).expect("no cycle");
+        scene.add_child(
+            scene.root,
+            Node { surfaces: vec![Surface::new(sphere)], ..Node::named("ball") },
+        );
+        prepare(&mut scene, &FramingOptions { size: SIZE, ..Default::default() })
+            .expect("no cycle");
         let around = |i: usize| {
-            let d = snell_math::sampling::uniform_sphere(snell_math::rng::uniform2([i as u32, 0, 0, 0]));
+            let d = snell_math::sampling::uniform_sphere(snell_math::rng::uniform2([
+                i as u32, 0, 0, 0,
+            ]));
             d.as_dvec3() * 2.0
         };
         let shown = projected(&scene, &(0..5000).map(around).collect::<Vec<_>>());
@@ -152,12 +176,18 @@ mod tests {
     fn instances_of_instances_end_soon() {
         let mut scene = Scene::new("tower");
         let sphere = Geometry::Shape(Arc::new(Sphere { radius: 1.0 }.into()));
-        let mut node = scene.add_node(Node { surfaces: vec![Surface::new(sphere)], ..Node::named("ball") });
+        let mut node =
+            scene.add_node(Node { surfaces: vec![Surface::new(sphere)], ..Node::named("ball") });
         // 2^60 spheres.
         for level in 0..60 {
             let shift = |x: f64| DAffine3::from_translation(DVec3::X * x);
-            let [a, b] = [0.0, 1.0 + f64::from(level)]
-                .map(|x| scene.add_node(Node { transform: shift(x), children: vec![node], ..Node::default() }));
+            let [a, b] = [0.0, 1.0 + f64::from(level)].map(|x| {
+                scene.add_node(Node {
+                    transform: shift(x),
+                    children: vec![node],
+                    ..Node::default()
+                })
+            });
             node = scene.add_node(Node { children: vec![a, b], ..Node::default() });
         }
         let root = scene.root;

@@ -3,7 +3,8 @@
 use crate::camera::{Camera, Projection};
 use snell_math::{Bounds3d, DVec3};
 
-/// Tangent of half the angle of view across the smaller side of the picture: 34 degrees in all, about a 60 mm lens.
+/// Tangent of half the angle of view across the smaller side of the picture: 34 degrees in all,
+/// about a 60 mm lens.
 const TAN_HALF_FOV: f64 = 0.3057;
 /// Share of the picture, from the middle to the edges, that things may take.
 const FILL: f64 = 0.88;
@@ -15,17 +16,20 @@ const CENTERED: f64 = 1e-3;
 const AZIMUTH: f64 = 0.5;
 const ELEVATION: f64 = 0.3;
 
-/// A camera that sees the whole box in a picture of this aspect ratio (width over height), from the front, the right and slightly
-/// above. With `up = +y` the front is `+z`, with `up = +z` it is `-y`; `+x` is to the right.
+/// A camera that sees the whole box in a picture of this aspect ratio (width over height), from the
+/// front, the right and slightly above. With `up = +y` the front is `+z`, with `up = +z` it is
+/// `-y`; `+x` is to the right.
 ///
-/// Sides that are infinite (planes) are cut to the extent of the finite ones; an empty box counts as a unit cube, and a point is
-/// given some extent. The camera is focused on the middle of the box.
+/// Sides that are infinite (planes) are cut to the extent of the finite ones; an empty box counts
+/// as a unit cube, and a point is given some extent. The camera is focused on the middle of the
+/// box.
 pub fn frame(bounds: &Bounds3d, up: DVec3, aspect: f64) -> Camera {
     let bounds = sane(bounds);
     frame_content(&bounds, up, aspect, |directions| Extent::of_box(&bounds, directions))
 }
 
-/// Like [`frame`], but fits what is inside of the box: `extent` tells how far that reaches in some directions.
+/// Like [`frame`], but fits what is inside of the box: `extent` tells how far that reaches in some
+/// directions.
 pub(super) fn frame_content(
     bounds: &Bounds3d,
     up: DVec3,
@@ -34,22 +38,31 @@ pub(super) fn frame_content(
 ) -> Camera {
     let given = *bounds;
     let bounds = sane(bounds);
-    let aspect = if aspect > 0.0 && aspect.is_finite() { aspect.clamp(1e-3, 1e3) } else { 4.0 / 3.0 };
-    let (tan_x, tan_y) =
-        if aspect >= 1.0 { (TAN_HALF_FOV * aspect, TAN_HALF_FOV) } else { (TAN_HALF_FOV, TAN_HALF_FOV / aspect) };
+    let aspect =
+        if aspect > 0.0 && aspect.is_finite() { aspect.clamp(1e-3, 1e3) } else { 4.0 / 3.0 };
+    let (tan_x, tan_y) = if aspect >= 1.0 {
+        (TAN_HALF_FOV * aspect, TAN_HALF_FOV)
+    } else {
+        (TAN_HALF_FOV, TAN_HALF_FOV / aspect)
+    };
     let projection = Projection::Perspective {
-        tan_half_fov: if aspect >= 1.0 { [None, Some(TAN_HALF_FOV)] } else { [Some(TAN_HALF_FOV), None] },
+        tan_half_fov: if aspect >= 1.0 {
+            [None, Some(TAN_HALF_FOV)]
+        } else {
+            [Some(TAN_HALF_FOV), None]
+        },
     };
     let up = up.try_normalize().filter(|u| u.is_finite()).unwrap_or(DVec3::Y);
     let center = bounds.center();
     let mut camera = Camera::from_direction(center, -from_object(up), up, projection);
     let (right, up, towards) = (camera.right(), camera.up, camera.towards);
-    // The sides of a pyramid of view with these slopes, touched by the content from inside: `x - slope z <= reach` and so on, relative
-    // to the box's middle.
+    // The sides of a pyramid of view with these slopes, touched by the content from inside:
+    // `x - slope z <= reach` and so on, relative to the box's middle.
     let reach = |slopes: [f64; 2]| -> [f64; 4] {
         let [x, y] = slopes.map(|slope| towards * slope);
         let normals = [right - x, -right - x, up - y, -up - y];
-        let offset = |extent: &Extent| std::array::from_fn(|i| extent.reach[i] - normals[i].dot(center));
+        let offset =
+            |extent: &Extent| std::array::from_fn(|i| extent.reach[i] - normals[i].dot(center));
         let fits = |reach: &[f64; 4]| reach.iter().all(|r| r.is_finite()) && bounds == given;
         let content = Some(offset(&extent(&normals))).filter(fits);
         content.unwrap_or_else(|| offset(&Extent::of_box(&bounds, &normals)))
@@ -62,7 +75,8 @@ pub(super) fn frame_content(
     // A corner may point at the camera: stay outside of the box, seen along the view.
     let depth = (bounds.size() / 2.0).dot(towards.abs());
     let back = back.max(depth + bounds.radius() * 1e-3);
-    // The sides that have room left close in until they touch as well: that puts the content into the middle.
+    // The sides that have room left close in until they touch as well: that puts the content into
+    // the middle.
     let mut slopes = [tan_x, tan_y];
     for _ in 0..CENTERING_STEPS {
         let slope = |a: f64, b: f64, tan: f64| ((a + b) / (2.0 * back)).clamp(0.0, tan);
@@ -73,7 +87,8 @@ pub(super) fn frame_content(
         [x1, x2, y1, y2] = reach(slopes);
     }
     // As far to the middle as nothing is lost.
-    let aside = |middle: f64, a: f64, b: f64, tan: f64| middle.min(tan * back - b).max(a - tan * back);
+    let aside =
+        |middle: f64, a: f64, b: f64, tan: f64| middle.min(tan * back - b).max(a - tan * back);
     let x = aside((x1 - x2) / 2.0, outermost[0], outermost[1], tan_x);
     let y = aside((y1 - y2) / 2.0, outermost[2], outermost[3], tan_y);
     camera.eye = center + right * x + up * y - towards * back;
@@ -82,7 +97,8 @@ pub(super) fn frame_content(
     camera
 }
 
-/// How far something reaches in each of four directions: the largest dot product of its points with them.
+/// How far something reaches in each of four directions: the largest dot product of its points with
+/// them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extent {
     pub reach: [f64; 4],
@@ -154,11 +170,15 @@ mod tests {
     use proptest::prelude::*;
     use snell_math::DVec2;
 
-    /// Largest distance of a projected corner from the middle, as a share of the way to the edge: horizontally and vertically.
+    /// Largest distance of a projected corner from the middle, as a share of the way to the edge:
+    /// horizontally and vertically.
     fn reach(camera: &Camera, bounds: &Bounds3d, size: [u32; 2]) -> DVec2 {
         (0..8).fold(DVec2::ZERO, |reach, i| {
-            let pick = |axis: usize| if i >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
-            let p = camera.project(DVec3::new(pick(0), pick(1), pick(2)), size).expect("corners are in front");
+            let pick =
+                |axis: usize| if i >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
+            let p = camera
+                .project(DVec3::new(pick(0), pick(1), pick(2)), size)
+                .expect("corners are in front");
             let half = DVec2::new(size[0].into(), size[1].into()) / 2.0;
             reach.max(((p - half) / half).abs())
         })
@@ -196,17 +216,29 @@ mod tests {
             Bounds3d { min: DVec3::splat(5.0), max: DVec3::splat(5.0) },
             Bounds3d { min: DVec3::ZERO, max: DVec3::ZERO },
             Bounds3d { min: DVec3::splat(f64::NAN), max: DVec3::ONE },
-            Bounds3d { min: DVec3::new(-infinity, 0.0, -infinity), max: DVec3::new(infinity, 3.0, infinity) },
+            Bounds3d {
+                min: DVec3::new(-infinity, 0.0, -infinity),
+                max: DVec3::new(infinity, 3.0, infinity),
+            },
             Bounds3d { min: DVec3::new(0.0, -infinity, 0.0), max: DVec3::ONE },
             Bounds3d { min: DVec3::new(-1.0, 0.0, -1.0), max: DVec3::new(1.0, 0.0, 1.0) },
         ];
         for bounds in boxes {
-            for up in [DVec3::Y, DVec3::Z, DVec3::NEG_Y, DVec3::X, DVec3::ZERO, DVec3::splat(f64::NAN)] {
+            for up in
+                [DVec3::Y, DVec3::Z, DVec3::NEG_Y, DVec3::X, DVec3::ZERO, DVec3::splat(f64::NAN)]
+            {
                 for aspect in [1.5, 0.5, 1e-9, 0.0, f64::NAN] {
                     let camera = frame(&bounds, up, aspect);
-                    assert!(camera.eye.is_finite() && camera.focus_distance > 0.0, "{bounds:?} {camera:?}");
+                    assert!(
+                        camera.eye.is_finite() && camera.focus_distance > 0.0,
+                        "{bounds:?} {camera:?}"
+                    );
                     assert!(camera.towards.is_normalized() && camera.up.is_normalized());
-                    assert_ne!(camera.eye.as_vec3(), sane(&bounds).center().as_vec3(), "{bounds:?}");
+                    assert_ne!(
+                        camera.eye.as_vec3(),
+                        sane(&bounds).center().as_vec3(),
+                        "{bounds:?}"
+                    );
                 }
             }
         }

@@ -9,7 +9,8 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [256, 128];
 
-/// Mean luminance: most of the light comes from above, where a white level surface then shows a radiance of about 1.
+/// Mean luminance: most of the light comes from above, where a white level surface then shows a
+/// radiance of about 1.
 const MEAN: f64 = 0.42;
 
 /// The studio, seen along `-z` with `+y` up. A grey of 0.5 is well exposed under it.
@@ -41,7 +42,9 @@ pub fn sky_seen_by(camera: &Camera, up: DVec3) -> Environment {
     let up = up.try_normalize().filter(|u| u.is_finite()).unwrap_or(DVec3::Y);
     let level = |v: DVec3| (v - up * up.dot(v)).try_normalize().filter(|v| v.is_finite());
     // A camera that looks straight down is level along its own up.
-    let towards = level(camera.towards).filter(|_| camera.towards.dot(up).abs() < 0.999).or_else(|| level(camera.up));
+    let towards = level(camera.towards)
+        .filter(|_| camera.towards.dot(up).abs() < 0.999)
+        .or_else(|| level(camera.up));
     let back = -towards.unwrap_or_else(|| up.any_orthonormal_vector());
     let rotation = DAffine3::from_mat3(DMat3::from_cols(up.cross(back), up, back));
     match default_sky() {
@@ -113,9 +116,12 @@ mod tests {
 
     #[test]
     fn the_key_light_comes_from_the_upper_left_behind_the_camera() {
-        for (towards, up) in
-            [(DVec3::NEG_Z, DVec3::Y), (DVec3::X, DVec3::Y), (DVec3::Y, DVec3::Z), (DVec3::NEG_Y, DVec3::Y)]
-        {
+        for (towards, up) in [
+            (DVec3::NEG_Z, DVec3::Y),
+            (DVec3::X, DVec3::Y),
+            (DVec3::Y, DVec3::Z),
+            (DVec3::NEG_Y, DVec3::Y),
+        ] {
             let camera = Camera::from_direction(DVec3::ZERO, towards, up, Projection::Panoramic);
             let light = EnvironmentLight::new(&sky_seen_by(&camera, up));
             let forward = if towards.dot(up).abs() > 0.9 { camera.up } else { camera.towards };
@@ -124,7 +130,10 @@ mod tests {
                 luminance(&light, d.as_vec3())
             };
             let key = at(-0.55, 0.65, 0.55);
-            assert!(key > 4.0 * at(0.55, 0.65, 0.55) && key > 4.0 * at(-0.55, 0.65, -0.55), "{towards}");
+            assert!(
+                key > 4.0 * at(0.55, 0.65, 0.55) && key > 4.0 * at(-0.55, 0.65, -0.55),
+                "{towards}"
+            );
             assert!(key > 8.0 * at(0.0, -1.0, 0.0));
         }
     }

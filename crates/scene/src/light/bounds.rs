@@ -30,18 +30,34 @@ impl LightBounds {
     }
 
     /// Bounds of a point that shines into a cone of this half-angle, in radians.
-    pub(super) fn of_cone(position: DVec3, axis: DVec3, widest: f64, intensity: f64) -> Option<Self> {
+    pub(super) fn of_cone(
+        position: DVec3,
+        axis: DVec3,
+        widest: f64,
+        intensity: f64,
+    ) -> Option<Self> {
         Self::checked(position, DVec3::ZERO, axis, [widest.cos(), 1.0], intensity)
     }
 
     /// Bounds of a flat source that shines to one side and reaches this far from its centre along
     /// each axis.
-    pub(super) fn of_panel(center: DVec3, reach: DVec3, normal: DVec3, intensity: f64) -> Option<Self> {
+    pub(super) fn of_panel(
+        center: DVec3,
+        reach: DVec3,
+        normal: DVec3,
+        intensity: f64,
+    ) -> Option<Self> {
         Self::checked(center, reach, normal, [1.0, 0.0], intensity)
     }
 
     /// `None` for a light whose place or direction cannot be computed with.
-    fn checked(center: DVec3, reach: DVec3, axis: DVec3, cosines: [f64; 2], intensity: f64) -> Option<Self> {
+    fn checked(
+        center: DVec3,
+        reach: DVec3,
+        axis: DVec3,
+        cosines: [f64; 2],
+        intensity: f64,
+    ) -> Option<Self> {
         let bounds = Bounds3d { min: center - reach.abs(), max: center + reach.abs() };
         let [cos_spread, cos_emission] = cosines;
         let axis = axis.as_vec3().try_normalize()?;

@@ -23,7 +23,8 @@ impl Directional {
 }
 
 impl Emitter for Directional {
-    const RANGES: &'static [(&'static str, Range)] = &[("direction", Range::Direction), ("irradiance", LIGHT)];
+    const RANGES: &'static [(&'static str, Range)] =
+        &[("direction", Range::Direction), ("irradiance", LIGHT)];
 
     fn color(&self) -> Rgb {
         self.irradiance

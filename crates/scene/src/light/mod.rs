@@ -88,7 +88,13 @@ impl LightSample {
     /// From a light of this colour.
     pub fn of_punctual(sample: PunctualSample, color: SampledSpectrum) -> Option<Self> {
         let PunctualSample { direction, distance, factor, arrives } = sample;
-        arrives.then(|| Self { direction, distance, radiance: color * factor, pdf: 1.0, is_delta: true })
+        arrives.then(|| Self {
+            direction,
+            distance,
+            radiance: color * factor,
+            pdf: 1.0,
+            is_delta: true,
+        })
     }
 }
 
@@ -219,7 +225,10 @@ impl Light {
         }
         let Incident { direction, distance, irradiance } =
             match_light!(self, light => light.sample_li(p.as_dvec3(), u))?;
-        let arrives = !irradiance.is_black() && irradiance.is_finite() && direction.is_finite() && !distance.is_nan();
+        let arrives = !irradiance.is_black()
+            && irradiance.is_finite()
+            && direction.is_finite()
+            && !distance.is_nan();
         arrives.then(|| LightSample {
             direction: direction.as_vec3(),
             distance: distance as f32,

@@ -26,16 +26,29 @@ impl Point {
     /// Lamps for tests and galleries.
     pub fn examples() -> Vec<Self> {
         let position = DVec3::new(0.5, 3.0, 1.0);
-        let lamp =
-            Self { position, intensity: Rgb::splat(10.0), attenuation: Attenuation::default(), body_radius: 0.0 };
-        let body = Self { intensity: Rgb::WHITE, attenuation: Attenuation::NONE, body_radius: 0.25, ..lamp.clone() };
+        let lamp = Self {
+            position,
+            intensity: Rgb::splat(10.0),
+            attenuation: Attenuation::default(),
+            body_radius: 0.0,
+        };
+        let body = Self {
+            intensity: Rgb::WHITE,
+            attenuation: Attenuation::NONE,
+            body_radius: 0.25,
+            ..lamp.clone()
+        };
         vec![lamp, body]
     }
 }
 
 impl Emitter for Point {
-    const RANGES: &'static [(&'static str, Range)] =
-        &[("position", Range::Any), ("intensity", LIGHT), ("attenuation", AMOUNT), ("body_radius", AMOUNT)];
+    const RANGES: &'static [(&'static str, Range)] = &[
+        ("position", Range::Any),
+        ("intensity", LIGHT),
+        ("attenuation", AMOUNT),
+        ("body_radius", AMOUNT),
+    ];
 
     fn color(&self) -> Rgb {
         self.intensity

@@ -96,9 +96,12 @@ struct WrittenTable {
 impl TryFrom<WrittenTable> for IntensityTable {
     type Error = &'static str;
 
-    fn try_from(WrittenTable { polar, azimuth, values }: WrittenTable) -> Result<Self, Self::Error> {
+    fn try_from(
+        WrittenTable { polar, azimuth, values }: WrittenTable,
+    ) -> Result<Self, Self::Error> {
         Self::new(polar, azimuth, values).ok_or(
-            "a table of intensities has ascending polar angles from 0 to pi, one azimuth or ascending ones from 0 to a full turn, \
+            "a table of intensities has ascending polar angles from 0 to pi, one azimuth or \
+                ascending ones from 0 to a full turn, \
              and a value for each pair",
         )
     }
@@ -118,8 +121,11 @@ impl IntensityTable {
     /// no light. Negative or undefined values count as 0. `None` if the angles or the counts are
     /// not so.
     pub fn new(polar: Vec<f64>, azimuth: Vec<f64>, values: Vec<Rgb>) -> Option<Self> {
-        let ascending = |angles: &[f64]| angles.windows(2).all(|w| w[0] < w[1]) && angles.iter().all(|a| a.is_finite());
-        let closed = |a: &[f64]| a.len() == 1 || (a[0].abs() < 1e-6 && (a[a.len() - 1] - TAU).abs() < 1e-4);
+        let ascending = |angles: &[f64]| {
+            angles.windows(2).all(|w| w[0] < w[1]) && angles.iter().all(|a| a.is_finite())
+        };
+        let closed =
+            |a: &[f64]| a.len() == 1 || (a[0].abs() < 1e-6 && (a[a.len() - 1] - TAU).abs() < 1e-4);
         let usable = !polar.is_empty()
             && !azimuth.is_empty()
             && ascending(&polar)
@@ -129,7 +135,11 @@ impl IntensityTable {
             && closed(&azimuth)
             && values.len() == polar.len() * azimuth.len();
         let sane = |x: f32| if x > 0.0 && x.is_finite() { x } else { 0.0 };
-        usable.then(|| Self { polar, azimuth, values: values.into_iter().map(|v| v.map(sane)).collect() })
+        usable.then(|| Self {
+            polar,
+            azimuth,
+            values: values.into_iter().map(|v| v.map(sane)).collect(),
+        })
     }
 
     /// A latitude-longitude picture: row 0 is around `+z`, columns go around from `+x` towards
@@ -159,7 +169,8 @@ impl IntensityTable {
         let azimuth = direction.y.atan2(direction.x);
         let Some((row, t)) = interval(&self.polar, polar) else { return Rgb::BLACK };
         let (column, s) =
-            interval(&self.azimuth, if azimuth < 0.0 { azimuth + TAU } else { azimuth }).unwrap_or((0, 0.0));
+            interval(&self.azimuth, if azimuth < 0.0 { azimuth + TAU } else { azimuth })
+                .unwrap_or((0, 0.0));
         let value = |column: usize| {
             let start = column.min(self.azimuth.len() - 1) * self.polar.len();
             let next = (row + 1).min(self.polar.len() - 1);
@@ -171,7 +182,9 @@ impl IntensityTable {
     /// The greatest polar angle in which there is light, in radians.
     pub fn widest(&self) -> f64 {
         let rows = self.polar.len();
-        let lit = (0..rows).rev().find(|&row| self.values.iter().skip(row).step_by(rows).any(|v| !v.is_black()));
+        let lit = (0..rows)
+            .rev()
+            .find(|&row| self.values.iter().skip(row).step_by(rows).any(|v| !v.is_black()));
         lit.map_or(0.0, |row| self.polar[(row + 1).min(rows - 1)])
     }
 
@@ -215,9 +228,15 @@ mod tests {
     #[test]
     fn a_table_is_linear_between_its_angles_and_dark_outside() {
         let polar = [0.0, 0.5, 1.0].to_vec();
-        let table = IntensityTable::new(polar, vec![0.0], vec![grey(4.0), grey(2.0), grey(0.0)]).expect("a table");
+        let table = IntensityTable::new(polar, vec![0.0], vec![grey(4.0), grey(2.0), grey(0.0)])
+            .expect("a table");
         let at = |angle: f64| table.at(DVec3::new(0.0, angle.sin(), angle.cos())).r;
-        assert!((at(0.25) - 3.0).abs() < 1e-6 && (at(0.75) - 1.0).abs() < 1e-6 && at(1.2) == 0.0 && at(PI) == 0.0);
+        assert!(
+            (at(0.25) - 3.0).abs() < 1e-6
+                && (at(0.75) - 1.0).abs() < 1e-6
+                && at(1.2) == 0.0
+                && at(PI) == 0.0
+        );
         assert!((table.widest() - 1.0).abs() < 1e-12);
     }
 

@@ -98,7 +98,9 @@ struct WrittenSlide {
 impl TryFrom<WrittenSlide> for Slide {
     type Error = &'static str;
 
-    fn try_from(WrittenSlide { width, height, values, half_size }: WrittenSlide) -> Result<Self, Self::Error> {
+    fn try_from(
+        WrittenSlide { width, height, values, half_size }: WrittenSlide,
+    ) -> Result<Self, Self::Error> {
         Self::of_values(width, height, values, half_size)
             .ok_or("a slide has width times height values, at least one, and a positive half_size")
     }
@@ -128,7 +130,12 @@ impl Slide {
         let sane = |x: f32| if x > 0.0 && x.is_finite() { x } else { 0.0 };
         let counted = width as usize * height as usize == values.len() && !values.is_empty();
         let usable = counted && half_size.is_finite() && half_size.min_element() > 0.0;
-        usable.then(|| Self { width, height, values: values.into_iter().map(|v| v.map(sane)).collect(), half_size })
+        usable.then(|| Self {
+            width,
+            height,
+            values: values.into_iter().map(|v| v.map(sane)).collect(),
+            half_size,
+        })
     }
 
     /// The intensity in a unit direction of the light's coordinates.
@@ -158,7 +165,8 @@ impl Slide {
         let n = 128;
         let mut sum = 0.0;
         for i in 0..n * n {
-            let u = (DVec2::new(f64::from(i % n), f64::from(i / n)) + 0.5) / f64::from(n) * 2.0 - 1.0;
+            let u =
+                (DVec2::new(f64::from(i % n), f64::from(i / n)) + 0.5) / f64::from(n) * 2.0 - 1.0;
             let p = (u * self.half_size).extend(1.0);
             // The solid angle of a patch of the plane at distance 1.
             sum += f64::from(self.at(p.normalize()).luminance()) / p.length().powi(3);
@@ -175,14 +183,16 @@ mod tests {
     #[test]
     fn a_slide_is_upright_and_ends_at_its_border() {
         let values = vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0];
-        let slide = Slide::new(&Image::from_f32(2, 2, 3, values), DVec2::new(1.0, 0.5)).expect("a slide");
+        let slide =
+            Slide::new(&Image::from_f32(2, 2, 3, values), DVec2::new(1.0, 0.5)).expect("a slide");
         let at = |x: f64, y: f64| slide.at(DVec3::new(x, y, 1.0).normalize()).to_array();
         assert_eq!(at(-0.9, 0.45), [1.0, 0.0, 0.0]);
         assert_eq!(at(0.9, 0.45), [0.0, 1.0, 0.0]);
         assert_eq!(at(-0.9, -0.45), [0.0, 0.0, 1.0]);
         assert_eq!(at(1.01, 0.0), [0.0; 3]);
         assert_eq!(slide.at(DVec3::NEG_Z), Rgb::BLACK);
-        let white = Slide::new(&Image::from_f32(1, 1, 3, vec![1.0; 3]), DVec2::ONE).expect("a slide");
+        let white =
+            Slide::new(&Image::from_f32(1, 1, 3, vec![1.0; 3]), DVec2::ONE).expect("a slide");
         // One side of a cube.
         assert!((white.power() / (2.0 * TAU / 6.0) - 1.0).abs() < 1e-3, "{}", white.power());
     }

@@ -86,7 +86,15 @@ impl PunctualLight {
     /// What arrives at `p`.
     #[inline(always)]
     pub fn sample(&self, p: Vec3) -> PunctualSample {
-        let &Self { position, direction: axis, color, ref attenuation, body_radius, ref cone, is_parallel } = self;
+        let &Self {
+            position,
+            direction: axis,
+            color,
+            ref attenuation,
+            body_radius,
+            ref cone,
+            is_parallel,
+        } = self;
         let p = p.as_dvec3();
         let to_light = position - p;
         let length = to_light.length();
@@ -94,11 +102,17 @@ impl PunctualLight {
         let by_angle = cone.at(-towards.dot(axis)) as f32;
         let factor = if is_parallel { 1.0 } else { attenuation.at(length as f32) * by_angle };
         let direction = pick(is_parallel, -axis, towards);
-        let distance = if is_parallel { f64::INFINITY } else { distance_to_body(p, position, length, body_radius) };
+        let distance = if is_parallel {
+            f64::INFINITY
+        } else {
+            distance_to_body(p, position, length, body_radius)
+        };
         let irradiance = color * factor;
         let is_black = (irradiance.r == 0.0) & (irradiance.g == 0.0) & (irradiance.b == 0.0);
-        let is_finite = irradiance.r.is_finite() & irradiance.g.is_finite() & irradiance.b.is_finite();
-        let has_direction = direction.x.is_finite() & direction.y.is_finite() & direction.z.is_finite();
+        let is_finite =
+            irradiance.r.is_finite() & irradiance.g.is_finite() & irradiance.b.is_finite();
+        let has_direction =
+            direction.x.is_finite() & direction.y.is_finite() & direction.z.is_finite();
         let is_apart = is_parallel | (length > 0.0);
         PunctualSample {
             direction: direction.as_vec3(),

@@ -1,7 +1,9 @@
 //! Light from a point into a cone, and how it fades away from its axis.
 
 use super::punctual::Cone;
-use super::{Attenuation, Emitter, Incident, LightBounds, PunctualLight, luminance, towards, turned};
+use super::{
+    Attenuation, Emitter, Incident, LightBounds, PunctualLight, luminance, towards, turned,
+};
 use crate::ranges::{AMOUNT, LIGHT, Range};
 use serde::{Deserialize, Serialize};
 use snell_math::{DAffine3, DVec3, Rgb, Vec2};
@@ -87,7 +89,9 @@ impl Emitter for Spot {
     }
 
     fn power(&self, scene_radius: f64) -> f64 {
-        self.falloff.solid_angle() * luminance(self.intensity) * self.attenuation.over_sphere(scene_radius)
+        self.falloff.solid_angle()
+            * luminance(self.intensity)
+            * self.attenuation.over_sphere(scene_radius)
     }
 
     fn bounds(&self) -> Option<LightBounds> {
@@ -139,7 +143,9 @@ impl SpotFalloff {
                 }
             }
             Self::Power { .. } => 0.0,
-            Self::Smooth { .. } | Self::Step { .. } => self.cone().map_or(0.0, |cone| cone.at(cos_angle)),
+            Self::Smooth { .. } | Self::Step { .. } => {
+                self.cone().map_or(0.0, |cone| cone.at(cos_angle))
+            }
         };
         if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 0.0 }
     }
@@ -213,7 +219,10 @@ mod tests {
     #[test]
     fn equal_cones_make_a_hard_edge_and_nan_is_dark() {
         let spot = SpotFalloff::Smooth { inner: 0.4, outer: 0.4 };
-        assert_eq!((spot.at(0.39f64.cos()), spot.at(0.41f64.cos()), spot.at(f64::NAN)), (1.0, 0.0, 0.0));
+        assert_eq!(
+            (spot.at(0.39f64.cos()), spot.at(0.41f64.cos()), spot.at(f64::NAN)),
+            (1.0, 0.0, 0.0)
+        );
         assert_eq!(SpotFalloff::Smooth { inner: f64::NAN, outer: f64::NAN }.at(0.9), 0.0);
     }
 

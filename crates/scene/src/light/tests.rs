@@ -10,8 +10,9 @@ fn sample(light: &Light, p: Vec3, u: Vec2) -> Option<LightSample> {
 fn irradiance(light: &Light, p: Vec3, normal: Vec3, n: u32) -> (f64, f64) {
     let values: Vec<f64> = (0..n)
         .map(|i| {
-            sample(light, p, uniform2([i, 11, 12, 13]))
-                .map_or(0.0, |s| f64::from(s.radiance[0] / s.pdf * s.direction.dot(normal).max(0.0)))
+            sample(light, p, uniform2([i, 11, 12, 13])).map_or(0.0, |s| {
+                f64::from(s.radiance[0] / s.pdf * s.direction.dot(normal).max(0.0))
+            })
         })
         .collect();
     let mean = values.iter().sum::<f64>() / f64::from(n);
@@ -19,9 +20,14 @@ fn irradiance(light: &Light, p: Vec3, normal: Vec3, n: u32) -> (f64, f64) {
     (mean, (variance / f64::from(n)).sqrt())
 }
 
-/// The average over a flat source of `2 cos(light) cos(receiver) / d^2`, by the midpoint rule; `point` maps the unit square to the
-/// source and is uniform by area.
-fn quadrature(point: impl Fn(f64, f64) -> DVec3, light_normal: DVec3, p: DVec3, normal: DVec3) -> f64 {
+/// The average over a flat source of `2 cos(light) cos(receiver) / d^2`, by the midpoint rule;
+/// `point` maps the unit square to the source and is uniform by area.
+fn quadrature(
+    point: impl Fn(f64, f64) -> DVec3,
+    light_normal: DVec3,
+    p: DVec3,
+    normal: DVec3,
+) -> f64 {
     let n = 400;
     let mut sum = 0.0;
     for i in 0..n {
@@ -42,8 +48,14 @@ fn examples_give_sane_samples_power_and_names_and_survive_json() {
             let u = uniform2([i, 1, 1, 1]);
             let p = (Vec3::new(u.x, u.y, 0.3) - 0.5) * 8.0;
             let Some(s) = sample(&light, p, u) else { continue };
-            assert!(s.direction.is_normalized() && s.distance > 0.0 && s.pdf > 0.0, "{light:?} {s:?}");
-            assert!(s.radiance.is_finite() && s.radiance.0.iter().all(|&x| x >= 0.0), "{light:?} {s:?}");
+            assert!(
+                s.direction.is_normalized() && s.distance > 0.0 && s.pdf > 0.0,
+                "{light:?} {s:?}"
+            );
+            assert!(
+                s.radiance.is_finite() && s.radiance.0.iter().all(|&x| x >= 0.0),
+                "{light:?} {s:?}"
+            );
         }
         for radius in [0.0, 1e-6, 1.0, 1e300, f64::INFINITY, f64::NAN] {
             let power = light.power(radius);
@@ -87,12 +99,17 @@ fn a_light_that_is_moved_and_dimmed_lights_a_moved_point_alike() {
         for i in 0..500 {
             let u = uniform2([i, 1, 1, 4]);
             let p = (Vec3::new(u.x, 0.5, u.y) - 0.5) * 4.0;
-            // Axes that are made up turn in another way than the disk that they span: only its middle can be compared.
+            // Axes that are made up turn in another way than the disk that they span: only its
+            // middle can be compared.
             let Some(there) = sample(&light, p, Vec2::splat(0.5)) else { continue };
             let to = by.transform_point3(p.as_dvec3()).as_vec3();
             let here = sample(&moved, to, Vec2::splat(0.5)).expect("the moved point is lit");
-            let (found, expected) = (here.radiance.max_element(), 0.5 * there.radiance.max_element());
-            assert!((found - expected).abs() < 2e-3 * expected, "{light:?} {p}: {found} {expected}");
+            let (found, expected) =
+                (here.radiance.max_element(), 0.5 * there.radiance.max_element());
+            assert!(
+                (found - expected).abs() < 2e-3 * expected,
+                "{light:?} {p}: {found} {expected}"
+            );
             let turned = by.transform_vector3(there.direction.as_dvec3()).as_vec3();
             assert!((here.direction - turned).length() < 1e-4, "{light:?} {p}");
         }
@@ -102,7 +119,8 @@ fn a_light_that_is_moved_and_dimmed_lights_a_moved_point_alike() {
 #[test]
 fn a_point_light_follows_the_inverse_square() {
     let light = &Light::examples()[1];
-    let s = sample(light, Vec3::new(0.5, 1.0, 1.0), Vec2::ZERO).expect("the light shines everywhere");
+    let s =
+        sample(light, Vec3::new(0.5, 1.0, 1.0), Vec2::ZERO).expect("the light shines everywhere");
     assert_eq!((s.distance, s.direction, s.radiance[0]), (2.0, Vec3::Y, 2.5));
     assert!((light.power(5.0) - 40.0 * PI).abs() < 1e-4);
 }
@@ -110,7 +128,13 @@ fn a_point_light_follows_the_inverse_square() {
 #[test]
 fn a_shadow_ray_to_a_lamp_with_a_body_ends_where_it_first_meets_the_body() {
     let intensity = Rgb::WHITE;
-    let light = Point { position: DVec3::ZERO, intensity, attenuation: Attenuation::NONE, body_radius: 2.0 }.into();
+    let light = Point {
+        position: DVec3::ZERO,
+        intensity,
+        attenuation: Attenuation::NONE,
+        body_radius: 2.0,
+    }
+    .into();
     let distance = |x: f32| sample(&light, Vec3::new(x, 0.0, 0.0), Vec2::ZERO).map(|s| s.distance);
     assert_eq!(distance(5.0), Some(3.0));
     assert_eq!(distance(-1.5), Some(3.5));
@@ -132,7 +156,8 @@ fn a_spot_light_is_full_on_its_axis_and_dark_outside() {
 
 #[test]
 fn the_irradiance_under_a_disk_matches_quadrature() {
-    let (position, direction, radius) = (DVec3::new(0.0, 2.0, 0.0), DVec3::new(0.6, -0.8, 0.0), 1.0);
+    let (position, direction, radius) =
+        (DVec3::new(0.0, 2.0, 0.0), DVec3::new(0.6, -0.8, 0.0), 1.0);
     let attenuation = Attenuation::INVERSE_SQUARE;
     let light = Disk { position, direction, radius, emission: Rgb::WHITE, attenuation }.into();
     let (a, b) = direction.any_orthonormal_pair();
@@ -143,7 +168,10 @@ fn the_irradiance_under_a_disk_matches_quadrature() {
     for p in [DVec3::ZERO, DVec3::new(1.5, 0.0, 0.7), DVec3::new(0.9, 1.0, 0.0)] {
         let expected = quadrature(point, direction, p, DVec3::Y);
         let (mean, error) = irradiance(&light, p.as_vec3(), Vec3::Y, 40_000);
-        assert!((mean - expected).abs() < 3.0 * error + 1e-4 * expected, "{p}: {mean} +- {error}, expected {expected}");
+        assert!(
+            (mean - expected).abs() < 3.0 * error + 1e-4 * expected,
+            "{p}: {mean} +- {error}, expected {expected}"
+        );
     }
 }
 
@@ -153,21 +181,32 @@ fn the_irradiance_under_a_rectangle_matches_quadrature() {
     let (axes, lengths) = ([DVec3::Z, DVec3::X], [3.0, 1.0]);
     let attenuation = Attenuation::INVERSE_SQUARE;
     let light = Rectangle { center, axes, lengths, emission: Rgb::WHITE, attenuation }.into();
-    let point = |u: f64, v: f64| center + axes[0] * ((u - 0.5) * lengths[0]) + axes[1] * ((v - 0.5) * lengths[1]);
+    let point = |u: f64, v: f64| {
+        center + axes[0] * ((u - 0.5) * lengths[0]) + axes[1] * ((v - 0.5) * lengths[1])
+    };
     // z cross x is +y: this panel shines upwards, so only points above see it.
     assert_eq!(sample(&light, Vec3::ZERO, Vec2::splat(0.3)), None);
     for p in [DVec3::new(0.0, 2.0, 0.0), DVec3::new(1.0, 3.0, -2.0)] {
         let expected = quadrature(point, DVec3::Y, p, DVec3::NEG_Y);
         let (mean, error) = irradiance(&light, p.as_vec3(), Vec3::NEG_Y, 40_000);
-        assert!((mean - expected).abs() < 3.0 * error + 1e-4 * expected, "{p}: {mean} +- {error}, expected {expected}");
+        assert!(
+            (mean - expected).abs() < 3.0 * error + 1e-4 * expected,
+            "{p}: {mean} +- {error}, expected {expected}"
+        );
     }
 }
 
 #[test]
 fn a_far_disk_is_twice_a_point_light_along_its_normal() {
     let attenuation = Attenuation::INVERSE_SQUARE;
-    let disk =
-        Disk { position: DVec3::ZERO, direction: DVec3::NEG_Y, radius: 1e-3, emission: Rgb::WHITE, attenuation }.into();
+    let disk = Disk {
+        position: DVec3::ZERO,
+        direction: DVec3::NEG_Y,
+        radius: 1e-3,
+        emission: Rgb::WHITE,
+        attenuation,
+    }
+    .into();
     let s = sample(&disk, Vec3::new(0.0, -10.0, 0.0), Vec2::splat(0.25)).expect("below the disk");
     assert!((s.radiance[0] - 0.02).abs() < 1e-6);
     assert!((disk.power(3.0) - TAU).abs() < 1e-5);
@@ -181,7 +220,14 @@ fn broken_lights_give_nothing_instead_of_nan() {
         Directional { direction: nan, irradiance: Rgb::WHITE }.into(),
         Point { position: nan, intensity: Rgb::WHITE, attenuation, body_radius: f64::NAN }.into(),
         Point { position: DVec3::Y, intensity, attenuation, body_radius: 0.0 }.into(),
-        Disk { position: DVec3::Y, direction: nan, radius: f64::NAN, emission: Rgb::WHITE, attenuation }.into(),
+        Disk {
+            position: DVec3::Y,
+            direction: nan,
+            radius: f64::NAN,
+            emission: Rgb::WHITE,
+            attenuation,
+        }
+        .into(),
     ];
     for light in lights {
         assert_eq!(sample(&light, Vec3::ZERO, Vec2::splat(0.5)), None, "{light:?}");

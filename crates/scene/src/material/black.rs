@@ -4,7 +4,8 @@ use super::ShadingPoint;
 use crate::bsdf::{BlackBsdf, Bsdf};
 use serde::{Deserialize, Serialize};
 
-/// Absorbs all light: for surfaces that are only seen by what they emit (light sources, unlit materials).
+/// Absorbs all light: for surfaces that are only seen by what they emit (light sources, unlit
+/// materials).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Black {}

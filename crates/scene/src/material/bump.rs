@@ -29,20 +29,23 @@ pub enum HeightUnit {
     /// Units of the scene.
     #[default]
     Scene,
-    /// The width that the whole picture has where it lies on the surface, so that the look does not depend on the size of things.
+    /// The width that the whole picture has where it lies on the surface, so that the look does not
+    /// depend on the size of things.
     Picture,
 }
 
-/// The least step over the surface, relative to the distance from the origin: so that rounded positions still differ.
+/// The least step over the surface, relative to the distance from the origin: so that rounded
+/// positions still differ.
 const LEAST_STEP: f32 = 2e-4;
 
 /// The step in texture coordinates where nothing else tells.
 const PLAIN_STEP: f32 = 5e-4;
 
 impl BumpMap {
-    /// How the height grows along the surface: the vector in the plane of the shading normal that points uphill, of the slope's length
-    /// (Mikkelsen, Bump Mapping Unparametrized Surfaces on the GPU, 2010). By central differences over a pixel's cone, and over no less
-    /// than a texel of an image: so slopes are continuous although the texture is linear between texels.
+    /// How the height grows along the surface: the vector in the plane of the shading normal that
+    /// points uphill, of the slope's length (Mikkelsen, Bump Mapping Unparametrized Surfaces on the
+    /// GPU, 2010). By central differences over a pixel's cone, and over no less than a texel of an
+    /// image: so slopes are continuous although the texture is linear between texels.
     pub(super) fn gradient(&self, point: &ShadingPoint) -> Vec3 {
         let surface = point.surface;
         let (n, dpdu, dpdv) = (surface.shading_normal, surface.dpdu, surface.dpdv);
@@ -50,9 +53,11 @@ impl BumpMap {
         let texels = point.textures.texel_steps(self.texture);
         let far = surface.position.abs().max_element() * LEAST_STEP;
         let step = |derivative: Vec3, texel: Option<f32>| {
-            let cone = (0.5 * point.footprint).max(if texel.is_none() { far } else { 0.0 }) / derivative.length();
+            let cone = (0.5 * point.footprint).max(if texel.is_none() { far } else { 0.0 })
+                / derivative.length();
             let texel = texel.filter(|texel| texel.is_finite());
-            let least = texel.map_or(if cone > 0.0 { 0.0 } else { PLAIN_STEP }, |texel| 0.5 * texel);
+            let least =
+                texel.map_or(if cone > 0.0 { 0.0 } else { PLAIN_STEP }, |texel| 0.5 * texel);
             cone.max(least)
         };
         let (du, dv) = (step(dpdu, texels.map(|t| t[0])), step(dpdv, texels.map(|t| t[1])));
@@ -61,7 +66,8 @@ impl BumpMap {
         let unit = match self.unit {
             HeightUnit::Scene => 1.0,
             HeightUnit::Picture => {
-                let turns = point.textures.image(self.texture).map_or(1.0, |image| image.area_scale());
+                let turns =
+                    point.textures.image(self.texture).map_or(1.0, |image| image.area_scale());
                 (area.abs() / turns).sqrt()
             }
         };

@@ -5,12 +5,13 @@ use crate::bsdf::{Bsdf, Coat, Ggx, OpenPbrBsdf, Slabs, bounded};
 use serde::{Deserialize, Serialize};
 use snell_math::{Rgb, SampledSpectrum};
 
-/// A metal under a clear dielectric layer. What pbrt-v4 calls `coatedconductor`, without a medium in the layer: the coat and the metal
-/// of [`super::OpenPbr`], with a measured metal.
+/// A metal under a clear dielectric layer. What pbrt-v4 calls `coatedconductor`, without a medium
+/// in the layer: the coat and the metal of [`super::OpenPbr`], with a measured metal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CoatedConductor {
-    /// The metal, told by its index of refraction relative to air (or by its colour under the coat).
+    /// The metal, told by its index of refraction relative to air (or by its colour under the
+    /// coat).
     pub conductor: Conductor,
     /// Index of refraction of the coat. Positive, otherwise 1.
     #[serde(default = "super::usual::glass")]

@@ -5,9 +5,10 @@ use crate::bsdf::{Body, Bsdf, DiffuseBsdf, Gloss, GlossyBsdf, MicrofacetShape, f
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
-/// A matte body under a dielectric layer, told by the body's own colour: light that is reflected back into the body by the inner side
-/// of the layer meets it again, so the surface looks darker and more saturated than the body ([`super::Plastic`] is told by the colour
-/// that is seen). What pbrt-v4 calls `coateddiffuse`, without a medium in the layer.
+/// A matte body under a dielectric layer, told by the body's own colour: light that is reflected
+/// back into the body by the inner side of the layer meets it again, so the surface looks darker
+/// and more saturated than the body ([`super::Plastic`] is told by the colour that is seen). What
+/// pbrt-v4 calls `coateddiffuse`, without a medium in the layer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CoatedDiffuse {

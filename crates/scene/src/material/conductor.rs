@@ -12,7 +12,8 @@ use snell_math::{Rgb, SampledSpectrum};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", remote = "Self")]
 pub enum ConductorSpectrum {
-    /// A measured metal by chemical symbol or name: exact in spectral mode, and of the same colour at normal incidence in RGB mode.
+    /// A measured metal by chemical symbol or name: exact in spectral mode, and of the same colour
+    /// at normal incidence in RGB mode.
     Metal(Metal),
     /// Complex index of refraction `eta + i k` relative to air.
     Measured {
@@ -43,7 +44,10 @@ impl<'de> Visitor<'de> for SpectrumVisitor {
     type Value = ConductorSpectrum;
 
     fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.write_str("metal:NAME, or one of {\"metal\": NAME}, {\"measured\": {\"eta\": [r, g, b], \"k\": [r, g, b]}} and {\"color\": …}")
+        f.write_str(
+            "metal:NAME, or one of {\"metal\": NAME}, {\"measured\": {\"eta\": [r, g, b], \
+            \"k\": [r, g, b]}} and {\"color\": …}",
+        )
     }
 
     fn visit_str<E: Error>(self, text: &str) -> Result<ConductorSpectrum, E> {
@@ -62,13 +66,15 @@ impl<'de> Visitor<'de> for SpectrumVisitor {
 pub struct Conductor {
     /// What it reflects.
     pub spectrum: ConductorSpectrum,
-    /// Roughness, `[0, 1]`; the distribution's `alpha` is its square (as in glTF). Below 0.032 the metal is a mirror.
+    /// Roughness, `[0, 1]`; the distribution's `alpha` is its square (as in glTF). Below 0.032 the
+    /// metal is a mirror.
     #[serde(default = "super::usual::smooth")]
     pub roughness: ScalarParam,
     /// Shape of the distribution.
     #[serde(default)]
     pub microfacets: MicrofacetShape,
-    /// How far it is stretched along the tangent, `[-1, 1]`; along the bitangent below 0. As in [`super::OpenPbr`].
+    /// How far it is stretched along the tangent, `[-1, 1]`; along the bitangent below 0. As in
+    /// [`super::OpenPbr`].
     #[serde(default = "super::usual::smooth")]
     pub anisotropy: ScalarParam,
     /// Factor on all that it reflects, `[0, 1]`: white for a real metal.
@@ -125,7 +131,11 @@ impl Conductor {
             Self::color(Rgb::WHITE, 0.6),
             Self { tint: Rgb::new(0.3, 0.9, 1.0).into(), ..Self::copper(0.5) },
             Self { anisotropy: (-0.7).into(), ..Self::copper(0.6) },
-            Self { microfacets: MicrofacetShape::Beckmann, anisotropy: 0.7.into(), ..Self::copper(0.6) },
+            Self {
+                microfacets: MicrofacetShape::Beckmann,
+                anisotropy: 0.7.into(),
+                ..Self::copper(0.6)
+            },
             Self { microfacets: MicrofacetShape::Beckmann, ..Self::copper(0.3) },
             Self { microfacets: MicrofacetShape::Beckmann, ..Self::color(Rgb::WHITE, 1.0) },
         ];
@@ -142,7 +152,11 @@ impl Conductor {
     pub(super) fn lobe(&self, point: &ShadingPoint, outside_ior: f32) -> ConductorBsdf {
         let (roughness, anisotropy) = (self.roughness.at(point), self.anisotropy.at(point));
         let is_even = anisotropy == 0.0;
-        let widths = if is_even { Widths::from_roughness(roughness) } else { Widths::stretched(roughness, anisotropy) };
+        let widths = if is_even {
+            Widths::from_roughness(roughness)
+        } else {
+            Widths::stretched(roughness, anisotropy)
+        };
         let microfacets = self.microfacets.of_widths(widths);
         ConductorBsdf::new(self.facets(point, outside_ior), self.factor(point), microfacets)
     }
@@ -162,12 +176,14 @@ impl Conductor {
                 let [eta, k] = metal.indices(point.mode);
                 FacetReflectance::Complex { eta: eta * over, k: k * over }
             }
-            ConductorSpectrum::Measured { eta, k } => {
-                FacetReflectance::Complex { eta: point.coefficient(eta) * over, k: point.coefficient(k) * over }
-            }
-            ConductorSpectrum::Color(color) => {
-                FacetReflectance::F82 { f0: point.reflectance(color.at(point)), edge: SampledSpectrum::ONE }
-            }
+            ConductorSpectrum::Measured { eta, k } => FacetReflectance::Complex {
+                eta: point.coefficient(eta) * over,
+                k: point.coefficient(k) * over,
+            },
+            ConductorSpectrum::Color(color) => FacetReflectance::F82 {
+                f0: point.reflectance(color.at(point)),
+                edge: SampledSpectrum::ONE,
+            },
         }
     }
 

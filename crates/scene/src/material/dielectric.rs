@@ -6,16 +6,18 @@ use serde::{Deserialize, Serialize};
 use snell_math::spectrum::{Glass, LINE_D, RefractiveIndex};
 use snell_math::{ColorMode, Rgb, SampledSpectrum};
 
-/// The interface between air (outer side) and a clear medium: reflects and refracts by Fresnel's and Snell's laws. For closed
-/// surfaces; a single sheet bends light once.
+/// The interface between air (outer side) and a clear medium: reflects and refracts by Fresnel's
+/// and Snell's laws. For closed surfaces; a single sheet bends light once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dielectric {
-    /// Index of refraction of the inside over the outside: 1.33 for water, 1.5 for glass, or a glass by name. Positive, otherwise 1.
-    /// If it depends on the wavelength, light of one wavelength goes on behind the interface (and in the mirror direction); in RGB
-    /// mode all colours have the index of the d-line.
+    /// Index of refraction of the inside over the outside: 1.33 for water, 1.5 for glass, or a
+    /// glass by name. Positive, otherwise 1. If it depends on the wavelength, light of one
+    /// wavelength goes on behind the interface (and in the mirror direction); in RGB mode all
+    /// colours have the index of the d-line.
     pub ior: RefractiveIndex,
-    /// Roughness, `[0, 1]`; the distribution's `alpha` is its square. Below 0.032 the interface is perfectly smooth.
+    /// Roughness, `[0, 1]`; the distribution's `alpha` is its square. Below 0.032 the interface is
+    /// perfectly smooth.
     #[serde(default = "super::usual::smooth")]
     pub roughness: ScalarParam,
     /// Shape of the distribution.
@@ -24,8 +26,9 @@ pub struct Dielectric {
     /// Factor on light at each crossing, `[0, 1]`.
     #[serde(default = "super::usual::white")]
     pub tint: ColorParam,
-    /// What the medium absorbs per unit of length (Lambert and Beer): after a distance `d`, `exp(-absorption d)` is left. Counts for
-    /// paths that meet the surface from within; light rays to things inside of the medium do not know of it.
+    /// What the medium absorbs per unit of length (Lambert and Beer): after a distance `d`,
+    /// `exp(-absorption d)` is left. Counts for paths that meet the surface from within; light rays
+    /// to things inside of the medium do not know of it.
     #[serde(default)]
     pub absorption: Rgb,
 }
@@ -69,7 +72,9 @@ impl Dielectric {
         if self.absorption.is_black() {
             return SampledSpectrum::ONE;
         }
-        mode.reflectance(self.absorption.map(|sigma| bounded((-bounded(sigma, 1e6) * distance).exp(), 1.0)))
+        mode.reflectance(
+            self.absorption.map(|sigma| bounded((-bounded(sigma, 1e6) * distance).exp(), 1.0)),
+        )
     }
 
     /// Factor on light that crosses at a point.
@@ -96,7 +101,11 @@ impl Dielectric {
             unit,
             film: None,
             microfacets,
-            losses: DielectricBsdf::losses(microfacets, ior, other.and_then(|other| other.losses.as_ref())),
+            losses: DielectricBsdf::losses(
+                microfacets,
+                ior,
+                other.and_then(|other| other.losses.as_ref()),
+            ),
             arriving: self.transmittance(point.surface.t, mode),
         })
     }
@@ -129,8 +138,13 @@ mod tests {
             for (wo, red) in [(Vec3::new(0.3, 0.0, 0.9), 1.0), (Vec3::new(0.3, 0.0, -0.9), 0.25)] {
                 let wo = wo.normalize();
                 for u_lobe in [0.0, 0.999] {
-                    let [a, b] = [&clear, &dark].map(|b| b.sample(wo, u_lobe, Vec2::splat(0.3)).expect("a direction"));
-                    assert!((b.weight[0] / a.weight[0] - red).abs() < 1e-5 && b.weight[1] == a.weight[1], "{wo}");
+                    let [a, b] = [&clear, &dark]
+                        .map(|b| b.sample(wo, u_lobe, Vec2::splat(0.3)).expect("a direction"));
+                    assert!(
+                        (b.weight[0] / a.weight[0] - red).abs() < 1e-5
+                            && b.weight[1] == a.weight[1],
+                        "{wo}"
+                    );
                     let [a, b] = [&clear, &dark].map(|bsdf| bsdf.eval(wo, a.wi)[0]);
                     assert!((b - a * red).abs() <= 1e-5 * a, "{wo}: {a} {b}");
                 }

@@ -5,23 +5,28 @@ use crate::bsdf::{Bsdf, HairBsdf, HairFiber};
 use serde::{Deserialize, Serialize};
 use snell_math::{Rgb, SampledSpectrum};
 
-/// Absorption per radius of a unit of each pigment (d'Eon et al., An Energy-Conserving Hair Reflectance Model, 2011).
+/// Absorption per radius of a unit of each pigment (d'Eon et al., An Energy-Conserving Hair
+/// Reflectance Model, 2011).
 const EUMELANIN: Rgb = Rgb::new(0.419, 0.697, 1.37);
 const PHEOMELANIN: Rgb = Rgb::new(0.187, 0.4, 1.05);
 
-/// Hair, fur and other fibres: light that is reflected, passes through, or turns around within (Chiang et al., A Practical and
-/// Controllable Hair and Fur Model for Production Path Tracing, 2016; the model of pbrt's and Mitsuba's `hair`). Made for curves. On other
-/// surfaces `u` must run along the fibre and `v` from 0 to 1 across it.
+/// Hair, fur and other fibres: light that is reflected, passes through, or turns around within
+/// (Chiang et al., A Practical and Controllable Hair and Fur Model for Production Path Tracing,
+/// 2016; the model of pbrt's and Mitsuba's `hair`). Made for curves. On other surfaces `u` must run
+/// along the fibre and `v` from 0 to 1 across it.
 ///
-/// What the fibre absorbs is the sum of what its pigments, its dye and `sigma_a` do; without any it is clear, as white hair is.
+/// What the fibre absorbs is the sum of what its pigments, its dye and `sigma_a` do; without any it
+/// is clear, as white hair is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Hair {
-    /// Concentration of the brown pigment, at least 0: 0.3 in blonde, 1.3 in brown and 8 in black hair.
+    /// Concentration of the brown pigment, at least 0: 0.3 in blonde, 1.3 in brown and 8 in black
+    /// hair.
     pub eumelanin: ScalarParam,
     /// Concentration of the red pigment, at least 0.
     pub pheomelanin: ScalarParam,
-    /// Colour that the dye gives to much hair in white light, `[0, 1]`; multiplied by the vertex colour. White: no dye.
+    /// Colour that the dye gives to much hair in white light, `[0, 1]`; multiplied by the vertex
+    /// colour. White: no dye.
     pub color: ColorParam,
     /// Further absorption per radius of the fibre, at least 0.
     pub sigma_a: ColorParam,
@@ -31,7 +36,8 @@ pub struct Hair {
     pub longitudinal_roughness: ScalarParam,
     /// Roughness around the fibre, `[0, 1]` (`beta_n`); at least 0.01 is used.
     pub azimuthal_roughness: ScalarParam,
-    /// Angle by which the scales stand off the fibre towards its tip, degrees; it moves the highlights apart.
+    /// Angle by which the scales stand off the fibre towards its tip, degrees; it moves the
+    /// highlights apart.
     pub scale_tilt: f32,
 }
 
@@ -61,11 +67,13 @@ impl Hair {
         let rough = self.azimuthal_roughness.factor;
         let Rgb { r, g, b } = self.color.factor;
         let dye = HairBsdf::absorption_of_color(SampledSpectrum([r, g, b, 1.0]), rough);
-        let pigments = EUMELANIN * self.eumelanin.factor.max(0.0) + PHEOMELANIN * self.pheomelanin.factor.max(0.0);
+        let pigments = EUMELANIN * self.eumelanin.factor.max(0.0)
+            + PHEOMELANIN * self.pheomelanin.factor.max(0.0);
         pigments + self.sigma_a.factor.map(|a| a.max(0.0)) + Rgb::new(dye[0], dye[1], dye[2])
     }
 
-    /// About the colour that much of this hair has in white light: what is left of it where there is no hair.
+    /// About the colour that much of this hair has in white light: what is left of it where there
+    /// is no hair.
     pub fn seen_color(&self) -> ColorParam {
         let without_dye = Self { color: Rgb::WHITE.into(), ..self.clone() };
         let is_dyed = self.color.texture.is_some() || self.color.spectrum.is_some();
@@ -82,7 +90,11 @@ impl Hair {
             Self::default(),
             Self::pigmented(1.3, 0.2),
             Self { color: Rgb::new(0.8, 0.4, 0.1).into(), scale_tilt: 0.0, ..Self::default() },
-            Self { longitudinal_roughness: 0.7.into(), azimuthal_roughness: 0.9.into(), ..Self::pigmented(0.3, 0.0) },
+            Self {
+                longitudinal_roughness: 0.7.into(),
+                azimuthal_roughness: 0.9.into(),
+                ..Self::pigmented(0.3, 0.0)
+            },
             Self { sigma_a: Rgb::new(0.2, 0.5, 3.0).into(), ior: 1.3, ..Self::default() },
         ]
     }
@@ -90,7 +102,8 @@ impl Hair {
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
         let azimuthal_roughness = self.azimuthal_roughness.at(point);
-        let pigments = EUMELANIN * self.eumelanin.at(point) + PHEOMELANIN * self.pheomelanin.at(point);
+        let pigments =
+            EUMELANIN * self.eumelanin.at(point) + PHEOMELANIN * self.pheomelanin.at(point);
         let dye = point.reflectance(self.color.at(point) * point.vertex_color());
         let unit = point.mode.unit();
         let absorption = point.coefficient(pigments)
@@ -103,7 +116,11 @@ impl Hair {
             unit,
             longitudinal_roughness: self.longitudinal_roughness.at(point),
             azimuthal_roughness,
-            scale_tilt: if self.scale_tilt.is_finite() { self.scale_tilt.to_radians() } else { 0.0 },
+            scale_tilt: if self.scale_tilt.is_finite() {
+                self.scale_tilt.to_radians()
+            } else {
+                0.0
+            },
         }))
     }
 }

@@ -4,7 +4,8 @@ use super::ShadingPoint;
 use crate::bsdf::{BlackBsdf, Bsdf};
 use serde::{Deserialize, Serialize};
 
-/// Nothing to be seen: light passes unchanged. For the boundaries of fog, smoke and clouds. (One that emits is a black lamp.)
+/// Nothing to be seen: light passes unchanged. For the boundaries of fog, smoke and clouds. (One
+/// that emits is a black lamp.)
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Interface {}

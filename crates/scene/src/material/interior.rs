@@ -7,13 +7,16 @@ use serde::{Deserialize, Serialize};
 
 /// The inside of a closed surface, as far as light transport goes.
 ///
-/// Insides may overlap. Where they do, the one of the highest priority is there, and the others are not: glass with a drink in it is
-/// glass of priority 1 and a drink of priority 0 that reaches a little into the glass (Schmidt and Budge, Simple Nested Dielectrics
-/// in Ray Traced Images, JGT 2002). Among equal priorities, the last one that a path entered is there: things in things need none.
+/// Insides may overlap. Where they do, the one of the highest priority is there, and the others are
+/// not: glass with a drink in it is glass of priority 1 and a drink of priority 0 that reaches a
+/// little into the glass (Schmidt and Budge, Simple Nested Dielectrics in Ray Traced Images, JGT
+/// 2002). Among equal priorities, the last one that a path entered is there: things in things need
+/// none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Interior {
-    /// The medium inside; `None` if it is empty, or filled by what the material itself brings ([`Material::own_medium`]).
+    /// The medium inside; `None` if it is empty, or filled by what the material itself brings
+    /// ([`Material::own_medium`]).
     pub medium: Option<MediumId>,
     /// Who is there where insides overlap: the highest.
     #[serde(default)]
@@ -21,7 +24,8 @@ pub struct Interior {
 }
 
 impl Material {
-    /// The inside that a closed surface of this material has; `None` if it bounds nothing, as opaque things and leaves do not.
+    /// The inside that a closed surface of this material has; `None` if it bounds nothing, as
+    /// opaque things and leaves do not.
     pub fn bounded_interior(&self) -> Option<Interior> {
         let has_inside = match &self.kind {
             MaterialKind::Dielectric(_) => true,
@@ -40,7 +44,8 @@ impl Material {
         }
     }
 
-    /// True if light passes the surface as if it were not there, so that it is only the boundary of a medium.
+    /// True if light passes the surface as if it were not there, so that it is only the boundary of
+    /// a medium.
     pub fn is_interface(&self) -> bool {
         matches!(self.kind, MaterialKind::Interface(_)) && !self.is_emissive()
     }
@@ -50,8 +55,8 @@ impl Material {
         matches!(&self.kind, MaterialKind::OpenPbr(surface) if surface.has_medium())
     }
 
-    /// The homogeneous medium that the kind of material itself fills its inside with, as it is for a path that enters at `point`.
-    /// Counts if [`Interior::medium`] is `None`.
+    /// The homogeneous medium that the kind of material itself fills its inside with, as it is for
+    /// a path that enters at `point`. Counts if [`Interior::medium`] is `None`.
     pub fn own_medium(&self, point: &ShadingPoint) -> Option<MediumProperties> {
         match &self.kind {
             MaterialKind::OpenPbr(surface) => surface.medium(point),

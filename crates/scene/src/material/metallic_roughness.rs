@@ -5,13 +5,15 @@ use crate::bsdf::{Bsdf, bounded, fresnel};
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
-/// A mix of metal and dielectric: the metallic-roughness model of glTF 2.0 (specification, appendix B) with the extensions
-/// `KHR_materials_ior`, `KHR_materials_specular`, `KHR_materials_transmission` (thin walls) and `KHR_materials_clearcoat`: some of the
-/// parameters of [`OpenPbr`] under the names of glTF.
+/// A mix of metal and dielectric: the metallic-roughness model of glTF 2.0 (specification, appendix
+/// B) with the extensions `KHR_materials_ior`, `KHR_materials_specular`,
+/// `KHR_materials_transmission` (thin walls) and `KHR_materials_clearcoat`: some of the parameters
+/// of [`OpenPbr`] under the names of glTF.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MetallicRoughness {
-    /// Diffuse colour of the dielectric and reflectance of the metal at normal incidence, `[0, 1]`; multiplied by the vertex colour.
+    /// Diffuse colour of the dielectric and reflectance of the metal at normal incidence, `[0, 1]`;
+    /// multiplied by the vertex colour.
     pub base_color: ColorParam,
     /// 0 dielectric, 1 metal.
     pub metallic: ScalarParam,
@@ -23,7 +25,8 @@ pub struct MetallicRoughness {
     pub specular: ScalarParam,
     /// Colour of the dielectric's reflection at normal incidence; may exceed 1.
     pub specular_color: ColorParam,
-    /// Share of the dielectric's base that lets light straight through instead of scattering it, `[0, 1]`.
+    /// Share of the dielectric's base that lets light straight through instead of scattering it,
+    /// `[0, 1]`.
     pub transmission: ScalarParam,
     /// Share of a clear coat (index 1.5) on top of all that, `[0, 1]`.
     pub clearcoat: ScalarParam,
@@ -34,7 +37,8 @@ pub struct MetallicRoughness {
 }
 
 impl Default for MetallicRoughness {
-    /// A smooth white dielectric of index 1.5 (unlike glTF, where an unspecified material is a rough metal).
+    /// A smooth white dielectric of index 1.5 (unlike glTF, where an unspecified material is a
+    /// rough metal).
     fn default() -> Self {
         Self {
             base_color: Rgb::WHITE.into(),
@@ -78,7 +82,11 @@ impl MetallicRoughness {
                 ..Self::new(orange, 0.0, 0.3)
             },
             Self { ior: 0.0, ..Self::new(orange, 0.0, 0.3) },
-            Self { clearcoat: 1.0.into(), clearcoat_roughness: 0.3.into(), ..Self::new(orange, 0.5, 0.6) },
+            Self {
+                clearcoat: 1.0.into(),
+                clearcoat_roughness: 0.3.into(),
+                ..Self::new(orange, 0.5, 0.6)
+            },
             Self { clearcoat: 0.7.into(), ..Self::new(Rgb::WHITE, 0.0, 0.5) },
             Self { clearcoat: 1.0.into(), transmission: 0.5.into(), ..Self::new(orange, 0.0, 0.0) },
         ]
@@ -112,8 +120,8 @@ impl MetallicRoughness {
     }
 }
 
-/// An index of refraction and a tint of at most 1 with the reflectance at normal incidence that glTF gives to these. An index of 0
-/// reflects everything, as in `KHR_materials_ior`.
+/// An index of refraction and a tint of at most 1 with the reflectance at normal incidence that
+/// glTF gives to these. An index of 0 reflects everything, as in `KHR_materials_ior`.
 pub fn reflectance_at_most_white(ior: f32, color: ColorParam) -> (f32, ColorParam) {
     let most = color.factor.max_element();
     let ior = if ior.is_finite() { ior.max(0.0) } else { 1.5 };
@@ -121,6 +129,7 @@ pub fn reflectance_at_most_white(ior: f32, color: ColorParam) -> (f32, ColorPara
         return (ior, color);
     }
     let root = bounded(fresnel::f0_from_ior(ior) * most, 0.95).sqrt();
-    let factor = if most > 0.0 && most.is_finite() { color.factor * (1.0 / most) } else { color.factor };
+    let factor =
+        if most > 0.0 && most.is_finite() { color.factor * (1.0 / most) } else { color.factor };
     ((1.0 + root) / (1.0 - root), ColorParam { factor, ..color })
 }

@@ -1,4 +1,5 @@
-//! Materials: from a surface point to a BSDF, emission and opacity. One file per material, with its parameters.
+//! Materials: from a surface point to a BSDF, emission and opacity. One file per material, with its
+//! parameters.
 
 mod black;
 mod bump;
@@ -58,7 +59,8 @@ pub struct ColorParam {
     pub factor: Rgb,
     /// Its RGB multiplies the factor.
     pub texture: Option<TextureId>,
-    /// Multiplied by the factor: a black body, a measured spectrum. Exact in spectral mode, its colour in RGB mode.
+    /// Multiplied by the factor: a black body, a measured spectrum. Exact in spectral mode, its
+    /// colour in RGB mode.
     #[serde(default)]
     pub spectrum: Option<Spectrum>,
 }
@@ -93,7 +95,8 @@ impl From<Rgb> for ColorParam {
     }
 }
 
-/// A scalar parameter: a factor, times one channel of a texture if there is one. Also written as a number alone.
+/// A scalar parameter: a factor, times one channel of a texture if there is one. Also written as a
+/// number alone.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "WrittenScalar")]
 pub struct ScalarParam {
@@ -130,7 +133,9 @@ impl ScalarParam {
         match self.texture {
             None => self.factor,
             Some((id, channel)) => {
-                self.factor * point.textures.lookup(id, point.surface, point.footprint)[usize::from(channel & 3)]
+                self.factor
+                    * point.textures.lookup(id, point.surface, point.footprint)
+                        [usize::from(channel & 3)]
             }
         }
     }
@@ -140,7 +145,10 @@ impl ScalarParam {
         match (self.texture, other.texture) {
             (Some((id, first)), Some((same, second))) if id == same => {
                 let texel = point.textures.lookup(id, point.surface, point.footprint);
-                [self.factor * texel[usize::from(first & 3)], other.factor * texel[usize::from(second & 3)]]
+                [
+                    self.factor * texel[usize::from(first & 3)],
+                    other.factor * texel[usize::from(second & 3)],
+                ]
             }
             _ => [self.at(point), other.at(point)],
         }
@@ -190,7 +198,8 @@ pub struct ShadingPoint<'a> {
 }
 
 impl ShadingPoint<'_> {
-    /// The spectrum of a reflectance, clamped to `[0, 1]` (NaN counts as 0): more would make light out of nothing.
+    /// The spectrum of a reflectance, clamped to `[0, 1]` (NaN counts as 0): more would make light
+    /// out of nothing.
     pub fn reflectance(&self, color: impl Into<Color>) -> SampledSpectrum {
         let color = color.into();
         let bounds = |x| bounded(x, 1.0);
@@ -253,13 +262,14 @@ pub struct Material {
     pub kind: MaterialKind,
     /// Emitted radiance, W / (m^2 sr), on the sides that are visible.
     pub emission: ColorParam,
-    /// True if the vertex colour multiplies the emission, as it does for surfaces that show their base colour unlit.
+    /// True if the vertex colour multiplies the emission, as it does for surfaces that show their
+    /// base colour unlit.
     #[serde(default)]
     pub emission_takes_vertex_color: bool,
     /// True if the inner side emits too.
     pub emits_on_both_sides: bool,
-    /// False if the emission is only seen, by the camera and in mirrors, because another light stands for what it does to other
-    /// surfaces.
+    /// False if the emission is only seen, by the camera and in mirrors, because another light
+    /// stands for what it does to other surfaces.
     pub illuminates: bool,
     /// How `alpha` counts.
     pub alpha_mode: AlphaMode,
@@ -272,14 +282,15 @@ pub struct Material {
     /// Heights, which bend it further. A coat with a normal of its own does not follow them.
     #[serde(default)]
     pub bump_map: Option<BumpMap>,
-    /// What is inside of a closed surface; `None` for what the kind implies ([`Material::bounded_interior`]).
+    /// What is inside of a closed surface; `None` for what the kind implies
+    /// ([`Material::bounded_interior`]).
     #[serde(default)]
     pub interior: Option<Interior>,
 }
 
 impl Material {
-    /// A material that does nothing but what `kind` says. What an [`OpenPbr`] says of emission, opacity and normals is moved to the
-    /// material.
+    /// A material that does nothing but what `kind` says. What an [`OpenPbr`] says of emission,
+    /// opacity and normals is moved to the material.
     pub fn new(name: impl Into<String>, kind: impl Into<MaterialKind>) -> Self {
         let kind = kind.into();
         let mut material = Self::plain(name.into(), kind);
@@ -287,16 +298,19 @@ impl Material {
         material
     }
 
-    /// Moves what an [`OpenPbr`] says of emission, opacity and normals to the material, where it is other than what the kind said
-    /// before.
+    /// Moves what an [`OpenPbr`] says of emission, opacity and normals to the material, where it is
+    /// other than what the kind said before.
     pub fn follow_kind(&mut self, before: &MaterialKind) {
         let MaterialKind::OpenPbr(surface) = &self.kind else { return };
         let plain = OpenPbr::default();
         let before = if let MaterialKind::OpenPbr(before) = before { before } else { &plain };
-        if (surface.emission_luminance, surface.emission_color) != (before.emission_luminance, before.emission_color) {
+        if (surface.emission_luminance, surface.emission_color)
+            != (before.emission_luminance, before.emission_color)
+        {
             let (luminance, color) = (surface.emission_luminance, surface.emission_color);
             let texture = color.texture.or(luminance.texture.map(|t| t.0));
-            self.emission = ColorParam { factor: color.factor * luminance.factor, texture, ..color };
+            self.emission =
+                ColorParam { factor: color.factor * luminance.factor, texture, ..color };
         }
         if surface.geometry_opacity != before.geometry_opacity {
             let is_whole = surface.geometry_opacity == ScalarParam::constant(1.0);
@@ -336,7 +350,8 @@ impl Material {
         Self { emission: ColorParam::constant(radiance), ..self }
     }
 
-    /// True if wavelengths part where light meets it: the path's hero goes on alone ([`ColorMode::hero_only`]).
+    /// True if wavelengths part where light meets it: the path's hero goes on alone
+    /// ([`ColorMode::hero_only`]).
     pub fn is_dispersive(&self) -> bool {
         match &self.kind {
             MaterialKind::Dielectric(glass) => glass.ior.is_dispersive(),
@@ -347,7 +362,8 @@ impl Material {
 
     /// The textures that it looks up itself.
     pub fn textures(&self) -> BTreeSet<TextureId> {
-        // The declarations say which parameters have one, and so does what they print; names may say anything.
+        // The declarations say which parameters have one, and so does what they print; names may
+        // say anything.
         let text = format!("{:?}", Self { name: String::new(), ..self.clone() });
         let ids = text.split("TextureId(").skip(1);
         ids.filter_map(|rest| rest.split(')').next()?.parse().ok().map(TextureId)).collect()
@@ -367,7 +383,8 @@ impl Material {
         }
     }
 
-    /// The reflectance of a matte surface at a point, and its shading normal before it is bent towards a viewer.
+    /// The reflectance of a matte surface at a point, and its shading normal before it is bent
+    /// towards a viewer.
     pub fn matte_at(&self, point: &ShadingPoint) -> Option<(SampledSpectrum, Vec3)> {
         Some((self.as_matte()?.reflectance_at(point), self.shading_normal(point)))
     }
@@ -404,24 +421,31 @@ impl Material {
         }
     }
 
-    /// True if a ray meets the surface at a point; `u` in `[0, 1)` is a hash of the hit (the same for the same hit, or light leaks).
+    /// True if a ray meets the surface at a point; `u` in `[0, 1)` is a hash of the hit (the same
+    /// for the same hit, or light leaks).
     pub fn is_present(&self, ray_direction: Vec3, point: &ShadingPoint, u: f32) -> bool {
         u < self.presence(ray_direction, point)
     }
 
-    /// The probability that a ray meets the surface at a point: its opacity, or 0 on the side that a single-sided surface lacks, and
-    /// 0 for interfaces.
+    /// The probability that a ray meets the surface at a point: its opacity, or 0 on the side that
+    /// a single-sided surface lacks, and 0 for interfaces.
     pub fn presence(&self, ray_direction: Vec3, point: &ShadingPoint) -> f32 {
         if self.is_interface() {
             return 0.0;
         }
-        if self.double_sided || point.surface.is_front_facing(ray_direction) { self.opacity(point) } else { 0.0 }
+        if self.double_sided || point.surface.is_front_facing(ray_direction) {
+            self.opacity(point)
+        } else {
+            0.0
+        }
     }
 
-    /// The radiance that the surface emits everywhere and in all directions of its shining sides; `None` if that depends on the point,
-    /// or if the surface can be seen through.
+    /// The radiance that the surface emits everywhere and in all directions of its shining sides;
+    /// `None` if that depends on the point, or if the surface can be seen through.
     pub fn uniform_emission(&self) -> Option<Color> {
-        let is_uniform = self.is_emissive() && self.emission.texture.is_none() && !self.emission_takes_vertex_color;
+        let is_uniform = self.is_emissive()
+            && self.emission.texture.is_none()
+            && !self.emission_takes_vertex_color;
         let is_solid = self.alpha_mode == AlphaMode::Opaque && !self.is_interface();
         let is_there = is_solid && (self.double_sided || !self.emits_on_both_sides);
         let ColorParam { factor: rgb, spectrum, .. } = self.emission;
@@ -430,7 +454,9 @@ impl Material {
 
     /// Radiance emitted at a point towards `wo` (unit, world space).
     pub fn emitted(&self, point: &ShadingPoint, wo: Vec3) -> SampledSpectrum {
-        if !self.is_emissive() || (!self.emits_on_both_sides && wo.dot(point.surface.geometric_normal) <= 0.0) {
+        if !self.is_emissive()
+            || (!self.emits_on_both_sides && wo.dot(point.surface.geometric_normal) <= 0.0)
+        {
             return SampledSpectrum::ZERO;
         }
         let tint = if self.emission_takes_vertex_color { point.vertex_color() } else { Rgb::WHITE };

@@ -6,10 +6,16 @@ use snell_math::simd::{choose, least};
 use snell_math::{Frame, Vec3};
 
 /// The frame of the shading normal, maps applied, on the side of the geometric normal.
-pub(super) fn shading_frame(map: Option<&NormalMap>, bumps: Option<&BumpMap>, point: &ShadingPoint) -> Frame {
+pub(super) fn shading_frame(
+    map: Option<&NormalMap>,
+    bumps: Option<&BumpMap>,
+    point: &ShadingPoint,
+) -> Frame {
     let surface = point.surface;
     let smooth = surface.shading_normal;
-    let Some(bend) = Bend::of(map, bumps, point) else { return Frame::from_z_and_x(smooth, surface.dpdu) };
+    let Some(bend) = Bend::of(map, bumps, point) else {
+        return Frame::from_z_and_x(smooth, surface.dpdu);
+    };
     Frame::from_z_and_x(bend.normal(smooth, surface.geometric_normal), bend.axes(smooth).0)
 }
 
@@ -22,14 +28,19 @@ pub struct Bend {
     pub tangent: Vec3,
     /// Where its rows grow upwards, as far as it is not known from the tangent.
     pub upwards: Vec3,
-    /// 1 if the bitangent is to the left of the tangent, -1 if it is to the right, 0 if it is where rows grow upwards.
+    /// 1 if the bitangent is to the left of the tangent, -1 if it is to the right, 0 if it is where
+    /// rows grow upwards.
     pub side: f32,
 }
 
 impl Bend {
     /// At a point; `None` if there are no maps. Bumps are on top of what a normal map says.
     #[inline]
-    pub(super) fn of(map: Option<&NormalMap>, bumps: Option<&BumpMap>, point: &ShadingPoint) -> Option<Self> {
+    pub(super) fn of(
+        map: Option<&NormalMap>,
+        bumps: Option<&BumpMap>,
+        point: &ShadingPoint,
+    ) -> Option<Self> {
         match (map, bumps) {
             (map, None) => map.map(|map| Self::of_normals(map, point)),
             (map, Some(bumps)) => Some(Self::of_bumps(bumps, map, point)),
@@ -39,27 +50,38 @@ impl Bend {
     /// Slopes add up.
     #[inline(never)]
     fn of_bumps(bumps: &BumpMap, map: Option<&NormalMap>, point: &ShadingPoint) -> Self {
-        let plain = Self { local: Vec3::Z, tangent: point.surface.dpdu, upwards: Vec3::ZERO, side: 1.0 };
+        let plain =
+            Self { local: Vec3::Z, tangent: point.surface.dpdu, upwards: Vec3::ZERO, side: 1.0 };
         let below = map.map_or(plain, |map| Self::of_normals(map, point));
         let (tangent, bitangent) = below.axes(point.surface.shading_normal);
         let uphill = bumps.gradient(point);
         let flat = below.local / below.local.z.max(1e-3);
-        Self { local: Vec3::new(flat.x - uphill.dot(tangent), flat.y - uphill.dot(bitangent), 1.0), ..below }
+        Self {
+            local: Vec3::new(flat.x - uphill.dot(tangent), flat.y - uphill.dot(bitangent), 1.0),
+            ..below
+        }
     }
 
     fn of_normals(map: &NormalMap, point: &ShadingPoint) -> Self {
         let [r, g, b, _] = point.textures.lookup(map.texture, point.surface, point.footprint);
-        let local = Vec3::new((2.0 * r - 1.0) * map.scale, (2.0 * g - 1.0) * map.scale, 2.0 * b - 1.0);
+        let local =
+            Vec3::new((2.0 * r - 1.0) * map.scale, (2.0 * g - 1.0) * map.scale, 2.0 * b - 1.0);
         let surface = point.surface;
         if let Some((tangent, sign)) = surface.tangent {
             return Self { local, tangent, upwards: Vec3::ZERO, side: 1.0f32.copysign(sign) };
         }
-        // Derivatives by the texture's own coordinates, its transform undone; a singular one leaves the surface's.
-        let [[a, b, _], [c, d, _]] =
-            point.textures.image(map.texture).map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], |t| t.uv_transform);
+        // Derivatives by the texture's own coordinates, its transform undone; a singular one leaves
+        // the surface's.
+        let [[a, b, _], [c, d, _]] = point
+            .textures
+            .image(map.texture)
+            .map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], |t| t.uv_transform);
         let determinant = a * d - b * c;
         let (dpdu, dpdv) = if determinant.is_normal() {
-            ((surface.dpdu * d - surface.dpdv * c) / determinant, (surface.dpdv * a - surface.dpdu * b) / determinant)
+            (
+                (surface.dpdu * d - surface.dpdv * c) / determinant,
+                (surface.dpdv * a - surface.dpdu * b) / determinant,
+            )
         } else {
             (surface.dpdu, surface.dpdv)
         };
@@ -75,13 +97,16 @@ impl Bend {
         (frame.x, frame.y * if self.side != 0.0 { self.side } else { side })
     }
 
-    /// The shading normal bent, and lifted to a small angle above the surface if it lies below. Without branches, so that loops over it
-    /// become vector code.
+    /// The shading normal bent, and lifted to a small angle above the surface if it lies below.
+    /// Without branches, so that loops over it become vector code.
     #[inline(always)]
     pub fn normal(&self, smooth: Vec3, geometric_normal: Vec3) -> Vec3 {
         const LEAST: f32 = 1e-2;
         let (tangent, bitangent) = self.axes(smooth);
-        let bent = unit_or(tangent * self.local.x + bitangent * self.local.y + smooth * self.local.z, smooth);
+        let bent = unit_or(
+            tangent * self.local.x + bitangent * self.local.y + smooth * self.local.z,
+            smooth,
+        );
         let height = bent.dot(geometric_normal);
         choose(height >= LEAST, bent, unit_or(bent + geometric_normal * (LEAST - height), smooth))
     }
@@ -99,7 +124,8 @@ pub(super) fn turned(frame: Frame, angle: f32) -> Frame {
 /// What a BSDF asks of its frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameNeeds {
-    /// The normal must reflect the viewer away from the surface ([`reflecting_normal`]), and not only be seen ([`visible_normal`]).
+    /// The normal must reflect the viewer away from the surface ([`reflecting_normal`]), and not
+    /// only be seen ([`visible_normal`]).
     pub mirrors: bool,
     /// Tangents mean something. (Where they do not, the frame is the cheapest.)
     pub has_tangent: bool,
@@ -119,7 +145,8 @@ impl FrameNeeds {
         Self { mirrors: mirrors(bsdf), has_tangent }
     }
 
-    /// The frame nearest in spirit to a plain one that `wo` can use. Without branches, so that loops over it become vector code.
+    /// The frame nearest in spirit to a plain one that `wo` can use. Without branches, so that
+    /// loops over it become vector code.
     #[inline(always)]
     pub fn frame(self, plain: &Frame, geometric_normal: Vec3, wo: Vec3) -> Frame {
         let z = choose(
@@ -133,7 +160,8 @@ impl FrameNeeds {
     }
 }
 
-/// True for BSDFs whose look is their reflection, so that losing it below the surface is worse than bending the normal.
+/// True for BSDFs whose look is their reflection, so that losing it below the surface is worse than
+/// bending the normal.
 fn mirrors(bsdf: &Bsdf) -> bool {
     let by_kind = match bsdf {
         Bsdf::Conductor(_) | Bsdf::Dielectric(_) => true,
@@ -143,14 +171,20 @@ fn mirrors(bsdf: &Bsdf) -> bool {
     by_kind || bsdf.is_delta()
 }
 
-/// The normal nearest in spirit to `n` that `wo` can use: [`reflecting_normal`] for mirrors, [`visible_normal`] for others.
+/// The normal nearest in spirit to `n` that `wo` can use: [`reflecting_normal`] for mirrors,
+/// [`visible_normal`] for others.
 pub(super) fn valid_towards(n: Vec3, geometric_normal: Vec3, wo: Vec3, mirrors: bool) -> Vec3 {
-    if mirrors { reflecting_normal(n, geometric_normal, wo) } else { visible_normal(n, geometric_normal, wo) }
+    if mirrors {
+        reflecting_normal(n, geometric_normal, wo)
+    } else {
+        visible_normal(n, geometric_normal, wo)
+    }
 }
 
-/// The normal nearest in spirit to `n` that `wo` sees from the side from which it sees the surface, and that reflects `wo` to that
-/// side too (the idea of Keller et al., The Iray Light Transport Simulation and Rendering System, 2017: pull the reflected vector up
-/// to the surface, and take the half vector). Without branches, so that loops over it become vector code.
+/// The normal nearest in spirit to `n` that `wo` sees from the side from which it sees the surface,
+/// and that reflects `wo` to that side too (the idea of Keller et al., The Iray Light Transport
+/// Simulation and Rendering System, 2017: pull the reflected vector up to the surface, and take the
+/// half vector). Without branches, so that loops over it become vector code.
 #[inline(always)]
 pub fn reflecting_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {
     let side = if wo.dot(geometric_normal) < 0.0 { -1.0 } else { 1.0 };
@@ -165,8 +199,8 @@ pub fn reflecting_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {
     choose(keeps, n, bent)
 }
 
-/// The normal nearest in spirit to `n` that `wo` sees from the side from which it sees the surface. Without branches, so that loops
-/// over it become vector code.
+/// The normal nearest in spirit to `n` that `wo` sees from the side from which it sees the surface.
+/// Without branches, so that loops over it become vector code.
 #[inline(always)]
 pub fn visible_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {
     let elevation = wo.dot(geometric_normal);

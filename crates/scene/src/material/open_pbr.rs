@@ -3,9 +3,9 @@
 use super::prepared::anywhere;
 use super::{ColorParam, FrameNeeds, Material, NormalMap, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{
-    Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf, FacetReflectance, Fuzz, Ggx, Gloss, GlossyBsdf,
-    ManyBsdf, ManyPoint, OpenPbrBsdf, Palette, RoughLosses, SheetBsdf, Slabs, ThinFilm, Translucent, Widths, bounded,
-    fresnel,
+    Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf, FacetReflectance, Fuzz, Ggx,
+    Gloss, GlossyBsdf, ManyBsdf, ManyPoint, OpenPbrBsdf, Palette, RoughLosses, SheetBsdf, Slabs,
+    ThinFilm, Translucent, Widths, bounded, fresnel,
 };
 use crate::graph::TextureId;
 use crate::medium::{HenyeyGreenstein, MediumProperties};
@@ -13,27 +13,31 @@ use serde::{Deserialize, Serialize};
 use snell_math::spectrum::{LINE_D, RefractiveIndex};
 use snell_math::{Rgb, SampledSpectrum};
 
-/// Everything that the specification OpenPBR Surface 1.1 (Academy Software Foundation) describes, under its names and with its
-/// defaults: fuzz over coat over a mixture of metal, clear and opaque dielectric. Each parameter is a factor, times a texture if there
-/// is one.
+/// Everything that the specification OpenPBR Surface 1.1 (Academy Software Foundation) describes,
+/// under its names and with its defaults: fuzz over coat over a mixture of metal, clear and opaque
+/// dielectric. Each parameter is a factor, times a texture if there is one.
 ///
-/// What belongs to any surface is moved to the fields of [`super::Material`] when the material is made ([`super::Material::new`]):
-/// `emission_luminance` times `emission_color` to `emission` (one nit as one W/(m² sr), as for glTF), `geometry_opacity` to `alpha`,
-/// `geometry_normal` to `normal_map`.
+/// What belongs to any surface is moved to the fields of [`super::Material`] when the material is
+/// made ([`super::Material::new`]): `emission_luminance` times `emission_color` to `emission` (one
+/// nit as one W/(m² sr), as for glTF), `geometry_opacity` to `alpha`, `geometry_normal` to
+/// `normal_map`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OpenPbr {
     /// Factor on `base_color`, `[0, 1]`.
     pub base_weight: ScalarParam,
-    /// Colour of the diffuse base, and reflectance of the metal at normal incidence, `[0, 1]`; multiplied by the vertex colour.
+    /// Colour of the diffuse base, and reflectance of the metal at normal incidence, `[0, 1]`;
+    /// multiplied by the vertex colour.
     pub base_color: ColorParam,
     /// Roughness of the diffuse base, `[0, 1]`: 0 is Lambertian, 1 looks flat.
     pub base_diffuse_roughness: ScalarParam,
     /// 0 dielectric, 1 metal.
     pub base_metalness: ScalarParam,
-    /// Factor on the reflectance at normal incidence; may exceed 1 for dielectrics, as far as reflectances go.
+    /// Factor on the reflectance at normal incidence; may exceed 1 for dielectrics, as far as
+    /// reflectances go.
     pub specular_weight: ScalarParam,
-    /// Tint of the dielectric's reflection; factor on the metal's reflectance at 82 degrees. `[0, 1]`.
+    /// Tint of the dielectric's reflection; factor on the metal's reflectance at 82 degrees.
+    /// `[0, 1]`.
     pub specular_color: ColorParam,
     /// Roughness of metal and dielectric, `[0, 1]`; `alpha` of the distribution is its square.
     pub specular_roughness: ScalarParam,
@@ -43,7 +47,8 @@ pub struct OpenPbr {
     pub specular_ior: ScalarParam,
     /// Share of the dielectric that is clear, `[0, 1]`.
     pub transmission_weight: ScalarParam,
-    /// What is left of white light after `transmission_depth`; for a depth of 0 a factor on what goes through the surface. `[0, 1]`.
+    /// What is left of white light after `transmission_depth`; for a depth of 0 a factor on what
+    /// goes through the surface. `[0, 1]`.
     pub transmission_color: ColorParam,
     /// Distance, in units of the scene.
     pub transmission_depth: ScalarParam,
@@ -55,7 +60,8 @@ pub struct OpenPbr {
     pub transmission_dispersion_scale: ScalarParam,
     /// Abbe number of the clear dielectric, positive: 20 spreads colours widely, 60 is glass.
     pub transmission_dispersion_abbe_number: ScalarParam,
-    /// Factor on light that goes through the surface in addition to what the specification has (glTF's base colour of glass).
+    /// Factor on light that goes through the surface in addition to what the specification has
+    /// (glTF's base colour of glass).
     pub transmission_tint: ColorParam,
     /// Share of the opaque dielectric that scatters under the surface, `[0, 1]`.
     pub subsurface_weight: ScalarParam,
@@ -183,7 +189,8 @@ impl Default for OpenPbr {
     }
 }
 
-/// Dielectric indices whose reflectance at normal incidence is that of `eta` times `weight` (OpenPBR Surface 1.1, "Dielectric base").
+/// Dielectric indices whose reflectance at normal incidence is that of `eta` times `weight`
+/// (OpenPBR Surface 1.1, "Dielectric base").
 fn modulated_ior(eta: f32, weight: f32) -> f32 {
     let epsilon = (weight * fresnel::f0_from_ior(eta)).clamp(0.0, 0.98).sqrt();
     let epsilon = if eta < 1.0 { -epsilon } else { epsilon };
@@ -196,8 +203,8 @@ fn roughened(base: f32, coat: f32, weight: f32) -> f32 {
     base + (together - base) * weight
 }
 
-/// Single-scattering albedo whose multiple scattering shows this colour in diffuse light (van de Hulst's approximation, as OpenPBR
-/// Surface 1.1 gives it).
+/// Single-scattering albedo whose multiple scattering shows this colour in diffuse light (van de
+/// Hulst's approximation, as OpenPBR Surface 1.1 gives it).
 fn scattering_albedo(color: f32, g: f32) -> f32 {
     let c = color.clamp(0.0, 1.0);
     let s = 4.09712 + 4.20863 * c - (9.59217 + 41.6808 * c + 17.7126 * c * c).sqrt();
@@ -292,7 +299,8 @@ impl OpenPbr {
 
     /// Both at a point, without a coat.
     fn metalness_and_roughness(&self, point: &ShadingPoint) -> [f32; 2] {
-        let [metalness, roughness] = ScalarParam::both_at(&self.base_metalness, &self.specular_roughness, point);
+        let [metalness, roughness] =
+            ScalarParam::both_at(&self.base_metalness, &self.specular_roughness, point);
         [bounded(metalness, 1.0), bounded(roughness, 1.0)]
     }
 
@@ -321,7 +329,12 @@ impl OpenPbr {
         let weight = bounded(self.thin_film_weight.at(point), 1.0);
         let thickness = 1000.0 * bounded(self.thin_film_thickness.at(point), 1e3);
         let ior = positive_ior(self.thin_film_ior.at(point));
-        (weight > 0.0 && thickness > 0.0).then_some(ThinFilm { weight, thickness, ior, mode: point.mode })
+        (weight > 0.0 && thickness > 0.0).then_some(ThinFilm {
+            weight,
+            thickness,
+            ior,
+            mode: point.mode,
+        })
     }
 
     fn coat(&self, point: &ShadingPoint, common: &Common) -> Option<Coat> {
@@ -334,7 +347,10 @@ impl OpenPbr {
         let dielectric = 1.0 + (base - 1.0) * f0.min(1.0);
         Some(Coat {
             weight: common.coat,
-            ggx: Ggx::from_anisotropy(share(&self.coat_roughness), share(&self.coat_roughness_anisotropy)),
+            ggx: Ggx::from_anisotropy(
+                share(&self.coat_roughness),
+                share(&self.coat_roughness_anisotropy),
+            ),
             ior: positive_ior(self.coat_ior.at(point)),
             color: point.reflectance(self.coat_color.at(point)),
             darkening: share(&self.coat_darkening),
@@ -342,7 +358,13 @@ impl OpenPbr {
         })
     }
 
-    fn slabs(&self, other: Option<&OpenPbrBsdf>, point: &ShadingPoint, common: &Common, coat: Option<&Coat>) -> Slabs {
+    fn slabs(
+        &self,
+        other: Option<&OpenPbrBsdf>,
+        point: &ShadingPoint,
+        common: &Common,
+        coat: Option<&Coat>,
+    ) -> Slabs {
         let Common { metalness, transmission, subsurface, .. } = *common;
         let film = self.film(point);
         let tint = point.reflectance(self.specular_color.at(point));
@@ -354,13 +376,18 @@ impl OpenPbr {
             let unit = point.mode.unit() * common.specular_weight.min(1.0);
             ConductorBsdf::new(facets, unit, common.ggx).with_film(film)
         };
-        // The coat replaces the air above the base; without total reflection where it is the denser.
+        // The coat replaces the air above the base; without total reflection where it is the
+        // denser.
         let ratio = coat.map_or(common.ior, |coat| {
             let below = common.ior / coat.ior;
             common.ior + (below.max(1.0 / below) - common.ior) * common.coat
         });
-        let gloss =
-            Gloss { ior: modulated_ior(ratio, common.specular_weight), tint, microfacets: common.ggx.into(), film };
+        let gloss = Gloss {
+            ior: modulated_ior(ratio, common.specular_weight),
+            tint,
+            microfacets: common.ggx.into(),
+            film,
+        };
         let opaque_slab = || {
             let other = other.and_then(OpenPbrBsdf::opaque);
             GlossyBsdf::like(other, gloss, self.body(point, base, subsurface))
@@ -370,7 +397,8 @@ impl OpenPbr {
             metal: (metalness > 0.0).then(|| (metalness, metal())),
             opaque: (opaque > 0.0).then(|| (opaque, opaque_slab())),
             translucent: (clear > 0.0).then(|| {
-                let like = other.and_then(OpenPbrBsdf::solid).and_then(|solid| solid.losses.as_ref());
+                let like =
+                    other.and_then(OpenPbrBsdf::solid).and_then(|solid| solid.losses.as_ref());
                 (clear, self.translucent(point, common, tint, film, like))
             }),
             subsurface: if has_inside { subsurface } else { 0.0 },
@@ -390,7 +418,8 @@ impl OpenPbr {
         self.base_color.texture.is_some() && other.textures().is_empty()
     }
 
-    /// A mixture of rough metal and gloss that may differ from point to point in all that [`ManyPoint`] says, if nothing else does.
+    /// A mixture of rough metal and gloss that may differ from point to point in all that
+    /// [`ManyPoint`] says, if nothing else does.
     pub(super) fn many_mixed(&self) -> Option<ManyBsdf> {
         let half = Self {
             base_color: ColorParam { texture: None, ..self.base_color },
@@ -403,19 +432,26 @@ impl OpenPbr {
         ManyBsdf::of(&bsdf).filter(|many| !looks_up && many.takes_any_point())
     }
 
-    /// What [`Self::many_mixed`] is at a point, if it is rough there, and what it asks of its frame.
+    /// What [`Self::many_mixed`] is at a point, if it is rough there, and what it asks of its
+    /// frame.
     pub(super) fn mixed_at(&self, point: &ShadingPoint) -> Option<(ManyPoint, FrameNeeds)> {
         let [metalness, roughness] = self.metalness_and_roughness(point);
         let widths = Widths::from_roughness(roughness);
-        let at = ManyPoint { alpha: widths.alpha(), metalness, ..ManyPoint::with_body(self.base(point)) };
+        let at = ManyPoint {
+            alpha: widths.alpha(),
+            metalness,
+            ..ManyPoint::with_body(self.base(point))
+        };
         let needs = FrameNeeds { mirrors: metalness == 1.0, has_tangent: false };
         (!widths.is_smooth()).then_some((at, needs))
     }
 
-    /// The spectra of its metal or opaque base at a point; `None` if they are not all that counts, for what lies above has some too.
+    /// The spectra of its metal or opaque base at a point; `None` if they are not all that counts,
+    /// for what lies above has some too.
     pub(super) fn palette(&self, point: &ShadingPoint) -> Option<Palette> {
         let has_coat = bounded(self.coat_weight.at(point), 1.0) > 0.0;
-        let is_clear = !has_coat || point.reflectance(self.coat_color.at(point)).0.iter().all(|&c| c >= 1.0);
+        let is_clear =
+            !has_coat || point.reflectance(self.coat_color.at(point)).0.iter().all(|&c| c >= 1.0);
         let unit = point.mode.unit() * bounded(self.specular_weight.at(point), 1e3).min(1.0);
         is_clear.then(|| [self.base(point), point.reflectance(self.specular_color.at(point)), unit])
     }
@@ -436,7 +472,11 @@ impl OpenPbr {
                 walk: zero,
             };
         }
-        Body { diffuse: DiffuseBsdf::new(rest, roughness), through: zero, walk: point.mode.unit() * subsurface }
+        Body {
+            diffuse: DiffuseBsdf::new(rest, roughness),
+            through: zero,
+            walk: point.mode.unit() * subsurface,
+        }
     }
 
     fn translucent(
@@ -452,7 +492,14 @@ impl OpenPbr {
         let color = || point.reflectance(self.transmission_color.at(point));
         let extra = point.reflectance(self.transmission_tint.at(point));
         if self.geometry_thin_walled {
-            return Translucent::Sheet(SheetBsdf::new(ior, tint * unit, color() * extra, unit, common.ggx, film));
+            return Translucent::Sheet(SheetBsdf::new(
+                ior,
+                tint * unit,
+                color() * extra,
+                unit,
+                common.ggx,
+                film,
+            ));
         }
         let ior = self.dispersed(ior, point);
         let crossing = if self.transmission_depth.at(point) > 0.0 { unit } else { color() };
@@ -492,7 +539,8 @@ impl OpenPbr {
 
     /// True if the surface bounds an inside that light gets to.
     pub(super) fn has_inside(&self) -> bool {
-        !self.geometry_thin_walled && (self.transmission_weight.factor > 0.0 || self.subsurface_weight.factor > 0.0)
+        !self.geometry_thin_walled
+            && (self.transmission_weight.factor > 0.0 || self.subsurface_weight.factor > 0.0)
     }
 
     /// Index of refraction of the inside; 1 where light gets in by scattering only.
@@ -511,7 +559,8 @@ impl OpenPbr {
         self.geometry_coat_tangent.map_or(0.0, |t| t.angle(point))
     }
 
-    /// The medium inside, for a path that enters at a point: that of the clear dielectric, or of the scattering one.
+    /// The medium inside, for a path that enters at a point: that of the clear dielectric, or of
+    /// the scattering one.
     pub(super) fn medium(&self, point: &ShadingPoint) -> Option<MediumProperties> {
         let common = self.common(point);
         let depth = self.transmission_depth.at(point);
@@ -543,8 +592,8 @@ impl OpenPbr {
     fn subsurface_medium(&self, point: &ShadingPoint) -> MediumProperties {
         let g = bounded_cosine(self.subsurface_scatter_anisotropy.at(point));
         let color = point.reflectance(self.subsurface_color.at(point) * point.vertex_color());
-        let radius =
-            point.coefficient(self.subsurface_radius_scale.at(point)) * self.subsurface_radius.at(point).max(0.0);
+        let radius = point.coefficient(self.subsurface_radius_scale.at(point))
+            * self.subsurface_radius.at(point).max(0.0);
         let sigma_t = radius.map(|r| 1.0 / r.max(1e-6));
         let albedo = color.map(|c| scattering_albedo(c, g));
         medium(sigma_t * (SampledSpectrum::ONE - albedo), sigma_t * albedo, g)
@@ -557,5 +606,10 @@ fn bounded_cosine(g: f32) -> f32 {
 }
 
 fn medium(sigma_a: SampledSpectrum, sigma_s: SampledSpectrum, g: f32) -> MediumProperties {
-    MediumProperties { sigma_a, sigma_s, emission: SampledSpectrum::ZERO, phase: HenyeyGreenstein::new(g) }
+    MediumProperties {
+        sigma_a,
+        sigma_s,
+        emission: SampledSpectrum::ZERO,
+        phase: HenyeyGreenstein::new(g),
+    }
 }

@@ -5,9 +5,10 @@ use crate::bsdf::{Bsdf, PhongBsdf, PhongCoefficients};
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
-/// Ambient, diffuse and specular coefficients, with mirror reflection and transmission. The integrators `raycast` and `whitted`
-/// follow the classic formula to the letter; the path tracer uses an energy-conserving BSDF of the same coefficients
-/// ([`PhongBsdf`]), scaled down where they add up to more than 1.
+/// Ambient, diffuse and specular coefficients, with mirror reflection and transmission. The
+/// integrators `raycast` and `whitted` follow the classic formula to the letter; the path tracer
+/// uses an energy-conserving BSDF of the same coefficients ([`PhongBsdf`]), scaled down where they
+/// add up to more than 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Phong {
@@ -17,10 +18,11 @@ pub struct Phong {
     pub diffuse: ColorParam,
     /// Strength of highlights, `ks`.
     pub specular: ColorParam,
-    /// Factor on the radiance of the mirror direction. For `.scn` the same as `specular`; the path tracer then has the glossy lobe
-    /// only.
+    /// Factor on the radiance of the mirror direction. For `.scn` the same as `specular`; the path
+    /// tracer then has the glossy lobe only.
     pub reflection: ColorParam,
-    /// Factor on the radiance of the refracted direction, `kt`. No Fresnel's law; nothing where all light is reflected inside.
+    /// Factor on the radiance of the refracted direction, `kt`. No Fresnel's law; nothing where all
+    /// light is reflected inside.
     pub transmission: ColorParam,
     /// Exponent of the highlight, at least 0.
     pub shininess: f32,
@@ -55,10 +57,21 @@ impl Phong {
                 reflection: grey(0.5),
                 ..Self::default()
             },
-            Self { diffuse: Rgb::new(0.6, 0.1, 0.1).into(), specular: grey(0.3), shininess: 500.0, ..Self::default() },
+            Self {
+                diffuse: Rgb::new(0.6, 0.1, 0.1).into(),
+                specular: grey(0.3),
+                shininess: 500.0,
+                ..Self::default()
+            },
             Self { diffuse: grey(1.0), specular: grey(1.0), shininess: 0.0, ..Self::default() },
             Self { diffuse: grey(0.2), reflection: grey(0.7), shininess: 50.0, ..Self::default() },
-            Self { diffuse: grey(0.1), specular: grey(0.2), transmission: grey(0.7), ior: 1.5, ..Self::default() },
+            Self {
+                diffuse: grey(0.1),
+                specular: grey(0.2),
+                transmission: grey(0.7),
+                ior: 1.5,
+                ..Self::default()
+            },
             Self { diffuse: grey(0.0), transmission: grey(1.0), ..Self::default() },
         ]
     }

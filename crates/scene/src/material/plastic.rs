@@ -5,10 +5,12 @@ use crate::bsdf::{Body, Bsdf, DiffuseBsdf, Gloss, GlossyBsdf, MicrofacetShape};
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
-/// Plastic, varnish, glazed ceramics: a diffuse base under a dielectric layer. White plastic loses no light.
+/// Plastic, varnish, glazed ceramics: a diffuse base under a dielectric layer. White plastic loses
+/// no light.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plastic {
-    /// Share of the light reaching the base that comes back, `[0, 1]`; multiplied by the vertex colour.
+    /// Share of the light reaching the base that comes back, `[0, 1]`; multiplied by the vertex
+    /// colour.
     pub diffuse: ColorParam,
     /// Factor on the reflection of the layer, `[0, 1]`: white for a real dielectric.
     #[serde(default = "super::usual::white")]

@@ -22,7 +22,8 @@ pub struct Prepared {
     surface: Option<Box<OpenPbr>>,
     /// At a plain point, without textures.
     bsdf: Bsdf,
-    /// The same, if many directions can be asked about at once; what it is may differ from point to point.
+    /// The same, if many directions can be asked about at once; what it is may differ from point to
+    /// point.
     many: Option<ManyBsdf>,
     /// As [`ManyPoint`] says.
     differs: Differs,
@@ -57,7 +58,8 @@ impl Prepared {
         Self { surface, bsdf, many, differs, is_everywhere }
     }
 
-    /// The BSDF, if it is the same at all [plain](ShadingPoint::is_plain) points, in the frame of the surface's own normal and tangent.
+    /// The BSDF, if it is the same at all [plain](ShadingPoint::is_plain) points, in the frame of
+    /// the surface's own normal and tangent.
     pub fn plain(&self, material: &Material) -> Option<&Bsdf> {
         let is_turned = match &material.kind {
             MaterialKind::OpenPbr(surface) => {
@@ -73,9 +75,13 @@ impl Prepared {
         self.plain(material).and(self.many.as_ref())
     }
 
-    /// The BSDF of the material at a point and what it is there, if many directions can be asked about at once; and what it asks of its
-    /// frame.
-    pub fn many_at(&self, material: &Material, point: &ShadingPoint) -> Option<(&ManyBsdf, ManyPoint, FrameNeeds)> {
+    /// The BSDF of the material at a point and what it is there, if many directions can be asked
+    /// about at once; and what it asks of its frame.
+    pub fn many_at(
+        &self,
+        material: &Material,
+        point: &ShadingPoint,
+    ) -> Option<(&ManyBsdf, ManyPoint, FrameNeeds)> {
         let follows = |many: &&ManyBsdf| !many.has_coat() || material.coat_map(point).is_none();
         let many = self.many.as_ref().filter(|_| point.is_in_air()).filter(follows)?;
         let (mut at, needs) = match (&self.surface, self.differs) {
@@ -83,7 +89,9 @@ impl Prepared {
             _ => (many.point(), FrameNeeds::of(&self.bsdf)),
         };
         match (&self.surface, point.mode) {
-            (Some(surface), ColorMode::Rgb) if self.differs == Differs::Body => at.palette[0] = surface.base(point),
+            (Some(surface), ColorMode::Rgb) if self.differs == Differs::Body => {
+                at.palette[0] = surface.base(point)
+            }
             (_, ColorMode::Rgb) => {}
             (Some(surface), ColorMode::Spectral(_)) => at.palette = surface.palette(point)?,
             (None, ColorMode::Spectral(_)) => {
@@ -97,7 +105,11 @@ impl Prepared {
     }
 
     /// [`Self::many_at`] any plain point, in any mode, of a material that has [`Self::plain_many`].
-    pub fn plain_many_in(&self, material: &Material, mode: ColorMode) -> Option<(&ManyBsdf, ManyPoint)> {
+    pub fn plain_many_in(
+        &self,
+        material: &Material,
+        mode: ColorMode,
+    ) -> Option<(&ManyBsdf, ManyPoint)> {
         at_plain_point(mode, |point| self.many_at(material, point).map(|(many, at, _)| (many, at)))
     }
 
@@ -113,7 +125,9 @@ impl Prepared {
         }
         Cow::Owned(match (&self.surface, &material.kind, &self.bsdf) {
             (Some(surface), _, Bsdf::OpenPbr(known)) => surface.bsdf_like(Some(known), point),
-            (_, MaterialKind::Dielectric(glass), Bsdf::Dielectric(known)) => glass.bsdf_like(Some(known), point),
+            (_, MaterialKind::Dielectric(glass), Bsdf::Dielectric(known)) => {
+                glass.bsdf_like(Some(known), point)
+            }
             _ => material.kind.bsdf(point),
         })
     }
@@ -126,8 +140,15 @@ pub(super) fn anywhere(kind: &MaterialKind) -> (Bsdf, bool) {
 }
 
 fn at_plain_point<T>(mode: ColorMode, ask: impl FnOnce(&ShadingPoint) -> T) -> T {
-    let (surface, textures) = (SurfaceInteraction::plain(Vec3::ZERO, Vec3::Z), TextureSet::default());
-    ask(&ShadingPoint { surface: &surface, footprint: 0.0, textures: &textures, mode, outside_ior: 1.0 })
+    let (surface, textures) =
+        (SurfaceInteraction::plain(Vec3::ZERO, Vec3::Z), TextureSet::default());
+    ask(&ShadingPoint {
+        surface: &surface,
+        footprint: 0.0,
+        textures: &textures,
+        mode,
+        outside_ior: 1.0,
+    })
 }
 
 impl ShadingPoint<'_> {

@@ -5,12 +5,13 @@ use crate::bsdf::{Bsdf, BsdfSample, BsdfSeen, Lobes, SpecularBranch};
 use snell_math::{Frame, SampledSpectrum, Vec2, Vec3};
 use std::borrow::Cow;
 
-/// A BSDF and the frame it lives in. The methods take and give unit directions in world space that point away from the surface. Where
-/// the BSDF was made for a viewer, questions about that direction are answered faster than others.
+/// A BSDF and the frame it lives in. The methods take and give unit directions in world space that
+/// point away from the surface. Where the BSDF was made for a viewer, questions about that
+/// direction are answered faster than others.
 ///
-/// The shading normal may differ from the surface's own, so a direction above one may lie below the other. Light that would be
-/// reflected through the surface, or transmitted without crossing it, is dropped here (Veach, Robust Monte Carlo Methods for Light
-/// Transport Simulation, section 5.3).
+/// The shading normal may differ from the surface's own, so a direction above one may lie below the
+/// other. Light that would be reflected through the surface, or transmitted without crossing it, is
+/// dropped here (Veach, Robust Monte Carlo Methods for Light Transport Simulation, section 5.3).
 #[derive(Clone, Debug)]
 pub struct ShadingBsdf<'a> {
     /// The lobes.
@@ -24,7 +25,8 @@ pub struct ShadingBsdf<'a> {
 }
 
 impl Material {
-    /// The BSDF at a point, with the shading normal as it is. Prefer [`Self::bsdf_towards`] where the viewer is known.
+    /// The BSDF at a point, with the shading normal as it is. Prefer [`Self::bsdf_towards`] where
+    /// the viewer is known.
     pub fn bsdf(&self, point: &ShadingPoint) -> ShadingBsdf<'static> {
         let (bsdf, frame) = (self.kind.bsdf(point), self.frame(point));
         let geometric_normal = point.surface.geometric_normal;
@@ -35,41 +37,62 @@ impl Material {
     /// The frame of the shading normal, without a viewer.
     fn frame(&self, point: &ShadingPoint) -> Frame {
         let frame = normal::shading_frame(self.normal_map.as_ref(), self.bump_map.as_ref(), point);
-        let angle = if let MaterialKind::OpenPbr(surface) = &self.kind { surface.tangent_angle(point) } else { 0.0 };
+        let angle = if let MaterialKind::OpenPbr(surface) = &self.kind {
+            surface.tangent_angle(point)
+        } else {
+            0.0
+        };
         normal::turned(frame, angle)
     }
 
-    /// The normal map of a coat, and the angle by which its tangent is turned; `None` if a coat follows what lies below.
+    /// The normal map of a coat, and the angle by which its tangent is turned; `None` if a coat
+    /// follows what lies below.
     pub(super) fn coat_map(&self, point: &ShadingPoint) -> Option<(Option<NormalMap>, f32)> {
         let (map, angle) = match &self.kind {
             MaterialKind::MetallicRoughness(kind) => (kind.clearcoat_normal_map, 0.0),
-            MaterialKind::OpenPbr(surface) => (surface.geometry_coat_normal, surface.coat_tangent_angle(point)),
+            MaterialKind::OpenPbr(surface) => {
+                (surface.geometry_coat_normal, surface.coat_tangent_angle(point))
+            }
             _ => (None, 0.0),
         };
         (map != self.normal_map || self.bump_map.is_some() || angle != 0.0).then_some((map, angle))
     }
 
     /// The BSDF with a coat that has a normal of its own; `None` if it has none.
-    fn with_own_coat(&self, bsdf: &Bsdf, frame: &Frame, point: &ShadingPoint, wo: Option<Vec3>) -> Option<Bsdf> {
+    fn with_own_coat(
+        &self,
+        bsdf: &Bsdf,
+        frame: &Frame,
+        point: &ShadingPoint,
+        wo: Option<Vec3>,
+    ) -> Option<Bsdf> {
         let Bsdf::OpenPbr(layers) = bsdf else { return None };
         if !layers.has_coat() {
             return None;
         }
         let (map, angle) = self.coat_map(point)?;
         let own = normal::turned(normal::shading_frame(map.as_ref(), None, point), angle);
-        let z = wo.map_or(own.z, |wo| normal::valid_towards(own.z, point.surface.geometric_normal, wo, true));
+        let z = wo.map_or(own.z, |wo| {
+            normal::valid_towards(own.z, point.surface.geometric_normal, wo, true)
+        });
         let [z, x] = [z, own.x].map(|v| frame.to_local(v));
         Some(Bsdf::OpenPbr(Box::new(layers.with_coat_frame(Frame::from_z_and_x(z, x)))))
     }
 
-    /// The BSDF at a point seen from `wo` (unit, world space): the shading normal is bent just enough to face the viewer's side, and
-    /// for mirrors to reflect away from the surface. Without this, smooth meshes and normal maps turn black at grazing angles.
+    /// The BSDF at a point seen from `wo` (unit, world space): the shading normal is bent just
+    /// enough to face the viewer's side, and for mirrors to reflect away from the surface. Without
+    /// this, smooth meshes and normal maps turn black at grazing angles.
     pub fn bsdf_towards(&self, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf<'static> {
         self.towards(Cow::Owned(self.kind.bsdf(point)), point, wo)
     }
 
     /// The same with what is known of this material.
-    pub fn prepared_towards<'a>(&self, prepared: &'a Prepared, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf<'a> {
+    pub fn prepared_towards<'a>(
+        &self,
+        prepared: &'a Prepared,
+        point: &ShadingPoint,
+        wo: Vec3,
+    ) -> ShadingBsdf<'a> {
         self.towards(prepared.bsdf(self, point), point, wo)
     }
 

@@ -1,4 +1,5 @@
-//! Surfaces of delta lobes alone, as far as they are the same everywhere: what many vertices at once need of them.
+//! Surfaces of delta lobes alone, as far as they are the same everywhere: what many vertices at
+//! once need of them.
 
 use super::prepared::anywhere;
 use super::{Dielectric, Material, MaterialKind, ShadingPoint, relative_ior};
@@ -24,10 +25,13 @@ pub enum Specular {
 }
 
 impl Specular {
-    /// `None` for materials that do anything else, that shine, or that depend on more of the point than its normal.
+    /// `None` for materials that do anything else, that shine, or that depend on more of the point
+    /// than its normal.
     pub fn of(material: &Material) -> Option<Self> {
-        let may_be =
-            matches!(material.kind, MaterialKind::Dielectric(_) | MaterialKind::Conductor(_) | MaterialKind::Mirror(_));
+        let may_be = matches!(
+            material.kind,
+            MaterialKind::Dielectric(_) | MaterialKind::Conductor(_) | MaterialKind::Mirror(_)
+        );
         if !may_be || material.is_emissive() {
             return None;
         }
@@ -36,10 +40,14 @@ impl Specular {
             return None;
         }
         match (&bsdf, &material.kind) {
-            (Bsdf::Dielectric(lobe), MaterialKind::Dielectric(glass)) if lobe.microfacets.is_smooth() => {
+            (Bsdf::Dielectric(lobe), MaterialKind::Dielectric(glass))
+                if lobe.microfacets.is_smooth() =>
+            {
                 Some(Self::Interface { ior: lobe.ior, tint: lobe.tint, glass: glass.clone() })
             }
-            (Bsdf::Conductor(_) | Bsdf::Mirror(_), _) if bsdf.is_delta() => Some(Self::Reflector(Box::new(bsdf))),
+            (Bsdf::Conductor(_) | Bsdf::Mirror(_), _) if bsdf.is_delta() => {
+                Some(Self::Reflector(Box::new(bsdf)))
+            }
             _ => None,
         }
     }
@@ -61,7 +69,13 @@ impl Specular {
             Self::Interface { glass, .. } => {
                 let surface = SurfaceInteraction::plain(Vec3::ZERO, Vec3::Z);
                 let textures = &TextureSet::default();
-                glass.tint_at(&ShadingPoint { surface: &surface, footprint: 0.0, textures, mode, outside_ior: 1.0 })
+                glass.tint_at(&ShadingPoint {
+                    surface: &surface,
+                    footprint: 0.0,
+                    textures,
+                    mode,
+                    outside_ior: 1.0,
+                })
             }
             Self::Reflector(_) => SampledSpectrum::ZERO,
         }

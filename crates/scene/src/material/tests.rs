@@ -22,7 +22,10 @@ fn at<'a>(surface: &'a SurfaceInteraction, textures: &'a TextureSet) -> ShadingP
 /// One texel that holds this normal.
 fn normal_texture(n: Vec3, uv_transform: [[f32; 3]; 2]) -> TextureSet {
     let image = Image::from_f32(1, 1, 3, (n * 0.5 + 0.5).to_array().to_vec());
-    let texture = ImageTexture { uv_transform, ..ImageTexture::new(crate::graph::ImageId(0), Encoding::Linear) };
+    let texture = ImageTexture {
+        uv_transform,
+        ..ImageTexture::new(crate::graph::ImageId(0), Encoding::Linear)
+    };
     TextureSet::new(&[texture.into()], &[Arc::new(image)])
 }
 
@@ -69,7 +72,10 @@ fn a_normal_map_follows_the_picture_right_and_up() {
     let turned = [[0.0, 1.0, 0.0], [-1.0, 0.0, 1.0]];
     assert_near(mapped_normal(Vec3::new(0.6, 0.0, 0.8), turned, &s), Vec3::new(0.0, 0.6, 0.8));
     assert_near(mapped_normal(Vec3::new(0.0, 0.6, 0.8), turned, &s), Vec3::new(0.6, 0.0, 0.8));
-    assert_near(mapped_normal(Vec3::new(0.6, 0.0, 0.8), [[0.0; 3]; 2], &s), Vec3::new(0.6, 0.0, 0.8));
+    assert_near(
+        mapped_normal(Vec3::new(0.6, 0.0, 0.8), [[0.0; 3]; 2], &s),
+        Vec3::new(0.6, 0.0, 0.8),
+    );
 }
 
 #[test]
@@ -92,7 +98,10 @@ fn scale_flattens_a_normal_map() {
 /// A picture that grows evenly from 0 at the left edge to 1 at the right one.
 fn ramp(uv_transform: [[f32; 3]; 2]) -> TextureSet {
     let image = Image::from_f32(8, 2, 1, (0..16).map(|i| ((i % 8) as f32 + 0.5) / 8.0).collect());
-    let texture = ImageTexture { uv_transform, ..ImageTexture::new(crate::graph::ImageId(0), Encoding::Linear) };
+    let texture = ImageTexture {
+        uv_transform,
+        ..ImageTexture::new(crate::graph::ImageId(0), Encoding::Linear)
+    };
     TextureSet::new(&[texture.into()], &[Arc::new(image)])
 }
 
@@ -103,7 +112,8 @@ fn bumpy(height: f32, unit: HeightUnit) -> Material {
 
 #[test]
 fn bumps_bend_the_normal_as_the_moved_surface_would_have_it() {
-    // The height is `height * (a x + b y)` wherever coordinates, their map and the cone of the pixel make it so.
+    // The height is `height * (a x + b y)` wherever coordinates, their map and the cone of the
+    // pixel make it so.
     let uv = Vec2::new(0.5, 0.5);
     for (dpdu, dpdv, uv_transform, slope) in [
         (Vec3::X, Vec3::Y, IDENTITY, Vec3::X),
@@ -130,8 +140,12 @@ fn bumps_bend_the_normal_as_the_moved_surface_would_have_it() {
 #[test]
 fn heights_by_the_width_of_the_picture_look_alike_on_things_of_any_size() {
     for size in [1e-3, 1.0, 1e4] {
-        let s =
-            SurfaceInteraction { dpdu: Vec3::X * size, dpdv: Vec3::Y * size, uv: [Vec2::splat(0.5); 2], ..surface() };
+        let s = SurfaceInteraction {
+            dpdu: Vec3::X * size,
+            dpdv: Vec3::Y * size,
+            uv: [Vec2::splat(0.5); 2],
+            ..surface()
+        };
         let textures = ramp([[2.0, 0.0, -0.5], [0.0, 2.0, 0.0]]);
         let normal = bumpy(0.5, HeightUnit::Picture).bsdf(&at(&s, &textures)).frame.z;
         assert_near(normal, Vec3::new(-0.5, 0.0, 1.0).normalize());
@@ -144,7 +158,8 @@ fn slopes_of_bumps_and_of_a_normal_map_add_up_and_never_leave_the_side_of_the_su
     let normals = Image::from_f32(1, 1, 3, (slope(0.5) * 0.5 + 0.5).to_array().to_vec());
     let heights = Image::from_f32(8, 1, 1, (0..8).map(|i| (i as f32 + 0.5) / 8.0).collect());
     let texture = |i| ImageTexture::new(crate::graph::ImageId(i), Encoding::Linear).into();
-    let textures = TextureSet::new(&[texture(1), texture(0)], &[Arc::new(normals), Arc::new(heights)]);
+    let textures =
+        TextureSet::new(&[texture(1), texture(0)], &[Arc::new(normals), Arc::new(heights)]);
     let s = SurfaceInteraction { dpdu: Vec3::X, ..surface() };
     let normal_map = Some(NormalMap { texture: TextureId(1), scale: 1.0 });
     let both = Material { normal_map, ..bumpy(0.25, HeightUnit::Scene) };
@@ -174,11 +189,19 @@ fn what_is_seen_shades_from_the_side_it_is_seen_from_and_mirrors_reflect_away() 
         }
         let s = SurfaceInteraction { shading_normal: shading, ..surface() };
         let textures = TextureSet::default();
-        for material in [Material::new("m", Mirror::new(Rgb::WHITE)), Material::new("d", Diffuse::new(Rgb::WHITE))] {
+        for material in [
+            Material::new("m", Mirror::new(Rgb::WHITE)),
+            Material::new("d", Diffuse::new(Rgb::WHITE)),
+        ] {
             let bsdf = material.bsdf_towards(&at(&s, &textures), wo);
-            assert!(bsdf.frame.z.dot(wo) * wo.z > 0.0 && bsdf.frame.z.z > 0.0, "{shading} {wo} {}", bsdf.frame.z);
+            assert!(
+                bsdf.frame.z.dot(wo) * wo.z > 0.0 && bsdf.frame.z.z > 0.0,
+                "{shading} {wo} {}",
+                bsdf.frame.z
+            );
             if bsdf.is_delta() {
-                let sample = bsdf.sample(wo, 0.5, Vec2::splat(0.5)).expect("a mirror always reflects");
+                let sample =
+                    bsdf.sample(wo, 0.5, Vec2::splat(0.5)).expect("a mirror always reflects");
                 assert!(sample.wi.z * wo.z > 0.0, "{shading} {wo} {sample:?}");
             }
         }
@@ -187,10 +210,12 @@ fn what_is_seen_shades_from_the_side_it_is_seen_from_and_mirrors_reflect_away() 
 
 #[test]
 fn a_normal_that_is_fine_is_left_alone() {
-    let s = SurfaceInteraction { shading_normal: Vec3::new(0.1, 0.0, 1.0).normalize(), ..surface() };
+    let s =
+        SurfaceInteraction { shading_normal: Vec3::new(0.1, 0.0, 1.0).normalize(), ..surface() };
     for kind in [MaterialKind::from(Mirror::new(Rgb::WHITE)), Diffuse::new(Rgb::WHITE).into()] {
         for wo in [Vec3::Z, -Vec3::Z, Vec3::new(0.8, 0.0, 0.6)] {
-            let bsdf = Material::new("m", kind.clone()).bsdf_towards(&at(&s, &TextureSet::default()), wo);
+            let bsdf =
+                Material::new("m", kind.clone()).bsdf_towards(&at(&s, &TextureSet::default()), wo);
             assert_eq!(bsdf.frame.z, s.shading_normal);
         }
     }
@@ -216,7 +241,12 @@ fn light_does_not_leak_through_the_surface() {
                 assert_eq!(sample.is_transmission, sample.wi.z < 0.0, "example {i}: {sample:?}");
             }
         }
-        assert!(bsdf.specular_branches(wo).iter().flatten().all(|b| b.is_transmission == (b.wi.z < 0.0)));
+        assert!(
+            bsdf.specular_branches(wo)
+                .iter()
+                .flatten()
+                .all(|b| b.is_transmission == (b.wi.z < 0.0))
+        );
     }
 }
 
@@ -241,10 +271,16 @@ fn presence_follows_side_mask_and_alpha() {
     assert!(!solid.needs_filter() && solid.is_present(up, &at(&s, &textures), 0.99));
     let one_sided = Material { double_sided: false, ..solid.clone() };
     assert!(one_sided.needs_filter());
-    assert!(one_sided.is_present(down, &at(&s, &textures), 0.5) && !one_sided.is_present(up, &at(&s, &textures), 0.5));
+    assert!(
+        one_sided.is_present(down, &at(&s, &textures), 0.5)
+            && !one_sided.is_present(up, &at(&s, &textures), 0.5)
+    );
     let alpha = |alpha_mode| Material { alpha_mode, alpha: 0.5.into(), ..solid.clone() };
     let blend = alpha(AlphaMode::Blend);
-    assert!(blend.is_present(down, &at(&s, &textures), 0.49) && !blend.is_present(down, &at(&s, &textures), 0.5));
+    assert!(
+        blend.is_present(down, &at(&s, &textures), 0.49)
+            && !blend.is_present(down, &at(&s, &textures), 0.5)
+    );
     assert!(alpha(AlphaMode::Mask(0.5)).is_present(down, &at(&s, &textures), 0.99));
     assert!(!alpha(AlphaMode::Mask(0.51)).is_present(down, &at(&s, &textures), 0.0));
     let faded = SurfaceInteraction { color: [1.0, 1.0, 1.0, 0.5], ..s };
@@ -262,8 +298,12 @@ fn nonsense_parameters_still_give_sane_light() {
         Dielectric { tint: bad.into(), ..Dielectric::rough(f32::NAN, 7.0) }.into(),
         Dielectric::rough(0.0, 0.5).into(),
         Plastic { ior: -1.0, specular: bad.into(), ..Plastic::new(bad, f32::INFINITY) }.into(),
-        MetallicRoughness { ior: f32::NAN, specular_color: bad.into(), ..MetallicRoughness::new(bad, f32::NAN, 2.0) }
-            .into(),
+        MetallicRoughness {
+            ior: f32::NAN,
+            specular_color: bad.into(),
+            ..MetallicRoughness::new(bad, f32::NAN, 2.0)
+        }
+        .into(),
         Phong {
             diffuse: bad.into(),
             specular: bad.into(),
@@ -273,8 +313,13 @@ fn nonsense_parameters_still_give_sane_light() {
             ..Phong::default()
         }
         .into(),
-        Phong { diffuse: Rgb::WHITE.into(), specular: Rgb::WHITE.into(), shininess: f32::INFINITY, ..Phong::default() }
-            .into(),
+        Phong {
+            diffuse: Rgb::WHITE.into(),
+            specular: Rgb::WHITE.into(),
+            shininess: f32::INFINITY,
+            ..Phong::default()
+        }
+        .into(),
     ];
     let (s, textures) = (surface(), TextureSet::default());
     for kind in kinds {
@@ -290,7 +335,12 @@ fn nonsense_parameters_still_give_sane_light() {
             }
             let wi = sampling::uniform_sphere(rng::uniform2([i, 6, 8, 0]));
             let value = bsdf.eval(wo, wi);
-            assert!(value.is_finite() && value.0.iter().all(|&v| v >= 0.0) && bsdf.pdf(wo, wi).is_finite(), "{kind:?}");
+            assert!(
+                value.is_finite()
+                    && value.0.iter().all(|&v| v >= 0.0)
+                    && bsdf.pdf(wo, wi).is_finite(),
+                "{kind:?}"
+            );
         }
     }
 }
@@ -307,19 +357,27 @@ fn emission_is_one_sided_unless_asked_and_never_nonsense() {
 
 #[test]
 fn names_are_no_textures() {
-    assert!(Material::new("TextureId(77)", Diffuse::new(snell_math::Rgb::WHITE)).textures().is_empty());
+    assert!(
+        Material::new("TextureId(77)", Diffuse::new(snell_math::Rgb::WHITE)).textures().is_empty()
+    );
 }
 
 #[test]
 fn what_is_known_beforehand_changes_no_bit() {
     let textures = normal_texture(Vec3::new(0.2, -0.4, 0.6), IDENTITY);
     let texture = Some(TextureId(0));
-    let red = OpenPbr { base_color: ColorParam::textured(Rgb::new(0.9, 0.2, 0.1), texture), ..OpenPbr::default() };
+    let red = OpenPbr {
+        base_color: ColorParam::textured(Rgb::new(0.9, 0.2, 0.1), texture),
+        ..OpenPbr::default()
+    };
     let mut kinds = MaterialKind::examples();
     kinds.extend([
         Dielectric { absorption: Rgb::new(0.1, 0.4, 2.0), ..Dielectric::smooth(1.5) }.into(),
-        OpenPbr { specular_roughness: ScalarParam { factor: 0.9, texture: Some((TextureId(0), 1)) }, ..red.clone() }
-            .into(),
+        OpenPbr {
+            specular_roughness: ScalarParam { factor: 0.9, texture: Some((TextureId(0), 1)) },
+            ..red.clone()
+        }
+        .into(),
         OpenPbr { coat_weight: 0.5.into(), base_metalness: 0.5.into(), ..red.clone() }.into(),
         MaterialKind::from(red),
     ]);
@@ -328,9 +386,11 @@ fn what_is_known_beforehand_changes_no_bit() {
     for (i, kind) in kinds.into_iter().enumerate() {
         let material = Material::new("m", kind);
         let prepared = Prepared::of(&material);
-        for (surface, outside_ior) in [(surface(), 1.0), (far, 1.0), (green, 1.0), (surface(), 1.2)] {
+        for (surface, outside_ior) in [(surface(), 1.0), (far, 1.0), (green, 1.0), (surface(), 1.2)]
+        {
             let point = ShadingPoint { outside_ior, ..at(&surface, &textures) };
-            for wo in [Vec3::new(0.3, 0.4, 0.8).normalize(), Vec3::new(-0.5, 0.1, -0.6).normalize()] {
+            for wo in [Vec3::new(0.3, 0.4, 0.8).normalize(), Vec3::new(-0.5, 0.1, -0.6).normalize()]
+            {
                 let known = material.prepared_towards(&prepared, &point, wo);
                 let made = material.bsdf_towards(&point, wo);
                 assert_eq!(known.albedo(wo), made.albedo(wo), "{i}");
@@ -342,9 +402,17 @@ fn what_is_known_beforehand_changes_no_bit() {
                     let found = known.eval_and_pdf(wo, wi);
                     assert_eq!(found, made.eval_and_pdf(wo, wi), "{i} from {wo}");
                     if !found.0.is_black() {
-                        assert_eq!(found, made.bsdf.eval_and_pdf(local(wo), local(wi)), "{i} from {wo}");
+                        assert_eq!(
+                            found,
+                            made.bsdf.eval_and_pdf(local(wo), local(wi)),
+                            "{i} from {wo}"
+                        );
                     }
-                    assert_eq!(known.sample(wo, u(2).x, u(3)), made.sample(wo, u(2).x, u(3)), "{i} from {wo}");
+                    assert_eq!(
+                        known.sample(wo, u(2).x, u(3)),
+                        made.sample(wo, u(2).x, u(3)),
+                        "{i} from {wo}"
+                    );
                 }
             }
         }

@@ -1,5 +1,6 @@
-//! Travel through media that are the same everywhere and do not shine, in linear RGB: as [`super::MediumProperties::travel`], bit for
-//! bit, but without branches, so that loops over it become vector code.
+//! Travel through media that are the same everywhere and do not shine, in linear RGB: as
+//! [`super::MediumProperties::travel`], bit for bit, but without branches, so that loops over it
+//! become vector code.
 
 use super::analytic::transmittance_of;
 use snell_math::Vec2;
@@ -17,9 +18,16 @@ pub struct AlikeTravel {
     pub is_scattered: bool,
 }
 
-/// Sends a path through so much of a medium of this extinction and scattering. `u` as of [`super::MediumProperties::travel`].
+/// Sends a path through so much of a medium of this extinction and scattering. `u` as of
+/// [`super::MediumProperties::travel`].
 #[inline(always)]
-pub fn travel_alike(sigma_t: [f32; 3], sigma_s: [f32; 3], length: f32, throughput: [f32; 3], u: Vec2) -> AlikeTravel {
+pub fn travel_alike(
+    sigma_t: [f32; 3],
+    sigma_s: [f32; 3],
+    length: f32,
+    throughput: [f32; 3],
+    u: Vec2,
+) -> AlikeTravel {
     let sum = throughput[0] + throughput[1] + throughput[2];
     // The channel, in proportion to the throughput.
     let (mut rest, mut sigma, mut is_chosen) = (u.y * sum, sigma_t[0], false);
@@ -47,7 +55,8 @@ pub fn travel_alike(sigma_t: [f32; 3], sigma_s: [f32; 3], length: f32, throughpu
     let mut left = [0.0; 3];
     for channel in 0..3 {
         let scattered = sigma_s[channel] * through[channel];
-        left[channel] = throughput[channel] * ((if is_scattered { scattered } else { through[channel] }) * scale);
+        left[channel] = throughput[channel]
+            * ((if is_scattered { scattered } else { through[channel] }) * scale);
     }
     AlikeTravel { throughput: left, distance: least(column as f32, length), is_scattered }
 }
@@ -88,8 +97,15 @@ mod tests {
             let segment = Segment { origin: Vec3::ZERO, direction: Vec3::Z, length };
             let one = medium.travel(&segment, lanes(throughput), u);
             let alike = travel_alike([r, g, b], sigma_s, length, throughput, u);
-            assert_eq!(lanes(alike.throughput), one.throughput, "{i} {medium:?} {length} {throughput:?}");
-            assert_eq!(alike.is_scattered.then_some(alike.distance), one.scattered.map(|s| s.distance));
+            assert_eq!(
+                lanes(alike.throughput),
+                one.throughput,
+                "{i} {medium:?} {length} {throughput:?}"
+            );
+            assert_eq!(
+                alike.is_scattered.then_some(alike.distance),
+                one.scattered.map(|s| s.distance)
+            );
             let left = attenuate_alike([r, g, b], length, throughput);
             assert_eq!(lanes(left), medium.attenuate(length, lanes(throughput)));
         }

@@ -1,16 +1,18 @@
 //! Travel in closed form: media whose density along a ray is constant or exponential.
 //!
-//! Distances are drawn for one lane, chosen in proportion to the path's throughput in it, and weighted by the density of all lanes
-//! together: the balance heuristic over lanes (Miller, Georgiev and Jarosz, A Null-Scattering Path Integral Formulation of Light
-//! Transport, SIGGRAPH 2019, section 5.2), with the history of the path in the choice (Wilkie et al., Hero Wavelength Spectral
-//! Sampling, EGSR 2014). The sum of the lanes of the throughput then never grows.
+//! Distances are drawn for one lane, chosen in proportion to the path's throughput in it, and
+//! weighted by the density of all lanes together: the balance heuristic over lanes (Miller,
+//! Georgiev and Jarosz, A Null-Scattering Path Integral Formulation of Light Transport, SIGGRAPH
+//! 2019, section 5.2), with the history of the path in the choice (Wilkie et al., Hero Wavelength
+//! Spectral Sampling, EGSR 2014). The sum of the lanes of the throughput then never grows.
 
 use super::equiangular::{Beacon, Equiangular};
 use super::{MediumProperties, Scattering, Segment, Travel};
 use snell_math::exponentials::{exp, ln};
 use snell_math::{SampledSpectrum, Vec2};
 
-/// Density along a segment: `density * exp(-slope * distance)`, a factor on the medium's coefficients.
+/// Density along a segment: `density * exp(-slope * distance)`, a factor on the medium's
+/// coefficients.
 #[derive(Clone, Copy, Debug)]
 pub struct Profile {
     /// Where the segment begins.
@@ -57,8 +59,8 @@ fn transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpectrum {
     sigma_t.map(|sigma| if sigma == first { of_first } else { transmittance_of(sigma, column) })
 }
 
-/// The integral of the transmittance over the column: what an emission of 1 per unit adds up to. 0 for an infinite way without
-/// extinction, where it is not finite.
+/// The integral of the transmittance over the column: what an emission of 1 per unit adds up to. 0
+/// for an infinite way without extinction, where it is not finite.
 fn integrated_transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpectrum {
     sigma_t.map(|sigma| {
         let sigma = f64::from(sigma);
@@ -69,7 +71,12 @@ fn integrated_transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpe
 }
 
 /// What is left of a light ray's value at the end of a segment of this length.
-pub fn attenuate(medium: &MediumProperties, profile: Profile, length: f32, value: SampledSpectrum) -> SampledSpectrum {
+pub fn attenuate(
+    medium: &MediumProperties,
+    profile: Profile,
+    length: f32,
+    value: SampledSpectrum,
+) -> SampledSpectrum {
     value * transmittance(medium.sigma_t(), profile.column(f64::from(length)))
 }
 
@@ -88,7 +95,11 @@ pub fn travel(
     } else {
         throughput * medium.emission * integrated_transmittance(sigma_t, whole)
     };
-    let passed = |by_lane: SampledSpectrum| Travel { throughput: throughput * by_lane, emitted, scattered: None };
+    let passed = |by_lane: SampledSpectrum| Travel {
+        throughput: throughput * by_lane,
+        emitted,
+        scattered: None,
+    };
     let sum: f32 = throughput.0.iter().sum();
     if medium.sigma_s.is_black() || !(sum > 0.0 && sum.is_finite()) {
         return passed(transmittance(sigma_t, whole));
@@ -109,8 +120,9 @@ pub fn travel(
     Travel { throughput: throughput * weight, emitted, scattered }
 }
 
-/// As [`travel`] through a medium that is the same everywhere, with as many paths scattered, but half of those at distances that are
-/// near a light. The density is that of both ways together, the balance heuristic, so no weight is more than doubled.
+/// As [`travel`] through a medium that is the same everywhere, with as many paths scattered, but
+/// half of those at distances that are near a light. The density is that of both ways together, the
+/// balance heuristic, so no weight is more than doubled.
 pub fn travel_near(
     medium: &MediumProperties,
     beacon: &Beacon,
@@ -126,7 +138,8 @@ pub fn travel_near(
     let (length, sum) = (f64::from(segment.length), throughput.0.iter().sum::<f32>());
     let thinnest = sigma_t.0.into_iter().filter(|&sigma| sigma > 0.0).fold(f32::INFINITY, f32::min);
     let Some(near) = Equiangular::new(segment, beacon, thinnest.into()) else { return alone };
-    let scattered_share = |sigma: f32| if sigma == 0.0 { 0.0 } else { -(-f64::from(sigma) * length).exp_m1() };
+    let scattered_share =
+        |sigma: f32| if sigma == 0.0 { 0.0 } else { -(-f64::from(sigma) * length).exp_m1() };
     let sigma = sigma_t[chosen_lane(throughput, sum, u.y)];
     // What is left of the number that has decided that there is scattering.
     let left = (2.0 * f64::from(u.x) / scattered_share(sigma)).min(2.0);
@@ -137,7 +150,8 @@ pub fn travel_near(
     let distance = distance.min(length);
     let through = transmittance(sigma_t, distance);
     let mean = |by_lane: SampledSpectrum| (throughput * by_lane).0.iter().sum::<f32>() / sum;
-    let near_pdf = near.pdf(distance) as f32 * mean(sigma_t.map(|sigma| scattered_share(sigma) as f32));
+    let near_pdf =
+        near.pdf(distance) as f32 * mean(sigma_t.map(|sigma| scattered_share(sigma) as f32));
     let weight = medium.sigma_s * through * (2.0 / (mean(sigma_t * through) + near_pdf));
     let scattered = Some(Scattering { distance: distance as f32, phase: medium.phase });
     Travel { throughput: throughput * weight, scattered, ..alone }
@@ -193,13 +207,18 @@ mod tests {
         }
         // Emission in a clear lane adds up along the way, elsewhere to (1 - T) / sigma.
         assert!(
-            (travel.emitted[2] - 6.0).abs() < 1e-5 && (travel.emitted[1] - 2.0 * (1.0 - (-2.0f32).exp())).abs() < 1e-5
+            (travel.emitted[2] - 6.0).abs() < 1e-5
+                && (travel.emitted[1] - 2.0 * (1.0 - (-2.0f32).exp())).abs() < 1e-5
         );
     }
 
     #[test]
     fn chromatic_paths_have_the_right_mean_and_their_weight_never_grows() {
-        let profiles = [Profile::CONSTANT, Profile { density: 0.7, slope: 0.4 }, Profile { density: 0.3, slope: -0.5 }];
+        let profiles = [
+            Profile::CONSTANT,
+            Profile { density: 0.7, slope: 0.4 },
+            Profile { density: 0.3, slope: -0.5 },
+        ];
         for (key, profile) in profiles.into_iter().enumerate() {
             let medium = medium([0.1, 0.0, 0.6], [0.3, 2.0, 0.2]);
             let beta = SampledSpectrum([1.0, 0.2, 0.6, 0.0]);
@@ -208,7 +227,11 @@ mod tests {
             for i in 0..n {
                 let u = rng::uniform2([i, key as u32, 0, 5]);
                 let travel = travel(&medium, profile, &segment(1.5), beta, u);
-                assert!(travel.throughput.0.iter().sum::<f32>() <= 1.8 * 1.0001, "{:?}", travel.throughput);
+                assert!(
+                    travel.throughput.0.iter().sum::<f32>() <= 1.8 * 1.0001,
+                    "{:?}",
+                    travel.throughput
+                );
                 let sums = if travel.scattered.is_some() { &mut scattered } else { &mut passed };
                 (0..3).for_each(|c| sums[c] += f64::from(travel.throughput[c]) / f64::from(n));
             }
@@ -216,9 +239,18 @@ mod tests {
                 let sigma_t = f64::from(medium.sigma_t()[c]);
                 let left = (-sigma_t * profile.column(1.5)).exp();
                 let (b, albedo) = (f64::from(beta[c]), f64::from(medium.sigma_s[c]) / sigma_t);
-                assert!((passed[c] - b * left).abs() < 0.015, "lane {c}: {} {}", passed[c], b * left);
+                assert!(
+                    (passed[c] - b * left).abs() < 0.015,
+                    "lane {c}: {} {}",
+                    passed[c],
+                    b * left
+                );
                 let expected = b * albedo * (1.0 - left);
-                assert!((scattered[c] - expected).abs() < 0.015, "lane {c}: {} {expected}", scattered[c]);
+                assert!(
+                    (scattered[c] - expected).abs() < 0.015,
+                    "lane {c}: {} {expected}",
+                    scattered[c]
+                );
             }
         }
     }
@@ -227,14 +259,16 @@ mod tests {
     fn distances_near_a_light_have_the_same_mean_and_less_noise() {
         let medium = medium([0.1, 0.0, 0.6], [0.3, 0.2, 0.1]);
         let beta = SampledSpectrum([1.0, 0.2, 0.6, 0.0]);
-        for (key, (along, across)) in [(2.0, 0.05), (0.5, 0.3), (-0.5, 0.2), (6.0, 0.5)].into_iter().enumerate() {
+        for (key, (along, across)) in
+            [(2.0, 0.05), (0.5, 0.3), (-0.5, 0.2), (6.0, 0.5)].into_iter().enumerate()
+        {
             let beacon = Beacon { center: Vec3::new(across, 0.0, along), radius: 0.0 };
             for length in [4.0, f32::INFINITY] {
                 // What a light there brings, and what passes.
                 let brought = |travel: Travel| {
-                    let light = travel
-                        .scattered
-                        .map(|s| 1.0 / (segment(length).at(s.distance) - beacon.center).length_squared());
+                    let light = travel.scattered.map(|s| {
+                        1.0 / (segment(length).at(s.distance) - beacon.center).length_squared()
+                    });
                     travel.throughput.0.map(|beta| f64::from(beta * light.unwrap_or(1e-3)))
                 };
                 let n = 100_000;
@@ -242,21 +276,31 @@ mod tests {
                     let mut sums = [[0.0; 2]; 3];
                     for i in 0..n {
                         let brought = brought(travel(rng::uniform2([i, key as u32, 0, 5])));
-                        (0..3).for_each(|c| (0..2).for_each(|k| sums[c][k] += brought[c].powi(k as i32 + 1)));
+                        (0..3).for_each(|c| {
+                            (0..2).for_each(|k| sums[c][k] += brought[c].powi(k as i32 + 1))
+                        });
                     }
                     sums.map(|[sum, squares]| {
                         let mean = sum / f64::from(n);
                         (mean, squares / f64::from(n) - mean * mean)
                     })
                 };
-                let alone = statistics(&|u| travel(&medium, Profile::CONSTANT, &segment(length), beta, u));
-                let near = statistics(&|u| travel_near(&medium, &beacon, &segment(length), beta, u));
+                let alone =
+                    statistics(&|u| travel(&medium, Profile::CONSTANT, &segment(length), beta, u));
+                let near =
+                    statistics(&|u| travel_near(&medium, &beacon, &segment(length), beta, u));
                 for c in 0..3 {
                     let ((a, noise_a), (b, noise_b)) = (alone[c], near[c]);
                     let error = ((noise_a + noise_b) / f64::from(n)).sqrt();
-                    assert!((a - b).abs() < 4.0 * error + 1e-6, "{along} {length}, lane {c}: {a} {b} +- {error}");
+                    assert!(
+                        (a - b).abs() < 4.0 * error + 1e-6,
+                        "{along} {length}, lane {c}: {a} {b} +- {error}"
+                    );
                     let gain = if key == 0 { 5.0 } else { 0.45 };
-                    assert!(noise_b * gain < noise_a, "{along} {length}, lane {c}: {noise_a} {noise_b}");
+                    assert!(
+                        noise_b * gain < noise_a,
+                        "{along} {length}, lane {c}: {noise_a} {noise_b}"
+                    );
                 }
             }
         }
@@ -270,9 +314,16 @@ mod tests {
         for i in 0..5000 {
             let u = rng::uniform2([i, 3, 0, 5]);
             let near = travel_near(&medium, &beacon, &segment(1.5), beta, u);
-            assert!(near.throughput.0.iter().sum::<f32>() <= 2.0 * 1.8 * 1.0001, "{:?}", near.throughput);
+            assert!(
+                near.throughput.0.iter().sum::<f32>() <= 2.0 * 1.8 * 1.0001,
+                "{:?}",
+                near.throughput
+            );
             let alone = travel(&medium, Profile::CONSTANT, &segment(1.5), beta, u);
-            assert_eq!((near.emitted, near.scattered.is_some()), (alone.emitted, alone.scattered.is_some()));
+            assert_eq!(
+                (near.emitted, near.scattered.is_some()),
+                (alone.emitted, alone.scattered.is_some())
+            );
             if near.scattered.is_none() {
                 assert_eq!(near.throughput, alone.throughput);
             }
@@ -285,7 +336,10 @@ mod tests {
             let profile = Profile { density: 2.0, slope };
             for distance in [1e-6, 0.1, 1.0, 4.0] {
                 let back = profile.distance(profile.column(distance));
-                assert!((back - distance).abs() < 1e-6 * distance.max(1e-3), "slope {slope}: {distance} {back}");
+                assert!(
+                    (back - distance).abs() < 1e-6 * distance.max(1e-3),
+                    "slope {slope}: {distance} {back}"
+                );
             }
         }
     }
@@ -293,17 +347,28 @@ mod tests {
     #[test]
     fn infinite_ways_and_clear_lanes_stay_finite() {
         for length in [0.0, 1e-30, 1e30, f32::INFINITY] {
-            for (sigma_a, sigma_s) in
-                [([0.0; 3], [0.0; 3]), ([1e9, 0.0, 0.0], [0.0, 1e9, 0.0]), ([0.0; 3], [1e-30, 0.0, 1.0])]
-            {
+            for (sigma_a, sigma_s) in [
+                ([0.0; 3], [0.0; 3]),
+                ([1e9, 0.0, 0.0], [0.0, 1e9, 0.0]),
+                ([0.0; 3], [1e-30, 0.0, 1.0]),
+            ] {
                 for u in [0.0, 0.5, rng::ONE_MINUS_EPSILON] {
-                    let travel =
-                        travel(&medium(sigma_a, sigma_s), Profile::CONSTANT, &segment(length), UNIT, Vec2::splat(u));
+                    let travel = travel(
+                        &medium(sigma_a, sigma_s),
+                        Profile::CONSTANT,
+                        &segment(length),
+                        UNIT,
+                        Vec2::splat(u),
+                    );
                     assert!(
                         travel.throughput.is_finite() && travel.emitted.is_finite(),
                         "{length} {sigma_s:?} {travel:?}"
                     );
-                    assert!(travel.scattered.is_none_or(|s| s.distance <= length && s.distance.is_finite()));
+                    assert!(
+                        travel
+                            .scattered
+                            .is_none_or(|s| s.distance <= length && s.distance.is_finite())
+                    );
                 }
             }
         }

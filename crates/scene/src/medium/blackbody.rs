@@ -24,7 +24,8 @@ static COLORS: LazyLock<Vec<(Rgb, f64)>> = LazyLock::new(|| {
     let count = ((HOTTEST - COLDEST) / STEP) as usize + 1;
     let entry = |i: usize| {
         let kelvin = COLDEST + STEP * i as f32;
-        // In the middle of the visible range, so that colours are of a size that single precision can hold.
+        // In the middle of the visible range, so that colours are of a size that single precision
+        // can hold.
         let unit = planck(600.0, kelvin);
         let color = rgb_of_light(|lambda| planck(lambda, kelvin) / unit);
         let luminance = color.luminance();
@@ -50,8 +51,8 @@ pub fn blackbody(kelvin: f32, mode: ColorMode) -> SampledSpectrum {
     mode.lanes(color, |lambda| (planck(lambda, kelvin) / luminance()) as f32)
 }
 
-/// The luminance of a black body in units of the light that has its largest spectral radiance at all wavelengths; 0 below 500 K. (Some
-/// renderers scale black bodies to a largest value of 1.)
+/// The luminance of a black body in units of the light that has its largest spectral radiance at
+/// all wavelengths; 0 below 500 K. (Some renderers scale black bodies to a largest value of 1.)
 pub fn blackbody_luminance(kelvin: f32) -> f32 {
     if kelvin.is_nan() || kelvin < COLDEST {
         return 0.0;
@@ -75,13 +76,19 @@ mod tests {
         assert!(star[2] > star[1] && star[1] > star[0], "{star:?}");
         // The white of Rec. 709 is near 6500 K.
         let white = at(6500.0);
-        assert!((white[0] / white[2] - 1.0).abs() < 0.1 && (white[1] / white[2] - 1.0).abs() < 0.1, "{white:?}");
+        assert!(
+            (white[0] / white[2] - 1.0).abs() < 0.1 && (white[1] / white[2] - 1.0).abs() < 0.1,
+            "{white:?}"
+        );
     }
 
     #[test]
     fn cool_gas_shines_mostly_beyond_the_visible() {
         let [ember, flame, sun] = [1000.0, 2000.0, 5800.0].map(blackbody_luminance);
-        assert!(ember < 1e-3 && (0.01..0.1).contains(&flame) && (0.9..1.0).contains(&sun), "{ember} {flame} {sun}");
+        assert!(
+            ember < 1e-3 && (0.01..0.1).contains(&flame) && (0.9..1.0).contains(&sun),
+            "{ember} {flame} {sun}"
+        );
         assert_eq!([f32::NAN, 0.0, -5.0, 499.0].map(blackbody_luminance), [0.0; 4]);
     }
 

@@ -8,7 +8,8 @@ use snell_math::{ColorMode, DAffine3, DVec3, Rgb, Vec3};
 /// Cells along each axis, at most: 64 MiB.
 const MOST_CELLS: u32 = 256;
 
-/// A cloud: an ellipsoid whose surface fractal noise has eaten into. Kept as a [`Grid`] of its density, which is from 0 to 1.
+/// A cloud: an ellipsoid whose surface fractal noise has eaten into. Kept as a [`Grid`] of its
+/// density, which is from 0 to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Cloud {
@@ -16,7 +17,8 @@ pub struct Cloud {
     pub sigma_a: Rgb,
     /// Scattering coefficient per scene unit of length where the cloud is densest.
     pub sigma_s: Rgb,
-    /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`: about 0.85 for water drops.
+    /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`: about 0.85 for water
+    /// drops.
     pub g: f32,
     /// Size of the largest lumps, as a share of the cloud's; positive.
     pub lumps: f32,
@@ -54,7 +56,8 @@ impl Cloud {
 
     /// Clouds for tests and galleries.
     pub fn examples() -> Vec<Self> {
-        let cloud = Self { resolution: 16, ..Self::new(DVec3::ZERO, DVec3::ONE, Rgb::splat(20.0), 1) };
+        let cloud =
+            Self { resolution: 16, ..Self::new(DVec3::ZERO, DVec3::ONE, Rgb::splat(20.0), 1) };
         vec![Self { raggedness: 0.0, g: -0.3, ..cloud.clone() }, cloud]
     }
 
@@ -86,6 +89,12 @@ impl Cloud {
         let p = self.world_from_cloud.inverse().transform_point3(p.as_dvec3()).as_vec3();
         let is_inside = p.cmpge(Vec3::ZERO).all() && p.cmple(Vec3::ONE).all();
         let density = if is_inside { self.density(p) } else { 0.0 };
-        MediumProperties::from_colors(self.sigma_a * density, self.sigma_s * density, Rgb::BLACK, self.g, mode)
+        MediumProperties::from_colors(
+            self.sigma_a * density,
+            self.sigma_s * density,
+            Rgb::BLACK,
+            self.g,
+            mode,
+        )
     }
 }

@@ -1,13 +1,15 @@
-//! Distances along a segment that are near a light: equal angles, seen from there, are equally likely (Kulla and Fajardo, Importance
-//! Sampling Techniques for Path Tracing in Participating Media, EGSR 2012, section 4). That undoes the inverse square of the distance
-//! of what a medium scatters.
+//! Distances along a segment that are near a light: equal angles, seen from there, are equally
+//! likely (Kulla and Fajardo, Importance Sampling Techniques for Path Tracing in Participating
+//! Media, EGSR 2012, section 4). That undoes the inverse square of the distance of what a medium
+//! scatters.
 
 use super::Segment;
 use snell_math::Vec3;
 
 /// Optical depth behind which nothing is looked for.
 const DEEP: f64 = 30.0;
-/// Optical depth between a segment and beacons that matter. Of those further away, the medium hides more than distance does.
+/// Optical depth between a segment and beacons that matter. Of those further away, the medium hides
+/// more than distance does.
 const NEAR: f64 = 2.0;
 
 /// Where light comes from that a medium may scatter.
@@ -15,7 +17,8 @@ const NEAR: f64 = 2.0;
 pub struct Beacon {
     /// The middle of the light.
     pub center: Vec3,
-    /// About how far it reaches around that: nearer by, light does not grow with the inverse square any more. At least 0.
+    /// About how far it reaches around that: nearer by, light does not grow with the inverse square
+    /// any more. At least 0.
     pub radius: f32,
 }
 
@@ -33,22 +36,21 @@ pub struct Equiangular {
 }
 
 impl Equiangular {
-    /// For a segment through a medium of this least extinction; `None` if there is nothing to be shared out, or if the beacon is far.
+    /// For a segment through a medium of this least extinction; `None` if there is nothing to be
+    /// shared out, or if the beacon is far.
     pub fn new(segment: &Segment, beacon: &Beacon, sigma: f64) -> Option<Self> {
-        let (direction, to_beacon) = (segment.direction.as_dvec3(), (beacon.center - segment.origin).as_dvec3());
+        let (direction, to_beacon) =
+            (segment.direction.as_dvec3(), (beacon.center - segment.origin).as_dvec3());
         let foot = to_beacon.dot(direction);
         let height = (to_beacon - direction * foot).length().hypot(beacon.radius.into());
         let end = f64::from(segment.length).min(DEEP / sigma);
         // The difference of two arcus tangents, also where they are nearly the same.
         let angle = (height * end).atan2(height * height - foot * (end - foot));
         let nearest = height.hypot(foot - foot.clamp(0.0, end));
-        let is_sound = height > 1e-6 * to_beacon.length() && angle > 1e-9 && end < f64::from(f32::MAX);
-        (is_sound && nearest * sigma < NEAR && height.is_finite() && angle.is_finite()).then_some(Self {
-            foot,
-            height,
-            angle,
-            end,
-        })
+        let is_sound =
+            height > 1e-6 * to_beacon.length() && angle > 1e-9 && end < f64::from(f32::MAX);
+        (is_sound && nearest * sigma < NEAR && height.is_finite() && angle.is_finite())
+            .then_some(Self { foot, height, angle, end })
     }
 
     /// The distance for a uniform number in `[0, 1)`.
@@ -87,9 +89,13 @@ mod tests {
                 for i in 1..=2000 {
                     let u = f64::from(i) / 2000.0;
                     let distance = spread.sample(u);
-                    assert!(distance >= before && distance <= f64::from(length), "{length} {along}: {distance}");
+                    assert!(
+                        distance >= before && distance <= f64::from(length),
+                        "{length} {along}: {distance}"
+                    );
                     let middle = spread.sample(u - 0.5 / 2000.0);
-                    let densities = spread.pdf(before) + 4.0 * spread.pdf(middle) + spread.pdf(distance);
+                    let densities =
+                        spread.pdf(before) + 4.0 * spread.pdf(middle) + spread.pdf(distance);
                     sum += densities / 6.0 * (distance - before);
                     assert!((sum - u).abs() < 0.02, "{length} {along} {across}: {sum} of {u}");
                     before = distance;
@@ -105,7 +111,10 @@ mod tests {
         let beacon = |center, radius| Beacon { center, radius };
         assert!(Equiangular::new(&segment(1.0), &beacon(Vec3::Z * 0.5, 0.0), 1.0).is_none());
         assert!(Equiangular::new(&segment(0.0), &beacon(Vec3::X, 0.0), 1.0).is_none());
-        assert!(Equiangular::new(&segment(1.0), &beacon(Vec3::splat(f32::INFINITY), 0.0), 1.0).is_none());
+        assert!(
+            Equiangular::new(&segment(1.0), &beacon(Vec3::splat(f32::INFINITY), 0.0), 1.0)
+                .is_none()
+        );
         assert!(Equiangular::new(&segment(f32::INFINITY), &beacon(Vec3::X, 0.0), 0.0).is_none());
         assert!(Equiangular::new(&segment(1.0), &beacon(Vec3::Z * 0.5, 0.1), 1.0).is_some());
         assert!(Equiangular::new(&segment(1.0), &beacon(Vec3::X * 3.0, 0.1), 1.0).is_none());

@@ -44,8 +44,12 @@ impl Glow {
                     if weight > 0.0 {
                         let low = Vec3::new(x as f32, y as f32, z as f32);
                         let side = Vec3::from_array(size.map(|n| n as f32));
-                        let corner = |k: usize| low + Vec3::new((k & 1) as f32, (k >> 1 & 1) as f32, (k >> 2) as f32);
-                        let corners = (0..8).map(|k| world_from_grid.transform_point3((corner(k) / side).as_dvec3()));
+                        let corner = |k: usize| {
+                            low + Vec3::new((k & 1) as f32, (k >> 1 & 1) as f32, (k >> 2) as f32)
+                        };
+                        let corners = (0..8).map(|k| {
+                            world_from_grid.transform_point3((corner(k) / side).as_dvec3())
+                        });
                         lit = lit.union(&Bounds3d::of(corners));
                     }
                     weights.push(weight);
@@ -55,7 +59,8 @@ impl Glow {
         let cell_count = weights.len() as f64;
         let mean = weights.iter().map(|&w| f64::from(w)).sum::<f64>() / cell_count;
         let volume = world_from_grid.matrix3.determinant().abs();
-        let usable = mean > 0.0 && mean.is_finite() && volume > 0.0 && volume.is_finite() && lit.is_finite();
+        let usable =
+            mean > 0.0 && mean.is_finite() && volume > 0.0 && volume.is_finite() && lit.is_finite();
         let extent = lit.max - lit.min;
         let surface = 2.0 * (extent.x * extent.y + extent.y * extent.z + extent.z * extent.x);
         // The mean chord of a convex body is four volumes over its surface.
@@ -82,12 +87,14 @@ impl Glow {
         self.intensity
     }
 
-    /// A typical length of a ray in what glows, in scene units: what makes a density of points comparable with one of directions.
+    /// A typical length of a ray in what glows, in scene units: what makes a density of points
+    /// comparable with one of directions.
     pub fn chord(&self) -> f32 {
         self.chord
     }
 
-    /// A point of the world, in proportion to what is emitted there, and its density per unit of volume.
+    /// A point of the world, in proportion to what is emitted there, and its density per unit of
+    /// volume.
     pub fn sample(&self, u: Vec2) -> (Vec3, f32) {
         let (p, pdf) = self.table.sample(u);
         let across = p.x * (self.size[0] * self.size[1]) as f32;
@@ -96,7 +103,11 @@ impl Glow {
         // Two numbers chose the cell and two of three coordinates.
         let third = rng::uniform2([u.x.to_bits(), u.y.to_bits(), 71, 3]).x;
         let inside = (across - cell as f32).clamp(0.0, rng::ONE_MINUS_EPSILON);
-        let local = Vec3::new((x as f32 + inside) / self.size[0] as f32, (y as f32 + third) / self.size[1] as f32, p.y);
+        let local = Vec3::new(
+            (x as f32 + inside) / self.size[0] as f32,
+            (y as f32 + third) / self.size[1] as f32,
+            p.y,
+        );
         let world = self.grid_from_world.inverse().transform_point3(local.as_dvec3()).as_vec3();
         (world, (f64::from(pdf) / self.volume) as f32)
     }
@@ -107,7 +118,9 @@ impl Glow {
         if !(local.cmpge(Vec3::ZERO).all() && local.cmplt(Vec3::ONE).all()) {
             return 0.0;
         }
-        let cell = |axis: usize| ((local[axis] * self.size[axis] as f32) as usize).min(self.size[axis] - 1);
+        let cell = |axis: usize| {
+            ((local[axis] * self.size[axis] as f32) as usize).min(self.size[axis] - 1)
+        };
         let column = cell(1) * self.size[0] + cell(0);
         let at = Vec2::new((column as f32 + 0.5) / (self.size[0] * self.size[1]) as f32, local.z);
         (f64::from(self.table.pdf(at)) / self.volume) as f32
@@ -125,9 +138,12 @@ fn mean_in_cell(grid: &TrackedGrid, size: [usize; 3], cell: [usize; 3]) -> f32 {
     let mut sum = 0.0;
     for k in 0..POINTS * POINTS * POINTS {
         let offset = [k % POINTS, k / POINTS % POINTS, k / POINTS / POINTS];
-        let at = |axis: usize| (cell[axis] as f32 + (offset[axis] as f32 + 0.5) / POINTS as f32) / size[axis] as f32;
-        let luminance =
-            ColorMode::Rgb.to_rgb(grid.emission(Vec3::new(at(0), at(1), at(2)), ColorMode::Rgb)).luminance();
+        let at = |axis: usize| {
+            (cell[axis] as f32 + (offset[axis] as f32 + 0.5) / POINTS as f32) / size[axis] as f32
+        };
+        let luminance = ColorMode::Rgb
+            .to_rgb(grid.emission(Vec3::new(at(0), at(1), at(2)), ColorMode::Rgb))
+            .luminance();
         if luminance > 0.0 && luminance.is_finite() {
             sum += luminance;
         }
@@ -144,11 +160,15 @@ mod tests {
     fn flame() -> Glow {
         let n = 12;
         let value = |i: usize| if i % n > 7 && i / n % n < 4 { (i % 5) as f32 } else { 0.0 };
-        let density = ScalarGrid::new([n; 3], (0..n * n * n).map(value).collect()).expect("as many as cells");
+        let density =
+            ScalarGrid::new([n; 3], (0..n * n * n).map(value).collect()).expect("as many as cells");
         let place = DAffine3::from_translation(DVec3::new(1.0, 2.0, 3.0))
             * DAffine3::from_rotation_y(0.4)
             * DAffine3::from_scale(DVec3::new(2.0, 1.0, 0.5));
-        let grid = Grid { emission: Rgb::new(3.0, 1.0, 0.2), ..Grid::new(Rgb::WHITE, Rgb::BLACK, 0.0, density, place) };
+        let grid = Grid {
+            emission: Rgb::new(3.0, 1.0, 0.2),
+            ..Grid::new(Rgb::WHITE, Rgb::BLACK, 0.0, density, place)
+        };
         Glow::new(&TrackedGrid::new(&grid)).expect("it glows")
     }
 
@@ -162,7 +182,9 @@ mod tests {
             assert!((glow.pdf(p) / pdf - 1.0).abs() < 0.02, "{p}: {pdf} but {}", glow.pdf(p));
             assert!(glow.bounds().max.as_vec3().cmpge(p - 1e-4).all(), "{p}");
             volume += 1.0 / f64::from(pdf);
-            light += f64::from(ColorMode::Rgb.to_rgb(glow.emission(p, ColorMode::Rgb)).luminance() / pdf);
+            light += f64::from(
+                ColorMode::Rgb.to_rgb(glow.emission(p, ColorMode::Rgb)).luminance() / pdf,
+            );
         }
         let light = light / f64::from(n);
         assert!((light / glow.intensity() - 1.0).abs() < 0.1, "{light} but {}", glow.intensity());
@@ -180,13 +202,15 @@ mod tests {
             let at = |x: f64, n: usize| ((x.max(0.0) * n as f64) as usize).min(n - 1);
             (at(local.z, layers) * rows + at(local.y, rows)) * columns + at(local.x, columns)
         };
-        let (mut expected, mut found) = (vec![0.0; columns * rows * layers], vec![0u32; columns * rows * layers]);
+        let (mut expected, mut found) =
+            (vec![0.0; columns * rows * layers], vec![0u32; columns * rows * layers]);
         // As many points as make each block, and each cell of the table, whole.
         let side = 84;
         let world_from_grid = glow.grid_from_world.inverse();
         let at = |i: usize| (i as f64 + 0.5) / side as f64;
         for i in 0..side * side * side {
-            let local = snell_math::DVec3::new(at(i % side), at(i / side % side), at(i / side / side));
+            let local =
+                snell_math::DVec3::new(at(i % side), at(i / side % side), at(i / side / side));
             let p = world_from_grid.transform_point3(local).as_vec3();
             expected[cell(p)] += f64::from(glow.pdf(p)) * glow.volume / (side * side * side) as f64;
         }

@@ -7,7 +7,9 @@ use std::ops::{Add, Mul, Sub};
 use std::sync::Arc;
 
 /// What a cell may hold.
-pub trait CellValue: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<f32, Output = Self> {
+pub trait CellValue:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<f32, Output = Self>
+{
     /// What it counts as outside of the grid.
     const NOTHING: Self;
 
@@ -45,8 +47,9 @@ pub type ScalarGrid = CellGrid<f32>;
 pub type ColorGrid = CellGrid<Rgb>;
 
 impl<T: CellValue> CellGrid<T> {
-    /// A grid of `size` cells along x, y and z; `values` in the order of x first, then y, then z. `None` if their number is not the
-    /// product of the sizes. Values that are negative or not finite count as 0.
+    /// A grid of `size` cells along x, y and z; `values` in the order of x first, then y, then z.
+    /// `None` if their number is not the product of the sizes. Values that are negative or not
+    /// finite count as 0.
     pub fn new(size: [usize; 3], mut values: Vec<T>) -> Option<Self> {
         let cells = size[0].checked_mul(size[1])?.checked_mul(size[2])?;
         if cells != values.len() {
@@ -66,7 +69,8 @@ impl<T: CellValue> CellGrid<T> {
         &self.values
     }
 
-    /// The value at a point of the unit cube, interpolated between the eight nearest cells; 0 outside of the cube.
+    /// The value at a point of the unit cube, interpolated between the eight nearest cells; 0
+    /// outside of the cube.
     pub fn lookup(&self, p: Vec3) -> T {
         Corners::of(self.size, p).map_or(T::NOTHING, |corners| corners.interpolate(&self.values))
     }
@@ -127,8 +131,9 @@ fn lerp<T: CellValue>(a: T, b: T, t: f32) -> T {
 
 /// A medium on a grid: coefficients times a density, and nothing outside of the grid's box.
 ///
-/// Where its colour differs from place to place, each coefficient may have a factor of its own for each colour and place: `sigma_a_tint`,
-/// `sigma_s_tint` and `emission_tint`, which are 1 where there are none.
+/// Where its colour differs from place to place, each coefficient may have a factor of its own for
+/// each colour and place: `sigma_a_tint`, `sigma_s_tint` and `emission_tint`, which are 1 where
+/// there are none.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Grid {
@@ -146,8 +151,8 @@ pub struct Grid {
     /// Factor on the emission; `None` for the density.
     #[serde(skip)]
     pub emission_scale: Option<Arc<ScalarGrid>>,
-    /// Temperature in kelvin: emitted light is that of a black body of luminance 1, times `emission` and its scale. `None` for the
-    /// colour of `emission` alone.
+    /// Temperature in kelvin: emitted light is that of a black body of luminance 1, times
+    /// `emission` and its scale. `None` for the colour of `emission` alone.
     #[serde(skip)]
     pub temperature: Option<Arc<ScalarGrid>>,
     /// Factor on `sigma_a`, besides the density.
@@ -165,7 +170,13 @@ pub struct Grid {
 
 impl Grid {
     /// A medium that does not emit.
-    pub fn new(sigma_a: Rgb, sigma_s: Rgb, g: f32, density: ScalarGrid, world_from_grid: DAffine3) -> Self {
+    pub fn new(
+        sigma_a: Rgb,
+        sigma_s: Rgb,
+        g: f32,
+        density: ScalarGrid,
+        world_from_grid: DAffine3,
+    ) -> Self {
         Self {
             sigma_a,
             sigma_s,
@@ -185,14 +196,17 @@ impl Grid {
     pub fn examples() -> Vec<Self> {
         let ball = |n: usize| {
             let value = |i: usize| {
-                let [x, y, z] = [i % n, i / n % n, i / n / n].map(|c| (c as f32 + 0.5) / n as f32 - 0.5);
+                let [x, y, z] =
+                    [i % n, i / n % n, i / n / n].map(|c| (c as f32 + 0.5) / n as f32 - 0.5);
                 (1.0 - 4.0 * (x * x + y * y + z * z)).max(0.0)
             };
             ScalarGrid::new([n; 3], (0..n * n * n).map(value).collect()).unwrap_or_default()
         };
         let (thin, thick) = (Rgb::splat(0.2), Rgb::new(4.0, 2.0, 1.0));
         let colors = |n: usize| {
-            let value = |i: usize| Rgb::from([1, n, n * n].map(|step| (i / step % n) as f32 / (n - 1) as f32));
+            let value = |i: usize| {
+                Rgb::from([1, n, n * n].map(|step| (i / step % n) as f32 / (n - 1) as f32))
+            };
             ColorGrid::new([n; 3], (0..n * n * n).map(value).collect()).map(Arc::new)
         };
         vec![
@@ -204,15 +218,20 @@ impl Grid {
                 emission_tint: colors(2),
                 ..Self::new(thin, thick, 0.0, ball(6), DAffine3::IDENTITY)
             },
-            Self { emission: Rgb::new(3.0, 1.0, 0.2), ..Self::new(thick, thin, 0.0, ball(5), DAffine3::IDENTITY) },
+            Self {
+                emission: Rgb::new(3.0, 1.0, 0.2),
+                ..Self::new(thick, thin, 0.0, ball(5), DAffine3::IDENTITY)
+            },
             Self::new(thin, thin, 0.0, ScalarGrid::default(), DAffine3::IDENTITY),
         ]
     }
 
     /// Cells along x, y and z: along each axis those of the finest of its grids.
     pub fn size(&self) -> [usize; 3] {
-        let tints = [&self.sigma_a_tint, &self.sigma_s_tint, &self.emission_tint].into_iter().flatten();
-        let others = [&self.emission_scale, &self.temperature].into_iter().flatten().map(|grid| grid.size());
+        let tints =
+            [&self.sigma_a_tint, &self.sigma_s_tint, &self.emission_tint].into_iter().flatten();
+        let others =
+            [&self.emission_scale, &self.temperature].into_iter().flatten().map(|grid| grid.size());
         let others = others.chain(tints.map(|tint| tint.size()));
         others.fold(self.density.size(), |a, b| std::array::from_fn(|axis| a[axis].max(b[axis])))
     }
@@ -224,7 +243,10 @@ impl Grid {
         let density = self.density.lookup(p);
         let [sigma_a, sigma_s] = self.tinted(p).map(|sigma| sigma * density);
         let emission = self.emitted(p, density, mode);
-        MediumProperties { emission, ..MediumProperties::from_colors(sigma_a, sigma_s, Rgb::BLACK, self.g, mode) }
+        MediumProperties {
+            emission,
+            ..MediumProperties::from_colors(sigma_a, sigma_s, Rgb::BLACK, self.g, mode)
+        }
     }
 
     /// True if it does not absorb and scatter in the same colours everywhere.
@@ -237,7 +259,10 @@ impl Grid {
         match (&self.sigma_a_tint, &self.sigma_s_tint) {
             // One look at the cells does for both.
             (Some(a), Some(s)) if a.size == s.size => match Corners::of(a.size, p) {
-                Some(at) => [self.sigma_a * at.interpolate(&a.values), self.sigma_s * at.interpolate(&s.values)],
+                Some(at) => [
+                    self.sigma_a * at.interpolate(&a.values),
+                    self.sigma_s * at.interpolate(&s.values),
+                ],
                 None => [Rgb::BLACK; 2],
             },
             (a, s) => {
@@ -253,7 +278,10 @@ impl Grid {
     /// Radiance emitted per unit of length at a point of the unit cube where the density is known.
     pub(super) fn emitted(&self, p: Vec3, density: f32, mode: ColorMode) -> SampledSpectrum {
         let scale = self.emission_scale.as_ref().map_or(density, |scale| scale.lookup(p));
-        let emission = self.emission_tint.as_ref().map_or(self.emission, |tint| self.emission * tint.lookup(p));
+        let emission = self
+            .emission_tint
+            .as_ref()
+            .map_or(self.emission, |tint| self.emission * tint.lookup(p));
         match &self.temperature {
             None => mode.illuminant(emission.map(sane)) * scale,
             Some(kelvin) => coefficient(emission, mode) * blackbody(kelvin.lookup(p), mode) * scale,
@@ -267,7 +295,8 @@ mod tests {
 
     #[test]
     fn lookups_give_the_cells_at_their_middles_and_lines_between_them() {
-        let grid = ScalarGrid::new([2, 1, 3], vec![0.0, 1.0, 2.0, 3.0, 4.0, 5.0]).expect("six values");
+        let grid =
+            ScalarGrid::new([2, 1, 3], vec![0.0, 1.0, 2.0, 3.0, 4.0, 5.0]).expect("six values");
         let at = |x, z| grid.lookup(Vec3::new(x, 0.5, z));
         assert_eq!([at(0.25, 1.0 / 6.0), at(0.75, 0.5), at(0.5, 5.0 / 6.0)], [0.0, 3.0, 4.5]);
         assert_eq!([at(0.0, 0.0), at(1.0, 1.0)], [0.0, 5.0], "beyond the last middles as there");
@@ -278,7 +307,8 @@ mod tests {
     fn a_wrong_number_of_values_is_refused_and_wild_values_count_as_nothing() {
         assert!(ScalarGrid::new([2, 2, 2], vec![1.0; 7]).is_none());
         assert!(ScalarGrid::new([usize::MAX, 2, 2], vec![1.0; 7]).is_none());
-        let wild = ScalarGrid::new([3, 1, 1], vec![f32::NAN, -1.0, f32::INFINITY]).expect("three values");
+        let wild =
+            ScalarGrid::new([3, 1, 1], vec![f32::NAN, -1.0, f32::INFINITY]).expect("three values");
         assert!(wild.values().iter().all(|x| x.is_finite()) && wild.values()[..2] == [0.0; 2]);
     }
 }

@@ -21,7 +21,8 @@ pub struct HeightFog {
     pub base: DVec3,
     /// Which way is up; any length.
     pub up: DVec3,
-    /// The height at which the density has fallen to 1 / e, in scene units; positive, otherwise the density is 1 everywhere.
+    /// The height at which the density has fallen to 1 / e, in scene units; positive, otherwise the
+    /// density is 1 everywhere.
     pub scale_height: f64,
 }
 
@@ -36,7 +37,11 @@ impl HeightFog {
             up: DVec3::Y,
             scale_height: 0.5,
         };
-        vec![Self { scale_height: 0.0, ..fog.clone() }, Self { up: DVec3::new(1.0, 2.0, 0.5), ..fog.clone() }, fog]
+        vec![
+            Self { scale_height: 0.0, ..fog.clone() },
+            Self { up: DVec3::new(1.0, 2.0, 0.5), ..fog.clone() },
+            fog,
+        ]
     }
 
     /// Upwards, in units of the scale height.
@@ -57,12 +62,21 @@ impl HeightFog {
 
     /// Density along a segment.
     pub(super) fn profile(&self, segment: &Segment) -> Profile {
-        Profile { density: self.density(segment.origin), slope: segment.direction.as_dvec3().dot(self.gradient()) }
+        Profile {
+            density: self.density(segment.origin),
+            slope: segment.direction.as_dvec3().dot(self.gradient()),
+        }
     }
 
     /// What the fog does at a point of the world.
     pub fn properties(&self, p: Vec3, mode: ColorMode) -> MediumProperties {
         let density = self.density(p) as f32;
-        MediumProperties::from_colors(self.sigma_a * density, self.sigma_s * density, Rgb::BLACK, self.g, mode)
+        MediumProperties::from_colors(
+            self.sigma_a * density,
+            self.sigma_s * density,
+            Rgb::BLACK,
+            self.g,
+            mode,
+        )
     }
 }

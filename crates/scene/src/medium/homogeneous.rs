@@ -12,9 +12,11 @@ pub struct Homogeneous {
     pub sigma_a: Rgb,
     /// Scattering coefficient per scene unit of length, at least 0.
     pub sigma_s: Rgb,
-    /// Radiance emitted per scene unit of length, W / (m^2 sr), whatever is absorbed. (Elsewhere often `sigma_a` times a radiance.)
+    /// Radiance emitted per scene unit of length, W / (m^2 sr), whatever is absorbed. (Elsewhere
+    /// often `sigma_a` times a radiance.)
     pub emission: Rgb,
-    /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`: 0 in all directions alike, towards 1 forwards.
+    /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`: 0 in all directions
+    /// alike, towards 1 forwards.
     pub g: f32,
 }
 
@@ -36,7 +38,10 @@ impl Homogeneous {
             Self::absorbing(Rgb::new(0.1, 0.5, 2.0)),
             Self::scattering(Rgb::splat(1.0), Rgb::WHITE, 0.0),
             Self::scattering(Rgb::new(0.5, 1.0, 4.0), Rgb::new(0.9, 0.5, 1.0), 0.8),
-            Self { emission: Rgb::new(2.0, 0.5, 0.1), ..Self::scattering(Rgb::splat(0.3), Rgb::splat(0.5), -0.6) },
+            Self {
+                emission: Rgb::new(2.0, 0.5, 0.1),
+                ..Self::scattering(Rgb::splat(0.3), Rgb::splat(0.5), -0.6)
+            },
             Self::scattering(Rgb::splat(1e6), Rgb::splat(0.9), 0.999),
         ]
     }

@@ -29,9 +29,14 @@ impl MajorantGrid {
     }
 
     /// The same for all values of a grid of so many cells, x first.
-    pub fn of([nx, ny, nz]: [usize; 3], mut values: impl Iterator<Item = f32>, size: [usize; 3]) -> Self {
+    pub fn of(
+        [nx, ny, nz]: [usize; 3],
+        mut values: impl Iterator<Item = f32>,
+        size: [usize; 3],
+    ) -> Self {
         let mut bounds = vec![0.0f32; size.iter().product()];
-        // Cell by cell: which bounds it counts for. One more cell on each side than interpolation needs, for rounding.
+        // Cell by cell: which bounds it counts for. One more cell on each side than interpolation
+        // needs, for rounding.
         let reach = |i: usize, n: usize, m: usize| {
             let first = i.saturating_sub(2) * m / n;
             first..=((i + 3) * m).div_ceil(n).min(m) - 1
@@ -77,9 +82,16 @@ impl MajorantGrid {
         self.bounds[cell]
     }
 
-    /// The parts of a ray in the unit cube, first to last; `visit` returns false to stop. A three-dimensional DDA (Amanatides and
-    /// Woo, A Fast Voxel Traversal Algorithm for Ray Tracing, Eurographics 1987).
-    pub fn walk(&self, origin: Vec3, direction: Vec3, length: f32, mut visit: impl FnMut(BoundedPart) -> bool) {
+    /// The parts of a ray in the unit cube, first to last; `visit` returns false to stop. A
+    /// three-dimensional DDA (Amanatides and Woo, A Fast Voxel Traversal Algorithm for Ray Tracing,
+    /// Eurographics 1987).
+    pub fn walk(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        length: f32,
+        mut visit: impl FnMut(BoundedPart) -> bool,
+    ) {
         let Some((mut start, end)) = unit_cube(origin, direction, length) else { return };
         let size = Vec3::from_array(self.size.map(|n| n as f32));
         let p = (origin + direction * start) * size;
@@ -165,7 +177,8 @@ mod tests {
                 let (a, b, c) = (r(0), r(1), r(2));
                 let origin = Vec3::new(a.x, a.y, b.x) * 3.0 - 1.0;
                 let direction = Vec3::new(b.y, c.x, c.y) * 2.0 - 1.0;
-                let direction = if i % 5 == 0 { Vec3::new(0.0, direction.y, 0.0) } else { direction };
+                let direction =
+                    if i % 5 == 0 { Vec3::new(0.0, direction.y, 0.0) } else { direction };
                 let Some((start, end)) = unit_cube(origin, direction, 2.0) else { continue };
                 let (mut at, mut count) = (start, 0);
                 majorants.walk(origin, direction, 2.0, |part| {
@@ -174,7 +187,10 @@ mod tests {
                     for s in 0..=8 {
                         let t = part.start + (part.end - part.start) * s as f32 / 8.0;
                         let value = grid.lookup(origin + direction * t);
-                        assert!(value <= majorants.bound(part.cell) * 1.00001, "{value} at {t} of {part:?}");
+                        assert!(
+                            value <= majorants.bound(part.cell) * 1.00001,
+                            "{value} at {t} of {part:?}"
+                        );
                     }
                     count += 1;
                     true

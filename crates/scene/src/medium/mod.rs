@@ -1,7 +1,9 @@
-//! Participating media: what light meets between surfaces. Fog, smoke, clouds, milk, coloured glass, flames.
+//! Participating media: what light meets between surfaces. Fog, smoke, clouds, milk, coloured
+//! glass, flames.
 //!
-//! A medium absorbs, scatters and emits, each with a coefficient per scene unit of length. It has no shape of its own: it fills the
-//! inside of closed surfaces ([`crate::material::Interior`]) or the whole scene ([`crate::Scene::medium`]).
+//! A medium absorbs, scatters and emits, each with a coefficient per scene unit of length. It has
+//! no shape of its own: it fills the inside of closed surfaces ([`crate::material::Interior`]) or
+//! the whole scene ([`crate::Scene::medium`]).
 
 mod alike;
 mod analytic;
@@ -55,7 +57,8 @@ impl MediumProperties {
         self.sigma_a + self.sigma_s
     }
 
-    /// The properties from colours as files and people give them. Negative and undefined coefficients count as 0.
+    /// The properties from colours as files and people give them. Negative and undefined
+    /// coefficients count as 0.
     pub fn from_colors(sigma_a: Rgb, sigma_s: Rgb, emission: Rgb, g: f32, mode: ColorMode) -> Self {
         Self {
             sigma_a: coefficient(sigma_a, mode),
@@ -71,10 +74,15 @@ fn coefficient(color: Rgb, mode: ColorMode) -> SampledSpectrum {
     let color = color.map(sane);
     // Reflectances end at 1; twice the largest leaves room for their spectra.
     let scale = 2.0 * color.r.max(color.g).max(color.b);
-    if scale > 0.0 { mode.reflectance(color * (1.0 / scale)) * scale } else { SampledSpectrum::ZERO }
+    if scale > 0.0 {
+        mode.reflectance(color * (1.0 / scale)) * scale
+    } else {
+        SampledSpectrum::ZERO
+    }
 }
 
-/// `x` if it can be computed with: 0 for negative numbers and NaN, and no more than [`MAX_COEFFICIENT`].
+/// `x` if it can be computed with: 0 for negative numbers and NaN, and no more than
+/// [`MAX_COEFFICIENT`].
 fn sane(x: f32) -> f32 {
     if x > 0.0 { x.min(MAX_COEFFICIENT) } else { 0.0 }
 }
@@ -128,7 +136,10 @@ mod tests {
         let medium = MediumProperties::from_colors(wild, wild, wild, f32::NAN, ColorMode::Rgb);
         for lanes in [medium.sigma_t(), medium.emission] {
             assert!(
-                lanes.is_finite() && lanes[0] == 0.0 && lanes[1] == 0.0 && lanes[2] >= MAX_COEFFICIENT,
+                lanes.is_finite()
+                    && lanes[0] == 0.0
+                    && lanes[1] == 0.0
+                    && lanes[2] >= MAX_COEFFICIENT,
                 "{lanes:?}"
             );
         }
@@ -136,8 +147,13 @@ mod tests {
 
     #[test]
     fn coefficients_above_one_are_kept() {
-        let medium =
-            MediumProperties::from_colors(Rgb::new(5.0, 0.25, 0.0), Rgb::WHITE, Rgb::BLACK, 0.0, ColorMode::Rgb);
+        let medium = MediumProperties::from_colors(
+            Rgb::new(5.0, 0.25, 0.0),
+            Rgb::WHITE,
+            Rgb::BLACK,
+            0.0,
+            ColorMode::Rgb,
+        );
         assert_eq!(medium.sigma_t(), SampledSpectrum([6.0, 1.25, 1.0, 0.0]));
     }
 
@@ -146,7 +162,11 @@ mod tests {
         for medium in Medium::examples() {
             for p in [Vec3::ZERO, Vec3::splat(0.5), Vec3::splat(-1e30), Vec3::splat(f32::MAX)] {
                 let m = medium.properties(p, ColorMode::Rgb);
-                assert!(m.sigma_t().is_finite() && m.emission.is_finite(), "{} at {p}", medium.name());
+                assert!(
+                    m.sigma_t().is_finite() && m.emission.is_finite(),
+                    "{} at {p}",
+                    medium.name()
+                );
             }
         }
     }

@@ -8,8 +8,8 @@ use std::f64::consts::PI;
 /// Largest size of the asymmetry that is computed with: beyond, light is hardly deflected at all.
 const MAX_ASYMMETRY: f32 = 0.999;
 
-/// The phase function of Henyey and Greenstein (Diffuse Radiation in the Galaxy, 1941), whose samples are distributed exactly by it:
-/// its value is its density.
+/// The phase function of Henyey and Greenstein (Diffuse Radiation in the Galaxy, 1941), whose
+/// samples are distributed exactly by it: its value is its density.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HenyeyGreenstein {
     g: f32,
@@ -26,8 +26,9 @@ impl HenyeyGreenstein {
         self.g
     }
 
-    /// Share of light per steradian that goes from `forward` (the direction it travelled in) to `wi`, both unit vectors. Over all
-    /// `wi` the integral is 1. It is symmetric, so it does not matter which of the two is the light's direction.
+    /// Share of light per steradian that goes from `forward` (the direction it travelled in) to
+    /// `wi`, both unit vectors. Over all `wi` the integral is 1. It is symmetric, so it does not
+    /// matter which of the two is the light's direction.
     #[inline(always)]
     pub fn pdf(&self, forward: Vec3, wi: Vec3) -> f32 {
         let g = f64::from(self.g);
@@ -36,7 +37,8 @@ impl HenyeyGreenstein {
         ((1.0 - g * g) / (4.0 * PI * denominator * denominator.sqrt())) as f32
     }
 
-    /// A direction and its density per steradian, for `u` in `[0, 1)^2`. Without branches, so that loops over it become vector code.
+    /// A direction and its density per steradian, for `u` in `[0, 1)^2`. Without branches, so that
+    /// loops over it become vector code.
     #[inline(always)]
     pub fn sample(&self, forward: Vec3, u: Vec2) -> (Vec3, f32) {
         let g = f64::from(self.g);
@@ -51,8 +53,13 @@ impl HenyeyGreenstein {
         let direction = Frame::from_z(forward).from_local(local);
         let scale = 1.0 / direction.length();
         let is_sound = (scale > 0.0) & (scale < f32::INFINITY);
-        let pick = |of_sound: f32, otherwise: f32| if is_sound { of_sound * scale } else { otherwise };
-        let wi = Vec3::new(pick(direction.x, forward.x), pick(direction.y, forward.y), pick(direction.z, forward.z));
+        let pick =
+            |of_sound: f32, otherwise: f32| if is_sound { of_sound * scale } else { otherwise };
+        let wi = Vec3::new(
+            pick(direction.x, forward.x),
+            pick(direction.y, forward.y),
+            pick(direction.z, forward.z),
+        );
         (wi, self.pdf(forward, wi))
     }
 }
@@ -86,13 +93,18 @@ mod tests {
                 let (wi, pdf) = phase.sample(forward, rng::uniform2([i, key as u32, 3, 1]));
                 assert!((pdf - phase.pdf(forward, wi)).abs() <= 1e-5 * pdf, "g {g}");
                 let local = frame.to_local(wi);
-                let row = (cumulative(f64::from(g), f64::from(local.z).min(1.0)) * rows as f64) as usize;
+                let row =
+                    (cumulative(f64::from(g), f64::from(local.z).min(1.0)) * rows as f64) as usize;
                 let phi = f64::from(local.y).atan2(f64::from(local.x)) / (2.0 * PI) + 0.5;
-                counts[row.min(rows - 1) * columns + ((phi * columns as f64) as usize).min(columns - 1)] += 1;
+                counts[row.min(rows - 1) * columns
+                    + ((phi * columns as f64) as usize).min(columns - 1)] += 1;
             }
             let expected = vec![f64::from(n) / counts.len() as f64; counts.len()];
             let z = chi_squared_deviation(&counts, &expected);
-            assert!(z < sidak_deviation(0.01, ASYMMETRIES.len() as u32), "g {g}: {z} standard deviations");
+            assert!(
+                z < sidak_deviation(0.01, ASYMMETRIES.len() as u32),
+                "g {g}: {z} standard deviations"
+            );
         }
     }
 
@@ -109,7 +121,10 @@ mod tests {
                 sum += share;
                 mean += share * cos;
             }
-            assert!((sum - 1.0).abs() < 2e-3 && (mean - f64::from(g)).abs() < 2e-3, "g {g}: {sum} {mean}");
+            assert!(
+                (sum - 1.0).abs() < 2e-3 && (mean - f64::from(g)).abs() < 2e-3,
+                "g {g}: {sum} {mean}"
+            );
         }
     }
 
@@ -119,7 +134,10 @@ mod tests {
             let phase = HenyeyGreenstein::new(g);
             for u in [Vec2::ZERO, Vec2::splat(rng::ONE_MINUS_EPSILON), Vec2::splat(0.5)] {
                 let (wi, pdf) = phase.sample(Vec3::Z, u);
-                assert!((wi.length() - 1.0).abs() < 1e-4 && pdf.is_finite() && pdf > 0.0, "g {g}: {wi} {pdf}");
+                assert!(
+                    (wi.length() - 1.0).abs() < 1e-4 && pdf.is_finite() && pdf > 0.0,
+                    "g {g}: {wi} {pdf}"
+                );
             }
         }
     }

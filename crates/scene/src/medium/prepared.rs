@@ -20,7 +20,9 @@ impl PreparedMedium {
     /// Makes the tables.
     pub fn new(medium: &Medium) -> Self {
         match medium {
-            Medium::Homogeneous(medium) => Self::Homogeneous(medium.clone(), medium.at_all(ColorMode::Rgb)),
+            Medium::Homogeneous(medium) => {
+                Self::Homogeneous(medium.clone(), medium.at_all(ColorMode::Rgb))
+            }
             Medium::HeightFog(fog) => Self::HeightFog(fog.clone()),
             Medium::Cloud(cloud) => Self::Tracked(Box::new(TrackedGrid::new(&cloud.grid()))),
             Medium::Grid(grid) => Self::Tracked(Box::new(TrackedGrid::new(grid))),
@@ -49,8 +51,8 @@ impl PreparedMedium {
         }
     }
 
-    /// Sends a path along a segment: it is scattered on the way, or comes to the end. `numbers` gives pairs of uniform numbers in
-    /// `[0, 1)`, independent of each other.
+    /// Sends a path along a segment: it is scattered on the way, or comes to the end. `numbers`
+    /// gives pairs of uniform numbers in `[0, 1)`, independent of each other.
     pub fn travel(
         &self,
         segment: &Segment,
@@ -69,8 +71,8 @@ impl PreparedMedium {
         }
     }
 
-    /// As [`Self::travel`], with a factor on the light that is emitted at a distance from the segment's origin, where there is
-    /// [`Self::glow`].
+    /// As [`Self::travel`], with a factor on the light that is emitted at a distance from the
+    /// segment's origin, where there is [`Self::glow`].
     pub fn travel_weighted(
         &self,
         segment: &Segment,
@@ -81,9 +83,13 @@ impl PreparedMedium {
     ) -> Travel {
         match self {
             Self::Homogeneous(m, _) => m.at_all(mode).travel(segment, throughput, numbers()),
-            Self::HeightFog(fog) => {
-                analytic::travel(&fog.at_base(mode), fog.profile(segment), segment, throughput, numbers())
-            }
+            Self::HeightFog(fog) => analytic::travel(
+                &fog.at_base(mode),
+                fog.profile(segment),
+                segment,
+                throughput,
+                numbers(),
+            ),
             Self::Tracked(grid) => grid.travel(segment, throughput, mode, weight, numbers),
         }
     }
@@ -113,8 +119,15 @@ impl MediumProperties {
         analytic::travel(self, Profile::CONSTANT, segment, throughput, u)
     }
 
-    /// The same with more scattering near a light: for light that comes from there and is scattered once.
-    pub fn travel_near(&self, beacon: &Beacon, segment: &Segment, throughput: SampledSpectrum, u: Vec2) -> Travel {
+    /// The same with more scattering near a light: for light that comes from there and is scattered
+    /// once.
+    pub fn travel_near(
+        &self,
+        beacon: &Beacon,
+        segment: &Segment,
+        throughput: SampledSpectrum,
+        u: Vec2,
+    ) -> Travel {
         analytic::travel_near(self, beacon, segment, throughput, u)
     }
 

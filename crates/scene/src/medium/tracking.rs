@@ -1,10 +1,12 @@
 //! Travel by chance collisions: media whose density is on a grid.
 //!
-//! Collisions are tried at the rate of an upper bound of the extinction, cell by cell; each is real or null. All lanes share one
-//! sequence of collisions, and which kind a collision is goes by the mean over lanes, weighted by the throughput (Kutz et al.,
-//! Spectral and Decomposition Tracking for Rendering Heterogeneous Volumes, SIGGRAPH 2017, with history-aware probabilities): the
-//! sum of the lanes of the throughput then never grows. What is absorbed is taken off the weight and ends no path. Light rays
-//! multiply the probabilities of null collisions instead: ratio tracking (Novák et al., Residual Ratio Tracking, SIGGRAPH Asia 2014).
+//! Collisions are tried at the rate of an upper bound of the extinction, cell by cell; each is real
+//! or null. All lanes share one sequence of collisions, and which kind a collision is goes by the
+//! mean over lanes, weighted by the throughput (Kutz et al., Spectral and Decomposition Tracking
+//! for Rendering Heterogeneous Volumes, SIGGRAPH 2017, with history-aware probabilities): the sum
+//! of the lanes of the throughput then never grows. What is absorbed is taken off the weight and
+//! ends no path. Light rays multiply the probabilities of null collisions instead: ratio tracking
+//! (Novák et al., Residual Ratio Tracking, SIGGRAPH Asia 2014).
 
 use super::majorant::{BoundedPart, MajorantGrid};
 use super::{ColorGrid, Grid, MediumProperties, Scattering, Segment, Travel, coefficient, sane};
@@ -12,7 +14,8 @@ use snell_math::exponentials::ln;
 use snell_math::{ColorMode, DAffine3, Rgb, SampledSpectrum, Vec2, Vec3};
 use std::sync::Arc;
 
-/// Optical thickness of one cell of the grid beyond which more makes no difference, but collisions would be tried forever.
+/// Optical thickness of one cell of the grid beyond which more makes no difference, but collisions
+/// would be tried forever.
 const MAX_DEPTH_OF_CELL: f64 = 64.0;
 /// Below this share of what it was at the start, a weight goes on only by chance.
 const ROULETTE_BELOW: f32 = 0.05;
@@ -38,7 +41,8 @@ impl TrackedGrid {
     /// Makes the bounds.
     pub fn new(grid: &Grid) -> Self {
         let inverse = grid.world_from_grid.inverse();
-        let is_invertible = grid.world_from_grid.matrix3.determinant() != 0.0 && inverse.is_finite();
+        let is_invertible =
+            grid.world_from_grid.matrix3.determinant() != 0.0 && inverse.is_finite();
         let glows = !grid.emission.is_black();
         let scale = grid.emission_scale.as_deref().filter(|_| glows);
         let tint = grid.emission_tint.as_deref().filter(|_| glows);
@@ -50,7 +54,9 @@ impl TrackedGrid {
             let scales = scale.map(|scale| MajorantGrid::new(scale, size));
             let tints = tint.map(|tint| bounds_by_channel(tint, size));
             MajorantGrid::made(size, |cell| {
-                let tint = tints.as_ref().map_or(1.0, |t| t.iter().map(|c| c.bound(cell)).fold(0.0, f32::max));
+                let tint = tints
+                    .as_ref()
+                    .map_or(1.0, |t| t.iter().map(|c| c.bound(cell)).fold(0.0, f32::max));
                 scales.as_ref().unwrap_or(&densities).bound(cell) * tint
             })
         });
@@ -75,7 +81,8 @@ impl TrackedGrid {
         let Some(map) = &self.grid_from_world else { return };
         let origin = map.transform_point3(segment.origin.as_dvec3()).as_vec3();
         let direction = map.transform_vector3(segment.direction.as_dvec3()).as_vec3();
-        self.densities.walk(origin, direction, segment.length, |part| visit(part, origin, direction));
+        self.densities
+            .walk(origin, direction, segment.length, |part| visit(part, origin, direction));
     }
 
     /// From the world to the unit cube of the grid.
@@ -102,17 +109,26 @@ impl TrackedGrid {
         self.grid.density.lookup(p).min(self.most)
     }
 
-    /// Upper bound of the extinction in a cell, of colours that carry anything; `thickest` is theirs where the density is 1.
+    /// Upper bound of the extinction in a cell, of colours that carry anything; `thickest` is
+    /// theirs where the density is 1.
     fn extinction_bound(&self, cell: usize, thickest: f32, mode: ColorMode) -> f32 {
         match &self.extinctions {
             None => self.densities.bound(cell).min(self.most) * thickest,
-            // A spectrum may be higher in between than all three colours of it, but no more than `coefficient` has room for.
+            // A spectrum may be higher in between than all three colours of it, but no more than
+            // `coefficient` has room for.
             Some(bounds) => bounds.bound(cell) * if mode == ColorMode::Rgb { 1.0 } else { 2.0 },
         }
     }
 
-    /// Extinction and scattering at a point of the unit cube where the density is known; `base` is that of [`Self::base`].
-    fn coefficients(&self, p: Vec3, density: f32, base: &MediumProperties, mode: ColorMode) -> [SampledSpectrum; 2] {
+    /// Extinction and scattering at a point of the unit cube where the density is known; `base` is
+    /// that of [`Self::base`].
+    fn coefficients(
+        &self,
+        p: Vec3,
+        density: f32,
+        base: &MediumProperties,
+        mode: ColorMode,
+    ) -> [SampledSpectrum; 2] {
         let (sigma_t, sigma_s) = if self.extinctions.is_some() {
             let [sigma_a, sigma_s] = self.grid.tinted(p).map(|sigma| coefficient(sigma, mode));
             (sigma_a + sigma_s, sigma_s)
@@ -122,8 +138,8 @@ impl TrackedGrid {
         [sigma_t * density, sigma_s * density]
     }
 
-    /// Sends a path along a segment. `numbers` gives pairs of independent uniform numbers, `weight` a factor on the light that is
-    /// emitted at a distance from the segment's origin.
+    /// Sends a path along a segment. `numbers` gives pairs of independent uniform numbers, `weight`
+    /// a factor on the light that is emitted at a distance from the segment's origin.
     pub fn travel(
         &self,
         segment: &Segment,
@@ -140,7 +156,8 @@ impl TrackedGrid {
         let mut depth = None;
         self.walk(segment, |part, origin, direction| {
             let mut rate = self.extinction_bound(part.cell, thickest, mode);
-            let glows = emits && self.emissions.as_ref().unwrap_or(&self.densities).bound(part.cell) > 0.0;
+            let glows =
+                emits && self.emissions.as_ref().unwrap_or(&self.densities).bound(part.cell) > 0.0;
             if glows {
                 // Often enough to see what glows where nothing else is.
                 rate = rate.max(1.0 / (part.end - part.start));
@@ -170,7 +187,8 @@ impl TrackedGrid {
                 }
                 let [extinction, scattered] = self.coefficients(p, density, &medium, mode);
                 let null = extinction.map(|sigma| (rate - sigma).max(0.0));
-                let weigh = |by_lane: SampledSpectrum| (travel.throughput * by_lane).0.iter().sum::<f32>();
+                let weigh =
+                    |by_lane: SampledSpectrum| (travel.throughput * by_lane).0.iter().sum::<f32>();
                 let (of_scattering, of_null) = (weigh(scattered), weigh(null));
                 let both = of_scattering + of_null;
                 if both.is_nan() || both <= 0.0 {
@@ -233,8 +251,9 @@ impl TrackedGrid {
     }
 }
 
-/// The optical depth up to the next collision, by the upper bounds, and a number to choose its kind by. What is not used up by one part of the way goes on
-/// into the next, however many there are: one draw for each collision.
+/// The optical depth up to the next collision, by the upper bounds, and a number to choose its kind
+/// by. What is not used up by one part of the way goes on into the next, however many there are:
+/// one draw for each collision.
 fn drawn(u: Vec2) -> (f64, f32) {
     (-ln(1.0 - f64::from(u.x)), u.y)
 }
@@ -260,8 +279,9 @@ fn survives(weight: &mut SampledSpectrum, start: f32, numbers: &mut dyn FnMut() 
 
 /// Upper bounds of red, green and blue.
 fn bounds_by_channel(grid: &ColorGrid, size: [usize; 3]) -> [MajorantGrid; 3] {
-    [|c: &Rgb| c.r, |c: &Rgb| c.g, |c: &Rgb| c.b]
-        .map(|channel: fn(&Rgb) -> f32| MajorantGrid::of(grid.size(), grid.values().iter().map(channel), size))
+    [|c: &Rgb| c.r, |c: &Rgb| c.g, |c: &Rgb| c.b].map(|channel: fn(&Rgb) -> f32| {
+        MajorantGrid::of(grid.size(), grid.values().iter().map(channel), size)
+    })
 }
 
 /// Upper bounds of the extinction of all colours, for coefficients with tints.
@@ -270,7 +290,9 @@ fn extinctions(grid: &Grid, densities: &MajorantGrid, most: f32, size: [usize; 3
     let tints = tints.map(|tint| tint.as_ref().map(|tint| bounds_by_channel(tint, size)));
     let sigmas = [grid.sigma_a, grid.sigma_s].map(|sigma| sigma.map(sane).to_array());
     MajorantGrid::made(size, |cell| {
-        let tint = |which: usize, c: usize| tints[which].as_ref().map_or(1.0, |channels| channels[c].bound(cell));
+        let tint = |which: usize, c: usize| {
+            tints[which].as_ref().map_or(1.0, |channels| channels[c].bound(cell))
+        };
         // As `coefficient`, which has an end.
         let sigma = |which: usize, c: usize| sane(sigmas[which][c] * tint(which, c));
         let thickest = (0..3).map(|c| sigma(0, c) + sigma(1, c)).fold(0.0, f32::max);
@@ -288,7 +310,8 @@ fn most_density(grid: &Grid) -> f32 {
         let tint = tint.as_ref().map_or(1.0, |tint| tint.max());
         f64::from(sane(sane(sigma.r.max(sigma.g).max(sigma.b)) * tint))
     };
-    let sigma = largest(grid.sigma_a, &grid.sigma_a_tint) + largest(grid.sigma_s, &grid.sigma_s_tint);
+    let sigma =
+        largest(grid.sigma_a, &grid.sigma_a_tint) + largest(grid.sigma_s, &grid.sigma_s_tint);
     let most = MAX_DEPTH_OF_CELL / (sigma * side);
     if most.is_nan() { f32::MAX } else { most.min(f64::from(f32::MAX)) as f32 }
 }

@@ -9,7 +9,8 @@ pub enum Interpolation {
     Step,
     /// On straight lines; rotations on great circles.
     Linear,
-    /// On Hermite splines: each key has a tangent before, a value and a tangent after (glTF 2.0, appendix C.5).
+    /// On Hermite splines: each key has a tangent before, a value and a tangent after (glTF 2.0,
+    /// appendix C.5).
     Cubic,
 }
 
@@ -45,7 +46,8 @@ pub struct Curve {
 }
 
 impl Curve {
-    /// A curve of `width` numbers. `values` has them key by key; for [`Interpolation::Cubic`] three times as many, as its description says.
+    /// A curve of `width` numbers. `values` has them key by key; for [`Interpolation::Cubic`] three
+    /// times as many, as its description says.
     pub fn new(
         times: Vec<f64>,
         values: Vec<f32>,
@@ -59,7 +61,8 @@ impl Curve {
         if let Some(i) = (0..times.len()).find(|&i| !grows(i)) {
             return Err(CurveError::Times(i));
         }
-        let expected = times.len() * width * if interpolation == Interpolation::Cubic { 3 } else { 1 };
+        let expected =
+            times.len() * width * if interpolation == Interpolation::Cubic { 3 } else { 1 };
         if values.len() != expected {
             return Err(CurveError::Values { found: values.len(), expected });
         }
@@ -165,11 +168,16 @@ mod tests {
     fn values_go_from_key_to_key_as_they_should() {
         let step = curve(&[5.0, 9.0], 1, Interpolation::Step);
         let linear = curve(&[5.0, 9.0], 1, Interpolation::Linear);
-        for (time, stepped, lerped) in [(-1.0, 5.0, 5.0), (1.0, 5.0, 5.0), (1.5, 5.0, 6.0), (2.999, 5.0, 8.998)] {
+        for (time, stepped, lerped) in
+            [(-1.0, 5.0, 5.0), (1.0, 5.0, 5.0), (1.5, 5.0, 6.0), (2.999, 5.0, 8.998)]
+        {
             assert_eq!(step.at(time), [stepped]);
             assert!((linear.at(time)[0] - lerped).abs() < 1e-9);
         }
-        assert_eq!((step.at(3.0), linear.at(9.0), linear.at(f64::NAN)), (vec![9.0], vec![9.0], vec![5.0]));
+        assert_eq!(
+            (step.at(3.0), linear.at(9.0), linear.at(f64::NAN)),
+            (vec![9.0], vec![9.0], vec![5.0])
+        );
     }
 
     #[test]
@@ -179,7 +187,12 @@ mod tests {
         let spline = curve(&[7.0, 0.0, 2.0, 26.0, 24.0, -5.0], 1, Interpolation::Cubic);
         for i in 0..=20 {
             let t = 1.0 + 0.1 * f64::from(i);
-            assert!((spline.at(t)[0] - f(t)).abs() < 1e-6, "at {t}: {} and not {}", spline.at(t)[0], f(t));
+            assert!(
+                (spline.at(t)[0] - f(t)).abs() < 1e-6,
+                "at {t}: {} and not {}",
+                spline.at(t)[0],
+                f(t)
+            );
         }
     }
 
@@ -187,8 +200,10 @@ mod tests {
     fn rotations_turn_evenly_the_short_way() {
         let quarter = DQuat::from_rotation_y(FRAC_PI_2);
         // The second key with the opposite sign is the same rotation.
-        let values: Vec<f32> =
-            [0.0, 0.0, 0.0, 1.0].into_iter().chain((-quarter).to_array().map(|x| x as f32)).collect();
+        let values: Vec<f32> = [0.0, 0.0, 0.0, 1.0]
+            .into_iter()
+            .chain((-quarter).to_array().map(|x| x as f32))
+            .collect();
         let half = curve(&values, 4, Interpolation::Linear).rotation_at(2.0);
         assert!(half.angle_between(DQuat::from_rotation_y(FRAC_PI_4)) < 1e-6);
         assert_eq!(curve(&[0.0; 8], 4, Interpolation::Step).rotation_at(2.0), DQuat::IDENTITY);
@@ -196,7 +211,9 @@ mod tests {
 
     #[test]
     fn keys_that_make_no_sense_are_refused() {
-        let new = |times: &[f64], count: usize| Curve::new(times.to_vec(), vec![0.0; count], 1, Interpolation::Linear);
+        let new = |times: &[f64], count: usize| {
+            Curve::new(times.to_vec(), vec![0.0; count], 1, Interpolation::Linear)
+        };
         assert_eq!(new(&[], 0), Err(CurveError::Empty));
         assert_eq!(new(&[0.0, 0.0], 2), Err(CurveError::Times(1)));
         assert_eq!(new(&[f64::NAN], 1), Err(CurveError::Times(0)));

@@ -49,7 +49,8 @@ pub struct MorphTarget {
 pub struct Skin {
     /// Numbers of joints.
     pub joints: Vec<u32>,
-    /// The map from the mesh to each joint, where that was when the mesh was bound to it. As many as joints.
+    /// The map from the mesh to each joint, where that was when the mesh was bound to it. As many
+    /// as joints.
     pub inverse_bind: Vec<DAffine3>,
 }
 
@@ -63,8 +64,9 @@ pub struct InfluenceSet {
 }
 
 impl Deformed {
-    /// The mesh with these weights and, where there is a skin, `world_from_mesh` of each of its joints. The error is the first
-    /// joint that pulls at a vertex, but that the skin does not have.
+    /// The mesh with these weights and, where there is a skin, `world_from_mesh` of each of its
+    /// joints. The error is the first joint that pulls at a vertex, but that the skin does not
+    /// have.
     pub fn mesh(&self, weights: &[f64], matrices: &[DAffine3]) -> Result<TriangleMesh, usize> {
         let mut mesh = TriangleMesh::clone(&self.rest);
         if let Some(morph) = &self.morph {
@@ -91,7 +93,11 @@ pub fn morph_mesh(mesh: &mut TriangleMesh, targets: &[MorphTarget], weights: &[f
 }
 
 /// Moves a mesh into the world. The error is the first joint that the skin does not have.
-pub fn skin_mesh(mesh: &mut TriangleMesh, influences: &[InfluenceSet], matrices: &[DAffine3]) -> Result<(), usize> {
+pub fn skin_mesh(
+    mesh: &mut TriangleMesh,
+    influences: &[InfluenceSet],
+    matrices: &[DAffine3],
+) -> Result<(), usize> {
     let mut mirrored = 0usize;
     for vertex in 0..mesh.positions.len() {
         let matrix = blend(influences, vertex, matrices)?;
@@ -106,7 +112,9 @@ pub fn skin_mesh(mesh: &mut TriangleMesh, influences: &[InfluenceSet], matrices:
         }
         if let Some(tangent) = mesh.tangents.get_mut(vertex) {
             let t = (linear * tangent.truncate().as_dvec3()).try_normalize();
-            *tangent = t.map_or(*tangent, |t| t.as_vec3().extend(if turned_over { -tangent.w } else { tangent.w }));
+            *tangent = t.map_or(*tangent, |t| {
+                t.as_vec3().extend(if turned_over { -tangent.w } else { tangent.w })
+            });
         }
     }
     if mirrored * 2 > mesh.positions.len() {
@@ -117,8 +125,13 @@ pub fn skin_mesh(mesh: &mut TriangleMesh, influences: &[InfluenceSet], matrices:
     Ok(())
 }
 
-/// Linear blend of a vertex's joints. Weights are scaled to a sum of 1; a vertex without any stays where it is.
-fn blend(influences: &[InfluenceSet], vertex: usize, matrices: &[DAffine3]) -> Result<DAffine3, usize> {
+/// Linear blend of a vertex's joints. Weights are scaled to a sum of 1; a vertex without any stays
+/// where it is.
+fn blend(
+    influences: &[InfluenceSet],
+    vertex: usize,
+    matrices: &[DAffine3],
+) -> Result<DAffine3, usize> {
     let mut sum = DAffine3::ZERO;
     let mut total = 0.0;
     for set in influences {
@@ -137,7 +150,8 @@ fn blend(influences: &[InfluenceSet], vertex: usize, matrices: &[DAffine3]) -> R
     Ok(DAffine3 { matrix3: sum.matrix3 * (1.0 / total), translation: sum.translation / total })
 }
 
-/// The cofactor matrix: determinant times inverse transpose, which exists for singular matrices too.
+/// The cofactor matrix: determinant times inverse transpose, which exists for singular matrices
+/// too.
 fn cofactors(m: DMat3) -> DMat3 {
     DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
 }

@@ -3,7 +3,8 @@
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3};
 
-/// Makes attributes usable that are not: NaNs, normals and tangents without length, colours out of range.
+/// Makes attributes usable that are not: NaNs, normals and tangents without length, colours out of
+/// range.
 pub fn make_usable(mesh: &mut TriangleMesh) {
     let usable = |v: Vec3| v.is_finite() && v.length_squared() > 0.0;
     if mesh.normals.iter().any(|&n| !usable(n)) {
@@ -16,7 +17,8 @@ pub fn make_usable(mesh: &mut TriangleMesh) {
     }
     for (tangent, normal) in mesh.tangents.iter_mut().zip(&mesh.normals) {
         let direction = tangent.truncate();
-        let direction = if usable(direction) { direction } else { normal.normalize().any_orthonormal_vector() };
+        let direction =
+            if usable(direction) { direction } else { normal.normalize().any_orthonormal_vector() };
         *tangent = direction.normalize().extend(if tangent.w < 0.0 { -1.0 } else { 1.0 });
     }
     for uv in mesh.uvs.iter_mut().flatten().filter(|uv| !uv.is_finite()) {

@@ -1,8 +1,10 @@
 //! Scenes that move: what a file says about changes over time, and the scene at one time.
 //!
-//! A [`Motion`] is a skeleton of [`Joint`]s (a tree with a placement each), [`Clip`]s of keyed curves that move them, and what the joints
-//! carry: nodes of the scene graph, cameras, lights, and meshes that are bent ([`Deformed`]). A [`Player`] plays some of the clips and
-//! gives the [`Pose`] at a time; [`Scene::apply`] puts the scene into it. Formats translate their own words for motion into this.
+//! A [`Motion`] is a skeleton of [`Joint`]s (a tree with a placement each), [`Clip`]s of keyed
+//! curves that move them, and what the joints carry: nodes of the scene graph, cameras, lights, and
+//! meshes that are bent ([`Deformed`]). A [`Player`] plays some of the clips and gives the [`Pose`]
+//! at a time; [`Scene::apply`] puts the scene into it. Formats translate their own words for motion
+//! into this.
 
 mod curve;
 mod deform;
@@ -40,7 +42,8 @@ pub struct Motion {
     pub switches: Vec<Switch>,
 }
 
-/// Something that is there only while all of some joints are visible ([`Joint::hidden`], [`Track::Visible`]).
+/// Something that is there only while all of some joints are visible ([`Joint::hidden`],
+/// [`Track::Visible`]).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Switch {
     /// Numbers of the joints.
@@ -53,7 +56,8 @@ pub struct Switch {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Switched {
-    /// A node, the last child of its parent: parent, node. It is no other node's child, and the parent has no other such child.
+    /// A node, the last child of its parent: parent, node. It is no other node's child, and the
+    /// parent has no other such child.
     Node(NodeId, NodeId),
     /// A light, by its position in the scene's table.
     Light(usize),
@@ -115,7 +119,11 @@ impl Track {
     /// First and last key, in seconds.
     pub fn span(&self) -> [f64; 2] {
         match self {
-            Self::Translation(c) | Self::Rotation(c) | Self::Scale(c) | Self::Weights(c) | Self::Visible(c) => c.span(),
+            Self::Translation(c)
+            | Self::Rotation(c)
+            | Self::Scale(c)
+            | Self::Weights(c)
+            | Self::Visible(c) => c.span(),
             Self::Transform(t) => t.span(),
         }
     }
@@ -134,7 +142,8 @@ impl Track {
 }
 
 impl Clip {
-    /// First and last key of all channels and parameters, in seconds; `[0, 0]` for a clip without any.
+    /// First and last key of all channels and parameters, in seconds; `[0, 0]` for a clip without
+    /// any.
     pub fn span(&self) -> [f64; 2] {
         let parameters = self.parameters.iter().map(|p| p.curve.span());
         together(self.channels.iter().map(|c| c.track.span()).chain(parameters))
@@ -144,7 +153,10 @@ impl Clip {
     fn targets(&self) -> BTreeSet<Aim<'_>> {
         let bits = |c: &Channel| {
             let (joint, properties) = (c.joint, c.track.properties());
-            (0..5).map(|i| 1 << i).filter(move |bit| properties & bit != 0).map(move |bit| Aim::Joint(joint, bit))
+            (0..5)
+                .map(|i| 1 << i)
+                .filter(move |bit| properties & bit != 0)
+                .map(move |bit| Aim::Joint(joint, bit))
         };
         let parameters = self.parameters.iter().map(|p| Aim::Parameter(p.owner, &p.path));
         self.channels.iter().flat_map(bits).chain(parameters).collect()
@@ -164,8 +176,9 @@ fn together(spans: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
 }
 
 impl Motion {
-    /// The clips that are played if nobody chooses: the first that moves anything, and with it all others that move other things than
-    /// those before. (Some files have one clip for each object, others one for each way to walk.)
+    /// The clips that are played if nobody chooses: the first that moves anything, and with it all
+    /// others that move other things than those before. (Some files have one clip for each object,
+    /// others one for each way to walk.)
     pub fn usual_clips(&self) -> Vec<usize> {
         let mut taken = BTreeSet::new();
         let mut clips = Vec::new();
@@ -179,7 +192,8 @@ impl Motion {
         clips
     }
 
-    /// The clips that a user names: `all`, or one by name or number (from 0). `None` if there is no such clip.
+    /// The clips that a user names: `all`, or one by name or number (from 0). `None` if there is no
+    /// such clip.
     pub fn find_clips(&self, name: &str) -> Option<Vec<usize>> {
         if let Some(i) = self.clips.iter().position(|c| c.name == name) {
             return Some(vec![i]);
@@ -196,14 +210,23 @@ mod tests {
     use super::*;
 
     fn clip(name: &str, joints: &[u32]) -> Clip {
-        let curve = || Curve::new(vec![0.0, 2.0], vec![0.0; 6], 3, Interpolation::Linear).expect("a valid curve");
-        let channels = joints.iter().map(|&joint| Channel { joint, track: Track::Translation(curve()) });
+        let curve = || {
+            Curve::new(vec![0.0, 2.0], vec![0.0; 6], 3, Interpolation::Linear)
+                .expect("a valid curve")
+        };
+        let channels =
+            joints.iter().map(|&joint| Channel { joint, track: Track::Translation(curve()) });
         Clip { name: name.into(), channels: channels.collect(), ..Clip::default() }
     }
 
     #[test]
     fn clips_that_move_different_things_are_played_together() {
-        let clips = vec![clip("nothing", &[]), clip("walk", &[0, 1]), clip("run", &[1]), clip("lamp", &[2])];
+        let clips = vec![
+            clip("nothing", &[]),
+            clip("walk", &[0, 1]),
+            clip("run", &[1]),
+            clip("lamp", &[2]),
+        ];
         let motion = Motion { clips, ..Motion::default() };
         assert_eq!(motion.usual_clips(), [1, 3]);
         assert_eq!(motion.find_clips("run"), Some(vec![2]));

@@ -32,7 +32,8 @@ pub struct ParameterTrack {
 }
 
 impl ParameterTrack {
-    /// Puts a parameter of the scene to these numbers. What does not fit the parameter stays as it is: a file may say anything.
+    /// Puts a parameter of the scene to these numbers. What does not fit the parameter stays as it
+    /// is: a file may say anything.
     pub(super) fn set(&self, scene: &mut Scene, numbers: &[f64]) {
         let number = |x: f64| serde_json::Number::from_f64(x).map_or(Value::Null, Value::Number);
         let value = match numbers {
@@ -41,9 +42,11 @@ impl ParameterTrack {
         };
         let _ = match self.owner {
             Owner::Texture(i) => {
-                if let (Some(texture), "uv_transform", &[a, b, c, d, e, f]) =
-                    (scene.textures.get_mut(i).and_then(Texture::as_image_mut), self.path.as_str(), numbers)
-                {
+                if let (Some(texture), "uv_transform", &[a, b, c, d, e, f]) = (
+                    scene.textures.get_mut(i).and_then(Texture::as_image_mut),
+                    self.path.as_str(),
+                    numbers,
+                ) {
                     texture.uv_transform = [[a, b, c], [d, e, f]].map(|row| row.map(|x| x as f32));
                 }
                 Ok(())

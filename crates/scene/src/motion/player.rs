@@ -26,7 +26,8 @@ pub struct Pose {
     pub switched: Vec<(Switched, bool)>,
 }
 
-/// Plays clips of a motion. Keeps the last pose, so that what does not change is not made again: its meshes are the same pointers.
+/// Plays clips of a motion. Keeps the last pose, so that what does not change is not made again:
+/// its meshes are the same pointers.
 #[derive(Clone, Debug)]
 pub struct Player {
     motion: Arc<Motion>,
@@ -45,7 +46,8 @@ struct Made {
 }
 
 impl Player {
-    /// Plays these clips together; where two move the same thing, the later one counts. Numbers of clips that are not there are left out.
+    /// Plays these clips together; where two move the same thing, the later one counts. Numbers of
+    /// clips that are not there are left out.
     pub fn new(motion: Arc<Motion>, clips: Vec<usize>) -> Self {
         let clips = clips.into_iter().filter(|&i| i < motion.clips.len()).collect();
         let rest = worlds(&motion, motion.joints.iter().map(|j| j.rest.matrix()));
@@ -62,7 +64,8 @@ impl Player {
         self.clips.iter().map(|&i| &self.motion.clips[i])
     }
 
-    /// The nodes that move by themselves: their transforms change, or meshes of theirs. (What is below them moves with them.)
+    /// The nodes that move by themselves: their transforms change, or meshes of theirs. (What is
+    /// below them moves with them.)
     pub fn moving_nodes(&self) -> BTreeSet<NodeId> {
         let (moved, weighted) = self.moving_joints();
         let nodes = moved.iter().filter_map(|&j| self.motion.joints.get(j as usize)?.node);
@@ -77,12 +80,14 @@ impl Player {
     fn moving_joints(&self) -> (BTreeSet<u32>, BTreeSet<u32>) {
         let channels = self.clips().flat_map(|clip| &clip.channels);
         let channels = channels.filter(|c| !matches!(c.track, Track::Visible(_)));
-        let (weights, others): (Vec<_>, Vec<_>) = channels.partition(|c| matches!(c.track, Track::Weights(_)));
+        let (weights, others): (Vec<_>, Vec<_>) =
+            channels.partition(|c| matches!(c.track, Track::Weights(_)));
         let joints = |channels: Vec<&super::Channel>| channels.iter().map(|c| c.joint).collect();
         (joints(others), joints(weights))
     }
 
-    /// The pose at a time, in seconds. Before the first key of a property and after its last it stays.
+    /// The pose at a time, in seconds. Before the first key of a property and after its last it
+    /// stays.
     pub fn pose(&mut self, time: f64) -> Pose {
         let motion = self.motion.clone();
         let (local, weights) = self.placements(time);
@@ -101,11 +106,18 @@ impl Player {
                 joints.zip(&skin.inverse_bind).map(|(joint, bind)| joint * *bind).collect()
             });
             let made = &mut self.made[number];
-            if made.as_ref().is_none_or(|made| made.weights != weights || made.matrices != matrices) {
+            if made.as_ref().is_none_or(|made| made.weights != weights || made.matrices != matrices)
+            {
                 let mesh = deformed.mesh(weights, &matrices).ok();
-                *made = mesh.map(|mesh| Made { weights: weights.to_vec(), matrices, mesh: Arc::new(mesh) });
+                *made = mesh.map(|mesh| Made {
+                    weights: weights.to_vec(),
+                    matrices,
+                    mesh: Arc::new(mesh),
+                });
             }
-            pose.meshes.extend(made.iter().map(|made| ((deformed.node, deformed.surface), made.mesh.clone())));
+            pose.meshes.extend(
+                made.iter().map(|made| ((deformed.node, deformed.surface), made.mesh.clone())),
+            );
         }
         let moves = |carried: &[(usize, u32)]| {
             let change = |&(i, joint): &(usize, u32)| {
@@ -120,14 +132,17 @@ impl Player {
         pose.parameters = parameters.map(|track| (track.clone(), track.curve.at(time))).collect();
         let hidden = self.hidden_joints(time);
         let switches = motion.switches.iter();
-        pose.switched = switches.map(|s| (s.what, !s.joints.iter().any(|joint| hidden.contains(joint)))).collect();
+        pose.switched = switches
+            .map(|s| (s.what, !s.joints.iter().any(|joint| hidden.contains(joint))))
+            .collect();
         pose
     }
 
     /// Joints that clips hide at a time.
     fn hidden_joints(&self, time: f64) -> BTreeSet<u32> {
         let joints = (0..).zip(&self.motion.joints);
-        let mut hidden: BTreeSet<u32> = joints.filter(|(_, joint)| joint.hidden).map(|(i, _)| i).collect();
+        let mut hidden: BTreeSet<u32> =
+            joints.filter(|(_, joint)| joint.hidden).map(|(i, _)| i).collect();
         for channel in self.clips().flat_map(|clip| &clip.channels) {
             if let Track::Visible(curve) = &channel.track {
                 let is_visible = curve.at(time).first().is_none_or(|v| *v >= 0.5);
@@ -141,8 +156,9 @@ impl Player {
         hidden
     }
 
-    /// The poses while a shutter is open, evenly spread in time from when it opens to when it closes: as many as it takes for things that go
-    /// on straight lines from pose to pose to be nearly where they should be. Only one if nothing moves, or the shutter closes at once.
+    /// The poses while a shutter is open, evenly spread in time from when it opens to when it
+    /// closes: as many as it takes for things that go on straight lines from pose to pose to be
+    /// nearly where they should be. Only one if nothing moves, or the shutter closes at once.
     pub fn poses_between(&mut self, open: f64, close: f64) -> Vec<Pose> {
         const MOST: u32 = 32;
         let mut intervals = 0;
@@ -156,7 +172,8 @@ impl Player {
         (0..=intervals).map(|i| self.pose(time(i))).collect()
     }
 
-    /// True if joints and weights are in the middle of each interval nearly where straight lines lead.
+    /// True if joints and weights are in the middle of each interval nearly where straight lines
+    /// lead.
     fn is_straight(&self, open: f64, close: f64, intervals: u32) -> bool {
         /// Of a way, a turn, or a weight.
         const TOLERANCE: f64 = 0.01;
@@ -231,7 +248,8 @@ impl Scene {
             }
         }
         for ((id, surface), mesh) in &pose.meshes {
-            let surface = self.nodes.get_mut(id.index()).and_then(|node| node.surfaces.get_mut(*surface));
+            let surface =
+                self.nodes.get_mut(id.index()).and_then(|node| node.surfaces.get_mut(*surface));
             if let Some(surface) = surface {
                 surface.geometry = Geometry::Mesh(mesh.clone());
             }
@@ -294,12 +312,14 @@ mod tests {
     use crate::graph::{Node, Surface};
     use crate::material::{Diffuse, MaterialKind};
     use crate::motion::{
-        Channel, Clip, Curve, Deformed, InfluenceSet, Interpolation, Joint, Morph, MorphTarget, Owner, Skin,
+        Channel, Clip, Curve, Deformed, InfluenceSet, Interpolation, Joint, Morph, MorphTarget,
+        Owner, Skin,
     };
     use snell_math::Vec3;
 
-    /// An arm of two joints, 1 apart on x; the second is turned by a quarter about z from 0 s to 1 s. A triangle has a vertex at each
-    /// end of it and one that follows both joints alike; a camera and a light are at the second joint.
+    /// An arm of two joints, 1 apart on x; the second is turned by a quarter about z from 0 s to 1
+    /// s. A triangle has a vertex at each end of it and one that follows both joints alike; a
+    /// camera and a light are at the second joint.
     fn arm() -> Scene {
         let mut scene = Scene::new("arm");
         let mesh = Arc::new(TriangleMesh {
@@ -315,11 +335,19 @@ mod tests {
             Joint { parent, node, rest, ..Joint::default() }
         };
         let half = std::f32::consts::FRAC_1_SQRT_2;
-        let turn = Curve::new(vec![0.0, 1.0], vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, half], 4, Interpolation::Linear);
+        let turn = Curve::new(
+            vec![0.0, 1.0],
+            vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, half],
+            4,
+            Interpolation::Linear,
+        );
         let weights = Curve::new(vec![0.0, 2.0], vec![0.0, 1.0], 1, Interpolation::Linear);
         let skin = Skin {
             joints: vec![0, 1],
-            inverse_bind: vec![DAffine3::IDENTITY, DAffine3::from_translation(DVec3::new(-1.0, 0.0, 0.0))],
+            inverse_bind: vec![
+                DAffine3::IDENTITY,
+                DAffine3::from_translation(DVec3::new(-1.0, 0.0, 0.0)),
+            ],
         };
         let influences = InfluenceSet {
             joints: vec![[0, 1, 0, 0]; 3],
@@ -362,15 +390,18 @@ mod tests {
         let mut posed = scene.clone();
         posed.apply(&player.pose(1.0));
         let Geometry::Mesh(mesh) = &posed.nodes[1].surfaces[0].geometry else { panic!("a mesh") };
-        // Half of the target is added; the end of the arm points up, and what follows both stays in the joint.
-        let expected = [Vec3::new(0.0, 0.0, 0.5), Vec3::new(1.0, 1.0, 0.5), Vec3::new(1.0, 0.0, 0.5)];
+        // Half of the target is added; the end of the arm points up, and what follows both stays in
+        // the joint.
+        let expected =
+            [Vec3::new(0.0, 0.0, 0.5), Vec3::new(1.0, 1.0, 0.5), Vec3::new(1.0, 0.0, 0.5)];
         for (found, expected) in mesh.positions.iter().zip(expected) {
             assert!((*found - expected).length() < 1e-6, "{found} and not {expected}");
         }
         let hand = posed.nodes[2].transform;
         assert!((hand.transform_point3(DVec3::X) - DVec3::new(1.0, 1.0, 0.0)).length() < 1e-6);
         assert!(
-            (posed.cameras[0].towards - DVec3::Y).length() < 1e-6 && (posed.cameras[0].eye - DVec3::X).length() < 1e-6
+            (posed.cameras[0].towards - DVec3::Y).length() < 1e-6
+                && (posed.cameras[0].eye - DVec3::X).length() < 1e-6
         );
         assert!(
             matches!(posed.lights[0], Light::Directional(Directional { direction, .. }) if (direction - DVec3::Y).length() < 1e-6)
@@ -396,8 +427,9 @@ mod tests {
         let visible = Track::Visible(curve(&[1.0, 0.0], 1, Interpolation::Step));
         motion.clips[0].channels.push(Channel { joint: 1, track: visible });
         let hand = Switched::Node(scene.root, NodeId(2));
-        motion.switches =
-            [hand, Switched::Light(0)].map(|what| super::super::Switch { joints: vec![0, 1], what }).to_vec();
+        motion.switches = [hand, Switched::Light(0)]
+            .map(|what| super::super::Switch { joints: vec![0, 1], what })
+            .to_vec();
         let lights = scene.lights.clone();
         let mut player = Player::new(Arc::new(motion), vec![0]);
         for (time, reflectance, width, is_there) in [
@@ -407,9 +439,14 @@ mod tests {
         ] {
             scene.lights.clone_from(&lights);
             scene.apply(&player.pose(time));
-            let MaterialKind::Diffuse(diffuse) = &scene.materials[0].kind else { panic!("still diffuse") };
+            let MaterialKind::Diffuse(diffuse) = &scene.materials[0].kind else {
+                panic!("still diffuse")
+            };
             assert_eq!(diffuse.reflectance.factor, reflectance);
-            let crate::Projection::Perspective { tan_half_fov } = scene.cameras[0].projection else { panic!() };
+            let crate::Projection::Perspective { tan_half_fov } = scene.cameras[0].projection
+            else {
+                panic!()
+            };
             assert_eq!(tan_half_fov[1], Some(width));
             assert_eq!(scene.nodes[0].children.contains(&NodeId(2)), is_there);
             assert_eq!(scene.lights[0].power(1.0) > 0.0, is_there);

@@ -48,9 +48,10 @@ impl Placement {
     }
 }
 
-/// A map that is given at some times. Between them translations go on straight lines, rotations on great circles, and what is left of
-/// the maps (scale and shear) on straight lines: the decomposition of Shoemake and Duff, *Matrix Animation and Polar Decomposition*,
-/// 1992, which is pbrt's. Before the first time and after the last the map stays.
+/// A map that is given at some times. Between them translations go on straight lines, rotations on
+/// great circles, and what is left of the maps (scale and shear) on straight lines: the
+/// decomposition of Shoemake and Duff, *Matrix Animation and Polar Decomposition*, 1992, which is
+/// pbrt's. Before the first time and after the last the map stays.
 #[derive(Clone, Debug)]
 pub struct AnimatedTransform {
     keys: Vec<Key>,
@@ -65,10 +66,11 @@ struct Key {
 }
 
 impl AnimatedTransform {
-    /// A map by its values at some times; sorted here. Keys whose time is not finite, or that was there before, are left out; without
-    /// any the map is the identity.
+    /// A map by its values at some times; sorted here. Keys whose time is not finite, or that was
+    /// there before, are left out; without any the map is the identity.
     pub fn new(keys: impl IntoIterator<Item = (f64, DAffine3)>) -> Self {
-        let mut keys: Vec<Key> = keys.into_iter().filter(|(time, _)| time.is_finite()).map(Key::new).collect();
+        let mut keys: Vec<Key> =
+            keys.into_iter().filter(|(time, _)| time.is_finite()).map(Key::new).collect();
         keys.sort_by(|a, b| a.time.total_cmp(&b.time));
         keys.dedup_by(|later, earlier| later.time == earlier.time);
         Self { keys }
@@ -96,8 +98,14 @@ impl AnimatedTransform {
     pub fn at(&self, time: f64) -> DAffine3 {
         let after = self.keys.partition_point(|key| key.time <= time);
         let before = self.keys.get(after.saturating_sub(1));
-        let (Some(a), Some(b)) = (before, self.keys.get(after).or(before)) else { return DAffine3::IDENTITY };
-        let s = if b.time > a.time { ((time - a.time) / (b.time - a.time)).clamp(0.0, 1.0) } else { 0.0 };
+        let (Some(a), Some(b)) = (before, self.keys.get(after).or(before)) else {
+            return DAffine3::IDENTITY;
+        };
+        let s = if b.time > a.time {
+            ((time - a.time) / (b.time - a.time)).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
         if s == 0.0 || a.map == b.map {
             return a.map;
         }
@@ -114,7 +122,8 @@ impl Key {
     }
 }
 
-/// A matrix as a rotation after a stretch. Mirroring is part of the stretch. A singular matrix has no rotation.
+/// A matrix as a rotation after a stretch. Mirroring is part of the stretch. A singular matrix has
+/// no rotation.
 fn polar(matrix: DMat3) -> (DQuat, DMat3) {
     const STEPS: usize = 100;
     let none = (DQuat::IDENTITY, matrix);
@@ -124,7 +133,8 @@ fn polar(matrix: DMat3) -> (DQuat, DMat3) {
     let mut orthogonal = matrix;
     for _ in 0..STEPS {
         let next = (orthogonal + orthogonal.inverse().transpose()) * 0.5;
-        let change = (next - orthogonal).to_cols_array().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        let change =
+            (next - orthogonal).to_cols_array().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
         orthogonal = next;
         if change.is_nan() {
             return none;
@@ -151,7 +161,9 @@ mod tests {
     #[test]
     fn rotations_stay_rigid_on_their_way() {
         let moved = DAffine3::from_translation(DVec3::new(4.0, 0.0, 0.0));
-        let turned = moved * DAffine3::from_rotation_z(FRAC_PI_2) * DAffine3::from_scale(DVec3::new(1.0, 3.0, 1.0));
+        let turned = moved
+            * DAffine3::from_rotation_z(FRAC_PI_2)
+            * DAffine3::from_scale(DVec3::new(1.0, 3.0, 1.0));
         let transform = AnimatedTransform::new([(1.0, turned), (0.0, DAffine3::IDENTITY)]);
         assert_near(transform.at(-1.0), DAffine3::IDENTITY);
         assert_near(transform.at(2.0), turned);
@@ -166,7 +178,8 @@ mod tests {
     fn mirrored_flat_and_missing_maps_are_taken_as_they_are() {
         let mirror = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
         let flat = DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0));
-        let transform = AnimatedTransform::new([(0.0, mirror), (1.0, mirror), (2.0, flat), (f64::NAN, flat)]);
+        let transform =
+            AnimatedTransform::new([(0.0, mirror), (1.0, mirror), (2.0, flat), (f64::NAN, flat)]);
         assert_eq!((transform.at(0.5), transform.at(2.0)), (mirror, flat));
         assert!(transform.at(1.5).is_finite());
         assert_eq!(AnimatedTransform::new([]).at(1.0), DAffine3::IDENTITY);

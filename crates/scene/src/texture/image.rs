@@ -22,7 +22,8 @@ pub enum Filtering {
 pub struct ImageTexture {
     /// Which image.
     pub image: ImageId,
-    /// How its colour values are meant here: sRGB for base colours and emission, linear for normals, roughness and other data.
+    /// How its colour values are meant here: sRGB for base colours and emission, linear for
+    /// normals, roughness and other data.
     pub encoding: Encoding,
     /// Wrap modes in u and v.
     pub wrap: [Wrap; 2],
@@ -30,8 +31,9 @@ pub struct ImageTexture {
     pub filtering: Filtering,
     /// Which set of coordinates: 0 or 1.
     pub uv_set: u32,
-    /// Rows of the affine map of the coordinates: `u' = m[0] . (u, v, 1)`, likewise `v'`. Texel `(0, 0)` is the upper left one and
-    /// `v'` grows downwards (as in glTF); readers of formats with `v` upwards flip here.
+    /// Rows of the affine map of the coordinates: `u' = m[0] . (u, v, 1)`, likewise `v'`. Texel
+    /// `(0, 0)` is the upper left one and `v'` grows downwards (as in glTF); readers of formats
+    /// with `v` upwards flip here.
     pub uv_transform: [[f32; 3]; 2],
 }
 

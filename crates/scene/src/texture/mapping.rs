@@ -23,7 +23,8 @@ pub struct SpacePoint {
 impl SpacePoint {
     /// The point of a pattern's space where a point of the world is.
     ///
-    /// Patterns are fixed in the world: a thing that moves passes through them as through a solid block. (So it is in pbrt.)
+    /// Patterns are fixed in the world: a thing that moves passes through them as through a solid
+    /// block. (So it is in pbrt.)
     pub fn new(point: &ShadingPoint, texture_from_world: &Rows) -> Self {
         let [x, y, z] = point.surface.position.to_array().map(f64::from);
         let p = texture_from_world.map(|[a, b, c, d]| a * x + b * y + c * z + d);
@@ -43,8 +44,8 @@ pub struct PlanePoint {
     pub width: Vec2,
 }
 
-/// How the two coordinates `(s, t)` of a pattern follow from the point: the mappings of pbrt (Pharr, Jakob, Humphreys, Physically
-/// Based Rendering, 4th edition, section 10.2).
+/// How the two coordinates `(s, t)` of a pattern follow from the point: the mappings of pbrt
+/// (Pharr, Jakob, Humphreys, Physically Based Rendering, 4th edition, section 10.2).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Mapping {
@@ -53,10 +54,12 @@ pub enum Mapping {
         /// Which set of coordinates: 0 or 1.
         #[serde(default)]
         uv_set: u32,
-        /// Rows of the affine map: `s = m[0] . (u, v, 1)`, likewise `t`. `v` grows downwards, as in images.
+        /// Rows of the affine map: `s = m[0] . (u, v, 1)`, likewise `t`. `v` grows downwards, as in
+        /// images.
         uv_transform: [[f32; 3]; 2],
     },
-    /// By the direction from the origin of a space: `s` is the angle from its z axis over pi, `t` that about it over 2 pi, from 0 to 1.
+    /// By the direction from the origin of a space: `s` is the angle from its z axis over pi, `t`
+    /// that about it over 2 pi, from 0 to 1.
     Spherical {
         /// The space.
         texture_from_world: Rows,
@@ -81,7 +84,8 @@ impl Default for Mapping {
 }
 
 impl Mapping {
-    /// Scaled and shifted coordinates of the surface, upright: `(scale u + offset, scale (1 - v) + offset)`.
+    /// Scaled and shifted coordinates of the surface, upright:
+    /// `(scale u + offset, scale (1 - v) + offset)`.
     pub fn upright([su, sv]: [f32; 2], [du, dv]: [f32; 2]) -> Self {
         Self::Uv { uv_set: 0, uv_transform: [[su, 0.0, du], [0.0, -sv, sv + dv]] }
     }
@@ -94,9 +98,17 @@ impl Mapping {
     /// Mappings for tests.
     pub fn examples() -> Vec<Self> {
         let planar = Self::Planar { st_from_world: [[0.5, 0.0, 0.0, 0.25], [0.0, 0.5, 1.0, 0.0]] };
-        let [spherical, cylindrical] =
-            [Self::Spherical { texture_from_world: IDENTITY }, Self::Cylindrical { texture_from_world: IDENTITY }];
-        vec![Self::default(), Self::upright([4.0, -2.0], [0.5, 0.25]), spherical, cylindrical, planar]
+        let [spherical, cylindrical] = [
+            Self::Spherical { texture_from_world: IDENTITY },
+            Self::Cylindrical { texture_from_world: IDENTITY },
+        ];
+        vec![
+            Self::default(),
+            Self::upright([4.0, -2.0], [0.5, 0.25]),
+            spherical,
+            cylindrical,
+            planar,
+        ]
     }
 
     /// The coordinates at a point.
@@ -105,7 +117,8 @@ impl Mapping {
             Self::Uv { uv_set, uv_transform } => on_surface(point, *uv_set, uv_transform),
             Self::Spherical { texture_from_world } => {
                 let SpacePoint { p, width } = SpacePoint::new(point, texture_from_world);
-                let (across, reach, distance) = (p.truncate().length(), width.max_element(), p.length());
+                let (across, reach, distance) =
+                    (p.truncate().length(), width.max_element(), p.length());
                 let st = Vec2::new(across.atan2(p.z) / PI, turn(p));
                 (st, Vec2::new(reach / (PI * distance), reach / (2.0 * PI * across)))
             }
@@ -132,13 +145,18 @@ fn turn(p: Vec3) -> f32 {
     if turn < 0.0 { turn + 1.0 } else { turn }
 }
 
-fn on_surface(point: &ShadingPoint, uv_set: u32, [[a, b, c], [d, e, f]]: &[[f32; 3]; 2]) -> (Vec2, Vec2) {
+fn on_surface(
+    point: &ShadingPoint,
+    uv_set: u32,
+    [[a, b, c], [d, e, f]]: &[[f32; 3]; 2],
+) -> (Vec2, Vec2) {
     let surface = point.surface;
     let uv = surface.uv[(uv_set as usize).min(1)];
     let st = Vec2::new(a * uv.x + b * uv.y + c, d * uv.x + e * uv.y + f);
     if point.footprint == 0.0 {
         return (st, Vec2::ZERO);
     }
-    let reach = Vec2::new(surface.dpdu.length(), surface.dpdv.length()).map(|length| point.footprint / length);
+    let reach = Vec2::new(surface.dpdu.length(), surface.dpdv.length())
+        .map(|length| point.footprint / length);
     (st, Vec2::new(a.abs() * reach.x + b.abs() * reach.y, d.abs() * reach.x + e.abs() * reach.y))
 }

@@ -1,5 +1,5 @@
-//! Textures: what varies over a surface. An image looked up by coordinates, bilinear with mip maps, all wrap modes; or a pattern that is
-//! computed where it is asked for.
+//! Textures: what varies over a surface. An image looked up by coordinates, bilinear with mip maps,
+//! all wrap modes; or a pattern that is computed where it is asked for.
 
 mod image;
 pub mod mapping;
@@ -28,7 +28,8 @@ use snell_math::{ColorMode, Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What varies over a surface. A pattern is written with its name as `pattern`; what has none is an image.
+/// What varies over a surface. A pattern is written with its name as `pattern`; what has none is an
+/// image.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Texture {
@@ -119,7 +120,9 @@ pub fn errors(textures: &[Texture], image_count: usize) -> Vec<Option<TextureErr
         let (mut count, mut error) = (1usize, None);
         match texture {
             Texture::Image(image) if image.image.index() < image_count => {}
-            Texture::Image(image) => error = Some(TextureError::NoImage { id: image.image.0, count: image_count }),
+            Texture::Image(image) => {
+                error = Some(TextureError::NoImage { id: image.image.0, count: image_count })
+            }
             Texture::Pattern(pattern) => {
                 for id in pattern.textures() {
                     match parts[..i].get(id.index()) {
@@ -167,17 +170,20 @@ struct PreparedImage {
 /// Shown for ids that mean nothing.
 const MISSING: [f32; 4] = [1.0, 0.0, 1.0, 1.0];
 
-/// A point of a surface as far as textures look at it: its place in the world, its unit normal and both its coordinates, which grow by
-/// 1 per unit of the world.
+/// A point of a surface as far as textures look at it: its place in the world, its unit normal and
+/// both its coordinates, which grow by 1 per unit of the world.
 pub fn surface_at(position: Vec3, normal: Vec3, uv: Vec2) -> SurfaceInteraction {
     SurfaceInteraction { uv: [uv; 2], dpdv: Vec3::Z, ..SurfaceInteraction::plain(position, normal) }
 }
 
 impl TextureSet {
-    /// The same textures where they lie now: `textures` differ from those that the set was made of by their maps of coordinates alone.
+    /// The same textures where they lie now: `textures` differ from those that the set was made of
+    /// by their maps of coordinates alone.
     pub fn placed(mut set: Arc<Self>, textures: &[Texture]) -> Arc<Self> {
         let is_there = |(prepared, now): (&Prepared, &Texture)| match (prepared, now) {
-            (Prepared::Image(prepared), Texture::Image(now)) => prepared.texture.uv_transform == now.uv_transform,
+            (Prepared::Image(prepared), Texture::Image(now)) => {
+                prepared.texture.uv_transform == now.uv_transform
+            }
             _ => true,
         };
         if set.textures.iter().zip(textures).all(is_there) {
@@ -191,13 +197,16 @@ impl TextureSet {
         set
     }
 
-    /// Prepares textures (builds mip maps). A texture of an image that is not there, or holds fewer values than it says, shows
-    /// [`missing_texture_image`]; a pattern for which [`errors`] has an error is magenta.
+    /// Prepares textures (builds mip maps). A texture of an image that is not there, or holds fewer
+    /// values than it says, shows [`missing_texture_image`]; a pattern for which [`errors`] has an
+    /// error is magenta.
     pub fn new(textures: &[Texture], images: &[Arc<Image>]) -> Self {
         let mut set = Self::default();
-        // By image and encoding; false for those only ever looked up by nearest texel, which need no levels.
+        // By image and encoding; false for those only ever looked up by nearest texel, which need
+        // no levels.
         let mut wanted: BTreeMap<(usize, bool), bool> = BTreeMap::new();
-        let key = |t: &ImageTexture| (t.image.index().min(images.len()), t.encoding == Encoding::Srgb);
+        let key =
+            |t: &ImageTexture| (t.image.index().min(images.len()), t.encoding == Encoding::Srgb);
         for texture in textures.iter().filter_map(Texture::as_image) {
             *wanted.entry(key(texture)).or_default() |= texture.filtering == Filtering::Trilinear;
         }
@@ -207,7 +216,9 @@ impl TextureSet {
             let pyramid = images
                 .get(image)
                 .and_then(|image| Pyramid::new(image, encoding, with_levels))
-                .or_else(|| Pyramid::new(&Arc::new(missing_texture_image()), Encoding::Srgb, with_levels));
+                .or_else(|| {
+                    Pyramid::new(&Arc::new(missing_texture_image()), Encoding::Srgb, with_levels)
+                });
             places.insert((image, is_srgb), set.pyramids.len());
             set.pyramids.push(Arc::new(pyramid.expect("the missing-texture image is well formed")));
         }
@@ -215,7 +226,8 @@ impl TextureSet {
             set.textures.push(match texture {
                 Texture::Image(texture) => {
                     let pyramid = places[&key(texture)];
-                    let is_constant = set.pyramids[pyramid].size() == (1, 1) && !texture.wrap.contains(&Wrap::Black);
+                    let is_constant = set.pyramids[pyramid].size() == (1, 1)
+                        && !texture.wrap.contains(&Wrap::Black);
                     let constant = is_constant.then(|| set.pyramids[pyramid].texel(0, 0, 0));
                     Prepared::Image(PreparedImage { texture: texture.clone(), pyramid, constant })
                 }
@@ -234,28 +246,35 @@ impl TextureSet {
         }
     }
 
-    /// How far one texel reaches along the first two coordinates of a surface; `None` for what has no texels. Infinite where the
-    /// texture does not change along one.
+    /// How far one texel reaches along the first two coordinates of a surface; `None` for what has
+    /// no texels. Infinite where the texture does not change along one.
     pub fn texel_steps(&self, texture: TextureId) -> Option<[f32; 2]> {
-        let Some(Prepared::Image(PreparedImage { texture, pyramid, .. })) = self.textures.get(texture.index()) else {
+        let Some(Prepared::Image(PreparedImage { texture, pyramid, .. })) =
+            self.textures.get(texture.index())
+        else {
             return None;
         };
         let (width, height) = self.pyramids[*pyramid].size();
         let [across, down] = texture.uv_transform;
-        Some([0, 1].map(|i| 1.0 / (across[i].abs() * width as f32).max(down[i].abs() * height as f32)))
+        Some(
+            [0, 1]
+                .map(|i| 1.0 / (across[i].abs() * width as f32).max(down[i].abs() * height as f32)),
+        )
     }
 
-    /// Memory of the mip maps in bytes, without the images themselves: 2 bytes per value for 8-bit and 16-bit images and 4 for
-    /// floating-point ones, on a third of the image's values.
+    /// Memory of the mip maps in bytes, without the images themselves: 2 bytes per value for 8-bit
+    /// and 16-bit images and 4 for floating-point ones, on a third of the image's values.
     pub fn bytes(&self) -> usize {
         self.pyramids.iter().map(|pyramid| pyramid.bytes()).sum()
     }
 
-    /// Linear RGB and alpha at a surface point. `footprint` is the width of the ray's cone there, in world units.
+    /// Linear RGB and alpha at a surface point. `footprint` is the width of the ray's cone there,
+    /// in world units.
     ///
-    /// The mip level of an image is that at which the footprint covers one texel by area (Akenine-Moeller et al., Improved Shader and
-    /// Texture Level of Detail Using Ray Cones, JCGT 2021); the second coordinate set is filtered as the first. Patterns leave out what is
-    /// finer. Always finite.
+    /// The mip level of an image is that at which the footprint covers one texel by area
+    /// (Akenine-Moeller et al., Improved Shader and Texture Level of Detail Using Ray Cones, JCGT
+    /// 2021); the second coordinate set is filtered as the first. Patterns leave out what is finer.
+    /// Always finite.
     #[inline]
     pub fn lookup(&self, texture: TextureId, at: &SurfaceInteraction, footprint: f32) -> [f32; 4] {
         match self.textures.get(texture.index()) {
@@ -272,27 +291,46 @@ impl TextureSet {
         }
     }
 
-    /// Linear RGB and alpha at coordinates (before the texture's transform), at a mip level: 0 is the full image, each further level
-    /// has half the resolution. Levels between two are mixed; those outside the range, and NaN, mean the nearest there is. Patterns are
-    /// asked at the origin of the world, unfiltered.
+    /// Linear RGB and alpha at coordinates (before the texture's transform), at a mip level: 0 is
+    /// the full image, each further level has half the resolution. Levels between two are mixed;
+    /// those outside the range, and NaN, mean the nearest there is. Patterns are asked at the
+    /// origin of the world, unfiltered.
     pub fn lookup_at(&self, texture: TextureId, uv: Vec2, level: f32) -> [f32; 4] {
         match self.textures.get(texture.index()) {
             Some(Prepared::Image(prepared)) => self.filtered(prepared, uv, level),
-            Some(Prepared::Pattern(pattern)) => self.computed(pattern, &surface_at(Vec3::ZERO, Vec3::Y, uv), 0.0),
+            Some(Prepared::Pattern(pattern)) => {
+                self.computed(pattern, &surface_at(Vec3::ZERO, Vec3::Y, uv), 0.0)
+            }
             Some(Prepared::Broken) | None => MISSING,
         }
     }
 
     /// What a pattern shows; opaque. Apart from images, which are looked up far more often.
     #[inline(never)]
-    fn computed(&self, pattern: &Pattern, surface: &SurfaceInteraction, footprint: f32) -> [f32; 4] {
+    fn computed(
+        &self,
+        pattern: &Pattern,
+        surface: &SurfaceInteraction,
+        footprint: f32,
+    ) -> [f32; 4] {
         let footprint = if footprint > 0.0 { footprint } else { 0.0 };
-        let point = ShadingPoint { surface, footprint, textures: self, mode: ColorMode::Rgb, outside_ior: 1.0 };
+        let point = ShadingPoint {
+            surface,
+            footprint,
+            textures: self,
+            mode: ColorMode::Rgb,
+            outside_ior: 1.0,
+        };
         let [r, g, b] = pattern.rgb(&point).to_array().map(|x| if x.is_finite() { x } else { 0.0 });
         [r, g, b, 1.0]
     }
 
-    fn filtered(&self, PreparedImage { texture, pyramid, .. }: &PreparedImage, uv: Vec2, level: f32) -> [f32; 4] {
+    fn filtered(
+        &self,
+        PreparedImage { texture, pyramid, .. }: &PreparedImage,
+        uv: Vec2,
+        level: f32,
+    ) -> [f32; 4] {
         let pyramid = &self.pyramids[*pyramid];
         let uv = texture.coordinates(uv);
         if texture.filtering == Filtering::Nearest {
@@ -303,7 +341,11 @@ impl TextureSet {
         let fine = level as usize;
         let t = level - fine as f32;
         let value = pyramid.bilinear(fine, uv, texture.wrap);
-        if t == 0.0 { value } else { pyramid::lerp(value, pyramid.bilinear(fine + 1, uv, texture.wrap), t) }
+        if t == 0.0 {
+            value
+        } else {
+            pyramid::lerp(value, pyramid.bilinear(fine + 1, uv, texture.wrap), t)
+        }
     }
 
     fn level(
@@ -315,7 +357,8 @@ impl TextureSet {
         let (width, height) = self.pyramids[*pyramid].size();
         let world_per_uv = at.dpdu.cross(at.dpdv).length();
         let texels_per_world = texture.area_scale() * width as f32 * height as f32 / world_per_uv;
-        // Half the logarithm of the area is the logarithm of the width; infinity and NaN end up at a defined level in `filtered`.
+        // Half the logarithm of the area is the logarithm of the width; infinity and NaN end up at
+        // a defined level in `filtered`.
         footprint.log2() + 0.5 * texels_per_world.log2()
     }
 }

@@ -28,7 +28,8 @@ struct Level {
     texels: Texels,
 }
 
-/// An image in one encoding, ready for lookups. Level 0 is the image; each further level has half the size (rounded down, at least 1).
+/// An image in one encoding, ready for lookups. Level 0 is the image; each further level has half
+/// the size (rounded down, at least 1).
 #[derive(Debug)]
 pub(super) struct Pyramid {
     levels: Vec<Level>,
@@ -38,7 +39,8 @@ pub(super) struct Pyramid {
 }
 
 impl Pyramid {
-    /// Builds all levels. `None` if the image does not hold as many values as its size says, or none.
+    /// Builds all levels. `None` if the image does not hold as many values as its size says, or
+    /// none.
     pub(super) fn new(image: &Arc<Image>, encoding: Encoding, with_levels: bool) -> Option<Self> {
         let values = u64::from(image.width) * u64::from(image.height) * u64::from(image.channels);
         let stored = match &image.pixels {
@@ -54,8 +56,13 @@ impl Pyramid {
             return None;
         }
         let decode = Box::new(std::array::from_fn(|i| decoded(i as f32 / 255.0, encoding)));
-        let full = Level { width: image.width, height: image.height, texels: Texels::Stored(image.clone()) };
-        let mut pyramid = Self { levels: vec![full], channels: image.channels as usize, encoding, decode };
+        let full = Level {
+            width: image.width,
+            height: image.height,
+            texels: Texels::Stored(image.clone()),
+        };
+        let mut pyramid =
+            Self { levels: vec![full], channels: image.channels as usize, encoding, decode };
         if with_levels {
             pyramid.build_levels(image);
         }
@@ -87,13 +94,14 @@ impl Pyramid {
         }
     }
 
-    /// Half the resolution by an exact box filter: where the size is odd, texels count by the share that is covered. `read` gives a
-    /// row of linear values.
+    /// Half the resolution by an exact box filter: where the size is odd, texels count by the share
+    /// that is covered. `read` gives a row of linear values.
     fn halve(&self, from: (u32, u32), to: (u32, u32), read: impl Fn(u32, &mut [f32])) -> Vec<f32> {
         let channels = self.channels;
         let columns: Vec<_> = (0..to.0).map(|x| Coverage::new(x, from.0, to.0)).collect();
         let mut out = vec![0.0; to.0 as usize * to.1 as usize * channels];
-        let (mut row, mut sum) = (vec![0.0; from.0 as usize * channels], vec![0.0; from.0 as usize * channels]);
+        let (mut row, mut sum) =
+            (vec![0.0; from.0 as usize * channels], vec![0.0; from.0 as usize * channels]);
         for (y, out) in out.chunks_exact_mut(to.0 as usize * channels).enumerate() {
             sum.fill(0.0);
             for (source, weight) in Coverage::new(y as u32, from.1, to.1).texels() {
@@ -116,7 +124,13 @@ impl Pyramid {
         for (i, texel) in row.chunks_exact_mut(self.channels).enumerate() {
             for (c, x) in texel.iter_mut().enumerate() {
                 let index = start + i * self.channels + c;
-                *x = Self::stored(image, &self.decode, self.encoding, index, is_color(c, self.channels));
+                *x = Self::stored(
+                    image,
+                    &self.decode,
+                    self.encoding,
+                    index,
+                    is_color(c, self.channels),
+                );
             }
         }
     }
@@ -159,7 +173,13 @@ impl Pyramid {
         let start = (y as usize * level.width as usize + x as usize) * self.channels;
         match &level.texels {
             Texels::Stored(image) => spread(self.channels, |c| {
-                Self::stored(image, &self.decode, self.encoding, start + c, is_color(c, self.channels))
+                Self::stored(
+                    image,
+                    &self.decode,
+                    self.encoding,
+                    start + c,
+                    is_color(c, self.channels),
+                )
             }),
             Texels::Linear16(v) => {
                 let v = &v[start..start + self.channels];
@@ -172,7 +192,8 @@ impl Pyramid {
         }
     }
 
-    /// Bilinear interpolation in one level. `uv` is finite and [reduced](Wrap::reduce); texel centres lie at half-integers.
+    /// Bilinear interpolation in one level. `uv` is finite and [reduced](Wrap::reduce); texel
+    /// centres lie at half-integers.
     pub(super) fn bilinear(&self, level: usize, uv: Vec2, wrap: [Wrap; 2]) -> [f32; 4] {
         let Level { width, height, ref texels } = self.levels[level];
         let (x0, fx) = split(uv.x * width as f32 - 0.5);
@@ -188,7 +209,12 @@ impl Pyramid {
         };
         let start = |x: u32, y: u32| (y as usize * width as usize + x as usize) * self.channels;
         let corners = Corners {
-            starts: [start(left, upper), start(right, upper), start(left, lower), start(right, lower)],
+            starts: [
+                start(left, upper),
+                start(right, upper),
+                start(left, lower),
+                start(right, lower),
+            ],
             fx,
             fy,
         };
@@ -199,8 +225,9 @@ impl Pyramid {
                     true => self.decode[usize::from(v[i])],
                     false => f32::from(v[i]) * (1.0 / 255.0),
                 }),
-                _ => corners
-                    .mixed(self.channels, |i, is_color| Self::stored(image, &self.decode, self.encoding, i, is_color)),
+                _ => corners.mixed(self.channels, |i, is_color| {
+                    Self::stored(image, &self.decode, self.encoding, i, is_color)
+                }),
             },
             Texels::Linear16(v) => match corners.mixed_fours(self.channels, v) {
                 Some(rgba) => rgba,
@@ -255,8 +282,8 @@ impl Corners {
         }
     }
 
-    /// The same in one go for all channels: where there are three, the texel is read with the number that follows. `None` if none does, or
-    /// there are fewer.
+    /// The same in one go for all channels: where there are three, the texel is read with the
+    /// number that follows. `None` if none does, or there are fewer.
     #[inline(always)]
     fn mixed_fours(&self, channels: usize, numbers: &[u16]) -> Option<[f32; 4]> {
         let four = |start: usize| {
@@ -268,7 +295,8 @@ impl Corners {
         }
         let mixed = |a: Vec4, b: Vec4, t: f32| a + (b - a) * t;
         let [a, b, c, d] = self.starts;
-        let (upper, lower) = (mixed(four(a)?, four(b)?, self.fx), mixed(four(c)?, four(d)?, self.fx));
+        let (upper, lower) =
+            (mixed(four(a)?, four(b)?, self.fx), mixed(four(c)?, four(d)?, self.fx));
         let [r, g, b, a] = mixed(upper, lower, self.fy).to_array();
         Some([r, g, b, if channels == 3 { 1.0 } else { a }])
     }

@@ -61,7 +61,10 @@ fn each_wrap_mode_continues_the_picture_in_its_way() {
 #[test]
 fn nearest_filtering_does_not_mix() {
     let nearest = set(ImageTexture { filtering: Filtering::Nearest, ..linear() }, four());
-    assert_eq!([0.0, 0.49, 0.51, 0.99, 1.01].map(|u| grey(&nearest, u, 0.1)), [0.0, 0.0, 1.0, 1.0, 0.0]);
+    assert_eq!(
+        [0.0, 0.49, 0.51, 0.99, 1.01].map(|u| grey(&nearest, u, 0.1)),
+        [0.0, 0.0, 1.0, 1.0, 0.0]
+    );
     assert_eq!(nearest.bytes(), 0, "no mip maps are needed");
 }
 
@@ -90,7 +93,10 @@ fn every_level_has_the_mean_of_the_image() {
         let values: Vec<f32> = (0..width * height).map(|i| (i * 7 % 11) as f32).collect();
         let mean = values.iter().sum::<f32>() / values.len() as f32;
         let set = set(linear(), Image::from_f32(width, height, 1, values));
-        assert!((set.lookup_at(TextureId(0), Vec2::splat(0.37), 99.0)[0] - mean).abs() < 1e-4, "{width} x {height}");
+        assert!(
+            (set.lookup_at(TextureId(0), Vec2::splat(0.37), 99.0)[0] - mean).abs() < 1e-4,
+            "{width} x {height}"
+        );
     }
 }
 
@@ -100,7 +106,8 @@ fn the_footprint_chooses_the_level() {
     let checker = (0..64 * 64).map(|i| ((i + i / 64) % 2) as f32).collect();
     let set = set(linear(), Image::from_f32(64, 64, 1, checker));
     let uv = Vec2::splat(0.5 / 64.0);
-    let seen = |world_per_uv, footprint| set.lookup(TextureId(0), &at(uv, world_per_uv), footprint)[0];
+    let seen =
+        |world_per_uv, footprint| set.lookup(TextureId(0), &at(uv, world_per_uv), footprint)[0];
     assert_eq!(seen(1.0, 0.0), 0.0);
     assert_eq!(seen(1.0, 1.0 / 64.0), 0.0, "one texel");
     assert_eq!(seen(1.0, 2.0 / 64.0), 0.5, "two texels");
@@ -113,26 +120,37 @@ fn the_footprint_chooses_the_level() {
 
 #[test]
 fn the_transform_counts_in_place_and_level() {
-    let twice =
-        ImageTexture { uv_transform: [[2.0, 0.0, 0.25], [0.0, 2.0, 0.0]], filtering: Filtering::Nearest, ..linear() };
+    let twice = ImageTexture {
+        uv_transform: [[2.0, 0.0, 0.25], [0.0, 2.0, 0.0]],
+        filtering: Filtering::Nearest,
+        ..linear()
+    };
     assert_eq!(grey(&set(twice.clone(), four()), 0.0, 0.0), 0.0);
     assert_eq!(grey(&set(twice.clone(), four()), 0.13, 0.3), 3.0);
     let checker = Image::from_f32(2, 2, 1, vec![0.0, 1.0, 1.0, 0.0]);
     let trilinear = set(ImageTexture { filtering: Filtering::Trilinear, ..twice }, checker);
-    assert_eq!(trilinear.lookup(TextureId(0), &at(Vec2::ZERO, 1.0), 0.25)[0], 0.5 * 0.5 + 0.5 * 0.5);
+    assert_eq!(
+        trilinear.lookup(TextureId(0), &at(Vec2::ZERO, 1.0), 0.25)[0],
+        0.5 * 0.5 + 0.5 * 0.5
+    );
     assert_eq!(
         trilinear.lookup(TextureId(0), &at(Vec2::new(0.0, 0.125), 1.0), 0.25)[0],
         0.0,
         "one texel after the transform"
     );
-    assert_eq!(trilinear.lookup(TextureId(0), &at(Vec2::new(0.0, 0.125), 1.0), 0.5)[0], 0.5, "two texels");
+    assert_eq!(
+        trilinear.lookup(TextureId(0), &at(Vec2::new(0.0, 0.125), 1.0), 0.5)[0],
+        0.5,
+        "two texels"
+    );
 }
 
 #[test]
 fn the_second_set_of_coordinates_is_used_when_asked_for() {
     let point = at(Vec2::new(0.25, 0.75), 1.0);
     let first = set(linear(), four()).lookup(TextureId(0), &point, 0.0)[0];
-    let second = set(ImageTexture { uv_set: 1, ..linear() }, four()).lookup(TextureId(0), &point, 0.0)[0];
+    let second =
+        set(ImageTexture { uv_set: 1, ..linear() }, four()).lookup(TextureId(0), &point, 0.0)[0];
     assert_eq!((first, second), (2.0, 1.0));
 }
 

@@ -18,7 +18,8 @@ pub enum Wrap {
 }
 
 impl Wrap {
-    /// An equivalent coordinate near `[0, 1]`, so that huge ones keep their meaning and fit an index. `u` is finite.
+    /// An equivalent coordinate near `[0, 1]`, so that huge ones keep their meaning and fit an
+    /// index. `u` is finite.
     pub(super) fn reduce(self, u: f32) -> f32 {
         match self {
             Self::Repeat => u - floor(u),
@@ -31,7 +32,11 @@ impl Wrap {
     #[inline]
     pub(super) fn index(self, i: i32, n: u32) -> Option<u32> {
         // (Mostly it is inside, and divisions are slow.)
-        if (0..i64::from(n)).contains(&i64::from(i)) { Some(i as u32) } else { self.index_outside(i, n) }
+        if (0..i64::from(n)).contains(&i64::from(i)) {
+            Some(i as u32)
+        } else {
+            self.index_outside(i, n)
+        }
     }
 
     fn index_outside(self, i: i32, n: u32) -> Option<u32> {
@@ -49,7 +54,8 @@ impl Wrap {
     }
 }
 
-/// As [`f32::floor`], which is a call on machines whose instructions have it only at higher levels. Of either zero, any.
+/// As [`f32::floor`], which is a call on machines whose instructions have it only at higher levels.
+/// Of either zero, any.
 #[inline]
 pub(super) fn floor(x: f32) -> f32 {
     /// All larger numbers are whole.
@@ -80,7 +86,17 @@ mod tests {
 
     #[test]
     fn rounding_down_is_that_of_the_library() {
-        let ends = [0.0, 0.5, 1.0, 8_388_607.5, 16_777_215.0, 16_777_216.0, 1e30, f32::MIN_POSITIVE, f32::INFINITY];
+        let ends = [
+            0.0,
+            0.5,
+            1.0,
+            8_388_607.5,
+            16_777_215.0,
+            16_777_216.0,
+            1e30,
+            f32::MIN_POSITIVE,
+            f32::INFINITY,
+        ];
         for i in 0..1000 {
             for x in [snell_math::rng::uniform2([i, 1, 2, 3]).x * 200.0].into_iter().chain(ends) {
                 assert!(floor(x) == x.floor() && floor(-x) == (-x).floor(), "{x}");

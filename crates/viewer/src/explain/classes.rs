@@ -1,4 +1,5 @@
-//! The light of a pixel by the way that it took (Heckbert, Adaptive radiosity textures for bidirectional ray tracing, 1990).
+//! The light of a pixel by the way that it took (Heckbert, Adaptive radiosity textures for
+//! bidirectional ray tracing, 1990).
 
 use super::PathClass;
 use snell_render::explain::{PathTree, Scattering};

@@ -1,19 +1,24 @@
-//! Why a pixel looks as it does, in words and numbers for people: [`Report`]. The same for `snell explain`, the page and Python.
+//! Why a pixel looks as it does, in words and numbers for people: [`Report`]. The same for
+//! `snell explain`, the page and Python.
 //!
-//! What happened is told by [`snell_render::explain`] and [`snell_intersect::World::journey`]; here it gets names, and becomes text
-//! ([`text`]), a drawing ([`svg`]) or JSON (it is `Serialize`).
+//! What happened is told by [`snell_render::explain`] and [`snell_intersect::World::journey`]; here
+//! it gets names, and becomes text ([`text`]), a drawing ([`svg`]) or JSON (it is `Serialize`).
 
 mod classes;
 mod report;
 pub mod svg;
 pub mod text;
 
-pub use report::{JourneyReport, LightReport, PathClass, Point, Report, SampleReport, StopReport, VertexReport};
+pub use report::{
+    JourneyReport, LightReport, PathClass, Point, Report, SampleReport, StopReport, VertexReport,
+};
 
 use snell_intersect::accel::AcceleratorKind;
 use snell_intersect::{Journey, PlaceKind};
 use snell_math::{DVec2, Ray, SampledSpectrum, Vec2};
-use snell_render::explain::{Explanation, LightRay, PathTree, PathVertex, VertexKind, Wanted, explain};
+use snell_render::explain::{
+    Explanation, LightRay, PathTree, PathVertex, VertexKind, Wanted, explain,
+};
 use snell_render::integrator::light_part::{LightSource, Lobe};
 use snell_render::{CompiledScene, IntegratorKind, Job, Settings};
 use snell_scene::{Camera, CameraSample, Scene};
@@ -52,7 +57,11 @@ pub struct Subject<'a> {
 pub type Structure = (AcceleratorKind, Arc<CompiledScene>);
 
 /// The scene in each of these structures.
-pub fn structures(scene: &Scene, settings: &Settings, kinds: &[AcceleratorKind]) -> Result<Vec<Structure>, String> {
+pub fn structures(
+    scene: &Scene,
+    settings: &Settings,
+    kinds: &[AcceleratorKind],
+) -> Result<Vec<Structure>, String> {
     let build = |&kind: &AcceleratorKind| {
         let options = snell_intersect::BuildOptions { accelerator: kind, ..settings.build.clone() };
         let compiled = CompiledScene::new(scene, &options).map_err(|e| e.to_string())?;
@@ -62,24 +71,42 @@ pub fn structures(scene: &Scene, settings: &Settings, kinds: &[AcceleratorKind])
 }
 
 /// Answers the question. The errors are for people.
-pub fn report(subject: Subject, question: &Question, structures: &[Structure]) -> Result<Report, String> {
+pub fn report(
+    subject: Subject,
+    question: &Question,
+    structures: &[Structure],
+) -> Result<Report, String> {
     let Subject { scene, compiled, camera, settings } = subject;
     let Question { pixel, sample } = *question;
     if settings.noise.is_some() {
-        return Err("how many samples a pixel takes depends on the whole picture with --noise; leave it out".into());
+        return Err("how many samples a pixel takes depends on the whole picture with --noise; \
+            leave it out"
+            .into());
     }
     if settings.integrator == IntegratorKind::Aov {
-        return Err("the integrator aov shows a layer and no light: there is nothing to explain".into());
+        return Err(
+            "the integrator aov shows a layer and no light: there is nothing to explain".into()
+        );
     }
     if sample.is_some_and(|s| s >= settings.spp) {
-        return Err(format!("sample {}: the pixel has samples 0 to {}", sample.unwrap_or(0), settings.spp - 1));
+        return Err(format!(
+            "sample {}: the pixel has samples 0 to {}",
+            sample.unwrap_or(0),
+            settings.spp - 1
+        ));
     }
     let [width, height] = settings.size;
     let job = Job::new(compiled, camera, settings);
-    let outside = || format!("pixel {},{} is outside of the picture of {width}x{height} pixels", pixel[0], pixel[1]);
+    let outside = || {
+        format!(
+            "pixel {},{} is outside of the picture of {width}x{height} pixels",
+            pixel[0], pixel[1]
+        )
+    };
     let (looks, mut classes) = (looks(settings.spp), classes::Classes::default());
     let wanted = Wanted { sample, looks: &looks };
-    let explanation = explain(&job, pixel, 1, wanted, |tree| classes.add(tree)).ok_or_else(outside)?;
+    let explanation =
+        explain(&job, pixel, 1, wanted, |tree| classes.add(tree)).ok_or_else(outside)?;
     let tree = chosen(&explanation, sample).ok_or("the pixel has no samples")?;
     let ray = tree.vertices.first().map_or_else(|| middle_ray(camera, settings, pixel), |v| v.ray);
     Ok(Report {
@@ -94,7 +121,10 @@ pub fn report(subject: Subject, question: &Question, structures: &[Structure]) -
         classes: classes.finish(),
         samples: (0..).zip(&explanation.samples).map_while(in_order).collect(),
         tree: sample_report(scene, compiled, tree),
-        journeys: structures.iter().map(|(kind, compiled)| journey_report(*kind, compiled, &ray)).collect(),
+        journeys: structures
+            .iter()
+            .map(|(kind, compiled)| journey_report(*kind, compiled, &ray))
+            .collect(),
         bounds: bounds(compiled),
         cloud: cloud(compiled, camera, settings),
     })
@@ -126,8 +156,9 @@ fn middle_ray(camera: &Camera, settings: &Settings, pixel: [u32; 2]) -> Ray {
 /// Where the plot has points: evenly spread over the logarithm of the number of samples.
 fn looks(spp: u32) -> Vec<u32> {
     let last = f64::from(spp.max(1));
-    let mut numbers: Vec<u32> =
-        (0..MAX_POINTS).map(|i| last.powf(i as f64 / (MAX_POINTS - 1) as f64).round() as u32).collect();
+    let mut numbers: Vec<u32> = (0..MAX_POINTS)
+        .map(|i| last.powf(i as f64 / (MAX_POINTS - 1) as f64).round() as u32)
+        .collect();
     numbers.dedup();
     numbers
 }
@@ -151,8 +182,10 @@ fn cloud(compiled: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<
     let filter = snell_render::job::hit_filter(compiled);
     let at = |i: u32| {
         let [x, y] = [i % CLOUD[0], i / CLOUD[0]];
-        let place = |n: u32, of: u32, size: u32| (f64::from(n) + 0.5) / f64::from(of) * f64::from(size);
-        let film = DVec2::new(place(x, CLOUD[0], settings.size[0]), place(y, CLOUD[1], settings.size[1]));
+        let place =
+            |n: u32, of: u32, size: u32| (f64::from(n) + 0.5) / f64::from(of) * f64::from(size);
+        let film =
+            DVec2::new(place(x, CLOUD[0], settings.size[0]), place(y, CLOUD[1], settings.size[1]));
         let ray = camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, settings.size).ray;
         let hit = compiled.world.closest_one(&ray, filter);
         hit.is_hit().then(|| (ray.origin + ray.direction * hit.t).to_array())
@@ -198,15 +231,27 @@ fn sample_report(scene: &Scene, compiled: &CompiledScene, tree: &PathTree) -> Sa
     let vertices = tree.vertices.iter().map(|v| vertex_report(scene, compiled, tree, v)).collect();
     let color = |s: SampledSpectrum| tree.color_of(s).to_array();
     let sum = color(tree.sum());
-    SampleReport { number: tree.number, color: tree.color.to_array(), weight: tree.weight, sum, vertices }
+    SampleReport {
+        number: tree.number,
+        color: tree.color.to_array(),
+        weight: tree.weight,
+        sum,
+        vertices,
+    }
 }
 
-fn vertex_report(scene: &Scene, compiled: &CompiledScene, tree: &PathTree, vertex: &PathVertex) -> VertexReport {
+fn vertex_report(
+    scene: &Scene,
+    compiled: &CompiledScene,
+    tree: &PathTree,
+    vertex: &PathVertex,
+) -> VertexReport {
     let color = |s: SampledSpectrum| tree.color_of(s).to_array();
     let (what, object, material, primitive, normal) = match &vertex.kind {
         VertexKind::Surface { hit, normal, material, .. } => {
             let path = compiled.node_path(hit);
-            let names = path.iter().filter_map(|id| scene.nodes.get(id.index())).map(|n| n.name.clone());
+            let names =
+                path.iter().filter_map(|id| scene.nodes.get(id.index())).map(|n| n.name.clone());
             let object: Vec<String> = names.skip(1).filter(|name| !name.is_empty()).collect();
             let name = compiled.material(*material).name.clone();
             ("surface", object.join(" › "), name, Some(hit.primitive), Some(normal.to_array()))
@@ -235,11 +280,20 @@ fn vertex_report(scene: &Scene, compiled: &CompiledScene, tree: &PathTree, verte
         glow: color(vertex.glow),
         found: color(vertex.found),
         found_weight: vertex.found_weight,
-        lights: vertex.light_rays.iter().map(|ray| light_report(scene, compiled, tree, ray)).collect(),
+        lights: vertex
+            .light_rays
+            .iter()
+            .map(|ray| light_report(scene, compiled, tree, ray))
+            .collect(),
     }
 }
 
-fn light_report(scene: &Scene, compiled: &CompiledScene, tree: &PathTree, light: &LightRay) -> LightReport {
+fn light_report(
+    scene: &Scene,
+    compiled: &CompiledScene,
+    tree: &PathTree,
+    light: &LightRay,
+) -> LightReport {
     let end = light.ray.origin + light.ray.direction * light.ray.t_max;
     LightReport {
         source: light.source.map_or_else(|| "a light".into(), |s| source_name(scene, compiled, s)),
@@ -255,7 +309,8 @@ fn light_report(scene: &Scene, compiled: &CompiledScene, tree: &PathTree, light:
 }
 
 fn source_name(scene: &Scene, compiled: &CompiledScene, source: LightSource) -> String {
-    let named = |what: &str, name: &str| if name.is_empty() { what.to_string() } else { name.to_string() };
+    let named =
+        |what: &str, name: &str| if name.is_empty() { what.to_string() } else { name.to_string() };
     match source {
         LightSource::Light(number) => {
             let kind = scene.lights.get(number as usize).map_or("", |light| light.name());
@@ -290,7 +345,12 @@ mod tests {
         let settings = Settings { size: [40, 30], spp: 8, ..Settings::default() };
         let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
         let structures = structures(&scene, &settings, &AcceleratorKind::ALL)?;
-        let subject = Subject { scene: &scene, compiled: &compiled, camera: &scene.cameras[0], settings: &settings };
+        let subject = Subject {
+            scene: &scene,
+            compiled: &compiled,
+            camera: &scene.cameras[0],
+            settings: &settings,
+        };
         report(subject, &Question { pixel, sample }, &structures)
     }
 
@@ -300,19 +360,35 @@ mod tests {
         let mean = |c: usize| report.samples.iter().map(|s| s[c]).sum::<f32>() / 8.0;
         let classes = |c: usize| report.classes.iter().map(|class| class.value[c]).sum::<f32>();
         for c in 0..3 {
-            assert!((mean(c) - report.value[c]).abs() < 1e-5 && (classes(c) - report.value[c]).abs() < 1e-5);
+            assert!(
+                (mean(c) - report.value[c]).abs() < 1e-5
+                    && (classes(c) - report.value[c]).abs() < 1e-5
+            );
         }
         assert_eq!(report.tree.sum, report.tree.color);
         let first = &report.tree.vertices[0];
-        assert!(!first.material.is_empty() && first.parent.is_none() && first.throughput == [1.0; 3]);
+        assert!(
+            !first.material.is_empty() && first.parent.is_none() && first.throughput == [1.0; 3]
+        );
         // All structures find the same, each in its way.
         assert_eq!(report.journeys.len(), AcceleratorKind::ALL.len());
-        assert!(report.journeys.iter().all(|j| j.distance == report.journeys[0].distance && !j.stops.is_empty()));
-        for text in [text::text(&report), svg::svg(&report), serde_json::to_string(&report).expect("plain data")] {
+        assert!(
+            report
+                .journeys
+                .iter()
+                .all(|j| j.distance == report.journeys[0].distance && !j.stops.is_empty())
+        );
+        for text in [
+            text::text(&report),
+            svg::svg(&report),
+            serde_json::to_string(&report).expect("plain data"),
+        ] {
             assert!(text.contains(&first.material) && text.contains("kdtree"), "{text}");
         }
         let drawing = svg::svg(&report);
-        assert!(drawing.starts_with("<svg") && !drawing.contains("NaN") && !drawing.contains("inf"));
+        assert!(
+            drawing.starts_with("<svg") && !drawing.contains("NaN") && !drawing.contains("inf")
+        );
     }
 
     #[test]

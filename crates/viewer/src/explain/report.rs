@@ -52,7 +52,8 @@ pub struct Point {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct PathClass {
-    /// In Heckbert's letters, from the eye to the light: E, then D (diffuse), G (glossy), S (mirror), T (through), V (medium), L.
+    /// In Heckbert's letters, from the eye to the light: E, then D (diffuse), G (glossy), S
+    /// (mirror), T (through), V (medium), L.
     pub way: String,
     /// What it adds to the pixel.
     pub value: [f32; 3],

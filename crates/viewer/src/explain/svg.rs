@@ -1,4 +1,5 @@
-//! A report as a drawing: the path tree, how the pixel came about, and what each acceleration structure had to do.
+//! A report as a drawing: the path tree, how the pixel came about, and what each acceleration
+//! structure had to do.
 
 use super::text::{short, title};
 use super::{JourneyReport, Point, Report, VertexReport};
@@ -21,8 +22,10 @@ pub fn svg(report: &Report) -> String {
     let style = "text{font:13px system-ui,sans-serif;fill:#1c2430}.s{font-size:11px;fill:#5b6675}.h{font-size:16px;font-weight:600}\
                  .m{font-family:ui-monospace,monospace;font-size:12px}";
     format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{height}\" viewBox=\"0 0 {WIDTH} {height}\">\n\
-         <style>{style}</style>\n<rect width=\"100%\" height=\"100%\" fill=\"#fbfcfd\"/>\n{body}</svg>\n"
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{height}\" \
+            viewBox=\"0 0 {WIDTH} {height}\">\n\
+         <style>{style}</style>\n<rect width=\"100%\" height=\"100%\" \
+         fill=\"#fbfcfd\"/>\n{body}</svg>\n"
     )
 }
 
@@ -43,7 +46,8 @@ fn escaped(text: &str) -> String {
 }
 
 fn text_at(out: &mut String, x: f32, y: f32, class: &str, text: &str) {
-    let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" class=\"{class}\">{}</text>", escaped(text));
+    let _ =
+        writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" class=\"{class}\">{}</text>", escaped(text));
 }
 
 /// A linear colour as screens show it, bright ones pulled down to 1.
@@ -61,7 +65,8 @@ fn swatch(out: &mut String, x: f32, y: f32, size: f32, color: [f32; 3]) {
     let fill = css(color, 1.0 / most);
     let _ = writeln!(
         out,
-        "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{size}\" height=\"{size}\" rx=\"2\" fill=\"{fill}\" stroke=\"#8a94a3\" stroke-width=\"0.7\"/>"
+        "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{size}\" height=\"{size}\" rx=\"2\" \
+            fill=\"{fill}\" stroke=\"#8a94a3\" stroke-width=\"0.7\"/>"
     );
 }
 
@@ -76,7 +81,13 @@ fn tree(out: &mut String, report: &Report) -> f32 {
     swatch(out, MARGIN, y - 17.0, 22.0, [value[0], value[1], value[2]]);
     text_at(out, MARGIN + 32.0, y, "h", &format!("Pixel {px},{py} of {scene}"));
     y += LINE;
-    text_at(out, MARGIN + 32.0, y, "m", &format!("{}   after {} samples", rgb(&value[..3]), report.spp));
+    text_at(
+        out,
+        MARGIN + 32.0,
+        y,
+        "m",
+        &format!("{}   after {} samples", rgb(&value[..3]), report.spp),
+    );
     y += LINE * 1.8;
     text_at(out, MARGIN, y, "h", &format!("Sample {}", tree.number));
     y += LINE * 0.4;
@@ -101,7 +112,13 @@ fn tree(out: &mut String, report: &Report) -> f32 {
     }
     if tree.vertices.len() > MOST_VERTICES {
         y += LINE;
-        text_at(out, MARGIN, y, "s", &format!("and {} more vertices", tree.vertices.len() - MOST_VERTICES));
+        text_at(
+            out,
+            MARGIN,
+            y,
+            "s",
+            &format!("and {} more vertices", tree.vertices.len() - MOST_VERTICES),
+        );
     }
     y += LINE * 1.4;
     swatch(out, MARGIN, y - 11.0, 13.0, tree.sum);
@@ -117,8 +134,10 @@ fn contributions(out: &mut String, vertex: &VertexReport, x: f32, mut y: f32) ->
     let found = |what: &str, weight: f32| {
         if weight == 1.0 { what.to_string() } else { format!("{what}, weight {weight:.3}") }
     };
-    let own =
-        [(vertex.glow, "from media on the way".to_string()), (vertex.found, found("found here", vertex.found_weight))];
+    let own = [
+        (vertex.glow, "from media on the way".to_string()),
+        (vertex.found, found("found here", vertex.found_weight)),
+    ];
     let of_lights = vertex.lights.iter().map(|light| {
         let fate = if light.is_blocked { "hidden" } else { "seen" };
         (light.brought, format!("{}: {fate}, weight {:.3}", light.source, light.weight))
@@ -151,7 +170,13 @@ fn right_column(out: &mut String, report: &Report) -> f32 {
         text_at(out, RIGHT + 96.0 + width, y, "s", &format!("{:.1} %", class.share * 100.0));
     }
     y += LINE;
-    text_at(out, RIGHT, y, "s", "E eye, D diffuse, G glossy, S mirror, T through, V medium, L light");
+    text_at(
+        out,
+        RIGHT,
+        y,
+        "s",
+        "E eye, D diffuse, G glossy, S mirror, T through, V medium, L light",
+    );
     y += LINE * 2.0;
     text_at(out, RIGHT, y, "h", "As the samples come in");
     y = plot(out, &report.convergence, y + 14.0);
@@ -167,15 +192,20 @@ fn right_column(out: &mut String, report: &Report) -> f32 {
 fn plot(out: &mut String, points: &[Point], top: f32) -> f32 {
     let (left, width, height) = (RIGHT + 44.0, 400.0, 170.0);
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return top };
-    let most = points.iter().flat_map(|p| p.value).fold(0.0_f32, |a, b| if b.is_finite() { a.max(b) } else { a });
-    let ceiling = most.min(3.0 * last.value.iter().fold(0.0_f32, |a, &b| a.max(b))).max(1e-6) * 1.08;
+    let most = points
+        .iter()
+        .flat_map(|p| p.value)
+        .fold(0.0_f32, |a, b| if b.is_finite() { a.max(b) } else { a });
+    let ceiling =
+        most.min(3.0 * last.value.iter().fold(0.0_f32, |a, &b| a.max(b))).max(1e-6) * 1.08;
     let log = |n: u32| (n.max(1) as f32).ln();
     let span = (log(last.samples) - log(first.samples)).max(1e-6);
     let x = |p: &Point| left + width * (log(p.samples) - log(first.samples)) / span;
     let y = |v: f32| top + height * (1.0 - (v / ceiling).clamp(0.0, 1.0));
     let _ = writeln!(
         out,
-        "<rect x=\"{left}\" y=\"{top:.1}\" width=\"{width}\" height=\"{height}\" fill=\"#fff\" stroke=\"#c9d1db\"/>"
+        "<rect x=\"{left}\" y=\"{top:.1}\" width=\"{width}\" height=\"{height}\" fill=\"#fff\" \
+            stroke=\"#c9d1db\"/>"
     );
     for (c, color) in ["#c0392b", "#2e8b57", "#2f6fb5"].into_iter().enumerate() {
         let line = |f: &dyn Fn(&Point) -> f32| -> Vec<String> {
@@ -186,7 +216,8 @@ fn plot(out: &mut String, points: &[Point], top: f32) -> f32 {
         lower.reverse();
         let _ = writeln!(
             out,
-            "<polygon points=\"{} {}\" fill=\"{color}\" fill-opacity=\"0.13\"/>\n<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.6\"/>",
+            "<polygon points=\"{} {}\" fill=\"{color}\" fill-opacity=\"0.13\"/>\n<polyline \
+                points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.6\"/>",
             upper.join(" "),
             lower.join(" "),
             line(&|p| p.value[c]).join(" ")
@@ -203,7 +234,8 @@ fn plot(out: &mut String, points: &[Point], top: f32) -> f32 {
 
 /// Bars of work; the longest is that of most work, by the logarithm.
 fn journeys(out: &mut String, journeys: &[JourneyReport], mut y: f32) -> f32 {
-    let work = |j: &JourneyReport| f64::from(j.nodes) + f64::from(j.cells) + f64::from(j.primitives);
+    let work =
+        |j: &JourneyReport| f64::from(j.nodes) + f64::from(j.cells) + f64::from(j.primitives);
     let most = journeys.iter().map(work).fold(2.0, f64::max).ln_1p();
     for journey in journeys {
         y += LINE;
@@ -211,16 +243,24 @@ fn journeys(out: &mut String, journeys: &[JourneyReport], mut y: f32) -> f32 {
         let all = work(journey).max(1e-9);
         let length = 200.0 * all.ln_1p() / most;
         let mut x = f64::from(RIGHT) + 132.0;
-        for (part, color) in [(journey.nodes, "#4a7fb5"), (journey.cells, "#58a68c"), (journey.primitives, "#d08a3c")] {
+        for (part, color) in [
+            (journey.nodes, "#4a7fb5"),
+            (journey.cells, "#58a68c"),
+            (journey.primitives, "#d08a3c"),
+        ] {
             let width = length * f64::from(part) / all;
             let _ = writeln!(
                 out,
-                "<rect x=\"{x:.1}\" y=\"{:.1}\" width=\"{width:.1}\" height=\"12\" fill=\"{color}\"/>",
+                "<rect x=\"{x:.1}\" y=\"{:.1}\" width=\"{width:.1}\" height=\"12\" \
+                    fill=\"{color}\"/>",
                 y - 10.0
             );
             x += width;
         }
-        let numbers = format!("{} nodes, {} cells, {} tests", journey.nodes, journey.cells, journey.primitives);
+        let numbers = format!(
+            "{} nodes, {} cells, {} tests",
+            journey.nodes, journey.cells, journey.primitives
+        );
         text_at(out, x as f32 + 8.0, y, "s", &numbers);
     }
     y

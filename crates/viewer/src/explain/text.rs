@@ -15,8 +15,13 @@ pub fn text(report: &Report) -> String {
 }
 
 fn write(out: &mut String, report: &Report) -> std::fmt::Result {
-    let Report { pixel: [x, y], size: [width, height], value, error, spp, scene, integrator, .. } = report;
-    writeln!(out, "Pixel {x},{y} of {scene}, {width}x{height} pixels, {integrator}, {spp} samples")?;
+    let Report {
+        pixel: [x, y], size: [width, height], value, error, spp, scene, integrator, ..
+    } = report;
+    writeln!(
+        out,
+        "Pixel {x},{y} of {scene}, {width}x{height} pixels, {integrator}, {spp} samples"
+    )?;
     writeln!(out, "  value     {}", rgb(&value[..3]))?;
     if *spp > 1 {
         writeln!(out, "  error  ±  {}", rgb(error))?;
@@ -25,7 +30,13 @@ fn write(out: &mut String, report: &Report) -> std::fmt::Result {
         writeln!(out, "\nIts light, by the way from the eye (E) to the light (L):")?;
         writeln!(out, "D diffuse, G glossy, S mirror, T through a surface, V in a medium")?;
         for class in report.classes.iter().take(MOST_CLASSES) {
-            writeln!(out, "  {:<9} {:>5.1} %  {}", class.way, class.share * 100.0, rgb(&class.value))?;
+            writeln!(
+                out,
+                "  {:<9} {:>5.1} %  {}",
+                class.way,
+                class.share * 100.0,
+                rgb(&class.value)
+            )?;
         }
         let rest = &report.classes[MOST_CLASSES.min(report.classes.len())..];
         if !rest.is_empty() {
@@ -38,7 +49,11 @@ fn write(out: &mut String, report: &Report) -> std::fmt::Result {
         writeln!(out, "\nThe way of the camera ray through each acceleration structure:")?;
         writeln!(out, "  {:<20} {:>8} {:>8} {:>10}", "", "nodes", "cells", "primitives")?;
         for j in &report.journeys {
-            writeln!(out, "  {:<20} {:>8} {:>8} {:>10}", j.accelerator, j.nodes, j.cells, j.primitives)?;
+            writeln!(
+                out,
+                "  {:<20} {:>8} {:>8} {:>10}",
+                j.accelerator, j.nodes, j.cells, j.primitives
+            )?;
         }
     }
     Ok(())
@@ -50,7 +65,9 @@ fn write_tree(out: &mut String, tree: &SampleReport) -> std::fmt::Result {
         let indent = "  ".repeat(vertex.depth as usize + 1);
         writeln!(out, "{indent}{}", title(number, vertex))?;
         writeln!(out, "{indent}    throughput {}", rgb(&vertex.throughput))?;
-        for (what, light) in [("from media on the way", vertex.glow), ("light found here", vertex.found)] {
+        for (what, light) in
+            [("from media on the way", vertex.glow), ("light found here", vertex.found)]
+        {
             if light != [0.0; 3] {
                 let weight = if what.starts_with("light") && vertex.found_weight != 1.0 {
                     format!(", weight {:.3}", vertex.found_weight)
@@ -63,7 +80,11 @@ fn write_tree(out: &mut String, tree: &SampleReport) -> std::fmt::Result {
         for light in &vertex.lights {
             let (source, weight) = (&light.source, light.weight);
             let fate = if light.is_blocked { "hidden" } else { "seen" };
-            writeln!(out, "{indent}  + {}  from {source}: {fate}, weight {weight:.3}", rgb(&light.brought))?;
+            writeln!(
+                out,
+                "{indent}  + {}  from {source}: {fate}, weight {weight:.3}",
+                rgb(&light.brought)
+            )?;
         }
     }
     writeln!(out, "  = {}", rgb(&tree.sum))
@@ -77,8 +98,13 @@ pub(super) fn title(number: usize, vertex: &VertexReport) -> String {
     };
     let what = match vertex.what.as_str() {
         "surface" => {
-            let name = if vertex.material.is_empty() { "unnamed material" } else { &vertex.material };
-            let of = if vertex.object.is_empty() { String::new() } else { format!(" of {}", vertex.object) };
+            let name =
+                if vertex.material.is_empty() { "unnamed material" } else { &vertex.material };
+            let of = if vertex.object.is_empty() {
+                String::new()
+            } else {
+                format!(" of {}", vertex.object)
+            };
             format!("{name}{of}")
         }
         "medium" => "scattered in a medium".into(),

@@ -1,4 +1,5 @@
-//! `snell bench accelerators`: all acceleration structures on one scene, and how their cost grows with the number of triangles.
+//! `snell bench accelerators`: all acceleration structures on one scene, and how their cost grows
+//! with the number of triangles.
 
 mod growth;
 mod measure;
@@ -57,12 +58,15 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if let Some(path) = &options.plot {
         snell_formats::atomic::check(path)?;
     }
-    let named = |name: &String| choice("accelerator", name, &AcceleratorKind::ALL, AcceleratorKind::name);
-    let kinds: Vec<AcceleratorKind> = options.accelerator.iter().map(named).collect::<Result<_, _>>()?;
+    let named =
+        |name: &String| choice("accelerator", name, &AcceleratorKind::ALL, AcceleratorKind::name);
+    let kinds: Vec<AcceleratorKind> =
+        options.accelerator.iter().map(named).collect::<Result<_, _>>()?;
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
     let bench = scenes::load(&options.scene, &read)?;
     let report = Report { options };
-    let measurer = Measurer { side: options.side, seconds: options.seconds, build_limit: options.build_limit };
+    let measurer =
+        Measurer { side: options.side, seconds: options.seconds, build_limit: options.build_limit };
     report.structures(&bench, &kinds, &measurer)?;
     let sweep = report.resolutions(&bench, &measurer)?;
     report.switches(&bench, &kinds, &measurer)?;
@@ -79,7 +83,8 @@ struct Report<'a> {
     options: &'a Options,
 }
 
-/// A point of the sweep over resolutions of the grid: cells along the longest side, and microseconds for a diffuse ray.
+/// A point of the sweep over resolutions of the grid: cells along the longest side, and
+/// microseconds for a diffuse ray.
 type SweepPoint = (u32, f64);
 
 impl Report<'_> {
@@ -91,19 +96,38 @@ impl Report<'_> {
 
     /// Prints a line that only people read.
     fn heading(&self, text: &str) -> Result<(), Failure> {
-        if self.options.json { Ok(()) } else { standard_output::write(format!("{text}\n").as_bytes()) }
+        if self.options.json {
+            Ok(())
+        } else {
+            standard_output::write(format!("{text}\n").as_bytes())
+        }
     }
 
     /// All structures on the scene itself.
-    fn structures(&self, bench: &Bench, kinds: &[AcceleratorKind], measurer: &Measurer) -> Result<(), Failure> {
+    fn structures(
+        &self,
+        bench: &Bench,
+        kinds: &[AcceleratorKind],
+        measurer: &Measurer,
+    ) -> Result<(), Failure> {
         let triangles = bench.world.instanced_triangle_count();
         self.heading(&format!(
-            "{}, {triangles} triangles: thousands of rays per second, one thread; and of a diffuse ray the nodes, cells and primitives",
+            "{}, {triangles} triangles: thousands of rays per second, one thread; and of a diffuse \
+                ray the nodes, cells and primitives",
             scenes::short_name(&bench.name)
         ))?;
         self.heading(&format!(
             "{:20} {:>8} {:>8} {:>9} {:>9} {:>9} {:>9} {:>8} {:>8} {:>8}",
-            "", "build s", "MB", "primary", "shadow", "diffuse", "shuffled", "nodes", "cells", "tests"
+            "",
+            "build s",
+            "MB",
+            "primary",
+            "shadow",
+            "diffuse",
+            "shuffled",
+            "nodes",
+            "cells",
+            "tests"
         ))?;
         let case = Case::new(bench, measurer)?;
         for &kind in kinds {
@@ -129,18 +153,28 @@ impl Report<'_> {
         Ok(())
     }
 
-    /// The uniform grid at several resolutions, without grids in cells; then as it chooses by itself, without and with.
+    /// The uniform grid at several resolutions, without grids in cells; then as it chooses by
+    /// itself, without and with.
     fn resolutions(&self, bench: &Bench, measurer: &Measurer) -> Result<Vec<SweepPoint>, Failure> {
         let triangles = bench.world.instanced_triangle_count();
-        self.heading("\nUniform grid by resolution (cells along the longest side): microseconds for a diffuse ray")?;
+        self.heading(
+            "\nUniform grid by resolution (cells along the longest side): microseconds \
+            for a diffuse ray",
+        )?;
         let case = Case::new(bench, measurer)?;
         let fixed = (0..8).map(|i| (Some(2u32 << i), false));
         let mut sweep = Vec::new();
         for (grid_resolution, nested_grids) in fixed.chain([(None, false), (None, true)]) {
-            let accelerator_options =
-                AcceleratorOptions { grid_resolution, nested_grids, ..AcceleratorOptions::default() };
-            let options =
-                BuildOptions { accelerator: AcceleratorKind::Grid, accelerator_options, ..BuildOptions::default() };
+            let accelerator_options = AcceleratorOptions {
+                grid_resolution,
+                nested_grids,
+                ..AcceleratorOptions::default()
+            };
+            let options = BuildOptions {
+                accelerator: AcceleratorKind::Grid,
+                accelerator_options,
+                ..BuildOptions::default()
+            };
             let measured = measurer.measure(&case, &options, &[Kind::Diffuse])?;
             let micros = 1e6 / measured.kinds[0].rays_per_second;
             let name = match grid_resolution {
@@ -162,23 +196,39 @@ impl Report<'_> {
     }
 
     /// What front-to-back order and the memory of the last hit save.
-    fn switches(&self, bench: &Bench, kinds: &[AcceleratorKind], measurer: &Measurer) -> Result<(), Failure> {
+    fn switches(
+        &self,
+        bench: &Bench,
+        kinds: &[AcceleratorKind],
+        measurer: &Measurer,
+    ) -> Result<(), Failure> {
         let triangles = bench.world.instanced_triangle_count();
-        self.heading("\nSwitches: thousands of rays per second, and tests a ray; primary, then diffuse")?;
+        self.heading(
+            "\nSwitches: thousands of rays per second, and tests a ray; primary, then diffuse",
+        )?;
         let case = Case::new(bench, measurer)?;
-        let switchable = |k: &&AcceleratorKind| !matches!(k, AcceleratorKind::None | AcceleratorKind::Bvh);
+        let switchable =
+            |k: &&AcceleratorKind| !matches!(k, AcceleratorKind::None | AcceleratorKind::Bvh);
         for &accelerator in kinds.iter().filter(switchable) {
-            for (name, front_to_back, last_hit_cache) in
-                [("as it is", true, false), ("unsorted", false, false), ("last hit first", true, true)]
-            {
-                let has_order = !matches!(accelerator, AcceleratorKind::Grid | AcceleratorKind::Octree);
+            for (name, front_to_back, last_hit_cache) in [
+                ("as it is", true, false),
+                ("unsorted", false, false),
+                ("last hit first", true, true),
+            ] {
+                let has_order =
+                    !matches!(accelerator, AcceleratorKind::Grid | AcceleratorKind::Octree);
                 if !front_to_back && !has_order {
                     continue;
                 }
-                let accelerator_options =
-                    AcceleratorOptions { front_to_back, last_hit_cache, ..AcceleratorOptions::default() };
-                let options = BuildOptions { accelerator, accelerator_options, ..BuildOptions::default() };
-                let measured = measurer.measure(&case, &options, &[Kind::Primary, Kind::Diffuse])?;
+                let accelerator_options = AcceleratorOptions {
+                    front_to_back,
+                    last_hit_cache,
+                    ..AcceleratorOptions::default()
+                };
+                let options =
+                    BuildOptions { accelerator, accelerator_options, ..BuildOptions::default() };
+                let measured =
+                    measurer.measure(&case, &options, &[Kind::Primary, Kind::Diffuse])?;
                 let [a, b] = [&measured.kinds[0], &measured.kinds[1]];
                 let text = format!(
                     "{:20} {name:15} {:9.1} {:9.1} {:9.1} {:9.1}",
@@ -195,7 +245,12 @@ impl Report<'_> {
     }
 
     /// The scene with fewer and with more triangles.
-    fn growth(&self, bench: &Bench, kinds: &[AcceleratorKind], measurer: &Measurer) -> Result<Vec<Growth>, Failure> {
+    fn growth(
+        &self,
+        bench: &Bench,
+        kinds: &[AcceleratorKind],
+        measurer: &Measurer,
+    ) -> Result<Vec<Growth>, Failure> {
         self.heading("\nGrowth: microseconds for a diffuse ray by number of triangles")?;
         let mut growths: Vec<Growth> = kinds.iter().map(|&kind| Growth::new(kind)).collect();
         for (triangles, sized) in growth::sizes(bench, self.options.max_triangles)? {
@@ -205,10 +260,12 @@ impl Report<'_> {
                     continue;
                 }
                 let options = BuildOptions { accelerator: growth.kind, ..BuildOptions::default() };
-                let measured = measurer.measure(&case, &options, &[Kind::Primary, Kind::Diffuse])?;
+                let measured =
+                    measurer.measure(&case, &options, &[Kind::Primary, Kind::Diffuse])?;
                 growth.add(triangles, &measured);
                 let text = format!(
-                    "{:20} {triangles:10} {:9.3} us {:9.1} nodes {:9.1} cells {:9.1} tests {:9.3} s to build",
+                    "{:20} {triangles:10} {:9.3} us {:9.1} nodes {:9.1} cells {:9.1} tests {:9.3} \
+                        s to build",
                     growth.kind.name(),
                     1e6 / measured.kinds[1].rays_per_second,
                     measured.kinds[1].nodes,
@@ -219,7 +276,10 @@ impl Report<'_> {
                 self.line(&self.json("growth", &options, triangles, &measured), text)?;
             }
         }
-        self.heading("\nExponents: the cost of a ray grows as the number of triangles to this power (time; nodes, cells and tests; time to build)")?;
+        self.heading(
+            "\nExponents: the cost of a ray grows as the number of triangles to this \
+            power (time; nodes, cells and tests; time to build)",
+        )?;
         for growth in &growths {
             let (time, work, build) = growth.exponents();
             let value = json!({
@@ -230,12 +290,21 @@ impl Report<'_> {
                 "work_exponent": work,
                 "build_exponent": build,
             });
-            self.line(&value, format!("{:20} {time:7.3} {work:7.3} {build:7.3}", growth.kind.name()))?;
+            self.line(
+                &value,
+                format!("{:20} {time:7.3} {work:7.3} {build:7.3}", growth.kind.name()),
+            )?;
         }
         Ok(growths)
     }
 
-    fn json(&self, measurement: &str, options: &BuildOptions, triangles: u64, measured: &Measured) -> Value {
+    fn json(
+        &self,
+        measurement: &str,
+        options: &BuildOptions,
+        triangles: u64,
+        measured: &Measured,
+    ) -> Value {
         let switches = &options.accelerator_options;
         let rays: serde_json::Map<String, Value> = measured
             .kinds
@@ -270,5 +339,6 @@ impl Report<'_> {
 
 /// Rebuilds a world.
 fn rebuilt(bench: &Bench, options: &BuildOptions) -> Result<snell_intersect::World, Failure> {
-    variants::rebuilt(&bench.world, options).map_err(|e| Failure::Scene(format!("{}: {e}", bench.name)))
+    variants::rebuilt(&bench.world, options)
+        .map_err(|e| Failure::Scene(format!("{}: {e}", bench.name)))
 }

@@ -1,4 +1,5 @@
-//! `snell bench build`: how long acceleration structures take to build, and how much memory, beside Embree's.
+//! `snell bench build`: how long acceleration structures take to build, and how much memory, beside
+//! Embree's.
 
 use super::clock::{self, median};
 use super::peer::{Peer, PeerPath, parse_peer};
@@ -28,7 +29,8 @@ pub struct Options {
     /// Builds of each kind; medians count
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     repeat: u32,
-    /// Whom to compare with: embree=PATH, where PATH is its shared library or the wheel `embreex` of PyPI
+    /// Whom to compare with: embree=PATH, where PATH is its shared library or the wheel `embreex`
+    /// of PyPI
     #[arg(long, value_name = "NAME=PATH", value_parser = parse_peer)]
     peer: Option<PeerPath>,
     /// Print JSON, a line for each measurement
@@ -64,7 +66,8 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
             // In turn, so that whatever else the machine does troubles all.
             for _ in 0..options.repeat {
                 for row in &mut rows {
-                    // Threads of the one before may still look for work, and would take time from this one.
+                    // Threads of the one before may still look for work, and would take time from
+                    // this one.
                     std::thread::sleep(PAUSE);
                     row.build(&bench)?;
                 }
@@ -79,8 +82,8 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// How long to wait before each build. (After 20 ms a virtual machine of two cores ran both threads of whoever built on one of them, for
-/// milliseconds; after 5 it does not.)
+/// How long to wait before each build. (After 20 ms a virtual machine of two cores ran both threads
+/// of whoever built on one of them, for milliseconds; after 5 it does not.)
 const PAUSE: Duration = Duration::from_millis(5);
 
 /// A way to build.
@@ -111,7 +114,12 @@ impl<'a> Row<'a> {
                 let start = Instant::now();
                 let world = pool.install(|| builder.build(variant));
                 let seconds = start.elapsed().as_secs_f64();
-                (seconds, world.map_err(|e| Failure::Scene(format!("{}: {e}", bench.name)))?.memory_bytes())
+                (
+                    seconds,
+                    world
+                        .map_err(|e| Failure::Scene(format!("{}: {e}", bench.name)))?
+                        .memory_bytes(),
+                )
             }
             Way::Peer(peer, quality, compact) => {
                 let options = SceneOptions { quality: *quality, robust: false, compact: *compact };
@@ -128,9 +136,12 @@ impl<'a> Row<'a> {
         let triangles = bench.world.triangle_count();
         let seconds = median(&self.seconds);
         let (builder, accelerator, quality, compact) = match &self.way {
-            Way::Own(variant, _) => {
-                ("Snell".into(), variant.accelerator.name(), variant.quality.name(), variant.compact)
-            }
+            Way::Own(variant, _) => (
+                "Snell".into(),
+                variant.accelerator.name(),
+                variant.quality.name(),
+                variant.compact,
+            ),
             Way::Peer(peer, quality, compact) => {
                 (format!("Embree {}", peer.version()), "bvh", quality.name(), *compact)
             }

@@ -5,13 +5,18 @@ use rayon::ThreadPool;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// Rays that a thread takes at a time: an eighth of its share, so that all end at about the same time, between these limits.
+/// Rays that a thread takes at a time: an eighth of its share, so that all end at about the same
+/// time, between these limits.
 pub const MIN_PIECE: usize = 4096;
 const MAX_PIECE: usize = 65536;
 
 /// How many of `count` rays each of so many threads takes at a time: a multiple of 64.
 fn piece(count: usize, threads: usize) -> usize {
-    if threads == 1 { MAX_PIECE } else { (count / (8 * threads)).next_multiple_of(64).clamp(MIN_PIECE, MAX_PIECE) }
+    if threads == 1 {
+        MAX_PIECE
+    } else {
+        (count / (8 * threads)).next_multiple_of(64).clamp(MIN_PIECE, MAX_PIECE)
+    }
 }
 
 /// Which time counts.
@@ -58,8 +63,8 @@ pub fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     (result, thread_time().saturating_sub(start).as_secs_f64().max(1e-9))
 }
 
-/// Calls `work` on pieces of two slices of one length, each thread of the pool taking the next piece in turn. Gives the seconds it
-/// took.
+/// Calls `work` on pieces of two slices of one length, each thread of the pool taking the next
+/// piece in turn. Gives the seconds it took.
 pub fn time_pieces<A: Sync, B: Send>(
     pool: &ThreadPool,
     clock: Clock,
@@ -80,7 +85,9 @@ pub fn time_pieces<A: Sync, B: Send>(
     });
     let seconds = match clock {
         Clock::Wall => start.elapsed().as_secs_f64(),
-        Clock::Processor => processor.iter().sum::<Duration>().as_secs_f64() / processor.len() as f64,
+        Clock::Processor => {
+            processor.iter().sum::<Duration>().as_secs_f64() / processor.len() as f64
+        }
     };
     // A clock may be too coarse to see a tiny batch.
     seconds.max(1e-9)
@@ -120,11 +127,17 @@ mod tests {
         let input: Vec<u32> = (0..10_000).collect();
         let mut output = vec![0; input.len()];
         let pool = pool(3).expect("three threads");
-        let seconds = time_pieces(&pool, Clock::Processor, &input, &mut output, &|a: &[u32], b: &mut [u32]| {
-            for (a, b) in a.iter().zip(b) {
-                *b += a + 1;
-            }
-        });
+        let seconds = time_pieces(
+            &pool,
+            Clock::Processor,
+            &input,
+            &mut output,
+            &|a: &[u32], b: &mut [u32]| {
+                for (a, b) in a.iter().zip(b) {
+                    *b += a + 1;
+                }
+            },
+        );
         assert!(seconds > 0.0);
         assert!(output.iter().zip(&input).all(|(b, a)| *b == a + 1));
     }

@@ -1,4 +1,5 @@
-//! `snell bench coherence`: the rays of a picture traced one by one, in batches and bundles, and as beams, pencils and cones.
+//! `snell bench coherence`: the rays of a picture traced one by one, in batches and bundles, and as
+//! beams, pencils and cones.
 
 mod pictures;
 mod ways;
@@ -80,8 +81,9 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let world = variants::rebuilt(&bench.world, &BuildOptions::default()).map_err(|e| fail(&e))?;
     // Fails before anything is measured if this world cannot be traced so.
     snell_lab::coherence::BeamTracer::new(&world).map_err(|e| fail(&e))?;
-    let view = kinds::view(&bench.camera, options.side)
-        .ok_or_else(|| fail(&"beams, pencils and cones need a pinhole camera with a flat picture"))?;
+    let view = kinds::view(&bench.camera, options.side).ok_or_else(|| {
+        fail(&"beams, pencils and cones need a pinhole camera with a flat picture")
+    })?;
     if let Some(folder) = &options.image_folder {
         make_folder(folder)?;
     }
@@ -105,7 +107,9 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let mut closest = Vec::new();
     measure::<Hit>(options, &case, Kind::Primary, &primary, |way, hits| closest.push((way, hits)))?;
     let mut occluded = Vec::new();
-    measure::<bool>(options, &case, Kind::Shadow, &shadow, |way, blocked| occluded.push((way, blocked)))?;
+    measure::<bool>(options, &case, Kind::Shadow, &shadow, |way, blocked| {
+        occluded.push((way, blocked))
+    })?;
     if let Some(folder) = &options.image_folder {
         pictures::write(folder, &case, &first, &closest, &occluded)?;
     }
@@ -168,7 +172,8 @@ struct Row {
     work: Option<Work>,
     /// Share of the rays that were traced one by one after all.
     traced: Option<f64>,
-    /// Share of the rays with the same answer as one by one: to the bit, and up to the tolerance of all benchmarks.
+    /// Share of the rays with the same answer as one by one: to the bit, and up to the tolerance of
+    /// all benchmarks.
     identical: f64,
     agree: f64,
 }
@@ -195,7 +200,8 @@ impl Row {
             })
             .to_string()
         } else {
-            let number = |x: Option<f64>, digits: usize| x.map_or("-".into(), |x| format!("{x:.digits$}"));
+            let number =
+                |x: Option<f64>, digits: usize| x.map_or("-".into(), |x| format!("{x:.digits$}"));
             format!(
                 "{:8} {:8} {:10.3} {:>8} {:>8} {:>8} {:9.6} {:9.6}",
                 self.kind.name(),
@@ -214,7 +220,9 @@ impl Row {
 
 fn heading(case: &Case) -> String {
     format!(
-        "{}, {} triangles, {side} x {side} pixels, one thread: millions of rays per second; nodes and triangles a ray; share traced as single rays\n{:8} {:8} {:>10} {:>8} {:>8} {:>8} {:>9} {:>9}\n",
+        "{}, {} triangles, {side} x {side} pixels, one thread: millions of rays per second; nodes \
+            and triangles a ray; share traced as single rays\n{:8} {:8} {:>10} {:>8} {:>8} {:>8} \
+            {:>9} {:>9}\n",
         scenes::short_name(&case.bench.name),
         case.world.instanced_triangle_count(),
         "rays",

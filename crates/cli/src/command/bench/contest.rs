@@ -1,4 +1,5 @@
-//! Snell and a peer trace the same rays in turn, so that whatever else the machine does troubles both.
+//! Snell and a peer trace the same rays in turn, so that whatever else the machine does troubles
+//! both.
 
 use super::clock::{Clock, median, time_pieces};
 use super::peer::Contender;
@@ -12,8 +13,8 @@ const CLOSE: f64 = 1.25;
 /// How many of them at most.
 const MAX_FINALISTS: usize = 3;
 
-/// What rounding of coordinates may do to distances, in radii of the scene: hits that are very near differ by more than 0.0001 of
-/// their distance where a peer computes with rounded transforms.
+/// What rounding of coordinates may do to distances, in radii of the scene: hits that are very near
+/// differ by more than 0.0001 of their distance where a peer computes with rounded transforms.
 const ROUNDING: f32 = 1e-6;
 
 /// How Snell is called.
@@ -69,7 +70,8 @@ impl Answer for Hit {
 
     fn agrees(&self, other: &Self, slack: f32) -> bool {
         self.is_hit() == other.is_hit()
-            && (!self.is_hit() || (self.t - other.t).abs() <= slack.max(1e-4 * self.t.abs().max(other.t.abs())))
+            && (!self.is_hit()
+                || (self.t - other.t).abs() <= slack.max(1e-4 * self.t.abs().max(other.t.abs())))
     }
 }
 
@@ -161,7 +163,8 @@ impl Contest<'_> {
                 own.push(self.time_snell(&mut answers));
             }
         }
-        let (robust, fast): (Vec<_>, Vec<_>) = finalists.iter().partition(|runs| runs.contender.is_robust());
+        let (robust, fast): (Vec<_>, Vec<_>) =
+            finalists.iter().partition(|runs| runs.contender.is_robust());
         Outcome {
             hits: answers.iter().filter(|a| a.is_hit()).count(),
             seconds: median(&own),
@@ -171,15 +174,27 @@ impl Contest<'_> {
     }
 
     fn time_snell<A: Answer>(&self, answers: &mut [A]) -> f64 {
-        time_pieces(self.pool, self.clock, self.rays, answers, &|rays: &[Ray], answers: &mut [A]| {
-            A::snell(self.world, self.call, self.grouping, rays, answers);
-        })
+        time_pieces(
+            self.pool,
+            self.clock,
+            self.rays,
+            answers,
+            &|rays: &[Ray], answers: &mut [A]| {
+                A::snell(self.world, self.call, self.grouping, rays, answers);
+            },
+        )
     }
 
     fn time_peer<A: Answer>(&self, peer: &Contender, answers: &mut [A]) -> f64 {
-        time_pieces(self.pool, self.clock, self.rays, answers, &|rays: &[Ray], answers: &mut [A]| {
-            A::peer(peer, rays, answers);
-        })
+        time_pieces(
+            self.pool,
+            self.clock,
+            self.rays,
+            answers,
+            &|rays: &[Ray], answers: &mut [A]| {
+                A::peer(peer, rays, answers);
+            },
+        )
     }
 
     /// The contenders that may be the fastest, of those that are robust and of those that are not.
@@ -187,8 +202,9 @@ impl Contest<'_> {
         let mut kept = Vec::new();
         for robust in [false, true] {
             let entered = self.contenders.iter().filter(|c| c.is_robust() == robust);
-            let mut times: Vec<_> =
-                entered.map(|c| (self.time_peer(c, answers).min(self.time_peer(c, answers)), c)).collect();
+            let mut times: Vec<_> = entered
+                .map(|c| (self.time_peer(c, answers).min(self.time_peer(c, answers)), c))
+                .collect();
             times.sort_by(|a, b| a.0.total_cmp(&b.0));
             let limit = times.first().map_or(0.0, |t| t.0 * CLOSE);
             let close = times.into_iter().take_while(|t| t.0 <= limit).take(MAX_FINALISTS);
@@ -203,7 +219,8 @@ impl Contest<'_> {
         self.time_peer(best.contender, &mut theirs);
         let slack = self.world.bounds().radius() as f32 * ROUNDING;
         let equal = theirs.iter().zip(answers).filter(|(a, b)| a.agrees(b, slack)).count();
-        let ratios: Vec<f64> = best.seconds.iter().zip(own).map(|(theirs, own)| theirs / own).collect();
+        let ratios: Vec<f64> =
+            best.seconds.iter().zip(own).map(|(theirs, own)| theirs / own).collect();
         Some(Opponent {
             mode: best.contender.name(),
             seconds: median(&best.seconds),

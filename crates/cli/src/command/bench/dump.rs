@@ -1,4 +1,5 @@
-//! `--dump-rays`: the triangles and rays of a benchmark as NumPy arrays, for other programs to trace.
+//! `--dump-rays`: the triangles and rays of a benchmark as NumPy arrays, for other programs to
+//! trace.
 
 use super::kinds::Kind;
 use super::make_folder;
@@ -8,8 +9,14 @@ use snell_intersect::{AcceptAll, Geometry, GeometryId, Grouping, Hit, World};
 use snell_math::Ray;
 use std::path::Path;
 
-/// Writes the triangles of a scene and each batch of rays with what they hit to a folder named after the scene.
-pub fn write(folder: &Path, bench: &Bench, world: &World, batches: &[(Kind, Vec<Ray>)]) -> Result<(), Failure> {
+/// Writes the triangles of a scene and each batch of rays with what they hit to a folder named
+/// after the scene.
+pub fn write(
+    folder: &Path,
+    bench: &Bench,
+    world: &World,
+    batches: &[(Kind, Vec<Ray>)],
+) -> Result<(), Failure> {
     let is_mesh = |i| matches!(world.geometry(GeometryId(i)), Geometry::Mesh(_));
     if !(0..world.geometry_count() as u32).all(is_mesh) {
         return Err(Failure::Scene(format!(
@@ -20,8 +27,20 @@ pub fn write(folder: &Path, bench: &Bench, world: &World, batches: &[(Kind, Vec<
     let folder = folder.join(scenes::short_name(&bench.name).replace([':', '='], "-"));
     make_folder(&folder)?;
     let mesh = scenes::merged(world);
-    save(&folder, "positions", "<f4", 3, mesh.positions.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes))?;
-    save(&folder, "triangles", "<u4", 3, mesh.indices.iter().flatten().flat_map(|i| i.to_le_bytes()))?;
+    save(
+        &folder,
+        "positions",
+        "<f4",
+        3,
+        mesh.positions.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes),
+    )?;
+    save(
+        &folder,
+        "triangles",
+        "<u4",
+        3,
+        mesh.indices.iter().flatten().flat_map(|i| i.to_le_bytes()),
+    )?;
     for (kind, rays) in batches {
         let numbers = rays.iter().flat_map(|r| {
             let ([a, b, c], [d, e, f]) = (r.origin.to_array(), r.direction.to_array());
@@ -29,12 +48,19 @@ pub fn write(folder: &Path, bench: &Bench, world: &World, batches: &[(Kind, Vec<
         });
         save(&folder, kind.name(), "<f4", 8, numbers.flat_map(f32::to_le_bytes))?;
         let answers = format!("{}-t", kind.name());
-        save(&folder, &answers, "<f4", 1, distances(*kind, world, rays).into_iter().flat_map(f32::to_le_bytes))?;
+        save(
+            &folder,
+            &answers,
+            "<f4",
+            1,
+            distances(*kind, world, rays).into_iter().flat_map(f32::to_le_bytes),
+        )?;
     }
     Ok(())
 }
 
-/// Where each ray hits; infinite where it hits nothing. For shadow rays 0 where something is in the way.
+/// Where each ray hits; infinite where it hits nothing. For shadow rays 0 where something is in the
+/// way.
 fn distances(kind: Kind, world: &World, rays: &[Ray]) -> Vec<f32> {
     if kind == Kind::Shadow {
         let mut blocked = vec![false; rays.len()];
@@ -47,7 +73,13 @@ fn distances(kind: Kind, world: &World, rays: &[Ray]) -> Vec<f32> {
 }
 
 /// Writes an array of rows of `columns` numbers in NumPy's format (version 1.0).
-fn save(folder: &Path, name: &str, kind: &str, columns: usize, bytes: impl Iterator<Item = u8>) -> Result<(), Failure> {
+fn save(
+    folder: &Path,
+    name: &str,
+    kind: &str,
+    columns: usize,
+    bytes: impl Iterator<Item = u8>,
+) -> Result<(), Failure> {
     let body: Vec<u8> = bytes.collect();
     let rows = body.len() / (4 * columns);
     let shape = if columns == 1 { format!("({rows},)") } else { format!("({rows}, {columns})") };

@@ -57,7 +57,9 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     }
     if !options.json {
         let seconds = options.seconds;
-        standard_output::write(format!("{seconds} s of processor time each.\n{}\n", heading()).as_bytes())?;
+        standard_output::write(
+            format!("{seconds} s of processor time each.\n{}\n", heading()).as_bytes(),
+        )?;
     }
     for name in &options.scenes {
         let value = measure(name, &read, options)?;
@@ -71,7 +73,8 @@ fn measure(name: &str, read: &ReadOptions, options: &Options) -> Result<Value, F
     let (scene, _) = scenes::load_scene(name, read)?;
     let camera = scenes::camera(name, &scene)?;
     let [w, h] = scene.settings.size.or(camera.resolution).unwrap_or([4, 3]);
-    let height = (u64::from(options.width) * u64::from(h) / u64::from(w.max(1))).clamp(1, 16384) as u32;
+    let height =
+        (u64::from(options.width) * u64::from(h) / u64::from(w.max(1))).clamp(1, 16384) as u32;
     let plain = Settings {
         size: [options.width, height],
         spp: 1 << 20,
@@ -83,17 +86,25 @@ fn measure(name: &str, read: &ReadOptions, options: &Options) -> Result<Value, F
     let guiding = Guiding::with_passes(Guiding::MAX_PASSES);
     let guiding = if options.no_photons { Guiding { photons: 0, ..guiding } } else { guiding };
     let guided = Settings { guiding: Some(guiding), ..plain.clone() };
-    let compiled = CompiledScene::new(&scene, &plain.build).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
-    let render = |settings: &Settings, seconds: f64| render(&compiled, &camera, settings, seconds, options);
-    let stem: String = scenes::short_name(name).chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect();
-    let file = |kind: &str| options.keep.as_ref().map(|folder| folder.join(format!("{stem}-{kind}.exr")));
+    let compiled = CompiledScene::new(&scene, &plain.build)
+        .map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
+    let render =
+        |settings: &Settings, seconds: f64| render(&compiled, &camera, settings, seconds, options);
+    let stem: String = scenes::short_name(name)
+        .chars()
+        .map(|c| if c.is_alphanumeric() { c } else { '-' })
+        .collect();
+    let file =
+        |kind: &str| options.keep.as_ref().map(|folder| folder.join(format!("{stem}-{kind}.exr")));
     let mut found = Vec::new();
     for (kind, settings) in [("plain", &plain), ("guided", &guided)] {
         // Twice, with other random numbers.
         let (first, statistics) = render(settings, options.seconds);
-        let (second, _) = render(&Settings { seed: settings.seed + 1, ..settings.clone() }, options.seconds);
+        let (second, _) =
+            render(&Settings { seed: settings.seed + 1, ..settings.clone() }, options.seconds);
         let spp = first.least_samples().min(second.least_samples());
-        let pair = [(first, ""), (second, "-again")].map(|(film, suffix)| (film.image(), format!("{kind}{suffix}")));
+        let pair = [(first, ""), (second, "-again")]
+            .map(|(film, suffix)| (film.image(), format!("{kind}{suffix}")));
         for (picture, kind) in &pair {
             keep(file(kind), picture)?;
         }
@@ -157,12 +168,15 @@ struct Errors {
     trimmed: f64,
 }
 
-/// Of a picture, told by two that differ in nothing but noise: half of the square of their difference. So no picture need be known that is
-/// right, and noise of such a picture is not taken for error. Relative to `mean`, as in `snell compare`.
+/// Of a picture, told by two that differ in nothing but noise: half of the square of their
+/// difference. So no picture need be known that is right, and noise of such a picture is not taken
+/// for error. Relative to `mean`, as in `snell compare`.
 fn errors([a, b]: &[Pixels; 2], mean: &Pixels) -> Errors {
     let pixel = |((a, b), mean): ((&[f64; 3], &[f64; 3]), &[f64; 3])| {
         let channel = |c: usize| {
-            (a[c] - b[c]).powi(2) / 2.0 / (mean[c] * mean[c] + snell_formats::image::compare::RELATIVE_EPSILON)
+            (a[c] - b[c]).powi(2)
+                / 2.0
+                / (mean[c] * mean[c] + snell_formats::image::compare::RELATIVE_EPSILON)
         };
         (channel(0) + channel(1) + channel(2)) / 3.0
     };
@@ -175,7 +189,8 @@ fn errors([a, b]: &[Pixels; 2], mean: &Pixels) -> Errors {
 type Pixels = Vec<[f64; 3]>;
 
 fn mean(pictures: &[&Pixels]) -> Pixels {
-    let channel = |i: usize, c: usize| pictures.iter().map(|p| p[i][c]).sum::<f64>() / pictures.len() as f64;
+    let channel =
+        |i: usize, c: usize| pictures.iter().map(|p| p[i][c]).sum::<f64>() / pictures.len() as f64;
     (0..pictures[0].len()).map(|i| [0, 1, 2].map(|c| channel(i, c))).collect()
 }
 

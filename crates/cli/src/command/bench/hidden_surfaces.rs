@@ -16,7 +16,8 @@ use snell_lab::visible::{self, Characterization, HiddenLines, Method, Prepared, 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// A centre this near to an edge, in pixels, may be on either side of it for a ray, whose direction is rounded to `f32`.
+/// A centre this near to an edge, in pixels, may be on either side of it for a ray, whose direction
+/// is rounded to `f32`.
 const TOLERANCE: f64 = 1e-3;
 
 /// Stretches of lines shorter than this, in pixels, are not compared with rays.
@@ -32,8 +33,8 @@ pub struct Options {
     /// The scene, as in `snell bench rays`; triangles only, seen by a pinhole camera
     #[arg(value_name = "SCENE")]
     scene: String,
-    /// Which methods: ray-casting-all, ray-casting, z-buffer, scan-line-z, scan-line, depth-sort, bsp, bsp-front-to-back, warnock,
-    /// weiler-atherton, quantitative-invisibility. Default: all
+    /// Which methods: ray-casting-all, ray-casting, z-buffer, scan-line-z, scan-line, depth-sort,
+    /// bsp, bsp-front-to-back, warnock, weiler-atherton, quantitative-invisibility. Default: all
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     method: Vec<String>,
     /// Width and height of the picture in pixels; a power of two
@@ -102,7 +103,8 @@ struct Measured {
     runs: usize,
     memory: Option<usize>,
     work: Vec<(&'static str, u64)>,
-    /// Share of pixels (lines: of stretches) that are as rays have them; and of the others, those for which there is a reason, and those without.
+    /// Share of pixels (lines: of stretches) that are as rays have them; and of the others, those
+    /// for which there is a reason, and those without.
     agree: f64,
     borderline: u64,
     unexplained: u64,
@@ -119,12 +121,14 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
     let bench = scenes::load(&options.scene, &read)?;
     let fail = |e: &dyn std::fmt::Display| Failure::Scene(format!("{}: {e}", bench.name));
-    let view = kinds::view(&bench.camera, options.side).ok_or_else(|| fail(&visible::VisibleError::NotPinhole))?;
+    let view = kinds::view(&bench.camera, options.side)
+        .ok_or_else(|| fail(&visible::VisibleError::NotPinhole))?;
     let (screen, project) = timed(|| Screen::new(&bench.world, &view, [options.side; 2]));
     let screen = screen.map_err(|e| fail(&e))?;
     // Built by one thread, like all that is measured here.
     let pool = pool(1).map_err(Failure::Other)?;
-    let (world, build) = pool.install(|| timed(|| variants::rebuilt(&bench.world, &BuildOptions::default())));
+    let (world, build) =
+        pool.install(|| timed(|| variants::rebuilt(&bench.world, &BuildOptions::default())));
     let world = world.map_err(|e| fail(&e))?;
     if let Some(folder) = &options.image_folder {
         make_folder(folder)?;
@@ -132,7 +136,8 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let once = |method| Prepared::new(method, &screen, &world)?.run(&screen, false);
     let rays = once(Method::RayCasting).map_err(|e| fail(&e))?;
     let reference = once(Method::ZBuffer).map_err(|e| fail(&e))?;
-    let case = Case { name: &bench.name, world: &world, screen: &screen, build, project, rays, reference };
+    let case =
+        Case { name: &bench.name, world: &world, screen: &screen, build, project, rays, reference };
     if !options.json {
         standard_output::write(heading(&case).as_bytes())?;
     }
@@ -179,7 +184,11 @@ fn surfaces(options: &Options, case: &Case, method: Method) -> Result<Row, Failu
     let (prepared, prepare) = timed(|| Prepared::new(method, screen, case.world));
     let run = prepared.and_then(|prepared| {
         let (seen, times) = repeated(options.repeat, || prepared.run(screen, false))?;
-        let cost = if method.characterization().cost.is_some() { prepared.run(screen, true)?.cost } else { None };
+        let cost = if method.characterization().cost.is_some() {
+            prepared.run(screen, true)?.cost
+        } else {
+            None
+        };
         Ok((seen, times, cost))
     });
     let kind = Kind::Surfaces(method);
@@ -212,14 +221,18 @@ fn surfaces(options: &Options, case: &Case, method: Method) -> Result<Row, Failu
         borderline,
         unexplained,
         identical: Some(same as f64 / pixels),
-        cost: cost
-            .map(|c| (c.iter().map(|&n| f64::from(n)).sum::<f64>() / pixels, c.iter().copied().max().unwrap_or(0))),
+        cost: cost.map(|c| {
+            (
+                c.iter().map(|&n| f64::from(n)).sum::<f64>() / pixels,
+                c.iter().copied().max().unwrap_or(0),
+            )
+        }),
     };
     Ok(Row { kind, outcome: Ok(measured) })
 }
 
-/// The share of pixels that are as rays have them; of the others, how many are so near to an edge or to another triangle that rounding may decide, and
-/// how many are not.
+/// The share of pixels that are as rays have them; of the others, how many are so near to an edge
+/// or to another triangle that rounding may decide, and how many are not.
 fn compare(case: &Case, items: &[u32]) -> (f64, u64, u64) {
     let width = case.screen.size()[0];
     let (mut same, mut borderline, mut unexplained) = (0u64, 0, 0);
@@ -292,8 +305,10 @@ impl Row {
             Ok(measured) => measured,
             Err(why) => return format!("{name:25} left out: {why}"),
         };
-        let number = |x: Option<f64>, digits: usize| x.map_or("-".into(), |x| format!("{x:.digits$}"));
-        let work: Vec<String> = m.work.iter().map(|(what, count)| format!("{what} {count}")).collect();
+        let number =
+            |x: Option<f64>, digits: usize| x.map_or("-".into(), |x| format!("{x:.digits$}"));
+        let work: Vec<String> =
+            m.work.iter().map(|(what, count)| format!("{what} {count}")).collect();
         format!(
             "{name:25} {:>9} {:>9} {:>8} {:9.6} {:>10} {:>11} {:>9}  {}",
             number(m.prepare.map(|s| s * 1e3), 2),
@@ -351,7 +366,8 @@ impl Row {
 fn heading(case: &Case) -> String {
     let s = case.screen;
     format!(
-        "{}, {} triangles, {side} x {side} pixels, one thread. Projected in {:.2} ms: {} in the picture, {} at the centre of a pixel, {} seen edge-on\n\
+        "{}, {} triangles, {side} x {side} pixels, one thread. Projected in {:.2} ms: {} in the \
+            picture, {} at the centre of a pixel, {} seen edge-on\n\
          {:25} {:>9} {:>9} {:>8} {:>9} {:>10} {:>11} {:>9}  work\n",
         scenes::short_name(case.name),
         s.triangle_count(),
@@ -377,9 +393,15 @@ fn legend(rows: &[Row]) -> String {
     for row in rows {
         let kind = row.kind.characterization();
         text += &format!("\n{} ({})\n", row.kind.name(), kind.source);
-        text +=
-            &format!("  decides in: {}; sorts {}\n  coherence: {}\n", kind.space.name(), kind.sorts, kind.coherence);
-        if let (Some(what), Ok(Measured { cost: Some((mean, most)), .. })) = (kind.cost, &row.outcome) {
+        text += &format!(
+            "  decides in: {}; sorts {}\n  coherence: {}\n",
+            kind.space.name(),
+            kind.sorts,
+            kind.coherence
+        );
+        if let (Some(what), Ok(Measured { cost: Some((mean, most)), .. })) =
+            (kind.cost, &row.outcome)
+        {
             text += &format!("  {what}: {mean:.2} on average, {most} at most\n");
         }
     }

@@ -34,7 +34,8 @@ impl Kind {
         }
     }
 
-    /// What is known about rays that stand next to each other: those of 4x4 pixels have an origin or a target in common.
+    /// What is known about rays that stand next to each other: those of 4x4 pixels have an origin
+    /// or a target in common.
     pub fn grouping(self) -> Grouping {
         match self {
             Self::Primary | Self::Shadow => Grouping::Coherent,
@@ -64,24 +65,29 @@ pub fn first_hits(bench: &Bench, world: &World, side: u32) -> Vec<First> {
     let rays: Vec<Ray> = (0..side * side).map(ray).collect();
     let mut hits = vec![Hit::MISS; rays.len()];
     world.closest(&rays, Grouping::None, &AcceptAll, &mut hits);
-    let surface = |(ray, hit): (Ray, Hit)| (ray, hit.is_hit().then(|| world.interaction(&ray, &hit)));
+    let surface =
+        |(ray, hit): (Ray, Hit)| (ray, hit.is_hit().then(|| world.interaction(&ray, &hit)));
     rays.into_iter().zip(hits).map(surface).collect()
 }
 
-/// Rays that leave a surface begin this far from it, in radii of the scene: the fast ways of the peer would find the same surface
-/// again, and stop there. (Snell's own do not need it.)
+/// Rays that leave a surface begin this far from it, in radii of the scene: the fast ways of the
+/// peer would find the same surface again, and stop there. (Snell's own do not need it.)
 const START: f64 = 1e-4;
 
 /// The rays of a kind.
 pub fn rays(kind: Kind, bench: &Bench, first: &[First]) -> Vec<Ray> {
     let start = (bench.world.bounds().radius() * START) as f32;
-    let hits = first.iter().enumerate().filter_map(|(i, (ray, surface))| Some((i as u32, ray, surface.as_ref()?)));
+    let hits = first
+        .iter()
+        .enumerate()
+        .filter_map(|(i, (ray, surface))| Some((i as u32, ray, surface.as_ref()?)));
     match kind {
         Kind::Primary => first.iter().map(|(ray, _)| *ray).collect(),
         Kind::Shadow => hits.map(|(_, _, surface)| shadow_ray(surface, bench, start)).collect(),
         Kind::Diffuse => hits.map(|(i, ray, surface)| bounce(i, ray, surface, start)).collect(),
         Kind::Shuffled => {
-            let mut rays: Vec<Ray> = hits.map(|(i, ray, surface)| bounce(i, ray, surface, start)).collect();
+            let mut rays: Vec<Ray> =
+                hits.map(|(i, ray, surface)| bounce(i, ray, surface, start)).collect();
             for i in (1..rays.len()).rev() {
                 rays.swap(i, rng::hash32(i as u32) as usize % (i + 1));
             }
@@ -99,19 +105,26 @@ fn shadow_ray(surface: &SurfaceInteraction, bench: &Bench, start: f32) -> Ray {
 
 /// A diffuse bounce of the ray with number `i`, on the side of the surface that it came from.
 fn bounce(i: u32, ray: &Ray, surface: &SurfaceInteraction, start: f32) -> Ray {
-    let normal =
-        if surface.is_front_facing(ray.direction) { surface.geometric_normal } else { -surface.geometric_normal };
-    let direction = Frame::from_z(normal).from_local(sampling::cosine_hemisphere(rng::uniform2([i, 1, 2, 3])));
+    let normal = if surface.is_front_facing(ray.direction) {
+        surface.geometric_normal
+    } else {
+        -surface.geometric_normal
+    };
+    let direction =
+        Frame::from_z(normal).from_local(sampling::cosine_hemisphere(rng::uniform2([i, 1, 2, 3])));
     Ray { t_min: start, ..Ray::new(surface.ray_origin(direction), direction) }
 }
 
-/// The view of a camera in a square picture, with pixels as places; `None` if its rays do not leave one point for a flat picture.
+/// The view of a camera in a square picture, with pixels as places; `None` if its rays do not leave
+/// one point for a flat picture.
 pub fn view(camera: &Camera, side: u32) -> Option<View> {
-    let is_flat = matches!(camera.projection, Projection::Perspective { .. } | Projection::Intrinsics(_));
+    let is_flat =
+        matches!(camera.projection, Projection::Perspective { .. } | Projection::Intrinsics(_));
     if !is_flat || !camera.has_common_origin() {
         return None;
     }
-    // Directions that reach the plane at distance 1: there they are an affine function of the place.
+    // Directions that reach the plane at distance 1: there they are an affine function of the
+    // place.
     let reach = |x: f64, y: f64| {
         let sample = CameraSample { film: DVec2::new(x, y), lens: Vec2::ZERO };
         let direction = camera.ray(&sample, [side; 2]).ray.direction.as_dvec3();
@@ -119,7 +132,12 @@ pub fn view(camera: &Camera, side: u32) -> Option<View> {
     };
     let (size, corner): (f64, DVec3) = (side.into(), reach(0.0, 0.0));
     let eye = camera.eye.as_vec3().as_dvec3();
-    View::perspective(eye, corner, (reach(size, 0.0) - corner) / size, (reach(0.0, size) - corner) / size)
+    View::perspective(
+        eye,
+        corner,
+        (reach(size, 0.0) - corner) / size,
+        (reach(0.0, size) - corner) / size,
+    )
 }
 
 /// Every second bit of a number, from the lowest, side by side.

@@ -29,11 +29,13 @@ pub enum Command {
     Rays(rays::Options),
     /// How long acceleration structures take to build, and their memory, beside Embree's.
     Build(build::Options),
-    /// All acceleration structures beside each other: time, memory, work, and how they grow with the scene.
+    /// All acceleration structures beside each other: time, memory, work, and how they grow with
+    /// the scene.
     Accelerators(accelerators::Options),
     /// Rays one by one, in batches and in bundles, beams, pencils and cones beside each other
     Coherence(coherence::Options),
-    /// The classical ways to find what is visible, beside each other: z-buffer, scan lines, painters, area subdivision and others
+    /// The classical ways to find what is visible, beside each other: z-buffer, scan lines,
+    /// painters, area subdivision and others
     HiddenSurfaces(hidden_surfaces::Options),
     /// How fast files are read, and the memory that takes
     Read(read::Options),
@@ -60,10 +62,13 @@ pub fn run(command: &Command) -> Result<ExitCode, Failure> {
     }
 }
 
-/// Makes a folder for results, unless it is there: before anything is measured, so that no time is lost if it cannot be made.
+/// Makes a folder for results, unless it is there: before anything is measured, so that no time is
+/// lost if it cannot be made.
 fn make_folder(folder: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(|e| {
         let folder = folder.display();
-        Failure::Other(format!("{folder}: cannot make the folder: {e}; name one where you may write"))
+        Failure::Other(format!(
+            "{folder}: cannot make the folder: {e}; name one where you may write"
+        ))
     })
 }

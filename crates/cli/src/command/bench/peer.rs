@@ -15,7 +15,8 @@ pub fn parse_peer(text: &str) -> Result<PeerPath, String> {
     match text.split_once('=') {
         Some(("embree", path)) if !path.is_empty() => Ok(PeerPath(path.into())),
         _ => Err(format!(
-            "\"{text}\" is no peer; write embree=PATH, where PATH is the shared library of Embree 4 or the wheel `embreex` of PyPI"
+            "\"{text}\" is no peer; write embree=PATH, where PATH is the shared library of Embree \
+                4 or the wheel `embreex` of PyPI"
         )),
     }
 }
@@ -35,7 +36,9 @@ pub struct Peer {
 impl Peer {
     /// Embree that builds with this many threads. One at a time: see [`Device::new`].
     pub fn new(embree: &Arc<Embree>, threads: usize) -> Result<Self, Failure> {
-        Ok(Self { device: Device::new(embree, threads).map_err(|e| Failure::Other(e.to_string()))? })
+        Ok(Self {
+            device: Device::new(embree, threads).map_err(|e| Failure::Other(e.to_string()))?,
+        })
     }
 
     /// The version, such as `4.4.0`.
@@ -73,5 +76,8 @@ impl Contender<'_> {
 /// Every way to ask some scenes, or those with one ray a call.
 pub fn contenders(scenes: &[PeerScene], one_ray: bool) -> Vec<Contender<'_>> {
     let modes = if one_ray { &[Mode::ONE][..] } else { &Mode::ALL };
-    scenes.iter().flat_map(|scene| modes.iter().map(move |&mode| Contender { scene, mode })).collect()
+    scenes
+        .iter()
+        .flat_map(|scene| modes.iter().map(move |&mode| Contender { scene, mode }))
+        .collect()
 }

@@ -19,12 +19,18 @@ use std::process::ExitCode;
 /// Options of `snell bench rays`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// Scenes: files, built-in scenes, `terrain` (4 million triangles) or `room` (1.8 million). With `:subdivide=N` each triangle is
-    /// cut into four, N times; with `:copies=N` there are N of it in one mesh, with `:instances=N` as instances
+    /// Scenes: files, built-in scenes, `terrain` (4 million triangles) or `room` (1.8 million).
+    /// With `:subdivide=N` each triangle is cut into four, N times; with `:copies=N` there are N of
+    /// it in one mesh, with `:instances=N` as instances
     #[arg(value_name = "SCENE", required = true)]
     scenes: Vec<String>,
     /// Kinds of rays: primary, shadow, diffuse, shuffled
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "primary,shadow,diffuse,shuffled")]
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "primary,shadow,diffuse,shuffled"
+    )]
     rays: Vec<String>,
     /// Numbers of threads. Default: 1 and one per core
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = threads::number())]
@@ -43,10 +49,12 @@ pub struct Options {
     /// Which time counts: wall, or processor (on a machine that does other work)
     #[arg(long, value_name = "NAME", default_value = "wall")]
     clock: Clock,
-    /// Whom to compare with: embree=PATH, where PATH is its shared library or the wheel `embreex` of PyPI
+    /// Whom to compare with: embree=PATH, where PATH is its shared library or the wheel `embreex`
+    /// of PyPI
     #[arg(long, value_name = "NAME=PATH", value_parser = parse_peer)]
     peer: Option<PeerPath>,
-    /// Also write the triangles, the rays and what they hit, as NumPy arrays in a folder for each scene
+    /// Also write the triangles, the rays and what they hit, as NumPy arrays in a folder for each
+    /// scene
     #[arg(long, value_name = "FOLDER")]
     dump_rays: Option<PathBuf>,
     /// Print JSON, a line for each measurement
@@ -78,7 +86,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         threads: clock::thread_counts(&options.threads),
         calls: options.calls.iter().map(call).collect::<Result<_, _>>()?,
         variants: options.variants.variants()?,
-        peer: options.peer.as_ref().map(|path| Peer::new(&path.load()?, threads::cores())).transpose()?,
+        peer: options
+            .peer
+            .as_ref()
+            .map(|path| Peer::new(&path.load()?, threads::cores()))
+            .transpose()?,
     };
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
     for (i, name) in options.scenes.iter().enumerate() {
@@ -108,7 +120,9 @@ impl Plan<'_> {
             let world = variants::rebuilt(&bench.world, variant).map_err(fail)?;
             for &threads in &self.threads {
                 let pool = clock::pool(threads).map_err(Failure::Other)?;
-                for (&call, (kind, rays)) in self.calls.iter().flat_map(|c| batches.iter().map(move |b| (c, b))) {
+                for (&call, (kind, rays)) in
+                    self.calls.iter().flat_map(|c| batches.iter().map(move |b| (c, b)))
+                {
                     let contenders = contenders(&peer_scenes, call == Call::One);
                     let contest = Contest {
                         pool: &pool,
@@ -124,7 +138,15 @@ impl Plan<'_> {
                         Kind::Shadow => contest.run::<bool>(),
                         _ => contest.run::<Hit>(),
                     };
-                    let row = Row { bench, world: &world, kind: *kind, call, count: rays.len(), threads, variant };
+                    let row = Row {
+                        bench,
+                        world: &world,
+                        kind: *kind,
+                        call,
+                        count: rays.len(),
+                        threads,
+                        variant,
+                    };
                     self.print(&row, &outcome)?;
                 }
             }
@@ -135,13 +157,18 @@ impl Plan<'_> {
     /// Embree's scenes: medium and high, fast and robust.
     fn peer_scenes(&self, world: &World) -> Result<Vec<PeerScene>, Failure> {
         let Some(peer) = &self.peer else { return Ok(Vec::new()) };
-        let ways = [false, true].map(|robust| [BuildQuality::Medium, BuildQuality::High].map(|q| (q, robust)));
+        let ways = [false, true]
+            .map(|robust| [BuildQuality::Medium, BuildQuality::High].map(|q| (q, robust)));
         let options = |&(quality, robust): &_| SceneOptions { quality, robust, compact: false };
         ways.as_flattened().iter().map(|way| peer.build(world, options(way))).collect()
     }
 
     fn print(&self, row: &Row, outcome: &Outcome) -> Result<(), Failure> {
-        let text = if self.options.json { format!("{}\n", self.json(row, outcome)) } else { table_row(row, outcome) };
+        let text = if self.options.json {
+            format!("{}\n", self.json(row, outcome))
+        } else {
+            table_row(row, outcome)
+        };
         standard_output::write(text.as_bytes())
     }
 
@@ -166,7 +193,9 @@ impl Plan<'_> {
         let version = self.peer.as_ref().map(Peer::version);
         for (prefix, opponent) in [("peer", &outcome.opponent), ("robust_peer", &outcome.robust)] {
             let Some(opponent) = opponent else { continue };
-            let of_peer = |name: &str| if prefix == "peer" { name.to_string() } else { format!("robust_{name}") };
+            let of_peer = |name: &str| {
+                if prefix == "peer" { name.to_string() } else { format!("robust_{name}") }
+            };
             value[prefix] = json!({ "name": "Embree", "version": version, "mode": opponent.mode });
             value[format!("{prefix}_mrays_per_second")] = json!(row.rate(opponent.seconds));
             value[of_peer("ratio")] = json!(opponent.ratio);
@@ -198,14 +227,16 @@ fn heading(peer: Option<&Peer>) -> String {
     match peer {
         Some(peer) => {
             text += &format!(
-                "Peer: Embree {}, the fastest way that is not robust; then the fastest robust one.\n",
+                "Peer: Embree {}, the fastest way that is not robust; then the fastest robust \
+                    one.\n",
                 peer.version()
             )
         }
         None => text += "No peer.\n",
     }
     text + &format!(
-        "{:32} {:>11} {:9} {:5} {:>7} {:6} {:7} {:7} {:6} {:>8} {:>8} {:>6} {:>9} {:24} {:>8} {:>6} {:>9}  {}\n",
+        "{:32} {:>11} {:9} {:5} {:>7} {:6} {:7} {:7} {:6} {:>8} {:>8} {:>6} {:>9} {:24} {:>8} \
+            {:>6} {:>9}  {}\n",
         "scene",
         "triangles",
         "rays",
@@ -230,7 +261,9 @@ fn heading(peer: Option<&Peer>) -> String {
 fn table_row(row: &Row, outcome: &Outcome) -> String {
     let name = scenes::short_name(&row.bench.name);
     let opponent = |o: &Option<Opponent>| match o {
-        Some(o) => format!(" {:8.2} {:6.2} {:9.6} {:24}", row.rate(o.seconds), o.ratio, o.agree, o.mode),
+        Some(o) => {
+            format!(" {:8.2} {:6.2} {:9.6} {:24}", row.rate(o.seconds), o.ratio, o.agree, o.mode)
+        }
         None => String::new(),
     };
     let text = format!(

@@ -83,13 +83,17 @@ fn measure(path: &Path, read: &ReadOptions, options: &Options) -> Result<Value, 
 fn is_mesh(path: &Path) -> bool {
     let name = path.to_string_lossy().to_lowercase();
     let name = name.strip_suffix(".gz").unwrap_or(&name);
-    ["ply", "obj", "stl", "off", "ray"].iter().any(|extension| name.ends_with(&format!(".{extension}")))
+    ["ply", "obj", "stl", "off", "ray"]
+        .iter()
+        .any(|extension| name.ends_with(&format!(".{extension}")))
 }
 
 /// Triangles of all meshes, each counted once for each surface that it is.
 fn triangle_count(scene: &Scene) -> usize {
     let surfaces = scene.nodes.iter().flat_map(|node| &node.surfaces);
-    surfaces.map(|s| if let Geometry::Mesh(mesh) = &s.geometry { mesh.indices.len() } else { 0 }).sum()
+    surfaces
+        .map(|s| if let Geometry::Mesh(mesh) = &s.geometry { mesh.indices.len() } else { 0 })
+        .sum()
 }
 
 fn heading() -> String {

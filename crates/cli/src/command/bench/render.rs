@@ -53,7 +53,8 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         }
         let camera = scenes::camera(name, &scene)?;
         for variant in &variants {
-            let compiled = CompiledScene::new(&scene, variant).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
+            let compiled = CompiledScene::new(&scene, variant)
+                .map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
             let settings = Settings {
                 size: [options.side; 2],
                 spp: options.spp,
@@ -118,20 +119,33 @@ fn measure(
         render.push(start.elapsed().as_secs_f64());
         tracing.push(statistics.tracing.as_secs_f64() / threads as f64);
         let mut seconds = 0.0;
-        for (grouping, rays) in [(Grouping::Coherent, &rays.coherent), (Grouping::None, &rays.unrelated)] {
-            seconds +=
-                time_pieces(&pool, Clock::Wall, rays, &mut hits[..rays.len()], &|rays: &[Ray], hits: &mut [Hit]| {
+        for (grouping, rays) in
+            [(Grouping::Coherent, &rays.coherent), (Grouping::None, &rays.unrelated)]
+        {
+            seconds += time_pieces(
+                &pool,
+                Clock::Wall,
+                rays,
+                &mut hits[..rays.len()],
+                &|rays: &[Ray], hits: &mut [Hit]| {
                     world.closest(rays, grouping, filter, hits);
-                });
+                },
+            );
         }
-        seconds +=
-            time_pieces(&pool, Clock::Wall, &rays.occluded, &mut blocked, &|rays: &[Ray], blocked: &mut [bool]| {
+        seconds += time_pieces(
+            &pool,
+            Clock::Wall,
+            &rays.occluded,
+            &mut blocked,
+            &|rays: &[Ray], blocked: &mut [bool]| {
                 world.occluded(rays, Grouping::None, filter, blocked);
-            });
+            },
+        );
         raw.push(seconds);
     }
     let rate = |seconds: &[f64]| rays.len() as f64 / median(seconds) * 1e-6;
-    let shares: Vec<f64> = tracing.iter().zip(&render).map(|(tracing, render)| tracing / render).collect();
+    let shares: Vec<f64> =
+        tracing.iter().zip(&render).map(|(tracing, render)| tracing / render).collect();
     Ok(json!({
         "scene": name,
         "triangles": world.instanced_triangle_count(),

@@ -1,7 +1,8 @@
 //! `snell bench samplers`: error against number of samples.
 //!
-//! Every pixel of some pictures estimates the same integral of known value. The root mean square of their errors tells how good a
-//! sampler is; the same after a slight blur tells how the errors of neighbours make up for each other, which is what the eye sees.
+//! Every pixel of some pictures estimates the same integral of known value. The root mean square of
+//! their errors tells how good a sampler is; the same after a slight blur tells how the errors of
+//! neighbours make up for each other, which is what the eye sees.
 
 mod blur;
 mod integrands;
@@ -55,14 +56,17 @@ pub struct Point {
     spp: u32,
     /// Root mean square.
     error: f64,
-    /// Root mean square after a blur, times what the blur divides white noise by: as `error` if neighbours are independent.
+    /// Root mean square after a blur, times what the blur divides white noise by: as `error` if
+    /// neighbours are independent.
     blurred: f64,
 }
 
 impl Series {
-    /// The exponent of the power of the number of samples that fits the errors; `None` if there are not two.
+    /// The exponent of the power of the number of samples that fits the errors; `None` if there are
+    /// not two.
     fn exponent(&self) -> Option<f64> {
-        let logs: Vec<[f64; 2]> = self.points.iter().map(|p| [f64::from(p.spp).ln(), p.error.ln()]).collect();
+        let logs: Vec<[f64; 2]> =
+            self.points.iter().map(|p| [f64::from(p.spp).ln(), p.error.ln()]).collect();
         let n = logs.len() as f64;
         let mean = |axis: usize| logs.iter().map(|p| p[axis]).sum::<f64>() / n;
         let (x, y) = (mean(0), mean(1));
@@ -84,7 +88,8 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     }
     let mut all = Vec::new();
     for integrand in &INTEGRANDS {
-        let series: Vec<Series> = samplers.iter().map(|&sampler| measure(options, integrand, sampler)).collect();
+        let series: Vec<Series> =
+            samplers.iter().map(|&sampler| measure(options, integrand, sampler)).collect();
         let text = if options.json { lines(&series) } else { table(integrand, &series) };
         standard_output::write(text.as_bytes())?;
         all.extend(series);
@@ -118,7 +123,9 @@ fn mean_square(errors: &[f64]) -> f64 {
 /// The relative error of each pixel's estimate.
 fn errors(sampler: Sampler, side: u32, spp: u32, integrand: &Integrand) -> Vec<f64> {
     let pixels = (0..side * side).map(|i| [i % side, i / side]);
-    let estimate = |pixel| (0..spp).map(|s| (integrand.value)(&sampler.random(pixel, s))).sum::<f64>() / f64::from(spp);
+    let estimate = |pixel| {
+        (0..spp).map(|s| (integrand.value)(&sampler.random(pixel, s))).sum::<f64>() / f64::from(spp)
+    };
     pixels.map(|pixel| estimate(pixel) / integrand.integral - 1.0).collect()
 }
 
@@ -132,17 +139,26 @@ fn lines(series: &[Series]) -> String {
             });
             text += &format!("{line}\n");
         }
-        text += &format!("{}\n", json!({ "integrand": integrand, "sampler": sampler, "exponent": s.exponent() }));
+        text += &format!(
+            "{}\n",
+            json!({ "integrand": integrand, "sampler": sampler, "exponent": s.exponent() })
+        );
     }
     text
 }
 
 fn table(integrand: &Integrand, series: &[Series]) -> String {
-    let mut text = format!("{} ({}): error, and after a blur\n{:>8}", integrand.name, integrand.formula, "spp");
+    let mut text = format!(
+        "{} ({}): error, and after a blur\n{:>8}",
+        integrand.name, integrand.formula, "spp"
+    );
     series.iter().for_each(|s| text += &format!("{:>22}", s.sampler.name()));
     for row in 0..series[0].points.len() {
         text += &format!("\n{:>8}", series[0].points[row].spp);
-        series.iter().map(|s| s.points[row]).for_each(|p| text += &format!("{:>11.6}{:>11.6}", p.error, p.blurred));
+        series
+            .iter()
+            .map(|s| s.points[row])
+            .for_each(|p| text += &format!("{:>11.6}{:>11.6}", p.error, p.blurred));
     }
     text += &format!("\n{:>8}", "power");
     for s in series {

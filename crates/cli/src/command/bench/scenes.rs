@@ -1,4 +1,5 @@
-//! The scenes that are measured: files, built-in scenes, two generated ones, and each of them refined, copied or instanced.
+//! The scenes that are measured: files, built-in scenes, two generated ones, and each of them
+//! refined, copied or instanced.
 
 mod generate;
 
@@ -27,7 +28,8 @@ pub struct Bench {
     pub light: Vec3,
 }
 
-/// What is done with a scene before it is measured: `NAME:subdivide=2`, `NAME:copies=145`, `NAME:instances=145`.
+/// What is done with a scene before it is measured: `NAME:subdivide=2`, `NAME:copies=145`,
+/// `NAME:instances=145`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Change {
     /// Each triangle is cut into four, this often; the surface stays where it is.
@@ -46,7 +48,11 @@ fn parse(name: &str) -> Result<(&str, Option<Change>), Failure> {
         "subdivide" => (Change::Subdivide, 8),
         "copies" => (Change::Copies, 100_000),
         "instances" => (Change::Instances, 10_000_000),
-        _ => return Err(Failure::Usage(format!("{name}: what can be done is subdivide=N, copies=N or instances=N"))),
+        _ => {
+            return Err(Failure::Usage(format!(
+                "{name}: what can be done is subdivide=N, copies=N or instances=N"
+            )));
+        }
     };
     match number.parse() {
         Ok(n) if (1..=most).contains(&n) => Ok((scene, Some(make(n)))),
@@ -54,7 +60,8 @@ fn parse(name: &str) -> Result<(&str, Option<Change>), Failure> {
     }
 }
 
-/// Checks the name of a scene as far as that is quick, so that a benchmark of many scenes does not fail late.
+/// Checks the name of a scene as far as that is quick, so that a benchmark of many scenes does not
+/// fail late.
 pub fn check(name: &str) -> Result<(), Failure> {
     parse(name).map(|_| ())
 }
@@ -64,7 +71,8 @@ pub fn short_name(name: &str) -> &str {
     name.rsplit(['/', '\\']).next().unwrap_or(name)
 }
 
-/// Loads or makes the scene of this name, with a camera and light. The light of generated scenes comes beside it.
+/// Loads or makes the scene of this name, with a camera and light. The light of generated scenes
+/// comes beside it.
 pub fn load_scene(name: &str, read: &ReadOptions) -> Result<(Scene, Option<Vec3>), Failure> {
     let (base, change) = parse(name)?;
     let (mut scene, light) = match base {
@@ -82,7 +90,11 @@ pub fn load_scene(name: &str, read: &ReadOptions) -> Result<(Scene, Option<Vec3>
 
 /// The camera of a scene.
 pub fn camera(name: &str, scene: &Scene) -> Result<Camera, Failure> {
-    scene.cameras.first().cloned().ok_or_else(|| Failure::Scene(format!("{name}: the scene has no camera")))
+    scene
+        .cameras
+        .first()
+        .cloned()
+        .ok_or_else(|| Failure::Scene(format!("{name}: the scene has no camera")))
 }
 
 /// Loads or makes the scene of this name, ready for rays.
@@ -91,7 +103,10 @@ pub fn load(name: &str, read: &ReadOptions) -> Result<Bench, Failure> {
     let camera = camera(name, &scene)?;
     let world = compile(name, &scene)?;
     if world.bounds().is_empty() {
-        let why = scene.warnings.first().map_or(String::new(), |w| format!(" ({})", one_line(&w.message)));
+        let why = scene
+            .warnings
+            .first()
+            .map_or(String::new(), |w| format!(" ({})", one_line(&w.message)));
         return Err(Failure::Scene(format!(
             "{name}: the scene has no surfaces to trace rays at{why}; name another one"
         )));
@@ -101,15 +116,19 @@ pub fn load(name: &str, read: &ReadOptions) -> Result<Bench, Failure> {
 }
 
 fn compile(name: &str, scene: &Scene) -> Result<World, Failure> {
-    let options =
-        BuildOptions { accelerator: snell_intersect::accel::AcceleratorKind::None, ..BuildOptions::default() };
+    let options = BuildOptions {
+        accelerator: snell_intersect::accel::AcceleratorKind::None,
+        ..BuildOptions::default()
+    };
     admit_scene(name, scene)?;
-    let compiled = CompiledScene::new(scene, &options).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
+    let compiled =
+        CompiledScene::new(scene, &options).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
     let shared = || Failure::Other(format!("{name}: the world is in use elsewhere"));
     Arc::into_inner(compiled.world).ok_or_else(shared)
 }
 
-/// A point light: outside and above a scene that is seen from outside, below the ceiling of one that is seen from inside.
+/// A point light: outside and above a scene that is seen from outside, below the ceiling of one
+/// that is seen from inside.
 fn light_above(bounds: &Bounds3d, eye: DVec3) -> Vec3 {
     if bounds.is_empty() || !bounds.is_finite() {
         return (eye + DVec3::Y).as_vec3();
@@ -140,7 +159,10 @@ fn changed(world: &World, change: Change) -> Scene {
             let surfaces = vec![surface(mesh.clone())];
             for i in 0..n {
                 let transform = *place(i, n, &mesh).matrix();
-                scene.add_child(scene.root, Node { transform, surfaces: surfaces.clone(), ..Node::default() });
+                scene.add_child(
+                    scene.root,
+                    Node { transform, surfaces: surfaces.clone(), ..Node::default() },
+                );
             }
         }
     }
@@ -160,10 +182,15 @@ pub fn merged(world: &World) -> TriangleMesh {
         for &id in &contents.geometries {
             if let Geometry::Mesh(mesh) = world.geometry(id) {
                 let (positions, indices) = (mesh.positions.clone(), mesh.indices.clone());
-                meshes.push(TriangleMesh { positions, indices, ..TriangleMesh::default() }.transformed(&placed));
+                meshes.push(
+                    TriangleMesh { positions, indices, ..TriangleMesh::default() }
+                        .transformed(&placed),
+                );
             }
         }
-        stack.extend(contents.instances.iter().map(|i| (i.child, placed.compose(&i.group_from_child))));
+        stack.extend(
+            contents.instances.iter().map(|i| (i.child, placed.compose(&i.group_from_child))),
+        );
     }
     joined(meshes)
 }
@@ -248,6 +275,9 @@ mod tests {
         assert_eq!((copies.0, instances.0), (320, 320));
         // Bounds of instances are those of turned boxes; copies are rounded.
         let slack = 1e-5;
-        assert!(instances.1.contains(copies.1.min + slack) && instances.1.contains(copies.1.max - slack));
+        assert!(
+            instances.1.contains(copies.1.min + slack)
+                && instances.1.contains(copies.1.max - slack)
+        );
     }
 }

@@ -30,16 +30,26 @@ impl Options {
         let accelerators: Vec<_> = accelerators
             .map(|name| choice("accelerator", name, &AcceleratorKind::ALL, AcceleratorKind::name))
             .collect::<Result<_, _>>()?;
-        let qualities = self.quality.iter().map(|name| choice("quality", name, &Quality::ALL, Quality::name));
+        let qualities =
+            self.quality.iter().map(|name| choice("quality", name, &Quality::ALL, Quality::name));
         let qualities: Vec<_> = qualities.collect::<Result<_, _>>()?;
         let levels = self.levels()?;
         let mut variants = Vec::new();
         for &accelerator in &accelerators {
             // Only this one is built in several qualities.
-            let qualities = if accelerator == AcceleratorKind::Bvh { &qualities[..] } else { &[Quality::Medium] };
-            let layouts =
-                if self.compact && accelerator == AcceleratorKind::Bvh { &[false, true][..] } else { &[false] };
-            for (&quality, &compact) in qualities.iter().flat_map(|q| layouts.iter().map(move |c| (q, c))) {
+            let qualities = if accelerator == AcceleratorKind::Bvh {
+                &qualities[..]
+            } else {
+                &[Quality::Medium]
+            };
+            let layouts = if self.compact && accelerator == AcceleratorKind::Bvh {
+                &[false, true][..]
+            } else {
+                &[false]
+            };
+            for (&quality, &compact) in
+                qualities.iter().flat_map(|q| layouts.iter().map(move |c| (q, c)))
+            {
                 variants.extend(levels.iter().map(|&simd| BuildOptions {
                     accelerator,
                     quality,
@@ -61,7 +71,10 @@ impl Options {
             if level.is_supported() {
                 return Ok(level);
             }
-            Err(Failure::Usage(format!("this machine does not have {level}; the best it has is {}", Level::best())))
+            Err(Failure::Usage(format!(
+                "this machine does not have {level}; the best it has is {}",
+                Level::best()
+            )))
         };
         self.simd.iter().map(level).collect()
     }
@@ -72,7 +85,8 @@ pub fn layout(compact: bool) -> &'static str {
     if compact { "compact" } else { "" }
 }
 
-/// A builder with everything that is in a world, for the same hits from another structure. Nothing is filtered.
+/// A builder with everything that is in a world, for the same hits from another structure. Nothing
+/// is filtered.
 pub fn builder_of(world: &World) -> WorldBuilder {
     let mut builder = WorldBuilder::default();
     for _ in 1..world.group_count() {
@@ -80,8 +94,9 @@ pub fn builder_of(world: &World) -> WorldBuilder {
     }
     let groups = || (0..world.group_count() as u32).map(GroupId);
     // Numbers of geometries ascend over all groups.
-    let mut geometries: Vec<_> =
-        groups().flat_map(|group| world.group(group).geometries.iter().map(move |&id| (id, group))).collect();
+    let mut geometries: Vec<_> = groups()
+        .flat_map(|group| world.group(group).geometries.iter().map(move |&id| (id, group)))
+        .collect();
     geometries.sort();
     for (id, group) in geometries {
         match world.geometry(id) {

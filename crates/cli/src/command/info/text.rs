@@ -14,7 +14,9 @@ macro_rules! line {
 
 /// Names of a file must not move the cursor of a terminal.
 fn printable(line: &str) -> String {
-    let escaped = |c: char| if c.is_control() && c != '\n' { c.escape_unicode().collect() } else { c.to_string() };
+    let escaped = |c: char| {
+        if c.is_control() && c != '\n' { c.escape_unicode().collect() } else { c.to_string() }
+    };
     line.chars().map(escaped).collect()
 }
 
@@ -43,7 +45,11 @@ impl Facts<'_> {
             line!(out, "bounds: {:.4} to {:.4}, size {:.4}", b.min, b.max, b.size());
         }
         if counts.degenerate > 0 {
-            line!(out, "{} degenerate or non-finite triangles, which are never hit", counts.degenerate);
+            line!(
+                out,
+                "{} degenerate or non-finite triangles, which are never hit",
+                counts.degenerate
+            );
         }
         line!(out, "\nTree");
         let mut left = limit;
@@ -64,7 +70,14 @@ impl Facts<'_> {
         out
     }
 
-    fn add_node(&self, out: &mut String, id: NodeId, depth: usize, left: &mut usize, shown: &mut HashSet<NodeId>) {
+    fn add_node(
+        &self,
+        out: &mut String,
+        id: NodeId,
+        depth: usize,
+        left: &mut usize,
+        shown: &mut HashSet<NodeId>,
+    ) {
         let indent = "  ".repeat(depth.min(40));
         if *left == 0 {
             return;
@@ -78,7 +91,8 @@ impl Facts<'_> {
         let name = if node.name.is_empty() { format!("node {}", id.0) } else { node.name.clone() };
         let surfaces: Vec<_> = node.surfaces.iter().map(|s| s.geometry.describe()).collect();
         let again = !shown.insert(id) && !node.children.is_empty();
-        let what = format!("{}{}", surfaces.join(", "), if again { "(shared, shown above)" } else { "" });
+        let what =
+            format!("{}{}", surfaces.join(", "), if again { "(shared, shown above)" } else { "" });
         line!(out, "{}", format!("{indent}{name}  {what}").trim_end());
         if !again && depth < 200 {
             for &child in &node.children {
@@ -94,15 +108,23 @@ impl Facts<'_> {
             for (i, material) in scene.materials.iter().enumerate() {
                 let emits = if material.is_emissive() { ", emits" } else { "" };
                 // In RGB all colours have the index of the d-line.
-                let disperses = if material.is_dispersive() { ", disperses with --color spectral" } else { "" };
-                line!(out, "  {i} \"{}\" {}{emits}{disperses}", material.name, material.kind.name());
+                let disperses =
+                    if material.is_dispersive() { ", disperses with --color spectral" } else { "" };
+                line!(
+                    out,
+                    "  {i} \"{}\" {}{emits}{disperses}",
+                    material.name,
+                    material.kind.name()
+                );
             }
         }
-        let patterns: Vec<_> = scene.textures.iter().filter_map(|texture| texture.as_pattern()).collect();
+        let patterns: Vec<_> =
+            scene.textures.iter().filter_map(|texture| texture.as_pattern()).collect();
         if !patterns.is_empty() {
             let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
             patterns.iter().for_each(|pattern| *counts.entry(pattern.name()).or_default() += 1);
-            let kinds: Vec<_> = counts.iter().map(|(name, count)| format!("{count} {name}")).collect();
+            let kinds: Vec<_> =
+                counts.iter().map(|(name, count)| format!("{count} {name}")).collect();
             line!(out, "\nPatterns: {}", kinds.join(", "));
         }
         if !scene.images.is_empty() {
@@ -118,17 +140,31 @@ impl Facts<'_> {
         if !scene.media.is_empty() {
             line!(out, "\nMedia");
             for (i, medium) in scene.media.iter().enumerate() {
-                let fills = if scene.medium.is_some_and(|m| m.index() == i) { ", outside of all surfaces" } else { "" };
+                let fills = if scene.medium.is_some_and(|m| m.index() == i) {
+                    ", outside of all surfaces"
+                } else {
+                    ""
+                };
                 line!(out, "  {i} {}{fills}", medium.name());
             }
         }
         line!(
             out,
             "\nCameras{}",
-            if scene.cameras.is_empty() { ": none (one is made that frames the scene)" } else { "" }
+            if scene.cameras.is_empty() {
+                ": none (one is made that frames the scene)"
+            } else {
+                ""
+            }
         );
         for (i, camera) in scene.cameras.iter().enumerate() {
-            line!(out, "  {i} \"{}\" at {:.3} towards {:.3}", camera.name, camera.eye, camera.towards);
+            line!(
+                out,
+                "  {i} \"{}\" at {:.3} towards {:.3}",
+                camera.name,
+                camera.eye,
+                camera.towards
+            );
         }
         self.add_choices(out);
     }
@@ -137,10 +173,20 @@ impl Facts<'_> {
     fn add_choices(&self, out: &mut String) {
         let scene = self.scene;
         if let Some(motion) = &scene.motion {
-            line!(out, "\nAnimations ({} joints, {} bent meshes)", motion.joints.len(), motion.deformed.len());
+            line!(
+                out,
+                "\nAnimations ({} joints, {} bent meshes)",
+                motion.joints.len(),
+                motion.deformed.len()
+            );
             for (i, clip) in motion.clips.iter().enumerate() {
                 let [start, end] = clip.span();
-                line!(out, "  {i} \"{}\" {start:.3} s to {end:.3} s, {} channels", clip.name, clip.channels.len());
+                line!(
+                    out,
+                    "  {i} \"{}\" {start:.3} s to {end:.3} s, {} channels",
+                    clip.name,
+                    clip.channels.len()
+                );
             }
         }
         let list = |out: &mut String, title: &str, names: &[String]| {

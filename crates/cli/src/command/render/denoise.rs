@@ -28,9 +28,14 @@ pub enum Denoised {
 
 /// Replaces the colours of the picture, see [`Denoiser::denoise_picture`]. The library cannot be
 /// stopped, so it works on a copy that is left to it when a signal comes.
-pub fn apply(denoiser: &Arc<Denoiser>, picture: &mut LayeredImage, threads: usize) -> Result<Denoised, Failure> {
+pub fn apply(
+    denoiser: &Arc<Denoiser>,
+    picture: &mut LayeredImage,
+    threads: usize,
+) -> Result<Denoised, Failure> {
     let is_used = |name: &str| matches!(name, "albedo" | "normal");
-    let used = picture.layers.iter().enumerate().filter(|(i, layer)| *i == 0 || is_used(&layer.name));
+    let used =
+        picture.layers.iter().enumerate().filter(|(i, layer)| *i == 0 || is_used(&layer.name));
     let layers: Vec<_> = used.map(|(_, layer)| layer.clone()).collect();
     let own_layers = layers.len();
     let mut copy = LayeredImage { layers, metadata: Vec::new(), ..*picture };
@@ -51,7 +56,9 @@ pub fn apply(denoiser: &Arc<Denoiser>, picture: &mut LayeredImage, threads: usiz
             Ok(Err(error)) => return Err(Failure::Other(error.to_string())),
             Err(RecvTimeoutError::Timeout) if interrupt::requests() == known => {}
             Err(RecvTimeoutError::Timeout) => return Ok(Denoised::Interrupted),
-            Err(RecvTimeoutError::Disconnected) => return Err(Failure::Other("Open Image Denoise gave up".into())),
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(Failure::Other("Open Image Denoise gave up".into()));
+            }
         }
     }
 }

@@ -1,7 +1,8 @@
-//! Many pictures of one scene: the frames of an animation or of a turntable, as numbered files or as one animated picture.
+//! Many pictures of one scene: the frames of an animation or of a turntable, as numbered files or
+//! as one animated picture.
 //!
-//! Each frame appears whole or not at all. While not all are there, a file beside them remembers how they are made, so that `--resume`
-//! renders only those that are missing.
+//! Each frame appears whole or not at all. While not all are there, a file beside them remembers
+//! how they are made, so that `--resume` renders only those that are missing.
 
 mod resume;
 
@@ -56,7 +57,8 @@ pub struct Turntable {
 /// One frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Frame {
-    /// In names: the time in frames, so that parts of an animation that are rendered apart fit together.
+    /// In names: the time in frames, so that parts of an animation that are rendered apart fit
+    /// together.
     number: i64,
     time: f64,
     /// Share of a whole turn.
@@ -65,7 +67,12 @@ struct Frame {
 
 /// Reads `0..2s@24`, `0.5..@30`, `@24`.
 pub fn parse_frames(text: &str) -> Result<FrameRange, String> {
-    let error = || format!("\"{text}\" is not a range of frames; write START..END@RATE in seconds, such as 0..2s@24");
+    let error = || {
+        format!(
+            "\"{text}\" is not a range of frames; write START..END@RATE in seconds, such as \
+                0..2s@24"
+        )
+    };
     let (range, rate) = text.split_once('@').ok_or_else(error)?;
     let rate = possible_rate(rate.trim().parse().map_err(|_| error())?)?;
     let seconds = |text: &str| match text.trim().trim_end_matches('s') {
@@ -75,7 +82,11 @@ pub fn parse_frames(text: &str) -> Result<FrameRange, String> {
             _ => Err(format!("{number} seconds are too many: times are from -1e6 to 1e6")),
         },
     };
-    let (start, end) = if range.trim().is_empty() { ("", "") } else { range.split_once("..").ok_or_else(error)? };
+    let (start, end) = if range.trim().is_empty() {
+        ("", "")
+    } else {
+        range.split_once("..").ok_or_else(error)?
+    };
     let (start, end) = (seconds(start)?, seconds(end)?);
     let is_empty = matches!((start, end), (Some(a), Some(b)) if a >= b);
     if is_empty { Err(error()) } else { Ok(FrameRange { start, end, rate }) }
@@ -83,13 +94,16 @@ pub fn parse_frames(text: &str) -> Result<FrameRange, String> {
 
 /// Reads `48` or `48@24`.
 pub fn parse_turntable(text: &str) -> Result<Turntable, String> {
-    let error = || format!("\"{text}\" is not a number of frames; write N or N@RATE, such as 48@24");
-    let (count, rate) = text.split_once('@').map_or((text, None), |(count, rate)| (count, Some(rate)));
+    let error =
+        || format!("\"{text}\" is not a number of frames; write N or N@RATE, such as 48@24");
+    let (count, rate) =
+        text.split_once('@').map_or((text, None), |(count, rate)| (count, Some(rate)));
     let count: f64 = count.trim().parse().map_err(|_| error())?;
     if count.fract() != 0.0 || !(1.0..=MOST_OF_TURN).contains(&count) {
         return Err(format!("{count} frames: a turn has 1 to {MOST_OF_TURN}"));
     }
-    let rate = possible_rate(rate.map_or(Ok(TURNTABLE_RATE), |r| r.trim().parse()).map_err(|_| error())?)?;
+    let rate =
+        possible_rate(rate.map_or(Ok(TURNTABLE_RATE), |r| r.trim().parse()).map_err(|_| error())?)?;
     Ok(Turntable { count: count as u32, rate })
 }
 
@@ -102,18 +116,23 @@ fn possible_rate(rate: f64) -> Result<f64, String> {
 
 /// Reads `0..0.02`.
 pub fn parse_shutter(text: &str) -> Result<[f64; 2], String> {
-    let error = || format!("\"{text}\" is not when a shutter opens and closes; write seconds as 0..0.02");
+    let error =
+        || format!("\"{text}\" is not when a shutter opens and closes; write seconds as 0..0.02");
     let (open, close) = text.split_once("..").ok_or_else(error)?;
-    let seconds = |text: &str| text.trim().trim_end_matches('s').parse().ok().filter(|t: &f64| t.abs() <= 1e6);
+    let seconds = |text: &str| {
+        text.trim().trim_end_matches('s').parse().ok().filter(|t: &f64| t.abs() <= 1e6)
+    };
     let (open, close) = (seconds(open).ok_or_else(error)?, seconds(close).ok_or_else(error)?);
     if open <= close { Ok([open, close]) } else { Err(error()) }
 }
 
-/// The frames that the options ask for, and how many are shown in a second; `None` if they ask for one picture.
+/// The frames that the options ask for, and how many are shown in a second; `None` if they ask for
+/// one picture.
 fn frames(options: &Options, stage: &Stage) -> Result<Option<(Vec<Frame>, f64)>, Failure> {
     if let Some(Turntable { count, rate }) = options.turntable {
         let time = options.at.unwrap_or_else(|| stage.usual_time());
-        let frame = |i: u32| Frame { number: i.into(), time, turn: f64::from(i) / f64::from(count) };
+        let frame =
+            |i: u32| Frame { number: i.into(), time, turn: f64::from(i) / f64::from(count) };
         return Ok(Some(((0..count).map(frame).collect(), rate)));
     }
     let Some(FrameRange { start, end, rate }) = options.frames else { return Ok(None) };
@@ -122,7 +141,9 @@ fn frames(options: &Options, stage: &Stage) -> Result<Option<(Vec<Frame>, f64)>,
     // A frame counts if it begins before the end, but for rounding.
     let count = ((end - start) * rate - 1e-6).ceil().max(1.0);
     if count > MOST || !count.is_finite() {
-        return Err(Failure::Usage(format!("--frames asks for {count} frames; at most {MOST} are possible")));
+        return Err(Failure::Usage(format!(
+            "--frames asks for {count} frames; at most {MOST} are possible"
+        )));
     }
     let from = (start * rate).round() as i64;
     let frame = |i: i64| Frame { number: from + i, time: start + i as f64 / rate, turn: 0.0 };
@@ -141,10 +162,11 @@ struct Place {
 }
 
 impl Place {
-    /// `walk.png` becomes `walk.0000.png`; `#` are digits where there are any. Frames of an animated picture wait in a folder
-    /// beside it.
+    /// `walk.png` becomes `walk.0000.png`; `#` are digits where there are any. Frames of an
+    /// animated picture wait in a folder beside it.
     fn of(output: Option<&Path>, stem: &OsStr) -> Result<Self, Failure> {
-        let path = output.map_or_else(|| joined([stem, OsStr::new(".png")]).into(), Path::to_path_buf);
+        let path =
+            output.map_or_else(|| joined([stem, OsStr::new(".png")]).into(), Path::to_path_buf);
         let waiting = |folder: OsString, format, target| Self {
             folder: folder.into(),
             before: OsString::new(),
@@ -160,9 +182,16 @@ impl Place {
             return Ok(waiting(joined([path.as_os_str(), frames]), format, Some(path)));
         }
         let name = path.file_name().unwrap_or_default();
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_path_buf();
-        let marks: Vec<usize> =
-            (0..).zip(name.as_encoded_bytes()).filter(|(_, b)| **b == b'#').map(|(i, _)| i).collect();
+        let folder = path
+            .parent()
+            .filter(|p| !p.as_os_str().is_empty())
+            .unwrap_or(Path::new("."))
+            .to_path_buf();
+        let marks: Vec<usize> = (0..)
+            .zip(name.as_encoded_bytes())
+            .filter(|(_, b)| **b == b'#')
+            .map(|(i, _)| i)
+            .collect();
         let dot = OsStr::new(".");
         let (before, after, digits) = match (marks.first(), marks.last()) {
             (Some(&first), Some(&last)) if last - first + 1 == marks.len() => {
@@ -173,7 +202,8 @@ impl Place {
                 return Err(Failure::Usage(format!("{}: {problem}", path.display())));
             }
             _ => {
-                let after = path.extension().map(|extension| joined([dot, extension])).unwrap_or_default();
+                let after =
+                    path.extension().map(|extension| joined([dot, extension])).unwrap_or_default();
                 (joined([path.file_stem().unwrap_or_default(), dot]), after, 4)
             }
         };
@@ -217,12 +247,20 @@ pub fn animated_format(path: &Path) -> Option<AnimatedFormat> {
 
 /// True if frames become one animated picture, a file or a stream.
 pub fn is_animated(options: &Options) -> bool {
-    options.output.as_deref().is_some_and(|path| path == Path::new("-") || animated_format(path).is_some())
+    options
+        .output
+        .as_deref()
+        .is_some_and(|path| path == Path::new("-") || animated_format(path).is_some())
 }
 
-/// How all frames are made, in few letters: frames of one fingerprint belong together. What was read counts, and every option
-/// that changes pictures.
-fn fingerprint(options: &Options, stage: &Stage, frames: &[Frame], rate: f64) -> Result<String, Failure> {
+/// How all frames are made, in few letters: frames of one fingerprint belong together. What was
+/// read counts, and every option that changes pictures.
+fn fingerprint(
+    options: &Options,
+    stage: &Stage,
+    frames: &[Frame],
+    rate: f64,
+) -> Result<String, Failure> {
     let files = options.sources.as_ref().map(Sources::list);
     let neutral = Options {
         output: None,
@@ -234,14 +272,22 @@ fn fingerprint(options: &Options, stage: &Stage, frames: &[Frame], rate: f64) ->
         frames: None,
         progress: Default::default(),
         sources: None,
-        define: options.define.iter().map(|d| spectrum_file::resolve(d)).collect::<Result<_, _>>()?,
+        define: options
+            .define
+            .iter()
+            .map(|d| spectrum_file::resolve(d))
+            .collect::<Result<_, _>>()?,
         ..options.clone()
     };
-    // A number stands for other moments if the first of them is not a whole number of frames from 0; but for rounding.
+    // A number stands for other moments if the first of them is not a whole number of frames from
+    // 0; but for rounding.
     let offset = frames.first().map_or(0.0, |f| f.time - f.number as f64 / rate);
     let offset = (offset * 1e9).round();
     let version = env!("CARGO_PKG_VERSION");
-    Ok(hex(format!("{version} {rate} {offset} {:?} {files:?} {neutral:?}", stage.span()).as_bytes()))
+    Ok(
+        hex(format!("{version} {rate} {offset} {:?} {files:?} {neutral:?}", stage.span())
+            .as_bytes()),
+    )
 }
 
 /// Renders all frames that the options ask for; `None` if they ask for one picture.
@@ -252,7 +298,8 @@ pub fn render(session: &mut Session, stage: &mut Stage) -> Result<Option<ExitCod
     if place.animated.is_some() {
         std::fs::create_dir_all(&place.folder).map_err(|e| io(&place.folder, e))?;
     }
-    let files: BTreeMap<i64, PathBuf> = frames.iter().map(|f| (f.number, place.file(f.number))).collect();
+    let files: BTreeMap<i64, PathBuf> =
+        frames.iter().map(|f| (f.number, place.file(f.number))).collect();
     if let Some(first) = files.values().next() {
         // Names of frames are longer than that of the output.
         output::check_place(first)?;
@@ -266,19 +313,24 @@ pub fn render(session: &mut Session, stage: &mut Stage) -> Result<Option<ExitCod
             continue;
         }
         let there = format!(
-            "interrupted: {} frames of {} are there; the same command with --resume renders the rest",
+            "interrupted: {} frames of {} are there; the same command with --resume renders the \
+                rest",
             files.keys().filter(|&&number| memory.has(number)).count(),
             frames.len()
         );
         interrupt::end_at_once(there.clone());
         let file = &files[&frame.number];
-        let taken = if interrupt::is_requested() { None } else { render_one(session, stage, frame, file)? };
+        let taken =
+            if interrupt::is_requested() { None } else { render_one(session, stage, frame, file)? };
         let Some(taken) = taken else {
             eprintln!("{there}");
             return Ok(Some(ExitCode::from(interrupt::EXIT_CODE)));
         };
         let Some(sha256) = taken.sha256 else {
-            eprintln!("the frames before it are in their places; the same command with --resume renders the rest");
+            eprintln!(
+                "the frames before it are in their places; the same command with --resume renders \
+                    the rest"
+            );
             return Ok(Some(ExitCode::from(1)));
         };
         memory.add(frame.number, sha256)?;
@@ -287,7 +339,8 @@ pub fn render(session: &mut Session, stage: &mut Stage) -> Result<Option<ExitCod
         }
         statistics.push(taken.statistics);
     }
-    let farewell = "interrupted: all frames are there; the same command with --resume makes the picture of them";
+    let farewell = "interrupted: all frames are there; the same command with --resume makes the \
+        picture of them";
     interrupt::end_at_once(farewell);
     if interrupt::is_requested() && place.animated.is_some() {
         eprintln!("{farewell}");
@@ -300,8 +353,8 @@ pub fn render(session: &mut Session, stage: &mut Stage) -> Result<Option<ExitCod
     }
     let all = Totals::of(&statistics, start.elapsed().as_secs_f64());
     if let Some(path) = &options.stats {
-        let text =
-            serde_json::to_string_pretty(&all.json(&statistics, rate)).map_err(|e| Failure::Other(e.to_string()))?;
+        let text = serde_json::to_string_pretty(&all.json(&statistics, rate))
+            .map_err(|e| Failure::Other(e.to_string()))?;
         is_in_place &= output::write_text(path, "the JSON", &(text + "\n"))?;
     }
     if !options.quiet && assembled.is_in_place {
@@ -319,8 +372,14 @@ struct Taken {
 }
 
 /// Renders one frame; `None` if it was interrupted, and so is not there.
-fn render_one(session: &mut Session, stage: &mut Stage, frame: &Frame, file: &Path) -> Result<Option<Taken>, Failure> {
-    let settings = session.options.settings(&stage.scene, &stage.camera(session.options)?, session.simd)?;
+fn render_one(
+    session: &mut Session,
+    stage: &mut Stage,
+    frame: &Frame,
+    file: &Path,
+) -> Result<Option<Taken>, Failure> {
+    let settings =
+        session.options.settings(&stage.scene, &stage.camera(session.options)?, session.simd)?;
     if !session.has_begun {
         session.estimated_memory_bytes = memory::check(session.options, &settings, &stage.scene)?;
     }
@@ -347,7 +406,12 @@ fn render_one(session: &mut Session, stage: &mut Stage, frame: &Frame, file: &Pa
             json!({ "kept": reuse.kept, "refitted": reuse.refitted, "built": reuse.built }),
         );
     }
-    let line = format!("posed {}, built {}, rendered {}", duration(pose), duration(build), duration(render_seconds));
+    let line = format!(
+        "posed {}, built {}, rendered {}",
+        duration(pose),
+        duration(build),
+        duration(render_seconds)
+    );
     Ok(Some(Taken { sha256, line, statistics }))
 }
 
@@ -362,7 +426,12 @@ struct Totals {
 impl Totals {
     fn of(statistics: &[Value], seconds: f64) -> Self {
         let sum = |key: &str| statistics.iter().filter_map(|s| s[key].as_f64()).sum();
-        Self { seconds, pose: sum("pose_seconds"), build: sum("build_seconds"), render: sum("render_seconds") }
+        Self {
+            seconds,
+            pose: sum("pose_seconds"),
+            build: sum("build_seconds"),
+            render: sum("render_seconds"),
+        }
     }
 
     fn share(&self, of: f64) -> f64 {
@@ -401,10 +470,15 @@ struct Assembled {
 }
 
 /// Makes an animated picture of the frames, if that was asked for.
-fn assemble(place: &Place, files: &BTreeMap<i64, PathBuf>, rate: f64) -> Result<Assembled, Failure> {
+fn assemble(
+    place: &Place,
+    files: &BTreeMap<i64, PathBuf>,
+    rate: f64,
+) -> Result<Assembled, Failure> {
     let files: Vec<&Path> = files.values().map(PathBuf::as_path).collect();
     let Some((format, target)) = &place.animated else {
-        let ends = [files.first(), files.last()].map(|file| file.map_or(String::new(), |f| f.display().to_string()));
+        let ends = [files.first(), files.last()]
+            .map(|file| file.map_or(String::new(), |f| f.display().to_string()));
         return Ok(Assembled { shown: ends.join(" to "), is_in_place: true });
     };
     let (shown, written) = match target {
@@ -421,15 +495,25 @@ fn assemble(place: &Place, files: &BTreeMap<i64, PathBuf>, rate: f64) -> Result<
     };
     if !matches!(written, Ok(true)) {
         let folder = place.folder.display();
-        eprintln!("the frames are in {folder}; the same command with --resume makes the picture of them");
+        eprintln!(
+            "the frames are in {folder}; the same command with --resume makes the picture of them"
+        );
     }
     Ok(Assembled { shown, is_in_place: written? })
 }
 
-fn encode(format: AnimatedFormat, out: impl Write, files: &[&Path], rate: f64) -> Result<(), Failure> {
-    let failed = |problem: String| Failure::Other(format!("the animated picture cannot be written: {problem}"));
+fn encode(
+    format: AnimatedFormat,
+    out: impl Write,
+    files: &[&Path],
+    rate: f64,
+) -> Result<(), Failure> {
+    let failed = |problem: String| {
+        Failure::Other(format!("the animated picture cannot be written: {problem}"))
+    };
     let first = read(files[0])?;
-    let mut writer = AnimatedWriter::new(format, out, &first, rate, files.len() as u32).map_err(failed)?;
+    let mut writer =
+        AnimatedWriter::new(format, out, &first, rate, files.len() as u32).map_err(failed)?;
     for &file in files {
         writer.add(&read(file)?).map_err(failed)?;
     }
@@ -438,7 +522,8 @@ fn encode(format: AnimatedFormat, out: impl Write, files: &[&Path], rate: f64) -
 
 /// The content of a file of our own making, which may have become a pipe.
 fn read(path: &Path) -> Result<Vec<u8>, Failure> {
-    open::read(path, NamedBy::File, u64::MAX - 1).map_err(|e| Failure::Other(format!("{}: {e}", path.display())))
+    open::read(path, NamedBy::File, u64::MAX - 1)
+        .map_err(|e| Failure::Other(format!("{}: {e}", path.display())))
 }
 
 fn io(path: &Path, error: std::io::Error) -> Failure {
@@ -466,7 +551,9 @@ mod tests {
 
     #[test]
     fn frames_are_named_by_their_numbers() {
-        let place = |name: &str| Place::of(Some(Path::new(name)), "scene".as_ref()).expect("a possible name");
+        let place = |name: &str| {
+            Place::of(Some(Path::new(name)), "scene".as_ref()).expect("a possible name")
+        };
         assert_eq!(place("a/walk.png").file(7), Path::new("a/walk.0007.png"));
         assert_eq!(place("walk_###.exr").file(7), Path::new("./walk_007.exr"));
         assert_eq!(place("walk.png").file(-12), Path::new("./walk.-0012.png"));

@@ -10,7 +10,9 @@ use snell_scene::{LayeredImage, Scene};
 pub fn aovs(names: &[String]) -> Result<Vec<Aov>, Failure> {
     let mut asked = Vec::new();
     if !names.is_empty() && names.iter().all(|n| n.trim().is_empty()) {
-        return Err(Failure::Usage("--aov: expected names of layers, such as depth,normal, or `all`".into()));
+        return Err(Failure::Usage(
+            "--aov: expected names of layers, such as depth,normal, or `all`".into(),
+        ));
     }
     for name in names.iter().map(|n| n.trim()).filter(|n| !n.is_empty()) {
         if name == "all" {
@@ -37,10 +39,21 @@ pub fn light_groups(definitions: &[String]) -> Result<Vec<(String, Vec<String>)>
 }
 
 /// Adds the layers and the metadata of Cryptomatte.
-pub fn add_cryptomatte(picture: &mut LayeredImage, film: &Film, scene: &Scene, compiled: &CompiledScene) {
-    for (aov, kind) in [(Aov::CryptoObject, "CryptoObject"), (Aov::CryptoMaterial, "CryptoMaterial")] {
+pub fn add_cryptomatte(
+    picture: &mut LayeredImage,
+    film: &Film,
+    scene: &Scene,
+    compiled: &CompiledScene,
+) {
+    for (aov, kind) in
+        [(Aov::CryptoObject, "CryptoObject"), (Aov::CryptoMaterial, "CryptoMaterial")]
+    {
         if let Some(coverage) = Coverage::of(film, aov, scene, compiled) {
-            let matte = cryptomatte::encode(kind, &coverage.names, coverage.shares.iter().map(Vec::as_slice));
+            let matte = cryptomatte::encode(
+                kind,
+                &coverage.names,
+                coverage.shares.iter().map(Vec::as_slice),
+            );
             picture.layers.extend(matte.layers);
             picture.metadata.extend(matte.metadata);
         }

@@ -1,4 +1,5 @@
-//! Options of `snell render`, and the settings that follow from them, the scene and the defaults, in this order.
+//! Options of `snell render`, and the settings that follow from them, the scene and the defaults,
+//! in this order.
 
 use super::frames::{self, FrameRange, Turntable};
 use super::layers;
@@ -12,8 +13,8 @@ use snell_intersect::accel::AcceleratorKind;
 use snell_math::simd::Level;
 use snell_math::{ColorModel, Rgb};
 use snell_render::{
-    Crop, Filter, Guiding, GuidingPasses, IntegratorKind, LightSamplerKind, LightStrategy, Request, RequestError,
-    SamplerKind, Settings, Shadows, Terminator,
+    Crop, Filter, Guiding, GuidingPasses, IntegratorKind, LightSamplerKind, LightStrategy, Request,
+    RequestError, SamplerKind, Settings, Shadows, Terminator,
 };
 use snell_scene::light::sky::Sky;
 use snell_scene::{Background, Camera, Environment, Scene};
@@ -67,7 +68,8 @@ pub struct Options {
     /// Scene or mesh file, `-` for standard input, or the name of a built-in scene
     #[arg(default_value = "cornell-box")]
     pub scene: PathBuf,
-    /// Picture to write; the extension decides the format, `-` is standard output (PNG). Default: the scene's name with .png
+    /// Picture to write; the extension decides the format, `-` is standard output (PNG). Default:
+    /// the scene's name with .png
     #[arg(short, long, value_name = "FILE", help_heading = "The picture")]
     pub output: Option<PathBuf>,
     /// flat, raycast, whitted, direct, ao, path or aov. Default: what the scene says, else path
@@ -79,11 +81,12 @@ pub struct Options {
     /// Samples per pixel
     #[arg(long, visible_alias = "samples", value_name = "N", value_parser = parse_spp, help_heading = "How light is computed")]
     pub spp: Option<u32>,
-    /// Stop each pixel when its 95 % confidence interval is this narrow on both sides, such as 0.02: relative to the light where
-    /// it is bright, see the documents. --spp and --time are caps
+    /// Stop each pixel when its 95 % confidence interval is this narrow on both sides, such as
+    /// 0.02: relative to the light where it is bright, see the documents. --spp and --time are caps
     #[arg(long, value_name = "ERROR", value_parser = parse_noise, help_heading = "How light is computed")]
     pub noise: Option<f64>,
-    /// Stop after this time, such as 30s, 5m or 1h (the first pass over the picture is always finished)
+    /// Stop after this time, such as 30s, 5m or 1h (the first pass over the picture is always
+    /// finished)
     #[arg(long, value_name = "TIME", value_parser = parse_duration, help_heading = "How light is computed")]
     pub time: Option<Duration>,
     /// Bounces after the first hit at most. Default: 1000 for path, 8 for whitted
@@ -98,17 +101,21 @@ pub struct Options {
     /// The moment that is shown, in seconds of the scene's animation
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_seconds, help_heading = "Motion")]
     pub at: Option<f64>,
-    /// Play this animation of the file (`all` for all together). Default: the first, with those that move other things
+    /// Play this animation of the file (`all` for all together). Default: the first, with those
+    /// that move other things
     #[arg(long, value_name = "NAME|INDEX", help_heading = "Motion")]
     pub animation: Option<String>,
-    /// Render many pictures: from a time until just before another, so many a second, such as 0..2s@24 (@24 for all of the
-    /// animation). Numbered files; one animated picture if the output is .apng, .gif or .y4m; a video stream (Y4M) if it is `-`
+    /// Render many pictures: from a time until just before another, so many a second, such as
+    /// 0..2s@24 (@24 for all of the animation). Numbered files; one animated picture if the output
+    /// is .apng, .gif or .y4m; a video stream (Y4M) if it is `-`
     #[arg(long, value_name = "START..END@RATE", allow_hyphen_values = true, value_parser = frames::parse_frames, conflicts_with_all = ["at", "turntable"], help_heading = "Motion")]
     pub frames: Option<FrameRange>,
-    /// Turn the scene once about its middle in this many pictures (N@RATE for an animated picture of another rate than 24 a second)
+    /// Turn the scene once about its middle in this many pictures (N@RATE for an animated picture
+    /// of another rate than 24 a second)
     #[arg(long, value_name = "N", value_parser = frames::parse_turntable, help_heading = "Motion")]
     pub turntable: Option<Turntable>,
-    /// Blur what moves between these times, in seconds from the moment that is shown, such as 0..0.02. Default: what the file says
+    /// Blur what moves between these times, in seconds from the moment that is shown, such as
+    /// 0..0.02. Default: what the file says
     #[arg(long, value_name = "OPEN..CLOSE", allow_hyphen_values = true, value_parser = frames::parse_shutter, help_heading = "Motion")]
     pub shutter: Option<[f64; 2]>,
     /// Go on with frames that were interrupted: only those that are missing are rendered
@@ -141,7 +148,8 @@ pub struct Options {
     /// Where light and shadow meet on coarse meshes with smooth normals: smooth or faceted
     #[arg(long, value_name = "NAME", default_value = Terminator::default().name(), help_heading = "How light is computed")]
     pub terminator: String,
-    /// Acceleration structure: bvh, none, graph, spheres, grid, octree, octree-hierarchical, bsp or kdtree. Never changes the picture
+    /// Acceleration structure: bvh, none, graph, spheres, grid, octree, octree-hierarchical, bsp or
+    /// kdtree. Never changes the picture
     #[arg(long, value_name = "NAME", default_value = AcceleratorKind::default().name(), help_heading = "How light is computed")]
     pub accelerator: String,
     /// How the bvh is built: fast, medium or high. Never changes the picture
@@ -150,7 +158,8 @@ pub struct Options {
     /// Keep acceleration structures of large meshes in this folder, for the next render
     #[arg(long, value_name = "FOLDER", help_heading = "How light is computed")]
     pub bvh_cache: Option<PathBuf>,
-    /// Keep the bvh in about two thirds of the memory; rays take somewhat longer. Never changes the picture
+    /// Keep the bvh in about two thirds of the memory; rays take somewhat longer. Never changes the
+    /// picture
     #[arg(long, help_heading = "How light is computed")]
     pub bvh_compact: bool,
     /// Which samples find lights in path and direct: mis, light or bsdf
@@ -159,11 +168,12 @@ pub struct Options {
     /// How a light is chosen among many: bvh, power or uniform
     #[arg(long, value_name = "NAME", default_value = LightSamplerKind::default().name(), help_heading = "How light is computed")]
     pub light_sampler: String,
-    /// Learn where light comes from before rendering, for caustics and hidden lights (path). PASSES is how often; default: auto,
-    /// as long as that takes a quarter of the samples, or of the time
+    /// Learn where light comes from before rendering, for caustics and hidden lights (path). PASSES
+    /// is how often; default: auto, as long as that takes a quarter of the samples, or of the time
     #[arg(long, value_name = "PASSES", num_args = 0..=1, require_equals = true, default_missing_value = "auto", value_parser = parse_guiding, help_heading = "How light is computed")]
     pub guiding: Option<GuidingPasses>,
-    /// Dim light of two or more bounces to this radiance: no fireflies, but the picture becomes too dark. Default: off
+    /// Dim light of two or more bounces to this radiance: no fireflies, but the picture becomes too
+    /// dark. Default: off
     #[arg(long, value_name = "RADIANCE", value_parser = parse_radiance, help_heading = "How light is computed")]
     pub clamp: Option<f32>,
     /// How far ao looks, in scene units. Default: half of the scene's radius
@@ -172,7 +182,8 @@ pub struct Options {
     /// Extra layers, separated by commas, such as depth,normal,albedo (`all` for all)
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "The picture")]
     pub aov: Vec<String>,
-    /// Show the light of some lights apart: NAME=LIST of light numbers, names of emissive materials, and `environment`
+    /// Show the light of some lights apart: NAME=LIST of light numbers, names of emissive
+    /// materials, and `environment`
     #[arg(long, value_name = "NAME=LIST", help_heading = "The picture")]
     pub light_group: Vec<String>,
     /// Remove noise with Open Image Denoise, if it is installed; PATH is its library or folder
@@ -187,9 +198,10 @@ pub struct Options {
     /// Tone map for display formats: none, aces or agx
     #[arg(long, value_name = "NAME", help_heading = "The picture")]
     pub tonemap: Option<String>,
-    /// How display formats store values: srgb (the standard) or linear (clamped, without the sRGB curve, as old programs wrote
-    /// them). Default: srgb, but linear for .scn and .nff. Or tev://HOST:PORT: tiles are shown by the viewer tev, which runs there,
-    /// while they are rendered
+    /// How display formats store values: srgb (the standard) or linear (clamped, without the sRGB
+    /// curve, as old programs wrote them). Default: srgb, but linear for .scn and .nff. Or
+    /// tev://HOST:PORT: tiles are shown by the viewer tev, which runs there, while they are
+    /// rendered
     #[arg(long, value_name = "NAME", value_parser = parse_display, help_heading = "The picture")]
     pub display: Vec<DisplayOption>,
     /// Bits per channel of PNG: 8 or 16
@@ -198,19 +210,25 @@ pub struct Options {
     /// 16-bit instead of 32-bit channels in OpenEXR
     #[arg(long, help_heading = "The picture")]
     pub half: bool,
-    /// What the camera sees behind the scene: environment, transparent (or none), white, black, #rrggbb or r,g,b
+    /// What the camera sees behind the scene: environment, transparent (or none), white, black,
+    /// #rrggbb or r,g,b
     #[arg(long, value_name = "COLOR", help_heading = "What is rendered")]
     pub background: Option<String>,
-    /// Light from all around: a latitude-longitude picture (.hdr, .exr), sky (a studio), sky:elevation=35,azimuth=135,… (a clear
-    /// day), none, #rrggbb or r,g,b
+    /// Light from all around: a latitude-longitude picture (.hdr, .exr), sky (a studio),
+    /// sky:elevation=35,azimuth=135,… (a clear day), none, #rrggbb or r,g,b
     #[arg(long, value_name = "FILE", help_heading = "What is rendered")]
     pub environment: Option<OsString>,
     /// Fill the scene with fog that takes this share of light per scene unit, such as 0.001
     #[arg(long, value_name = "DENSITY", value_parser = parse_density, help_heading = "What is rendered")]
     pub fog: Option<f32>,
-    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, medium.NUMBER.…, `ambient=[r,g,b]`; or NAME=VALUE,
-    /// a parameter of a Mitsuba scene
-    #[arg(short = 'D', long = "define", value_name = "key=value", help_heading = "What is rendered")]
+    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, medium.NUMBER.…,
+    /// `ambient=[r,g,b]`; or NAME=VALUE, a parameter of a Mitsuba scene
+    #[arg(
+        short = 'D',
+        long = "define",
+        value_name = "key=value",
+        help_heading = "What is rendered"
+    )]
     pub define: Vec<String>,
     /// Write statistics as JSON
     #[arg(long, value_name = "FILE.json", help_heading = "Messages")]
@@ -247,14 +265,20 @@ fn parse_guiding(text: &str) -> Result<GuidingPasses, String> {
     }
     let most = Guiding::MAX_PASSES;
     let passes = text.parse().ok().filter(|n| (1..=most).contains(n));
-    passes.map(GuidingPasses::Count).ok_or_else(|| format!("expected a number of passes from 1 to {most}, or auto"))
+    passes
+        .map(GuidingPasses::Count)
+        .ok_or_else(|| format!("expected a number of passes from 1 to {most}, or auto"))
 }
 
 impl Options {
     /// How the scene file is read.
     pub fn read_options(&self) -> ReadOptions {
         // Keys of the scene graph have dots; what has none may be a parameter of the file.
-        let plain = self.define.iter().filter_map(|d| d.split_once('=')).filter(|(key, _)| !key.contains('.'));
+        let plain = self
+            .define
+            .iter()
+            .filter_map(|d| d.split_once('='))
+            .filter(|(key, _)| !key.contains('.'));
         let parameters = plain.map(|(key, value)| (key.to_string(), value.to_string())).collect();
         ReadOptions {
             allow_outside: self.allow_outside,
@@ -266,7 +290,8 @@ impl Options {
         }
     }
 
-    /// The same options, with a record of the files that are read if there are frames, which `--resume` compares.
+    /// The same options, with a record of the files that are read if there are frames, which
+    /// `--resume` compares.
     pub fn recording_sources(mut self) -> Self {
         self.sources = self.has_frames().then(Sources::default);
         self
@@ -311,7 +336,12 @@ impl Options {
     }
 
     /// The settings of the render.
-    pub fn settings(&self, scene: &Scene, camera: &Camera, simd: Level) -> Result<Settings, Failure> {
+    pub fn settings(
+        &self,
+        scene: &Scene,
+        camera: &Camera,
+        simd: Level,
+    ) -> Result<Settings, Failure> {
         self.request(simd)?.resolve(scene, camera).map_err(|error| self.usage(&error))
     }
 
@@ -398,7 +428,8 @@ impl Options {
                 Some(color) => Some(Environment::Constant(color)),
                 None if is_meant_as_color(name) && !Path::new(value).exists() => {
                     return Err(Failure::Usage(format!(
-                        "--environment {name}: not a color; expected white, black, #rrggbb or r,g,b (finite and not negative), \
+                        "--environment {name}: not a color; expected white, black, #rrggbb or \
+                            r,g,b (finite and not negative), \
                          none, sky, sky:…, or the name of a picture"
                     )));
                 }
@@ -426,7 +457,8 @@ impl Options {
                 Some(color) => Background::Color(color),
                 None => {
                     return Err(Failure::Usage(format!(
-                        "--background {name}: expected environment, transparent (or none), white, black, #rrggbb or r,g,b"
+                        "--background {name}: expected environment, transparent (or none), white, \
+                            black, #rrggbb or r,g,b"
                     )));
                 }
             },
@@ -438,13 +470,20 @@ impl Options {
 /// A clear day from `parameter=value,…`.
 fn parse_sky(text: &str) -> Result<Environment, Failure> {
     let usage = |problem: String| {
-        let ranges = Sky::PARAMETERS.map(|(name, least, most)| format!("{name} ({least} to {most})"));
-        Failure::Usage(format!("--environment sky:{text}: {problem}; the parameters are {}", ranges.join(", ")))
+        let ranges =
+            Sky::PARAMETERS.map(|(name, least, most)| format!("{name} ({least} to {most})"));
+        Failure::Usage(format!(
+            "--environment sky:{text}: {problem}; the parameters are {}",
+            ranges.join(", ")
+        ))
     };
     let mut sky = Sky::default();
     for part in text.split(',').filter(|part| !part.trim().is_empty()) {
-        let (name, value) = part.split_once('=').ok_or_else(|| usage(format!("\"{part}\" has no \"=\"")))?;
-        let slot = sky.parameter(name.trim()).ok_or_else(|| usage(format!("\"{name}\" is no parameter")))?;
+        let (name, value) =
+            part.split_once('=').ok_or_else(|| usage(format!("\"{part}\" has no \"=\"")))?;
+        let slot = sky
+            .parameter(name.trim())
+            .ok_or_else(|| usage(format!("\"{name}\" is no parameter")))?;
         *slot = value.trim().parse().map_err(|_| usage(format!("\"{value}\" is not a number")))?;
     }
     sky.environment().map_err(|error| usage(error.to_string()))
@@ -458,10 +497,13 @@ fn parse_color(text: &str) -> Option<Rgb> {
         _ => {}
     }
     if let Some(hex) = text.strip_prefix('#') {
-        let byte = |i: usize| u8::from_str_radix(hex.get(i..i + 2)?, 16).ok().map(|b| f32::from(b) / 255.0);
+        let byte = |i: usize| {
+            u8::from_str_radix(hex.get(i..i + 2)?, 16).ok().map(|b| f32::from(b) / 255.0)
+        };
         return (hex.len() == 6).then(|| Some(Rgb::from_srgb(byte(0)?, byte(2)?, byte(4)?)))?;
     }
-    let numbers: Vec<f32> = text.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>()?;
+    let numbers: Vec<f32> =
+        text.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>()?;
     let [r, g, b] = numbers[..] else { return None };
     let color = Rgb::new(r, g, b);
     (color.is_finite() && r >= 0.0 && g >= 0.0 && b >= 0.0).then_some(color)
@@ -474,17 +516,24 @@ fn is_meant_as_color(text: &str) -> bool {
 
 fn parse_exposure(text: &str) -> Result<f64, String> {
     let stops = text.parse().ok().filter(|x| Request::EXPOSURE.contains(x));
-    stops.ok_or_else(|| format!("\"{text}\" is not an exposure; write stops from -100 to 100, such as 1.5"))
+    stops.ok_or_else(|| {
+        format!("\"{text}\" is not an exposure; write stops from -100 to 100, such as 1.5")
+    })
 }
 
 fn parse_noise(text: &str) -> Result<f64, String> {
     let error = text.parse().ok().filter(|x| Request::NOISE.contains(x));
-    error.ok_or_else(|| format!("\"{text}\" is not an error; write a number from 0.00001 to 10, such as 0.02 for 2 %"))
+    error.ok_or_else(|| {
+        format!(
+            "\"{text}\" is not an error; write a number from 0.00001 to 10, such as 0.02 for 2 %"
+        )
+    })
 }
 
 fn parse_radiance(text: &str) -> Result<f32, String> {
     let radiance = text.parse().ok().filter(|x: &f32| *x > 0.0 && x.is_finite());
-    radiance.ok_or_else(|| format!("\"{text}\" is not a radiance; write a positive number, such as 10"))
+    radiance
+        .ok_or_else(|| format!("\"{text}\" is not a radiance; write a positive number, such as 10"))
 }
 
 fn parse_distance(text: &str) -> Result<f32, String> {
@@ -495,7 +544,10 @@ fn parse_distance(text: &str) -> Result<f32, String> {
 fn parse_density(text: &str) -> Result<f32, String> {
     let density = text.parse().ok().filter(|x: &f32| *x > 0.0);
     density.ok_or_else(|| {
-        format!("\"{text}\" is not a density; write a positive number: the share of light lost per scene unit")
+        format!(
+            "\"{text}\" is not a density; write a positive number: the share of light lost per \
+            scene unit"
+        )
     })
 }
 
@@ -505,7 +557,11 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 }
 
 fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let error = || format!("\"{text}\" is not a size; write width and height as 1280x720, each from 1 to 65536");
+    let error = || {
+        format!(
+            "\"{text}\" is not a size; write width and height as 1280x720, each from 1 to 65536"
+        )
+    };
     let (w, h) = text.split_once(['x', 'X']).ok_or_else(error)?;
     let side = |s: &str| {
         let side = s.trim().parse().ok().filter(|n| Request::SIDE.contains(n));
@@ -515,8 +571,13 @@ fn parse_size(text: &str) -> Result<[u32; 2], String> {
 }
 
 fn parse_crop(text: &str) -> Result<Crop, String> {
-    let error = || format!("\"{text}\" is not a rectangle; write x0,y0,x1,y1 in pixels with x0 < x1 and y0 < y1");
-    let numbers: Vec<u32> = text.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>().ok_or_else(error)?;
+    let error = || {
+        format!(
+            "\"{text}\" is not a rectangle; write x0,y0,x1,y1 in pixels with x0 < x1 and y0 < y1"
+        )
+    };
+    let numbers: Vec<u32> =
+        text.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>().ok_or_else(error)?;
     let [x0, y0, x1, y1] = numbers[..] else { return Err(error()) };
     if x0 < x1 && y0 < y1 { Ok(Crop { min: [x0, y0], max: [x1, y1] }) } else { Err(error()) }
 }
@@ -562,7 +623,11 @@ mod tests {
     fn times_sizes_colours_and_crops_are_understood() {
         assert_eq!(parse_duration("1h30m"), Ok(Duration::from_secs(5400)));
         assert_eq!(parse_duration("2.5"), Ok(Duration::from_millis(2500)));
-        assert!(parse_duration("5x").is_err() && parse_duration("").is_err() && parse_duration("0s").is_err());
+        assert!(
+            parse_duration("5x").is_err()
+                && parse_duration("").is_err()
+                && parse_duration("0s").is_err()
+        );
         assert_eq!(parse_size("640x480"), Ok([640, 480]));
         assert!(parse_size("640").is_err() && parse_size("0x5").is_err());
         assert_eq!(parse_color("#ff0000"), Some(Rgb::new(1.0, 0.0, 0.0)));

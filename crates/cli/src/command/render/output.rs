@@ -21,15 +21,16 @@ pub struct Output<'a> {
 /// True if two names mean the same file, whether it is there or not.
 fn is_same_place(a: &Path, b: &Path) -> bool {
     let place = |path: &Path| {
-        let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+        let folder =
+            path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
         Some((folder.canonicalize().ok()?, path.file_name()?.to_owned()))
     };
     a == b || place(a).is_some_and(|a| place(b) == Some(a))
 }
 
 impl<'a> Output<'a> {
-    /// Checks before anything is rendered that the picture can be written: the format must be known, the folder must exist and
-    /// be writable.
+    /// Checks before anything is rendered that the picture can be written: the format must be
+    /// known, the folder must exist and be writable.
     pub fn plan(options: &'a Options) -> Result<Self, Failure> {
         if let Some(path) = options.output.as_deref().filter(|p| *p != Path::new("-")) {
             if !options.has_frames() || frames::animated_format(path).is_none() {
@@ -41,7 +42,10 @@ impl<'a> Output<'a> {
             check_place(path)?;
         }
         if options.bits != 8 && options.bits != 16 {
-            return Err(Failure::Usage(format!("--bits {}: PNG has 8 or 16 bits per channel", options.bits)));
+            return Err(Failure::Usage(format!(
+                "--bits {}: PNG has 8 or 16 bits per channel",
+                options.bits
+            )));
         }
         Ok(Self { options })
     }
@@ -72,7 +76,9 @@ impl<'a> Output<'a> {
         for (what, file) in files {
             let Some(file) = file.filter(|file| is_same_place(file, target)) else { continue };
             let (file, remedy) = (file.display(), "give one of them another name");
-            return Err(Failure::Usage(format!("{what} {file}: the picture would be written there too; {remedy}")));
+            return Err(Failure::Usage(format!(
+                "{what} {file}: the picture would be written there too; {remedy}"
+            )));
         }
         Ok(())
     }
@@ -90,10 +96,16 @@ impl<'a> Output<'a> {
         if options.variance {
             // Light groups have been given names.
             let names: Vec<String> = picture.layers.iter().map(|l| l.name.clone()).collect();
-            picture.layers.extend(film.variance().layers.into_iter().zip(names).map(|(layer, name)| Layer {
-                name: if name.is_empty() { "variance".into() } else { format!("{name}.variance") },
-                ..layer
-            }));
+            picture.layers.extend(film.variance().layers.into_iter().zip(names).map(
+                |(layer, name)| Layer {
+                    name: if name.is_empty() {
+                        "variance".into()
+                    } else {
+                        format!("{name}.variance")
+                    },
+                    ..layer
+                },
+            ));
         }
         picture.metadata.splice(0..0, summary.metadata());
         let display = Display {
@@ -101,12 +113,19 @@ impl<'a> Output<'a> {
             tonemap: summary.tonemap,
             srgb: match options.encoding() {
                 Some(encoding) => encoding == DisplayEncoding::Srgb,
-                None => !scene.settings.raw_display && summary.settings.integrator != IntegratorKind::Aov,
+                None => {
+                    !scene.settings.raw_display
+                        && summary.settings.integrator != IntegratorKind::Aov
+                }
             },
         };
         let writing = WriteOptions {
             display,
-            png_bits: if options.has_frames() && frames::is_animated(options) { 8 } else { options.bits },
+            png_bits: if options.has_frames() && frames::is_animated(options) {
+                8
+            } else {
+                options.bits
+            },
             exr_half: options.half,
             ..WriteOptions::default()
         };
@@ -120,10 +139,12 @@ impl<'a> Output<'a> {
             Err(unfit) => {
                 // OpenEXR holds any picture.
                 let bytes = image::encode_image_as("exr", &picture, &writing)?;
-                let is_saved =
-                    rescue::elsewhere(&path.with_extension("exr"), "the picture", &unfit.to_string(), &|out| {
-                        out.write_all(&bytes)
-                    });
+                let is_saved = rescue::elsewhere(
+                    &path.with_extension("exr"),
+                    "the picture",
+                    &unfit.to_string(),
+                    &|out| out.write_all(&bytes),
+                );
                 return if is_saved {
                     Ok(Written { is_in_place: false, sha256: hex(&bytes) })
                 } else {
@@ -136,7 +157,11 @@ impl<'a> Output<'a> {
             Target::File(path) => rescue::write(path, "the picture", &fill)?,
             Target::Output { .. } => match standard_output::write(&bytes) {
                 Ok(()) => true,
-                Err(failure) if rescue::elsewhere(path, "the picture", &failure.to_string(), &fill) => false,
+                Err(failure)
+                    if rescue::elsewhere(path, "the picture", &failure.to_string(), &fill) =>
+                {
+                    false
+                }
                 Err(failure) => return Err(failure),
             },
         };
@@ -184,7 +209,9 @@ pub fn check_place(path: &Path) -> Result<(), Failure> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let (shown, folder_shown) = (path.display(), folder.display());
     if !folder.is_dir() {
-        return Err(Failure::Other(format!("{shown}: the folder {folder_shown} does not exist; make it first")));
+        return Err(Failure::Other(format!(
+            "{shown}: the folder {folder_shown} does not exist; make it first"
+        )));
     }
     if path.is_dir() {
         return Err(Failure::Other(format!("{shown}: this is a folder; name a file in it")));
@@ -192,7 +219,8 @@ pub fn check_place(path: &Path) -> Result<(), Failure> {
     Ok(snell_formats::atomic::check(path)?)
 }
 
-/// SHA-256 of the values of the first layer (rows from the top, channels together) as little-endian 32-bit floats.
+/// SHA-256 of the values of the first layer (rows from the top, channels together) as little-endian
+/// 32-bit floats.
 pub fn sha256(picture: &LayeredImage) -> String {
     let mut hasher = Sha256::new();
     for value in &picture.layers[0].values {

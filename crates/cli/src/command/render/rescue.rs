@@ -18,7 +18,11 @@ const MAX_NAMES: u32 = 1000;
 /// messages. True if it is in its place. If that fails, it goes to the current folder or else to
 /// the one for temporary files, under a name that is free; the message names it. If none of them
 /// takes it and a person is there, the person is asked to make room, once.
-pub fn write(path: &Path, what: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>) -> Result<bool, Failure> {
+pub fn write(
+    path: &Path,
+    what: &str,
+    fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>,
+) -> Result<bool, Failure> {
     let written = match reader(path) {
         Ok(_reader) => atomic::write_with(path, fill),
         Err(source) => Err(WriteError::Io { path: path.into(), source }),
@@ -39,17 +43,28 @@ pub fn write(path: &Path, what: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::
 
 /// Writes a file under a free name in the current folder or in the one for temporary files, and
 /// says where, after what is wrong with its own place. False if neither takes it.
-pub fn elsewhere(path: &Path, what: &str, problem: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>) -> bool {
+pub fn elsewhere(
+    path: &Path,
+    what: &str,
+    problem: &str,
+    fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>,
+) -> bool {
     let folders = [Some(PathBuf::from(".")), Some(std::env::temp_dir())];
-    let Some(place) = folders.into_iter().flatten().find_map(|folder| write_in(&folder, path, fill)) else {
+    let Some(place) =
+        folders.into_iter().flatten().find_map(|folder| write_in(&folder, path, fill))
+    else {
         return false;
     };
-    eprintln!("error: {}; {what} is saved as {} instead", one_line(problem), one_line(&place.display().to_string()));
+    eprintln!(
+        "error: {}; {what} is saved as {} instead",
+        one_line(problem),
+        one_line(&place.display().to_string())
+    );
     true
 }
 
-/// Waits until something reads the pipe at `path`, if there is one, and keeps it open. A signal that comes meanwhile is an
-/// error.
+/// Waits until something reads the pipe at `path`, if there is one, and keeps it open. A signal
+/// that comes meanwhile is an error.
 #[cfg(unix)]
 fn reader(path: &Path) -> std::io::Result<Option<std::fs::File>> {
     use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
@@ -75,9 +90,17 @@ fn reader(_: &Path) -> std::io::Result<Option<std::fs::File>> {
     Ok(None)
 }
 
-fn write_in(folder: &Path, path: &Path, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>) -> Option<PathBuf> {
+fn write_in(
+    folder: &Path,
+    path: &Path,
+    fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>,
+) -> Option<PathBuf> {
     for number in 0..MAX_NAMES {
-        let name = if number == 0 { path.file_name()?.into() } else { extended(path, &format!("-{number}")) };
+        let name = if number == 0 {
+            path.file_name()?.into()
+        } else {
+            extended(path, &format!("-{number}"))
+        };
         let place = folder.join(name);
         match atomic::write_new(&place, fill) {
             Ok(()) => return Some(place),
@@ -95,9 +118,13 @@ pub fn partial(path: &Path) -> PathBuf {
 
 /// The name of a file with an addition before its extension, another one if that is too long.
 fn extended(path: &Path, addition: &str) -> OsString {
-    let extension = path.extension().map(|extension| [".".as_ref(), extension].into_iter().collect::<OsString>());
+    let extension = path
+        .extension()
+        .map(|extension| [".".as_ref(), extension].into_iter().collect::<OsString>());
     let with = |stem: &std::ffi::OsStr| {
-        [stem, addition.as_ref(), extension.as_deref().unwrap_or_default()].into_iter().collect::<OsString>()
+        [stem, addition.as_ref(), extension.as_deref().unwrap_or_default()]
+            .into_iter()
+            .collect::<OsString>()
     };
     let name = with(path.file_stem().unwrap_or_default());
     if name.len() <= MAX_NAME_BYTES { name } else { with("picture".as_ref()) }
@@ -113,7 +140,8 @@ fn asked_to_make_room(what: &str, error: &WriteError) -> bool {
     eprintln!("Make room and press Enter to try once more, or Ctrl-C to give up.");
     let (answered, answer) = std::sync::mpsc::channel();
     std::thread::spawn(move || {
-        let _ = answered.send(std::io::stdin().read_line(&mut String::new()).is_ok_and(|bytes| bytes > 0));
+        let _ = answered
+            .send(std::io::stdin().read_line(&mut String::new()).is_ok_and(|bytes| bytes > 0));
     });
     loop {
         match answer.recv_timeout(Duration::from_millis(100)) {

@@ -49,23 +49,32 @@ impl Stage {
     /// Prepares a scene. It plays only if the options ask for a time, or the file for a shutter.
     pub fn new(mut scene: Scene, options: &Options) -> Result<Self, Failure> {
         let shutter = options.shutter.or(scene.settings.shutter);
-        let is_asked = options.at.is_some() || options.frames.is_some() || options.animation.is_some();
+        let is_asked =
+            options.at.is_some() || options.frames.is_some() || options.animation.is_some();
         let mut player = match (is_asked || shutter.is_some(), &scene.motion) {
             (true, Some(motion)) => {
                 let clips = match &options.animation {
                     None => motion.usual_clips(),
-                    Some(name) => motion.find_clips(name).ok_or_else(|| unknown_clip(name, &scene))?,
+                    Some(name) => {
+                        motion.find_clips(name).ok_or_else(|| unknown_clip(name, &scene))?
+                    }
                 };
                 Some(Player::new(motion.clone(), clips))
             }
             _ if is_asked => {
-                let problem = "nothing in the scene moves, so that there are no times to show it at";
-                return Err(Failure::Usage(format!("{}: {problem} (--turntable N turns it)", options.scene.display())));
+                let problem =
+                    "nothing in the scene moves, so that there are no times to show it at";
+                return Err(Failure::Usage(format!(
+                    "{}: {problem} (--turntable N turns it)",
+                    options.scene.display()
+                )));
             }
             _ => None,
         };
         let poses: Vec<Pose> = player.iter_mut().flat_map(probes).collect();
-        let had_light = scene.environment.is_some() || !scene.lights.is_empty() || options.environment.is_some();
+        let had_light = scene.environment.is_some()
+            || !scene.lights.is_empty()
+            || options.environment.is_some();
         prepare_for(&mut scene, &poses, options)?;
         let light_follows = !had_light && scene.environment.is_some();
         let nodes = player.as_ref().map(Player::moving_nodes).unwrap_or_default();
@@ -87,7 +96,8 @@ impl Stage {
         self.player.as_ref().map_or([0.0; 2], Player::span)
     }
 
-    /// When it is shown if nobody says: when the animation begins, or, for a file with a shutter, at 0.
+    /// When it is shown if nobody says: when the animation begins, or, for a file with a shutter,
+    /// at 0.
     pub fn usual_time(&self) -> f64 {
         if self.scene.settings.shutter.is_some() { 0.0 } else { self.span()[0] }
     }
@@ -116,17 +126,30 @@ impl Stage {
         choose_camera(&self.scene, options)
     }
 
-    /// What is rendered at a time. What has not changed since the shot before is taken over, if that was handed back.
-    pub fn shot(&mut self, time: f64, options: &Options, build: &BuildOptions) -> Result<Shot, Failure> {
+    /// What is rendered at a time. What has not changed since the shot before is taken over, if
+    /// that was handed back.
+    pub fn shot(
+        &mut self,
+        time: f64,
+        options: &Options,
+        build: &BuildOptions,
+    ) -> Result<Shot, Failure> {
         let start = Instant::now();
         self.moving.later = self.pose(time);
         let camera = self.camera(options)?;
         let later_cameras = self.later_cameras(&camera);
         let pose_seconds = start.elapsed().as_secs_f64();
         let start = Instant::now();
-        let compiled = CompiledScene::moving(&self.scene, &self.moving, build, self.compiled.take())
-            .map_err(|e| Failure::Scene(format!("{}: {e}", options.scene.display())))?;
-        Ok(Shot { camera, later_cameras, compiled, pose_seconds, build_seconds: start.elapsed().as_secs_f64() })
+        let compiled =
+            CompiledScene::moving(&self.scene, &self.moving, build, self.compiled.take())
+                .map_err(|e| Failure::Scene(format!("{}: {e}", options.scene.display())))?;
+        Ok(Shot {
+            camera,
+            later_cameras,
+            compiled,
+            pose_seconds,
+            build_seconds: start.elapsed().as_secs_f64(),
+        })
     }
 
     /// Takes back a compiled scene, for the next shot.
@@ -136,10 +159,13 @@ impl Stage {
 
     /// Where a camera goes while the shutter is open.
     fn later_cameras(&self, camera: &Camera) -> Vec<Camera> {
-        let Some(number) = self.scene.cameras.iter().position(|c| c == camera) else { return Vec::new() };
+        let Some(number) = self.scene.cameras.iter().position(|c| c == camera) else {
+            return Vec::new();
+        };
         let of_pose = |pose: &Pose| {
             let moved = pose.cameras.iter().find(|(i, _)| *i == number);
-            let placed = moved.map_or(self.cameras[number].clone(), |(_, by)| self.cameras[number].moved(by));
+            let placed = moved
+                .map_or(self.cameras[number].clone(), |(_, by)| self.cameras[number].moved(by));
             // What an animation changes but where it is, it keeps from when the shutter opens.
             Camera { eye: placed.eye, towards: placed.towards, up: placed.up, ..camera.clone() }
         };
@@ -147,8 +173,8 @@ impl Stage {
         if cameras.iter().all(|later| later == camera) { Vec::new() } else { cameras }
     }
 
-    /// Turns a shot about the middle of the scene by a share of a whole turn: the scene seems to turn the other way. Light that was made
-    /// for the camera goes with it.
+    /// Turns a shot about the middle of the scene by a share of a whole turn: the scene seems to
+    /// turn the other way. Light that was made for the camera goes with it.
     pub fn turn(&mut self, shot: &mut Shot, share: f64) {
         let up = self.scene.settings.up.and_then(DVec3::try_normalize).unwrap_or(DVec3::Y);
         let turn = DAffine3::from_quat(DQuat::from_axis_angle(up, share * std::f64::consts::TAU));
@@ -165,21 +191,27 @@ impl Stage {
             if let Environment::Image { world_from_environment, .. } = environment {
                 *world_from_environment = turned;
             }
-            shot.compiled.environment = Some(std::sync::Arc::new(EnvironmentLight::new(environment)));
+            shot.compiled.environment =
+                Some(std::sync::Arc::new(EnvironmentLight::new(environment)));
         }
     }
 }
 
 fn probes(player: &mut Player) -> Vec<Pose> {
     let [start, end] = player.span();
-    (0..PROBES).map(|i| player.pose(start + (end - start) * f64::from(i) / f64::from(PROBES - 1))).collect()
+    (0..PROBES)
+        .map(|i| player.pose(start + (end - start) * f64::from(i) / f64::from(PROBES - 1)))
+        .collect()
 }
 
 fn unknown_clip(name: &str, scene: &Scene) -> Failure {
     let clips = scene.motion.iter().flat_map(|m| &m.clips).enumerate();
     let names: Vec<String> = clips.map(|(i, clip)| format!("{i} \"{}\"", clip.name)).collect();
     Failure::Usage(
-        one_line(&format!("there is no animation \"{name}\"; the scene has: {} (or all)", names.join(", ")))
-            .into_owned(),
+        one_line(&format!(
+            "there is no animation \"{name}\"; the scene has: {} (or all)",
+            names.join(", ")
+        ))
+        .into_owned(),
     )
 }

@@ -112,7 +112,11 @@ impl Summary<'_> {
         ]
         .map(|(k, v)| (k.to_string(), v))
         .into_iter()
-        .chain(s.guiding.map(|_| ("GuidingPasses".to_string(), self.statistics.training_passes.to_string())))
+        .chain(
+            s.guiding.map(|_| {
+                ("GuidingPasses".to_string(), self.statistics.training_passes.to_string())
+            }),
+        )
         .collect()
     }
 
@@ -146,7 +150,8 @@ impl Summary<'_> {
         if options.verbose {
             let rays = self.statistics.rays;
             eprintln!(
-                "{} triangles, {} shapes, {} instances, {} lights; read {}, built {}; rays: {} camera, {} shadow, {} indirect; \
+                "{} triangles, {} shapes, {} instances, {} lights; read {}, built {}; rays: {} \
+                    camera, {} shadow, {} indirect; \
                  {}; sha256 {}",
                 self.compiled.world.triangle_count(),
                 self.compiled.world.shape_count(),
@@ -163,17 +168,20 @@ impl Summary<'_> {
         }
         if self.statistics.invalid_samples > 0 {
             eprintln!(
-                "warning: {}: {} samples were not finite and count as black; lights, colours or sizes of the scene may be too large",
+                "warning: {}: {} samples were not finite and count as black; lights, colours or \
+                    sizes of the scene may be too large",
                 options.scene.display(),
                 self.statistics.invalid_samples
             );
         }
         if options.scene == Path::new("cornell-box") && options.output.is_none() {
             eprintln!(
-                "\nNext: `snell render FILE` for your own scene (glTF, OBJ, PLY, STL, pbrt, Mitsuba, USD, .scn and more),"
+                "\nNext: `snell render FILE` for your own scene (glTF, OBJ, PLY, STL, pbrt, \
+                    Mitsuba, USD, .scn and more),"
             );
             eprintln!(
-                "      `snell render teapot`, `snell scenes` for more built-in ones, `snell render --help` for everything."
+                "      `snell render teapot`, `snell scenes` for more built-in ones, `snell render \
+                    --help` for everything."
             );
         }
     }

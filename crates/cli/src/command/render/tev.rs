@@ -1,7 +1,7 @@
 //! `--display tev://HOST:PORT`: tiles go to the viewer tev while they are rendered.
 //!
-//! The protocol is tev's own, as its documentation has it: messages over TCP, little endian, each with its length in front. One creates the
-//! picture, the others update rectangles of it.
+//! The protocol is tev's own, as its documentation has it: messages over TCP, little endian, each
+//! with its length in front. One creates the picture, the others update rectangles of it.
 
 use crate::failure::Failure;
 use snell_render::FilmTile;
@@ -36,23 +36,34 @@ pub struct Tev {
 impl Tev {
     /// Connects, and creates the picture.
     pub fn open(url: &str, name: &str, settings: &Settings) -> Result<Self, Failure> {
-        let wrong =
-            || Failure::Usage(format!("--display {url}: expected tev://HOST:PORT, such as tev://127.0.0.1:{PORT}"));
+        let wrong = || {
+            Failure::Usage(format!(
+                "--display {url}: expected tev://HOST:PORT, such as tev://127.0.0.1:{PORT}"
+            ))
+        };
         let place = url.strip_prefix("tev://").ok_or_else(wrong)?.trim_end_matches('/');
         if place.is_empty() {
             return Err(wrong());
         }
-        if place.rsplit_once(':').is_some_and(|(host, port)| host.is_empty() || port.parse::<u16>().is_err()) {
+        if place
+            .rsplit_once(':')
+            .is_some_and(|(host, port)| host.is_empty() || port.parse::<u16>().is_err())
+        {
             return Err(wrong());
         }
-        let address = if place.contains(':') { place.to_string() } else { format!("{place}:{PORT}") };
-        let failed = |e: std::io::Error| Failure::Other(format!("--display {url}: {e}; is tev running there?"));
+        let address =
+            if place.contains(':') { place.to_string() } else { format!("{place}:{PORT}") };
+        let failed = |e: std::io::Error| {
+            Failure::Other(format!("--display {url}: {e}; is tev running there?"))
+        };
         let mut stream = TcpStream::connect(&address).map_err(failed)?;
         stream.set_write_timeout(Some(PATIENCE)).map_err(failed)?;
         let crop = settings.crop.unwrap_or(snell_render::Crop::full(settings.size));
         stream.write_all(&create(name, crop.size())).map_err(failed)?;
         let (sender, receiver) = sync_channel::<Vec<u8>>(WAITING);
-        let thread = std::thread::spawn(move || receiver.iter().try_for_each(|message| stream.write_all(&message)));
+        let thread = std::thread::spawn(move || {
+            receiver.iter().try_for_each(|message| stream.write_all(&message))
+        });
         let sender = Mutex::new(Some(sender));
         Ok(Self { sender, thread: Some(thread), name: name.into(), address, corner: crop.min })
     }
@@ -68,11 +79,14 @@ impl Tev {
         }
     }
 
-    /// Sends the whole picture as it is now, and waits until all has arrived. The render does not fail because nobody looks any more.
+    /// Sends the whole picture as it is now, and waits until all has arrived. The render does not
+    /// fail because nobody looks any more.
     pub fn finish(mut self, tiles: &[FilmTile]) {
         let sender = self.sender.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
         if let Some(sender) = sender {
-            let _ = tiles.iter().try_for_each(|tile| sender.send(update(&self.name, self.corner, tile)));
+            let _ = tiles
+                .iter()
+                .try_for_each(|tile| sender.send(update(&self.name, self.corner, tile)));
         }
         if let Some(Ok(Err(error))) = self.thread.take().map(JoinHandle::join) {
             eprintln!("warning: {}: {error}; the picture there is not complete", self.address);
@@ -91,7 +105,11 @@ fn text(out: &mut Vec<u8>, text: &str) {
     out.push(0);
 }
 
-fn numbers<const N: usize, T>(out: &mut Vec<u8>, numbers: impl IntoIterator<Item = T>, bytes: impl Fn(T) -> [u8; N]) {
+fn numbers<const N: usize, T>(
+    out: &mut Vec<u8>,
+    numbers: impl IntoIterator<Item = T>,
+    bytes: impl Fn(T) -> [u8; N],
+) {
     numbers.into_iter().for_each(|n| out.extend(bytes(n)));
 }
 
@@ -145,13 +163,17 @@ mod tests {
         // Every message is as long as it says, and the last four cover the picture.
         let (mut at, mut kinds, mut pixels) = (0, Vec::new(), 0);
         while at < bytes.len() {
-            let length = u32::from_le_bytes(bytes[at..at + 4].try_into().expect("four bytes")) as usize;
+            let length =
+                u32::from_le_bytes(bytes[at..at + 4].try_into().expect("four bytes")) as usize;
             kinds.push(bytes[at + 4]);
             assert_eq!(&bytes[at + 6..at + 10], b"box\0");
             if bytes[at + 4] == UPDATE {
                 let head = 4 + 2 + 4 + 4 + 8;
-                let word =
-                    |i: usize| u32::from_le_bytes(bytes[at + head + 4 * i..][..4].try_into().expect("four bytes"));
+                let word = |i: usize| {
+                    u32::from_le_bytes(
+                        bytes[at + head + 4 * i..][..4].try_into().expect("four bytes"),
+                    )
+                };
                 let [x, y, w, h] = [0, 1, 2, 3].map(word);
                 assert!(x + w <= 20 && y + h <= 18, "{x} {y} {w} {h}");
                 assert_eq!(length, head + 16 + 64 + (w * h * 16) as usize);
@@ -166,10 +188,13 @@ mod tests {
     #[test]
     fn nobody_there_is_said() {
         let settings = Settings::default();
-        for (url, what) in
-            [("tev://127.0.0.1:1", "running"), ("127.0.0.1:1", "tev://HOST:PORT"), ("tev://", "tev://HOST")]
-        {
-            let error = Tev::open(url, "x", &settings).err().map(|e| e.to_string()).unwrap_or_default();
+        for (url, what) in [
+            ("tev://127.0.0.1:1", "running"),
+            ("127.0.0.1:1", "tev://HOST:PORT"),
+            ("tev://", "tev://HOST"),
+        ] {
+            let error =
+                Tev::open(url, "x", &settings).err().map(|e| e.to_string()).unwrap_or_default();
             assert!(error.contains(what), "{url}: {error}");
         }
     }

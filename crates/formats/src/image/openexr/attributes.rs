@@ -1,13 +1,15 @@
 //! Text attributes in the header of an OpenEXR file.
 //!
-//! The crate `exr` keeps custom attributes in a hash map and writes them in an order that changes from run to run. The same
-//! picture must give the same bytes, so they are put into the finished header here: attributes are a plain list that ends with a
-//! zero byte, and the table of chunk offsets follows (OpenEXR, "File Layout").
+//! The crate `exr` keeps custom attributes in a hash map and writes them in an order that changes
+//! from run to run. The same picture must give the same bytes, so they are put into the finished
+//! header here: attributes are a plain list that ends with a zero byte, and the table of chunk
+//! offsets follows (OpenEXR, "File Layout").
 
 /// Flag in the version field: names may have up to 255 bytes instead of 31.
 const LONG_NAMES: u8 = 0x04;
 
-/// Adds the metadata to a file of a single part. Names that are taken or unusable get a prefix or are left out.
+/// Adds the metadata to a file of a single part. Names that are taken or unusable get a prefix or
+/// are left out.
 pub fn insert(mut bytes: Vec<u8>, metadata: &[(String, String)], long_names: bool) -> Vec<u8> {
     let Some((end, mut names)) = header_end(&bytes) else { return bytes };
     let mut added = Vec::new();
@@ -55,8 +57,8 @@ fn text(bytes: &[u8], at: &mut usize) -> Option<String> {
     Some(text)
 }
 
-/// Adds to every entry of the table of chunk offsets. The first entry tells where the table ends: chunks follow at once, and the
-/// lowest offset is that of the first chunk.
+/// Adds to every entry of the table of chunk offsets. The first entry tells where the table ends:
+/// chunks follow at once, and the lowest offset is that of the first chunk.
 fn shift_offsets(bytes: &mut [u8], table: usize, by: u64) {
     let mut end = bytes.len();
     let mut at = table;

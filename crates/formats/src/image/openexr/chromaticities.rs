@@ -8,7 +8,8 @@ type Matrix = [[f64; 3]; 3];
 /// Chromaticities of red, green, blue and white in Rec. 709: what a file means that names none.
 const REC709: [[f64; 2]; 4] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], [0.3127, 0.3290]];
 
-/// The matrix that takes RGB of the file to RGB in Rec. 709; none if there is nothing to do or the chromaticities make no sense.
+/// The matrix that takes RGB of the file to RGB in Rec. 709; none if there is nothing to do or the
+/// chromaticities make no sense.
 pub fn to_rec709(chromaticities: &Chromaticities) -> Option<[[f32; 3]; 3]> {
     let point = |v: Vec2<f32>| [f64::from(v.0), f64::from(v.1)];
     let Chromaticities { red, green, blue, white } = *chromaticities;
@@ -17,7 +18,8 @@ pub fn to_rec709(chromaticities: &Chromaticities) -> Option<[[f32; 3]; 3]> {
 
 /// The same for the chromaticities of red, green, blue and white.
 pub fn rec709_from(file: [[f64; 2]; 4]) -> Option<[[f32; 3]; 3]> {
-    let same = file.iter().flatten().zip(REC709.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-3);
+    let same =
+        file.iter().flatten().zip(REC709.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-3);
     if same {
         return None;
     }
@@ -35,7 +37,8 @@ fn xyz_of([x, y]: [f64; 2]) -> Option<[f64; 3]> {
 
 /// The columns are the primaries, scaled so that (1, 1, 1) is white (SMPTE RP 177).
 fn xyz_from_rgb(points: &[[f64; 2]; 4]) -> Option<Matrix> {
-    // A primary may lie on the line y = 0 or below (ACES AP0 blue does): scale by x + y + z instead of Y.
+    // A primary may lie on the line y = 0 or below (ACES AP0 blue does): scale by x + y + z instead
+    // of Y.
     let columns: [[f64; 3]; 3] =
         std::array::from_fn(|i| [points[i][0], points[i][1], 1.0 - points[i][0] - points[i][1]]);
     let primaries: Matrix = std::array::from_fn(|row| std::array::from_fn(|c| columns[c][row]));
@@ -45,7 +48,8 @@ fn xyz_from_rgb(points: &[[f64; 2]; 4]) -> Option<Matrix> {
 
 /// Bradford chromatic adaptation (Lindbloom, "Chromatic Adaptation").
 fn adaptation(from: [f64; 3], to: [f64; 3]) -> Option<Matrix> {
-    const CONES: Matrix = [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
+    const CONES: Matrix =
+        [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
     let (from, to) = (multiply(&CONES, from), multiply(&CONES, to));
     let scaled: Matrix = std::array::from_fn(|i| CONES[i].map(|v| v * to[i] / from[i]));
     Some(product(&inverse(&CONES)?, &scaled))
@@ -65,7 +69,8 @@ fn inverse(m: &Matrix) -> Option<Matrix> {
         m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
     };
     let determinant: f64 = (0..3).map(|c| m[0][c] * cofactor(0, c)).sum();
-    (determinant.abs() > 1e-9).then(|| std::array::from_fn(|r| std::array::from_fn(|c| cofactor(c, r) / determinant)))
+    (determinant.abs() > 1e-9)
+        .then(|| std::array::from_fn(|r| std::array::from_fn(|c| cofactor(c, r) / determinant)))
 }
 
 #[cfg(test)]
@@ -87,7 +92,11 @@ mod tests {
         let ap0 = named([[0.7347, 0.2653], [0.0, 1.0], [0.0001, -0.077], [0.32168, 0.33767]]);
         let matrix = to_rec709(&ap0).unwrap();
         // OpenColorIO's ACES configuration, ACES2065-1 to linear Rec. 709 (Bradford).
-        let expected = [[2.52169, -1.13413, -0.38756], [-0.27648, 1.37272, -0.09624], [-0.01538, -0.15298, 1.16835]];
+        let expected = [
+            [2.52169, -1.13413, -0.38756],
+            [-0.27648, 1.37272, -0.09624],
+            [-0.01538, -0.15298, 1.16835],
+        ];
         for (row, expected) in matrix.iter().zip(expected) {
             assert!((0..3).all(|i| (row[i] - expected[i]).abs() < 2e-3), "{row:?} {expected:?}");
             assert!((row.iter().sum::<f32>() - 1.0).abs() < 1e-4);

@@ -1,7 +1,9 @@
-//! Reading OpenEXR: parts and dotted channel names become layers, data windows are placed into the display window.
+//! Reading OpenEXR: parts and dotted channel names become layers, data windows are placed into the
+//! display window.
 //!
-//! The file is decompressed chunk by chunk with the crate's low-level interface: sizes are checked before anything is allocated,
-//! chunks are decompressed in parallel, and a panic in there stays an error of the file.
+//! The file is decompressed chunk by chunk with the crate's low-level interface: sizes are checked
+//! before anything is allocated, chunks are decompressed in parallel, and a panic in there stays an
+//! error of the file.
 
 use super::super::picture::check_size;
 use super::chromaticities::to_rec709;
@@ -20,13 +22,14 @@ use std::io::Cursor;
 /// Chunks decompressed at a time: enough for all cores, little enough to bound the memory.
 const BATCH: usize = 64;
 
-/// Reads all layers. The first is the picture. Colours of a file that names other primaries are converted to Rec. 709; all other
-/// values are as stored.
+/// Reads all layers. The first is the picture. Colours of a file that names other primaries are
+/// converted to Rec. 709; all other values are as stored.
 pub fn read_layers(input: &Input) -> Result<LayeredImage, ReadError> {
     read(input, false)
 }
 
-/// Reads the picture: `R G B` or `Y` with or without `A`, otherwise the first channels. Alpha is divided out.
+/// Reads the picture: `R G B` or `Y` with or without `A`, otherwise the first channels. Alpha is
+/// divided out.
 pub fn read_image(input: &Input) -> Result<Image, ReadError> {
     let LayeredImage { width, height, mut layers, .. } = read(input, true)?;
     let layer = layers.swap_remove(0);
@@ -35,7 +38,11 @@ pub fn read_image(input: &Input) -> Result<Image, ReadError> {
     let identity = chosen.len() == stride && chosen.iter().enumerate().all(|(i, c)| i == *c);
     let mut values = match identity {
         true => layer.values,
-        false => layer.values.chunks_exact(stride).flat_map(|pixel| chosen.iter().map(|c| pixel[*c])).collect(),
+        false => layer
+            .values
+            .chunks_exact(stride)
+            .flat_map(|pixel| chosen.iter().map(|c| pixel[*c]))
+            .collect(),
     };
     if matches!(chosen.len(), 2 | 4) {
         values.par_chunks_exact_mut(chosen.len()).for_each(unpremultiply);
@@ -81,7 +88,8 @@ fn damaged(input: &Input, problem: impl std::fmt::Display) -> ReadError {
 }
 
 fn read(input: &Input, only_picture: bool) -> Result<LayeredImage, ReadError> {
-    let reader = exr::block::read(Cursor::new(input.bytes.as_slice()), false).map_err(|e| damaged(input, e))?;
+    let reader = exr::block::read(Cursor::new(input.bytes.as_slice()), false)
+        .map_err(|e| damaged(input, e))?;
     let meta = reader.meta_data().clone();
     let mut target = Target::plan(input, &meta, only_picture)?;
     let mut chunks = reader.all_chunks(false).map_err(|e| damaged(input, e))?;
@@ -104,9 +112,14 @@ fn read(input: &Input, only_picture: bool) -> Result<LayeredImage, ReadError> {
 fn convert_colours(meta: &MetaData, image: &mut LayeredImage) {
     let named = meta.headers.first().and_then(|h| h.shared_attributes.chromaticities.as_ref());
     let Some(matrix) = named.and_then(to_rec709) else { return };
-    for layer in image.layers.iter_mut().filter(|l| l.channels.starts_with(&["R", "G", "B"].map(String::from))) {
+    for layer in image
+        .layers
+        .iter_mut()
+        .filter(|l| l.channels.starts_with(&["R", "G", "B"].map(String::from)))
+    {
         layer.values.par_chunks_exact_mut(layer.channels.len()).for_each(|pixel| {
-            let converted = matrix.map(|row| row[0] * pixel[0] + row[1] * pixel[1] + row[2] * pixel[2]);
+            let converted =
+                matrix.map(|row| row[0] * pixel[0] + row[1] * pixel[1] + row[2] * pixel[2]);
             pixel[..3].copy_from_slice(&converted);
         });
     }
@@ -150,11 +163,15 @@ impl Target {
         let values_per_pixel: usize = layers.iter().map(|l| l.channels.len()).sum();
         check_size(input, width, height, values_per_pixel as u64 * 4)?;
         let pixels = (width * height) as usize;
-        if (pixels * values_per_pixel) as u64 > input.options.limits.image_pixels.saturating_mul(4) {
+        if (pixels * values_per_pixel) as u64 > input.options.limits.image_pixels.saturating_mul(4)
+        {
             let limit = input.options.limits.image_pixels;
             return Err(input.error(
                 Place::Whole,
-                format!("the file has {values_per_pixel} channels of {width} x {height} pixels, more than four times the limit of {limit}"),
+                format!(
+                    "the file has {values_per_pixel} channels of {width} x {height} pixels, \
+                    more than four times the limit of {limit}"
+                ),
                 "split the layers into several files",
             ));
         }
@@ -190,7 +207,12 @@ impl Target {
             let start = ((y * width + x + begin) as usize) * stride + slot.channel;
             let values = layer.values[start..].iter_mut().step_by(stride);
             let samples = begin as usize..end as usize;
-            copy_samples(header.channels.list[line.location.channel].sample_type, line.value, samples, values);
+            copy_samples(
+                header.channels.list[line.location.channel].sample_type,
+                line.value,
+                samples,
+                values,
+            );
         }
     }
 }
@@ -205,7 +227,10 @@ fn copy_samples<'a>(
     match kind {
         SampleType::F16 => {
             let (source, _) = bytes.as_chunks::<2>();
-            source[samples].iter().zip(values).for_each(|(s, v)| *v = f16::from_ne_bytes(*s).to_f32());
+            source[samples]
+                .iter()
+                .zip(values)
+                .for_each(|(s, v)| *v = f16::from_ne_bytes(*s).to_f32());
         }
         SampleType::F32 => {
             let (source, _) = bytes.as_chunks::<4>();
@@ -213,7 +238,10 @@ fn copy_samples<'a>(
         }
         SampleType::U32 => {
             let (source, _) = bytes.as_chunks::<4>();
-            source[samples].iter().zip(values).for_each(|(s, v)| *v = u32::from_ne_bytes(*s) as f32);
+            source[samples]
+                .iter()
+                .zip(values)
+                .for_each(|(s, v)| *v = u32::from_ne_bytes(*s) as f32);
         }
     }
 }
@@ -230,11 +258,14 @@ fn check_part(input: &Input, header: &Header) -> Result<(), ReadError> {
     if header.channels.list.is_empty() {
         return Err(damaged(input, "a part has no channels"));
     }
-    if let Some(channel) = header.channels.list.iter().find(|c| c.sampling.0 != 1 || c.sampling.1 != 1) {
+    if let Some(channel) =
+        header.channels.list.iter().find(|c| c.sampling.0 != 1 || c.sampling.1 != 1)
+    {
         return Err(input.error(
             Place::Whole,
             format!(
-                "channel \"{}\" has fewer samples than pixels (luminance and chroma), which is not supported",
+                "channel \"{}\" has fewer samples than pixels (luminance and chroma), which is not \
+                    supported",
                 text(&channel.name)
             ),
             "save the file with full R, G and B channels",
@@ -244,8 +275,8 @@ fn check_part(input: &Input, header: &Header) -> Result<(), ReadError> {
     check_size(input, size.0 as u64, size.1 as u64, header.channels.bytes_per_pixel as u64)
 }
 
-/// Groups the channels of all parts into layers by part name and by what stands before the last dot of the channel name, and
-/// puts the picture first.
+/// Groups the channels of all parts into layers by part name and by what stands before the last dot
+/// of the channel name, and puts the picture first.
 fn name_layers(headers: &[Header], only_picture: bool) -> (Vec<Layer>, Vec<Vec<Option<Slot>>>) {
     /// Part, prefix, and the indices of the channels in the part.
     struct Group {
@@ -269,7 +300,8 @@ fn name_layers(headers: &[Header], only_picture: bool) -> (Vec<Layer>, Vec<Vec<O
     for group in &mut groups {
         group.members.sort_by_key(|(_, name)| channel_rank(name));
     }
-    let is_rgb = |g: &Group| ["R", "G", "B"].iter().all(|c| g.members.iter().any(|(_, name)| name == c));
+    let is_rgb =
+        |g: &Group| ["R", "G", "B"].iter().all(|c| g.members.iter().any(|(_, name)| name == c));
     let is_plain = |g: &Group| g.prefix.is_empty();
     // A stable sort: within a rank the file's order stays.
     groups.sort_by_key(|g| match (is_rgb(g), is_plain(g)) {
@@ -284,7 +316,8 @@ fn name_layers(headers: &[Header], only_picture: bool) -> (Vec<Layer>, Vec<Vec<O
         groups.truncate(1);
     }
 
-    let mut slots: Vec<Vec<Option<Slot>>> = headers.iter().map(|h| vec![None; h.channels.list.len()]).collect();
+    let mut slots: Vec<Vec<Option<Slot>>> =
+        headers.iter().map(|h| vec![None; h.channels.list.len()]).collect();
     let mut layers = Vec::new();
     for (layer, group) in groups.into_iter().enumerate() {
         for (channel, (index, _)) in group.members.iter().enumerate() {
@@ -298,14 +331,22 @@ fn name_layers(headers: &[Header], only_picture: bool) -> (Vec<Layer>, Vec<Vec<O
             (_, false, true) => part_name,
             (_, false, false) => format!("{part_name}.{}", group.prefix),
         };
-        layers.push(Layer { name, channels: group.members.into_iter().map(|m| m.1).collect(), values: Vec::new() });
+        layers.push(Layer {
+            name,
+            channels: group.members.into_iter().map(|m| m.1).collect(),
+            values: Vec::new(),
+        });
     }
     (layers, slots)
 }
 
-/// Files list channels by alphabet; people write `R G B A`. Unknown names keep their order behind the known ones.
+/// Files list channels by alphabet; people write `R G B A`. Unknown names keep their order behind
+/// the known ones.
 fn channel_rank(name: &str) -> usize {
-    ["R", "G", "B", "Y", "A"].iter().position(|c| *c == name).map_or(if name == "X" { 2 } else { 5 }, |i| i)
+    ["R", "G", "B", "Y", "A"]
+        .iter()
+        .position(|c| *c == name)
+        .map_or(if name == "X" { 2 } else { 5 }, |i| i)
 }
 
 /// UTF-8 by custom, Latin-1 otherwise.
@@ -316,12 +357,18 @@ fn text(text: &Text) -> String {
 /// Text attributes, by name.
 fn text_attributes(header: &Header) -> Vec<(String, String)> {
     let own = &header.own_attributes;
-    let standard = [("owner", &own.owner), ("comments", &own.comments), ("software", &own.software_name)];
-    let standard = standard.into_iter().filter_map(|(name, value)| Some((name.to_string(), text(value.as_ref()?))));
-    let others = header.shared_attributes.other.iter().chain(&own.other).filter_map(|(name, value)| match value {
-        AttributeValue::Text(value) => Some((text(name), text(value))),
-        _ => None,
-    });
+    let standard =
+        [("owner", &own.owner), ("comments", &own.comments), ("software", &own.software_name)];
+    let standard = standard
+        .into_iter()
+        .filter_map(|(name, value)| Some((name.to_string(), text(value.as_ref()?))));
+    let others =
+        header.shared_attributes.other.iter().chain(&own.other).filter_map(|(name, value)| {
+            match value {
+                AttributeValue::Text(value) => Some((text(name), text(value))),
+                _ => None,
+            }
+        });
     let mut all: Vec<_> = standard.chain(others).collect();
     all.sort();
     all

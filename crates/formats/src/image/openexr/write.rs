@@ -1,4 +1,5 @@
-//! Writing OpenEXR: one part of scan lines, ZIP; the picture's channels bare, those of other layers as `layer.channel`.
+//! Writing OpenEXR: one part of scan lines, ZIP; the picture's channels bare, those of other layers
+//! as `layer.channel`.
 //!
 //! The crate `exr` would start a pool of threads for each file; here blocks are compressed on the
 //! threads of the current rayon pool, straight from the layers.
@@ -35,7 +36,8 @@ pub fn encode(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, U
     let mut channels = Vec::new();
     for layer in &image.layers {
         for (index, name) in layer.channels.iter().enumerate() {
-            let name = if layer.name.is_empty() { name.clone() } else { format!("{}.{name}", layer.name) };
+            let name =
+                if layer.name.is_empty() { name.clone() } else { format!("{}.{name}", layer.name) };
             check_name(&name)?;
             let is_half = options.exr_half && is_color(layer, index);
             channels.push(Channel { name, layer, index, is_half });
@@ -50,12 +52,13 @@ pub fn encode(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, U
     }
     let long_names = channels.iter().any(|c| c.name.len() > 31);
     let size = Vec2(image.width as usize, image.height as usize);
-    let described = channels.iter().map(|c| ChannelDescription::named(text(&c.name), c.sample_type())).collect();
-    let header = Header::new(text(""), size, described).with_attributes(LayerAttributes::default()).with_encoding(
-        Compression::ZIP16,
-        BlockDescription::ScanLines,
-        LineOrder::Increasing,
-    );
+    let described = channels
+        .iter()
+        .map(|c| ChannelDescription::named(text(&c.name), c.sample_type()))
+        .collect();
+    let header = Header::new(text(""), size, described)
+        .with_attributes(LayerAttributes::default())
+        .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing);
     let mut bytes = Cursor::new(Vec::new());
     exr::block::write(&mut bytes, [header].into_iter().collect(), true, |meta, writer| {
         let compressed = |&(number, index): &(usize, BlockIndex)| {
@@ -64,12 +67,15 @@ pub fn encode(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, U
         };
         let blocks: Vec<_> = enumerate_ordered_header_block_indices(&meta.headers).collect();
         for batch in blocks.chunks(BATCH) {
-            let chunks = batch.par_iter().map(compressed).collect::<exr::error::Result<Vec<_>>>()?;
+            let chunks =
+                batch.par_iter().map(compressed).collect::<exr::error::Result<Vec<_>>>()?;
             chunks.into_iter().try_for_each(|(number, chunk)| writer.write_chunk(number, chunk))?;
         }
         Ok(())
     })
-    .map_err(|e| Unfit::new(format!("the picture cannot be encoded as OpenEXR: {e}"), "try another format"))?;
+    .map_err(|e| {
+        Unfit::new(format!("the picture cannot be encoded as OpenEXR: {e}"), "try another format")
+    })?;
     Ok(attributes::insert(bytes.into_inner(), &image.metadata, long_names))
 }
 
@@ -79,7 +85,8 @@ impl Channel<'_> {
     }
 }
 
-/// The values of a block as the format wants them: line by line, and in each line channel by channel.
+/// The values of a block as the format wants them: line by line, and in each line channel by
+/// channel.
 fn block_bytes(channels: &[Channel], width: usize, block: &BlockIndex) -> Vec<u8> {
     let (Vec2(left, top), Vec2(columns, rows)) = (block.pixel_position, block.pixel_size);
     let mut bytes = Vec::with_capacity(columns * rows * channels.len() * 4);

@@ -20,20 +20,32 @@ pub struct Object {
 }
 
 /// Makes a mesh of each object that has faces. The faces of the file are used up.
-pub fn objects(input: &Input, file: &mut ObjFile, notes: &mut Notes) -> Result<Vec<Object>, ReadError> {
+pub fn objects(
+    input: &Input,
+    file: &mut ObjFile,
+    notes: &mut Notes,
+) -> Result<Vec<Object>, ReadError> {
     let mut builder = Builder::new(file);
     let mut objects = Vec::new();
-    let mut finish = |builder: &mut Builder, object: Option<Object>, file: &ObjFile, notes: &mut Notes| {
-        let Some(mut object) = object else { return };
-        builder.finish(file, &mut object);
-        finish_normals(input, &mut object.mesh, &builder.missing_normals, &builder.smoothing, notes);
-        objects.push(object);
-    };
+    let mut finish =
+        |builder: &mut Builder, object: Option<Object>, file: &ObjFile, notes: &mut Notes| {
+            let Some(mut object) = object else { return };
+            builder.finish(file, &mut object);
+            finish_normals(
+                input,
+                &mut object.mesh,
+                &builder.missing_normals,
+                &builder.smoothing,
+                notes,
+            );
+            objects.push(object);
+        };
     let (mut object, mut number) = (None, None);
     for (faces, runs) in std::mem::take(&mut file.pieces) {
         let mut ranges = faces.ranges();
         for run in runs {
-            // Faces of one object stand together, unless a name comes back; then it is another object.
+            // Faces of one object stand together, unless a name comes back; then it is another
+            // object.
             if run.state.object != number {
                 finish(&mut builder, object.take(), file, notes);
                 number = run.state.object;
@@ -48,7 +60,11 @@ pub fn objects(input: &Input, file: &mut ObjFile, notes: &mut Notes) -> Result<V
 }
 
 /// Makes one mesh of everything. The faces of the file are used up.
-pub fn one_mesh(input: &Input, file: &mut ObjFile, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
+pub fn one_mesh(
+    input: &Input,
+    file: &mut ObjFile,
+    notes: &mut Notes,
+) -> Result<TriangleMesh, ReadError> {
     let mut builder = Builder::new(file);
     let mut object = builder.start(file, State::default());
     for (faces, runs) in std::mem::take(&mut file.pieces) {
@@ -68,7 +84,13 @@ pub fn one_mesh(input: &Input, file: &mut ObjFile, notes: &mut Notes) -> Result<
 }
 
 /// Computes normals where the file has none, and replaces those that are none.
-fn finish_normals(input: &Input, mesh: &mut TriangleMesh, missing: &[u32], smoothing: &[Smoothing], notes: &mut Notes) {
+fn finish_normals(
+    input: &Input,
+    mesh: &mut TriangleMesh,
+    missing: &[u32],
+    smoothing: &[Smoothing],
+    notes: &mut Notes,
+) {
     if mesh.normals.is_empty() {
         normals::smooth(mesh, CREASE_ANGLE, smoothing);
         return;
@@ -82,7 +104,8 @@ fn finish_normals(input: &Input, mesh: &mut TriangleMesh, missing: &[u32], smoot
     crate::mesh::repair_normals(mesh, input, notes);
 }
 
-/// Vertices of one position that are compared one by one; a position with more is looked up in a table.
+/// Vertices of one position that are compared one by one; a position with more is looked up in a
+/// table.
 const LONGEST_CHAIN: u32 = 32;
 
 /// Scratch memory that serves all objects.
@@ -92,7 +115,8 @@ struct Builder {
     /// For each material of the file (and one more for none), its slot and in which object.
     slots: Vec<(u32, u16)>,
     object: u32,
-    /// For each vertex of the object, the one made before it from the same position, and its corner.
+    /// For each vertex of the object, the one made before it from the same position, and its
+    /// corner.
     vertices: Vec<(u32, Corner)>,
     /// Vertices beyond the longest chain, by object and corner. Looked up only.
     overflow: HashMap<(u32, Corner), u32>,
@@ -202,13 +226,22 @@ impl Builder {
         vertex
     }
 
-    fn slot(&mut self, input: &Input, material: u32, materials: &mut Vec<u32>, notes: &mut Notes) -> u16 {
+    fn slot(
+        &mut self,
+        input: &Input,
+        material: u32,
+        materials: &mut Vec<u32>,
+        notes: &mut Notes,
+    ) -> u16 {
         let last = self.slots.len() - 1;
         let entry = &mut self.slots[(material as usize).min(last)];
         if entry.0 != self.object {
             let slot = u16::try_from(materials.len()).unwrap_or_else(|_| {
                 notes.add("many materials", || {
-                    format!("{}: more than 65536 materials in one object; the rest share the last", input.name)
+                    format!(
+                        "{}: more than 65536 materials in one object; the rest share the last",
+                        input.name
+                    )
                 });
                 u16::MAX
             });
@@ -227,12 +260,15 @@ impl Builder {
             mesh.colors = corners().map(|c| file.colors[c.position as usize]).collect();
         }
         if corners().any(|c| c.uv != NONE) {
-            mesh.uvs[0] = corners().map(|c| file.uvs.get(c.uv as usize).copied().unwrap_or(Vec2::ZERO)).collect();
+            mesh.uvs[0] = corners()
+                .map(|c| file.uvs.get(c.uv as usize).copied().unwrap_or(Vec2::ZERO))
+                .collect();
         }
         self.missing_normals.clear();
         if corners().any(|c| c.normal != NONE) {
-            mesh.normals =
-                corners().map(|c| file.normals.get(c.normal as usize).copied().unwrap_or(Vec3::ZERO)).collect();
+            mesh.normals = corners()
+                .map(|c| file.normals.get(c.normal as usize).copied().unwrap_or(Vec3::ZERO))
+                .collect();
             let missing = self.vertices.iter().enumerate().filter(|(_, (_, c))| c.normal == NONE);
             self.missing_normals.extend(missing.map(|(i, _)| i as u32));
         }

@@ -1,8 +1,9 @@
 //! What an OBJ file says, read in pieces on all cores.
 //!
-//! Lines do not depend on each other but for three things: numbers of faces may count back from the latest vertex, so the lines of each list
-//! are counted first; the material, smoothing group and object of a face are what was said last, so they stay open until the pieces are
-//! put together in order; and what a face refers to may come later, so that is checked in the end.
+//! Lines do not depend on each other but for three things: numbers of faces may count back from the
+//! latest vertex, so the lines of each list are counted first; the material, smoothing group and
+//! object of a face are what was said last, so they stay open until the pieces are put together in
+//! order; and what a face refers to may come later, so that is checked in the end.
 
 use super::parse::{self, Piece};
 use crate::mesh::notes::Notes;
@@ -138,7 +139,9 @@ impl Faces {
 
     /// The first corner that refers to what is not there.
     fn first_dangling(&self, counts: Counts) -> Option<usize> {
-        let bad = |list: &[u32], count: usize| list.par_iter().position_first(|&i| i != NONE && i as usize >= count);
+        let bad = |list: &[u32], count: usize| {
+            list.par_iter().position_first(|&i| i != NONE && i as usize >= count)
+        };
         let lists = [
             bad(&self.positions, counts.positions.min(NONE as usize)),
             bad(&self.uvs, counts.uvs),
@@ -170,17 +173,22 @@ pub struct ObjFile {
 pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
     let bytes = decoded(&input.bytes);
     let ranges = pieces(&bytes);
-    let text =
-        |range: &Range<usize>| Text::new(&bytes[..range.end], range.start).with_continuations().with_comments(b'#');
+    let text = |range: &Range<usize>| {
+        Text::new(&bytes[..range.end], range.start).with_continuations().with_comments(b'#')
+    };
     let reader = |range: &Range<usize>| Reader { input, bytes: &bytes, text: text(range) };
     let counts: Vec<Counts> = if ranges.len() == 1 {
         vec![Counts::default()]
     } else {
         ranges.par_iter().map(|range| count_lines(text(range))).collect()
     };
-    let before: Vec<Counts> = counts.iter().scan(Counts::default(), |sum, &c| Some(sum.then(c))).collect();
-    let read: Vec<_> =
-        ranges.par_iter().zip(before).map(|(range, before)| parse::parse(reader(range), before)).collect();
+    let before: Vec<Counts> =
+        counts.iter().scan(Counts::default(), |sum, &c| Some(sum.then(c))).collect();
+    let read: Vec<_> = ranges
+        .par_iter()
+        .zip(before)
+        .map(|(range, before)| parse::parse(reader(range), before))
+        .collect();
     let mut joiner = Joiner::default();
     for piece in read {
         joiner.join(piece?, notes);
@@ -198,7 +206,8 @@ pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
         (file.pieces.iter().map(|(faces, _)| faces.corner_count()).sum(), "corners of faces"),
     ] {
         if count > elements {
-            // Which of them is the first too many is not known here: the file has been read in pieces.
+            // Which of them is the first too many is not known here: the file has been read in
+            // pieces.
             return Err(too_many(input, crate::mesh::text::place_of(&bytes, bytes.len()), what));
         }
     }
@@ -224,8 +233,10 @@ fn pieces(bytes: &[u8]) -> Vec<Range<usize>> {
     let mut start = 0;
     while bytes.len() - start > PIECE {
         // Not between a backslash and the end of its line, or in the middle of a line end.
-        let cut =
-            bytes[start..start + PIECE].iter().rposition(|b| !b"\\\r".contains(b)).map_or(start, |at| start + at + 1);
+        let cut = bytes[start..start + PIECE]
+            .iter()
+            .rposition(|b| !b"\\\r".contains(b))
+            .map_or(start, |at| start + at + 1);
         let mut text = Text::new(bytes, cut).with_continuations();
         text.next_line();
         let end = text.position();
@@ -304,7 +315,11 @@ impl Joiner {
             smoothing: state.smoothing.or(before.smoothing),
             object: state.object.map(|o| first_object + o).or(before.object),
         };
-        let runs = piece.runs.into_iter().map(|run| Run { faces: run.faces, state: said(run.state) }).collect();
+        let runs = piece
+            .runs
+            .into_iter()
+            .map(|run| Run { faces: run.faces, state: said(run.state) })
+            .collect();
         file.pieces.push((piece.faces, runs));
         self.state = said(piece.end);
         self.known += piece.known;
@@ -329,15 +344,23 @@ fn drop_indices_into_nothing(input: &Input, file: &mut ObjFile, notes: &mut Note
     if dangling {
         let name = &input.name;
         notes.add("no such attribute", || {
-            format!("{name}: faces refer to vt or vn lines, but the file has none; those indices were ignored")
+            format!(
+                "{name}: faces refer to vt or vn lines, but the file has none; those indices \
+                were ignored"
+            )
         });
     }
 }
 
 /// Checks that what the faces refer to exists.
 fn check_corners(file: &ObjFile, reader: &Reader) -> Result<(), ReadError> {
-    let counts = Counts { positions: file.positions.len(), uvs: file.uvs.len(), normals: file.normals.len() };
-    let found = file.pieces.iter().find_map(|(faces, _)| Some((faces, faces.first_dangling(counts)?)));
+    let counts = Counts {
+        positions: file.positions.len(),
+        uvs: file.uvs.len(),
+        normals: file.normals.len(),
+    };
+    let found =
+        file.pieces.iter().find_map(|(faces, _)| Some((faces, faces.first_dangling(counts)?)));
     let Some((faces, at)) = found else { return Ok(()) };
     let corner = faces.corner(at);
     let good = |index: u32, count: usize| index == NONE || (index as usize) < count;
@@ -348,7 +371,8 @@ fn check_corners(file: &ObjFile, reader: &Reader) -> Result<(), ReadError> {
     } else {
         ("vn", corner.normal, counts.normals)
     };
-    let problem = format!("index {} into the {list} lines, but the file has {count}", u64::from(index) + 1);
+    let problem =
+        format!("index {} into the {list} lines, but the file has {count}", u64::from(index) + 1);
     let offset = offset_of_corner(reader, faces.start, at);
     Err(reader.error(offset, problem, "correct the face, or export the file again"))
 }
@@ -359,7 +383,8 @@ fn offset_of_corner(reader: &Reader, start: usize, at: usize) -> usize {
     let mut before = 0;
     while let Some(keyword) = text.word_on_any_line() {
         if matches!(keyword.bytes, b"f" | b"fo") {
-            let corners: Vec<usize> = std::iter::from_fn(|| text.word().map(|word| word.start)).collect();
+            let corners: Vec<usize> =
+                std::iter::from_fn(|| text.word().map(|word| word.start)).collect();
             // Faces of fewer corners were skipped.
             if corners.len() >= 3 {
                 if let Some(&offset) = corners.get(at - before) {

@@ -1,11 +1,14 @@
 //! From MTL materials to materials of the scene.
 //!
 //! * With `Pr` or `Pm` (the PBR extension): metallic-roughness.
-//! * `illum` 6 and 7, and 4 and 9 unless `d 1` says that it is opaque: glass of index `Ni` (1.5 if not said), tinted by `Tf`.
-//! * With `Ks` and `Ns` above 0, and not `illum` 0 or 1: Phong; it reflects like a mirror, by `Ks`, if `illum` is 3, 5 or 8.
+//! * `illum` 6 and 7, and 4 and 9 unless `d 1` says that it is opaque: glass of index `Ni` (1.5 if
+//!   not said), tinted by `Tf`.
+//! * With `Ks` and `Ns` above 0, and not `illum` 0 or 1: Phong; it reflects like a mirror, by `Ks`,
+//!   if `illum` is 3, 5 or 8.
 //! * Everything else is diffuse.
 //!
-//! Bump maps are heights relative to the size that the picture has on the surface, unless the picture shows normals.
+//! Bump maps are heights relative to the size that the picture has on the surface, unless the
+//! picture shows normals.
 //!
 //! Colours are linear, those of textures sRGB.
 
@@ -16,13 +19,14 @@ use crate::textures::Textures;
 use crate::{Input, ReadError};
 use snell_math::Rgb;
 use snell_scene::material::{
-    AlphaMode, BumpMap, ColorParam, Dielectric, Diffuse, HeightUnit, MaterialKind, MetallicRoughness, NormalMap, Phong,
-    ScalarParam,
+    AlphaMode, BumpMap, ColorParam, Dielectric, Diffuse, HeightUnit, MaterialKind,
+    MetallicRoughness, NormalMap, Phong, ScalarParam,
 };
 use snell_scene::texture::Wrap;
 use snell_scene::{Encoding, Material, MaterialId, Scene, TextureId, WarningKind};
 
-/// How high a bump map of strength 1 is at its brightest, in widths of its picture. (The format does not say.)
+/// How high a bump map of strength 1 is at its brightest, in widths of its picture. (The format
+/// does not say.)
 pub const HEIGHT_OF_BUMPS: f32 = 0.02;
 
 /// Reflectance where a material says nothing about its colour.
@@ -43,7 +47,10 @@ pub fn materials(
             // Without any library its absence has been said, or everyone knows.
             if !library.inputs.is_empty() {
                 maker.notes.add("undefined material", || {
-                    format!("{}: the material \"{name}\" is not defined; the default material was used", input.name)
+                    format!(
+                        "{}: the material \"{name}\" is not defined; the default material was used",
+                        input.name
+                    )
                 });
             }
             materials.push(None);
@@ -91,7 +98,8 @@ impl Maker<'_> {
                 material.normal_map.get_or_insert(NormalMap { texture, scale: map.strength });
             } else {
                 let height = map.strength * HEIGHT_OF_BUMPS;
-                material.bump_map = Some(BumpMap { texture, channel: None, height, unit: HeightUnit::Picture });
+                material.bump_map =
+                    Some(BumpMap { texture, channel: None, height, unit: HeightUnit::Picture });
             }
         }
         // What glass lets through is not a matter of opacity.
@@ -116,18 +124,28 @@ impl Maker<'_> {
         if is_glass(mtl) {
             let ior = mtl.ior.filter(|&n| n > 0.0).unwrap_or(1.5);
             // Some write no filter as black.
-            let tint = mtl.transmission.filter(|c| !c.is_black()).unwrap_or(Rgb::WHITE).map(|x| x.min(1.0));
+            let tint = mtl
+                .transmission
+                .filter(|c| !c.is_black())
+                .unwrap_or(Rgb::WHITE)
+                .map(|x| x.min(1.0));
             return Ok(Dielectric { tint: tint.into(), ..Dielectric::smooth(ior) }.into());
         }
         let diffuse = self.diffuse(mtl)?;
-        let is_glossy = mtl.specular.is_some_and(|c| !c.is_black()) && !matches!(mtl.illum, Some(0 | 1));
+        let is_glossy =
+            mtl.specular.is_some_and(|c| !c.is_black()) && !matches!(mtl.illum, Some(0 | 1));
         let mirrors = matches!(mtl.illum, Some(3 | 5 | 8));
         let shininess = mtl.shininess.unwrap_or(DEFAULT_SHININESS).max(0.0);
         // An exponent of 0 would not be a highlight but a veil over everything.
         if !is_glossy || (shininess == 0.0 && !mirrors) {
             return Ok(Diffuse { reflectance: diffuse }.into());
         }
-        let specular = self.color(mtl.specular.map(|c| c.map(|x| x.min(1.0))), Rgb::BLACK, &mtl.specular_map, mtl)?;
+        let specular = self.color(
+            mtl.specular.map(|c| c.map(|x| x.min(1.0))),
+            Rgb::BLACK,
+            &mtl.specular_map,
+            mtl,
+        )?;
         Ok(Phong {
             ambient: mtl.ambient.unwrap_or(Rgb::BLACK).into(),
             diffuse,
@@ -164,11 +182,15 @@ impl Maker<'_> {
 
     /// Opacity: `d`, or one minus `Tr`, times the map.
     fn alpha(&mut self, name: &str, mtl: &Mtl, material: &mut Material) -> Result<(), ReadError> {
-        let mut alpha = mtl.dissolve.or(mtl.transparency.map(|t| 1.0 - t)).unwrap_or(1.0).clamp(0.0, 1.0);
+        let mut alpha =
+            mtl.dissolve.or(mtl.transparency.map(|t| 1.0 - t)).unwrap_or(1.0).clamp(0.0, 1.0);
         if alpha == 0.0 && mtl.dissolve.is_none() {
             // Some programs write Tr where they mean d.
             self.notes.add_of(WarningKind::Choice, "Tr 1", || {
-                format!("material \"{name}\": Tr 1 without d would make it invisible; it was taken as opaque")
+                format!(
+                    "material \"{name}\": Tr 1 without d would make it invisible; it was taken \
+                    as opaque"
+                )
             });
             alpha = 1.0;
         }
@@ -178,7 +200,8 @@ impl Maker<'_> {
             let picture = self.scene.textures[texture.index()].as_image();
             let image = picture.and_then(|picture| self.scene.images.get(picture.image.index()));
             // An image with an alpha channel means that; others mean their brightness.
-            let channel = if image.is_some_and(|image| matches!(image.channels, 2 | 4)) { 3 } else { 0 };
+            let channel =
+                if image.is_some_and(|image| matches!(image.channels, 2 | 4)) { 3 } else { 0 };
             material.alpha.texture = Some((texture, channel));
         }
         if alpha < 1.0 || material.alpha.texture.is_some() {
@@ -201,7 +224,8 @@ impl Maker<'_> {
     /// True for the light blue of normal maps.
     fn shows_normals(&self, texture: TextureId) -> bool {
         let texture = self.scene.textures[texture.index()].as_image();
-        let Some(image) = texture.and_then(|texture| self.scene.images.get(texture.image.index())) else {
+        let Some(image) = texture.and_then(|texture| self.scene.images.get(texture.image.index()))
+        else {
             return false;
         };
         let (mut sum, mut count) = ([0.0f32; 3], 0.0);
@@ -217,7 +241,12 @@ impl Maker<'_> {
         image.channels >= 3 && (r - 0.5).abs() < 0.15 && (g - 0.5).abs() < 0.15 && b > 0.7
     }
 
-    fn texture(&mut self, map: &Map, encoding: Encoding, mtl: &Mtl) -> Result<TextureId, ReadError> {
+    fn texture(
+        &mut self,
+        map: &Map,
+        encoding: Encoding,
+        mtl: &Mtl,
+    ) -> Result<TextureId, ReadError> {
         let input = &self.library.inputs[mtl.library];
         let mut texture = self.textures.texture(self.scene, input, &map.file, encoding)?;
         // v' = 1 - (scale v + offset).
@@ -226,7 +255,8 @@ impl Maker<'_> {
         if map.clamp {
             texture.wrap = [Wrap::Clamp; 2];
         }
-        if let Some(known) = self.scene.textures.iter().position(|t| t.as_image() == Some(&texture)) {
+        if let Some(known) = self.scene.textures.iter().position(|t| t.as_image() == Some(&texture))
+        {
             return Ok(TextureId(known as u32));
         }
         Ok(self.scene.add_texture(texture))

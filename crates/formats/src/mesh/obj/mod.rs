@@ -1,12 +1,13 @@
 //! Wavefront OBJ, with its materials in MTL files.
 //!
-//! `parse.rs` turns a piece of the text into lists of vertices and faces as they stand in the file, and `file.rs` puts the pieces together;
-//! `build.rs` makes indexed meshes of them,
-//! one per object (`o`); `mtl.rs` reads the materials, and `material.rs` makes ours of them. Polygons of any size are triangulated;
-//! lines, points and free-form surfaces are skipped with a warning.
+//! `parse.rs` turns a piece of the text into lists of vertices and faces as they stand in the file,
+//! and `file.rs` puts the pieces together; `build.rs` makes indexed meshes of them, one per object
+//! (`o`); `mtl.rs` reads the materials, and `material.rs` makes ours of them. Polygons of any size
+//! are triangulated; lines, points and free-form surfaces are skipped with a warning.
 //!
-//! Normals: those of the file (`vn`). Faces without: smoothed within their smoothing group (`s 1`), flat after `s off`, and by
-//! angle (40°) where the file never says `s`. Vertex colours (`v x y z r g b`) are sRGB.
+//! Normals: those of the file (`vn`). Faces without: smoothed within their smoothing group (`s 1`),
+//! flat after `s off`, and by angle (40°) where the file never says `s`. Vertex colours
+//! (`v x y z r g b`) are sRGB.
 
 mod build;
 mod file;
@@ -43,14 +44,21 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     };
     if objects.is_empty() {
         notes.add("nothing to show", || {
-            format!("{}: there are no triangles to show; export it again with its faces", input.name)
+            format!(
+                "{}: there are no triangles to show; export it again with its faces",
+                input.name
+            )
         });
     }
     for object in objects {
         let name = if object.name.is_empty() { input.stem() } else { object.name };
         let surface = Surface {
             geometry: Geometry::Mesh(Arc::new(object.mesh)),
-            materials: object.materials.iter().map(|&m| materials.get(m as usize).copied().flatten()).collect(),
+            materials: object
+                .materials
+                .iter()
+                .map(|&m| materials.get(m as usize).copied().flatten())
+                .collect(),
         };
         scene.add_child(parent, Node { surfaces: vec![surface], ..Node::named(name) });
     }

@@ -1,6 +1,7 @@
 //! The statements of MTL files.
 //!
-//! A statement that cannot be used is a warning, never an error: a mesh with one odd material is better than none.
+//! A statement that cannot be used is a warning, never an error: a mesh with one odd material is
+//! better than none.
 
 use super::file::ObjFile;
 use crate::mesh::notes::Notes;
@@ -9,8 +10,8 @@ use crate::{Input, ReadError};
 use snell_math::Rgb;
 use std::collections::BTreeMap;
 
-/// A material as its file states it; `None` is not said. See Bourke's page on MTL, and Exocortex' "PBR extension to MTL" for `Pr`,
-/// `Pm` and `norm`.
+/// A material as its file states it; `None` is not said. See Bourke's page on MTL, and Exocortex'
+/// "PBR extension to MTL" for `Pr`, `Pm` and `norm`.
 #[derive(Clone, Debug, Default)]
 pub struct Mtl {
     pub ambient: Option<Rgb>,
@@ -89,7 +90,8 @@ pub fn read(input: &Input, file: &ObjFile, notes: &mut Notes) -> Result<Library,
             notes.say(
                 snell_scene::WarningKind::Missing,
                 format!(
-                    "{}: its material library \"{name}\" does not exist; the default material was used",
+                    "{}: its material library \"{name}\" does not exist; the default material was \
+                        used",
                     input.name
                 ),
             );
@@ -109,7 +111,8 @@ fn parse(input: &Input, library: usize, materials: &mut BTreeMap<String, Mtl>, n
     let mut current: Option<(String, Mtl)> = None;
     while let Some(keyword) = statements.reader.text.word_on_any_line() {
         if keyword.bytes.eq_ignore_ascii_case(b"newmtl") {
-            let name = String::from_utf8_lossy(statements.reader.text.rest_of_line().bytes).into_owned();
+            let name =
+                String::from_utf8_lossy(statements.reader.text.rest_of_line().bytes).into_owned();
             if let Some((name, mtl)) = current.replace((name, Mtl { library, ..Mtl::default() })) {
                 materials.entry(name).or_insert(mtl);
             }
@@ -152,11 +155,21 @@ impl Statements<'_, '_> {
             b"norm" | b"map_kn" => mtl.normal_map = self.map(keyword),
             b"map_bump" | b"bump" => mtl.bump_map = self.map(keyword),
             b"disp" | b"map_disp" => {
-                self.warn("displacement", keyword, "displacement maps are not supported (bump and normal maps are)");
+                self.warn(
+                    "displacement",
+                    keyword,
+                    "displacement maps are not supported (bump and normal maps are)",
+                );
             }
-            // Nothing to say about what hardly shows: sharpness of reflections, maps of ambient light, anti-aliasing, and so on.
-            b"map_ka" | b"sharpness" | b"map_aat" | b"km" | b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" => {}
-            _ => self.warn("unsupported", keyword, "not supported in a material; statements like this were skipped"),
+            // Nothing to say about what hardly shows: sharpness of reflections, maps of ambient
+            // light, anti-aliasing, and so on.
+            b"map_ka" | b"sharpness" | b"map_aat" | b"km" | b"ps" | b"pc" | b"pcr" | b"aniso"
+            | b"anisor" => {}
+            _ => self.warn(
+                "unsupported",
+                keyword,
+                "not supported in a material; statements like this were skipped",
+            ),
         }
     }
 
@@ -196,7 +209,11 @@ impl Statements<'_, '_> {
         let ([r, g, b], count) = self.numbers();
         let color = match count {
             0 => {
-                self.warn("no color", keyword, "a colour of three numbers should follow; the statement was skipped");
+                self.warn(
+                    "no color",
+                    keyword,
+                    "a colour of three numbers should follow; the statement was skipped",
+                );
                 return None;
             }
             3 => Rgb::new(r, g, b),
@@ -216,7 +233,13 @@ impl Statements<'_, '_> {
 
     /// Options and a file name, which may hold spaces.
     fn map(&mut self, keyword: Word) -> Option<Map> {
-        let mut map = Map { file: String::new(), scale: [1.0; 2], offset: [0.0; 2], clamp: false, strength: 1.0 };
+        let mut map = Map {
+            file: String::new(),
+            scale: [1.0; 2],
+            offset: [0.0; 2],
+            clamp: false,
+            strength: 1.0,
+        };
         loop {
             let before = self.reader.text.clone();
             let Some(option) = self.reader.text.word() else { break };
@@ -247,7 +270,11 @@ impl Statements<'_, '_> {
             }
         }
         if map.file.is_empty() {
-            self.warn("no file", keyword, "the name of an image should follow; the statement was skipped");
+            self.warn(
+                "no file",
+                keyword,
+                "the name of an image should follow; the statement was skipped",
+            );
             return None;
         }
         Some(map)

@@ -61,10 +61,12 @@ pub struct Piece {
     pub notes: Notes,
 }
 
-/// Reads the statements to the end of the reader's text. `before` is how many lines of each list came before.
+/// Reads the statements to the end of the reader's text. `before` is how many lines of each list
+/// came before.
 pub fn parse(reader: Reader, before: Counts) -> Result<Piece, ReadError> {
     let piece = Piece { faces: Faces::starting_at(reader.text.position()), ..Piece::default() };
-    let mut parser = Parser { reader, before, piece, state: State::default(), material_numbers: HashMap::new() };
+    let mut parser =
+        Parser { reader, before, piece, state: State::default(), material_numbers: HashMap::new() };
     while let Some(keyword) = parser.reader.text.word_on_any_line() {
         parser.statement(keyword)?;
         parser.reader.text.next_line();
@@ -117,8 +119,11 @@ impl Parser<'_> {
                 self.state.smoothing = Some(match self.reader.text.word().map(|w| w.bytes) {
                     Some(b"off") | None => 0,
                     Some(b"on") => 1,
-                    // Groups are compared, not counted with; whatever is not a number is one of its own.
-                    Some(word) => std::str::from_utf8(word).ok().and_then(|s| s.parse().ok()).unwrap_or(1),
+                    // Groups are compared, not counted with; whatever is not a number is one of its
+                    // own.
+                    Some(word) => {
+                        std::str::from_utf8(word).ok().and_then(|s| s.parse().ok()).unwrap_or(1)
+                    }
                 });
                 Ok(())
             }
@@ -132,8 +137,9 @@ impl Parser<'_> {
                 );
                 Ok(())
             }
-            b"vp" | b"deg" | b"cstype" | b"curv" | b"curv2" | b"surf" | b"parm" | b"trim" | b"hole" | b"scrv"
-            | b"sp" | b"end" | b"con" | b"bmat" | b"step" | b"mg" | b"ctech" | b"stech" => {
+            b"vp" | b"deg" | b"cstype" | b"curv" | b"curv2" | b"surf" | b"parm" | b"trim"
+            | b"hole" | b"scrv" | b"sp" | b"end" | b"con" | b"bmat" | b"step" | b"mg"
+            | b"ctech" | b"stech" => {
                 self.skipped(
                     WarningKind::Changed,
                     "free-form",
@@ -142,9 +148,14 @@ impl Parser<'_> {
                 );
                 Ok(())
             }
-            b"bevel" | b"c_interp" | b"d_interp" | b"lod" | b"shadow_obj" | b"trace_obj" | b"call" | b"csh"
-            | b"maplib" | b"usemap" | b"vc" => {
-                self.skipped(WarningKind::Choice, "display", keyword, "display attributes such as this were skipped");
+            b"bevel" | b"c_interp" | b"d_interp" | b"lod" | b"shadow_obj" | b"trace_obj"
+            | b"call" | b"csh" | b"maplib" | b"usemap" | b"vc" => {
+                self.skipped(
+                    WarningKind::Choice,
+                    "display",
+                    keyword,
+                    "display attributes such as this were skipped",
+                );
                 Ok(())
             }
             _ => {
@@ -163,9 +174,9 @@ impl Parser<'_> {
 
     fn skipped(&mut self, about: WarningKind, kind: &'static str, keyword: Word, what: &str) {
         let reader = &self.reader;
-        self.piece
-            .notes
-            .add_of(about, kind, || format!("{}: {}: {what}", reader.location(keyword.start), keyword.quoted()));
+        self.piece.notes.add_of(about, kind, || {
+            format!("{}: {}: {what}", reader.location(keyword.start), keyword.quoted())
+        });
     }
 
     fn name(&mut self) -> String {
@@ -193,7 +204,10 @@ impl Parser<'_> {
                     let reader = &self.reader;
                     self.piece.notes.add("odd number", || {
                         let place = reader.location(word.start);
-                        format!("{place}: {} is not a number; its first part, {value}, was used", word.quoted())
+                        format!(
+                            "{place}: {} is not a number; its first part, {value}, was used",
+                            word.quoted()
+                        )
                     });
                     value
                 }
@@ -220,10 +234,14 @@ impl Parser<'_> {
             let reader = &self.reader;
             self.piece.notes.add_of(WarningKind::NotFinite, "not finite", || {
                 let place = reader.location(start);
-                format!("{place}: a vertex is not finite; triangles that use such vertices are never hit: give it finite coordinates")
+                format!(
+                    "{place}: a vertex is not finite; triangles that use such vertices are \
+                    never hit: give it finite coordinates"
+                )
             });
         }
-        // Four numbers are a weight, which only free-form surfaces use; six are a colour, seven a colour with alpha.
+        // Four numbers are a weight, which only free-form surfaces use; six are a colour, seven a
+        // colour with alpha.
         if count >= 6 {
             let alpha = if count >= 7 { d } else { 1.0 };
             self.color([a, b, c, alpha]);
@@ -280,7 +298,10 @@ impl Parser<'_> {
             let reader = &self.reader;
             self.piece.notes.add("few corners", || {
                 let place = reader.location(offset);
-                format!("{place}: a face of {corners} corners, expected 3 or more; such faces were skipped")
+                format!(
+                    "{place}: a face of {corners} corners, expected 3 or more; such faces were \
+                    skipped"
+                )
             });
             return Ok(());
         }
@@ -291,7 +312,10 @@ impl Parser<'_> {
 
     fn corner(&self, word: Word, counts: Counts) -> Result<Corner, ReadError> {
         let bad = || {
-            let problem = format!("found {}, expected vertex numbers such as 1, 1/2, 1//3 or 1/2/3", word.quoted());
+            let problem = format!(
+                "found {}, expected vertex numbers such as 1, 1/2, 1//3 or 1/2/3",
+                word.quoted()
+            );
             self.reader.error(word.start, problem, "correct the face, or export the file again")
         };
         let mut parts = word.bytes.split(|&b| b == b'/');
@@ -302,23 +326,43 @@ impl Parser<'_> {
         if parts.next().is_some() { Err(bad()) } else { Ok(Corner { position, uv, normal }) }
     }
 
-    /// An index from 0. Positive ones are checked at the end, for what they refer to may come later.
-    fn index(&self, digits: &[u8], word: Word, list: &str, count: usize) -> Result<Option<u32>, ReadError> {
+    /// An index from 0. Positive ones are checked at the end, for what they refer to may come
+    /// later.
+    fn index(
+        &self,
+        digits: &[u8],
+        word: Word,
+        list: &str,
+        count: usize,
+    ) -> Result<Option<u32>, ReadError> {
         let Some(value) = small_integer(digits) else {
             if digits.is_empty() {
                 return Ok(None);
             }
-            let problem = format!("found {}, expected vertex numbers such as 1, 1/2, 1//3 or 1/2/3", word.quoted());
-            return Err(self.reader.error(word.start, problem, "correct the face, or export the file again"));
+            let problem = format!(
+                "found {}, expected vertex numbers such as 1, 1/2, 1//3 or 1/2/3",
+                word.quoted()
+            );
+            return Err(self.reader.error(
+                word.start,
+                problem,
+                "correct the face, or export the file again",
+            ));
         };
         let index = if value > 0 { value - 1 } else { count as i64 + value };
         if value == 0 || index < 0 {
             let reason = if value == 0 {
                 format!("index 0 into the {list} lines, but they count from 1")
             } else {
-                format!("index {value} goes back before the first of the {count} {list} lines so far")
+                format!(
+                    "index {value} goes back before the first of the {count} {list} lines so far"
+                )
             };
-            return Err(self.reader.error(word.start, reason, "correct the face, or export the file again"));
+            return Err(self.reader.error(
+                word.start,
+                reason,
+                "correct the face, or export the file again",
+            ));
         }
         Ok(Some(index.min(i64::from(NONE - 1)) as u32))
     }

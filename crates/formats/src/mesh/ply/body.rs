@@ -29,9 +29,14 @@ pub trait Source {
     fn all_vertices(&mut self, _: &Element, _: &[Role], _: &mut TriangleMesh) -> bool {
         false
     }
-    /// Reads all faces at once, if that is possible and all are triangles of existing vertices; else reads nothing. `list` is which property
-    /// has the corners.
-    fn all_triangles(&mut self, _element: &Element, _list: usize, _vertices: u64) -> Option<Vec<[u32; 3]>> {
+    /// Reads all faces at once, if that is possible and all are triangles of existing vertices;
+    /// else reads nothing. `list` is which property has the corners.
+    fn all_triangles(
+        &mut self,
+        _element: &Element,
+        _list: usize,
+        _vertices: u64,
+    ) -> Option<Vec<[u32; 3]>> {
         None
     }
 }
@@ -48,7 +53,11 @@ impl<'a> AsciiSource<'a> {
     /// The values after the header.
     pub fn new(input: &'a Input, header: &Header) -> Self {
         let text = Text::new(&input.bytes, header.end);
-        Self { reader: Reader { input, bytes: &input.bytes, text }, last: header.end, surplus: None }
+        Self {
+            reader: Reader { input, bytes: &input.bytes, text },
+            last: header.end,
+            surplus: None,
+        }
     }
 }
 
@@ -59,8 +68,11 @@ impl Source for AsciiSource<'_> {
         };
         self.last = word.start;
         let text = std::str::from_utf8(word.bytes).unwrap_or("");
-        let value =
-            if kind.is_integer() { text.parse::<i64>().map(|i| i as f64).ok() } else { text.parse::<f64>().ok() };
+        let value = if kind.is_integer() {
+            text.parse::<i64>().map(|i| i as f64).ok()
+        } else {
+            text.parse::<f64>().ok()
+        };
         // Some writers print whole numbers with a point, and old libraries have their own NaN.
         value
             .or_else(|| text.parse::<f64>().ok())
@@ -91,7 +103,10 @@ impl Source for AsciiSource<'_> {
         let Some((lines, first)) = self.surplus else { return };
         let place = self.reader.location(first);
         notes.add("surplus", || {
-            format!("{place}: {lines} lines have more values than the header says; the rest of those lines was ignored")
+            format!(
+                "{place}: {lines} lines have more values than the header says; the rest of \
+                those lines was ignored"
+            )
         });
     }
 
@@ -114,7 +129,9 @@ impl<'a, const BIG: bool> BinarySource<'a, BIG> {
     }
 
     fn take<const N: usize>(&mut self) -> Result<[u8; N], ReadError> {
-        let Some(&bytes) = self.input.bytes[self.position..].first_chunk::<N>() else { return Err(self.cut_off()) };
+        let Some(&bytes) = self.input.bytes[self.position..].first_chunk::<N>() else {
+            return Err(self.cut_off());
+        };
         self.last = self.position;
         self.position += N;
         Ok(bytes)
@@ -174,15 +191,22 @@ impl<const BIG: bool> Source for BinarySource<'_, BIG> {
     fn all_vertices(&mut self, element: &Element, roles: &[Role], mesh: &mut TriangleMesh) -> bool {
         let Some((fields, size)) = uniform::fields(element) else { return false };
         let total = usize::try_from(element.count).ok().and_then(|count| count.checked_mul(size));
-        let Some(bytes) = total.and_then(|total| self.input.bytes[self.position..].get(..total)) else { return false };
+        let Some(bytes) = total.and_then(|total| self.input.bytes[self.position..].get(..total))
+        else {
+            return false;
+        };
         // Of properties that are there twice, the last one counts.
-        let field = |role| roles.iter().rposition(|r| *r == role).map(|i| (fields[i], element.properties[i].value));
+        let field = |role| {
+            roles.iter().rposition(|r| *r == role).map(|i| (fields[i], element.properties[i].value))
+        };
         let value = |field: Option<(uniform::Field, Type)>, vertex: &[u8]| {
             field.map_or(0.0, |(field, _)| field.value::<BIG>(vertex) as f32)
         };
         let vector = |role: fn(usize) -> Role| {
             let fields: [_; 3] = std::array::from_fn(|k| field(role(k)));
-            uniform::each(bytes, size, move |vertex| Vec3::from_array(fields.map(|f| value(f, vertex))))
+            uniform::each(bytes, size, move |vertex| {
+                Vec3::from_array(fields.map(|f| value(f, vertex)))
+            })
         };
         mesh.positions = vector(Role::Position);
         if has_all(roles, Role::Normal, 3) {
@@ -190,20 +214,29 @@ impl<const BIG: bool> Source for BinarySource<'_, BIG> {
         }
         if has_all(roles, Role::Uv, 2) {
             let fields: [_; 2] = std::array::from_fn(|k| field(Role::Uv(k)));
-            mesh.uvs[0] = uniform::each(bytes, size, |vertex| Vec2::from_array(fields.map(|f| value(f, vertex))));
+            mesh.uvs[0] = uniform::each(bytes, size, |vertex| {
+                Vec2::from_array(fields.map(|f| value(f, vertex)))
+            });
         }
         if has_all(roles, Role::Color, 3) {
             let fields: [_; 4] = std::array::from_fn(|k| field(Role::Color(k)));
             let channel = |vertex: &[u8], k: usize| {
-                fields[k].map_or(1.0, |(f, kind)| linear_color(f.value::<BIG>(vertex) as f32, kind, k))
+                fields[k]
+                    .map_or(1.0, |(f, kind)| linear_color(f.value::<BIG>(vertex) as f32, kind, k))
             };
-            mesh.colors = uniform::each(bytes, size, |vertex| std::array::from_fn(|k| channel(vertex, k)));
+            mesh.colors =
+                uniform::each(bytes, size, |vertex| std::array::from_fn(|k| channel(vertex, k)));
         }
         self.position += bytes.len();
         true
     }
 
-    fn all_triangles(&mut self, element: &Element, list: usize, vertices: u64) -> Option<Vec<[u32; 3]>> {
+    fn all_triangles(
+        &mut self,
+        element: &Element,
+        list: usize,
+        vertices: u64,
+    ) -> Option<Vec<[u32; 3]>> {
         if element.count > self.input.options.limits.elements as u64 {
             return None;
         }
@@ -226,7 +259,9 @@ pub fn read(
     let mut faces = Faces { vertices, ..Faces::default() };
     for element in &header.elements {
         match element.name.as_str() {
-            "vertex" if mesh.positions.is_empty() => read_vertices(source, input, header, element, mesh)?,
+            "vertex" if mesh.positions.is_empty() => {
+                read_vertices(source, input, header, element, mesh)?
+            }
             "face" => {
                 faces.declared = element.start;
                 read_faces(source, input, element, &mut faces, notes)?;
@@ -299,7 +334,9 @@ fn read_vertices(
     if source.all_vertices(element, &roles, mesh) {
         return Ok(());
     }
-    let count = element.count.min(source.bytes_left() / element.least_size(header.format) as u64 + 1) as usize;
+    let count =
+        element.count.min(source.bytes_left() / element.least_size(header.format) as u64 + 1)
+            as usize;
     let has_normals = has_all(&roles, Role::Normal, 3);
     let has_uvs = has_all(&roles, Role::Uv, 2);
     let has_colors = has_all(&roles, Role::Color, 3);
@@ -308,7 +345,8 @@ fn read_vertices(
     mesh.uvs[0].reserve(if has_uvs { count } else { 0 });
     mesh.colors.reserve(if has_colors { count } else { 0 });
     for _ in 0..element.count {
-        let (mut position, mut normal, mut uv, mut color) = (Vec3::ZERO, Vec3::ZERO, Vec2::ZERO, [1.0; 4]);
+        let (mut position, mut normal, mut uv, mut color) =
+            (Vec3::ZERO, Vec3::ZERO, Vec2::ZERO, [1.0; 4]);
         for (property, role) in element.properties.iter().zip(&roles) {
             if let Some(length) = property.length {
                 skip_list(source, length, property.value)?;
@@ -350,7 +388,8 @@ fn linear_color(value: f32, kind: Type, channel: usize) -> f32 {
 fn list_length(source: &mut impl Source, length: Type, item: Type) -> Result<u64, ReadError> {
     let count = source.value(length)?;
     if count < 0.0 {
-        return Err(source.error(format!("a list of {count} items"), "the file is damaged; export it again"));
+        return Err(source
+            .error(format!("a list of {count} items"), "the file is damaged; export it again"));
     }
     let count = count as u64;
     if count > source.bytes_left() / item.size().min(2) as u64 + 1 {
@@ -403,7 +442,10 @@ impl Faces {
         if index >= 0.0 && index < self.vertices as f64 && index.fract() == 0.0 {
             return Ok(index as u32);
         }
-        let problem = format!("vertex number {index}, but there are {} vertices (counted from 0)", self.vertices);
+        let problem = format!(
+            "vertex number {index}, but there are {} vertices (counted from 0)",
+            self.vertices
+        );
         Err(source.error(problem, "the file is damaged; export it again"))
     }
 
@@ -414,7 +456,13 @@ impl Faces {
         let mut start = 0;
         for end in self.ends {
             let place = || place_of(&input.bytes, self.declared);
-            crate::mesh::push_polygon(input, place, mesh, &self.corners[start..end], &mut triangulator)?;
+            crate::mesh::push_polygon(
+                input,
+                place,
+                mesh,
+                &self.corners[start..end],
+                &mut triangulator,
+            )?;
             start = end;
         }
         Ok(())
@@ -428,7 +476,9 @@ fn read_faces(
     faces: &mut Faces,
     notes: &mut Notes,
 ) -> Result<(), ReadError> {
-    let Some(at) = element.properties.iter().position(|p| p.length.is_some() && is_index_list(&p.name)) else {
+    let Some(at) =
+        element.properties.iter().position(|p| p.length.is_some() && is_index_list(&p.name))
+    else {
         if element.count > 0 {
             notes.add("no indices", || {
                 format!("{}: the faces have no list vertex_indices and were skipped", input.name)
@@ -436,9 +486,14 @@ fn read_faces(
         }
         return skip_element(source, element);
     };
-    if element.properties.iter().any(|p| p.name == "texcoord" && p.length.is_some()) && element.count > 0 {
+    if element.properties.iter().any(|p| p.name == "texcoord" && p.length.is_some())
+        && element.count > 0
+    {
         notes.add("texcoord", || {
-            format!("{}: texture coordinates of faces (texcoord) are not supported and were skipped", input.name)
+            format!(
+                "{}: texture coordinates of faces (texcoord) are not supported and were skipped",
+                input.name
+            )
         });
     }
     if faces.triangles.is_empty()
@@ -461,7 +516,9 @@ fn read_faces(
                 faces.corners.push(index);
             }
             if corners < 3 {
-                notes.add("few corners", || format!("{}: a face has fewer than 3 corners and was skipped", input.name));
+                notes.add("few corners", || {
+                    format!("{}: a face has fewer than 3 corners and was skipped", input.name)
+                });
             }
             faces.ends.push(faces.corners.len());
         }
@@ -470,8 +527,13 @@ fn read_faces(
     Ok(())
 }
 
-/// Strips of triangles: each index after the first two makes one, the winding alternates, and -1 begins a new strip.
-fn read_strips(source: &mut impl Source, element: &Element, faces: &mut Faces) -> Result<(), ReadError> {
+/// Strips of triangles: each index after the first two makes one, the winding alternates, and -1
+/// begins a new strip.
+fn read_strips(
+    source: &mut impl Source,
+    element: &Element,
+    faces: &mut Faces,
+) -> Result<(), ReadError> {
     for _ in 0..element.count {
         for property in &element.properties {
             let Some(length) = property.length.filter(|_| is_index_list(&property.name)) else {

@@ -87,7 +87,9 @@ pub struct Element {
 impl Element {
     /// The smallest size of one element in the body: bytes, or characters with their separators.
     pub fn least_size(&self, format: Format) -> usize {
-        let of = |p: &Property| if format == Format::Ascii { 2 } else { p.length.unwrap_or(p.value).size() };
+        let of = |p: &Property| {
+            if format == Format::Ascii { 2 } else { p.length.unwrap_or(p.value).size() }
+        };
         self.properties.iter().map(of).sum()
     }
 }
@@ -107,7 +109,11 @@ impl Header {
         let bytes = &input.bytes[..];
         let mut reader = Reader { input, bytes, text: Text::new(bytes, 0) };
         if reader.text.word().is_none_or(|w| w.bytes != b"ply") {
-            return Err(reader.error(0, "the file does not begin with \"ply\"", "this is not a PLY file"));
+            return Err(reader.error(
+                0,
+                "the file does not begin with \"ply\"",
+                "this is not a PLY file",
+            ));
         }
         reader.text.next_line();
         let mut format = None;
@@ -130,19 +136,31 @@ impl Header {
                 b"property" => match elements.last_mut() {
                     Some(element) => {
                         let property = read_property(&mut reader)?;
-                        if element.name == "vertex" && property.length.is_some() && is_index_list(&property.name) {
-                            let problem = "the element vertex has a list of vertex numbers, which belongs to faces";
-                            let remedy = "a line such as \"element face 12\" seems to be missing before it";
+                        if element.name == "vertex"
+                            && property.length.is_some()
+                            && is_index_list(&property.name)
+                        {
+                            let problem = "the element vertex has a list of vertex numbers, which \
+                                belongs to faces";
+                            let remedy =
+                                "a line such as \"element face 12\" seems to be missing before it";
                             return Err(reader.error(word.start, problem, remedy));
                         }
                         element.properties.push(property);
                     }
-                    None => return Err(reader.error(word.start, "a property before the first element", EXPORT_AGAIN)),
+                    None => {
+                        return Err(reader.error(
+                            word.start,
+                            "a property before the first element",
+                            EXPORT_AGAIN,
+                        ));
+                    }
                 },
                 b"end_header" => break,
                 _ => {
                     let problem = format!(
-                        "found {}, expected format, comment, obj_info, element, property or end_header",
+                        "found {}, expected format, comment, obj_info, element, property or \
+                            end_header",
                         word.quoted()
                     );
                     return Err(reader.error(word.start, problem, EXPORT_AGAIN));
@@ -161,7 +179,8 @@ impl Header {
 
 const EXPORT_AGAIN: &str = "correct the header, or export the file again";
 
-/// Skips exactly one line end of the kind that the first line has: a binary body may itself begin with a line feed.
+/// Skips exactly one line end of the kind that the first line has: a binary body may itself begin
+/// with a line feed.
 fn body_start(bytes: &[u8], at: usize) -> usize {
     let lone_return = bytes.get(3) == Some(&b'\r') && bytes.get(4) != Some(&b'\n');
     match bytes.get(at..) {
@@ -219,7 +238,8 @@ fn read_property(reader: &mut Reader) -> Result<Property, ReadError> {
         let word = next(reader, "the type of a list's length")?;
         let length = type_of(reader, word)?;
         if !length.is_integer() {
-            let problem = format!("found {}, expected an integer type for a list's length", word.quoted());
+            let problem =
+                format!("found {}, expected an integer type for a list's length", word.quoted());
             return Err(reader.error(word.start, problem, EXPORT_AGAIN));
         }
         let word = next(reader, "the type of a list's items")?;
@@ -231,7 +251,8 @@ fn read_property(reader: &mut Reader) -> Result<Property, ReadError> {
     let value = type_of(reader, type_word)?;
     let name = String::from_utf8_lossy(next(reader, "the name of a property")?.bytes).into_owned();
     if is_index_list(&name) && length.is_some() && !value.is_integer() {
-        let problem = format!("found {}, expected an integer type for vertex numbers", type_word.quoted());
+        let problem =
+            format!("found {}, expected an integer type for vertex numbers", type_word.quoted());
         return Err(reader.error(type_word.start, problem, EXPORT_AGAIN));
     }
     Ok(Property { name, value, length })
@@ -244,7 +265,10 @@ pub fn is_index_list(name: &str) -> bool {
 
 fn type_of(reader: &Reader, word: Word) -> Result<Type, ReadError> {
     Type::of(word.bytes).ok_or_else(|| {
-        let problem = format!("found type {}, expected one such as uchar, int, float or double", word.quoted());
+        let problem = format!(
+            "found type {}, expected one such as uchar, int, float or double",
+            word.quoted()
+        );
         reader.error(word.start, problem, EXPORT_AGAIN)
     })
 }

@@ -1,11 +1,13 @@
 //! Stanford PLY, text and binary of both byte orders.
 //!
-//! Any elements and properties in any order; what is not known is skipped. Used are `vertex` (`x y z`, `nx ny nz`, texture
-//! coordinates `u v`, `s t` or `texture_u texture_v`, colours `red green blue alpha`), `face` with a list `vertex_indices` or
-//! `vertex_index`, and `tristrips` with the same. Colours of integer types are sRGB (as scanners and editors write them), those of
+//! Any elements and properties in any order; what is not known is skipped. Used are `vertex`
+//! (`x y z`, `nx ny nz`, texture coordinates `u v`, `s t` or `texture_u texture_v`, colours
+//! `red green blue alpha`), `face` with a list `vertex_indices` or `vertex_index`, and `tristrips`
+//! with the same. Colours of integer types are sRGB (as scanners and editors write them), those of
 //! floating-point types linear. Colours and normals of faces are ignored.
 //!
-//! `header.rs` reads what the file holds, `body.rs` the values, and `uniform.rs` those of usual binary files on all cores.
+//! `header.rs` reads what the file holds, `body.rs` the values, and `uniform.rs` those of usual
+//! binary files on all cores.
 
 mod body;
 mod header;
@@ -38,12 +40,30 @@ pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, Re
     let header = Header::read(input)?;
     let mut mesh = TriangleMesh::default();
     match header.format {
-        Format::Ascii => body::read(&mut body::AsciiSource::new(input, &header), input, &header, &mut mesh, notes)?,
+        Format::Ascii => body::read(
+            &mut body::AsciiSource::new(input, &header),
+            input,
+            &header,
+            &mut mesh,
+            notes,
+        )?,
         Format::LittleEndian => {
-            body::read(&mut body::BinarySource::<false>::new(input, &header), input, &header, &mut mesh, notes)?;
+            body::read(
+                &mut body::BinarySource::<false>::new(input, &header),
+                input,
+                &header,
+                &mut mesh,
+                notes,
+            )?;
         }
         Format::BigEndian => {
-            body::read(&mut body::BinarySource::<true>::new(input, &header), input, &header, &mut mesh, notes)?;
+            body::read(
+                &mut body::BinarySource::<true>::new(input, &header),
+                input,
+                &header,
+                &mut mesh,
+                notes,
+            )?;
         }
     }
     super::repair_normals(&mut mesh, input, notes);

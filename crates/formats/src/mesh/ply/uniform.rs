@@ -1,7 +1,8 @@
 //! Elements of one size in binary files, on all cores.
 //!
-//! Vertices without lists, and faces that all have as many corners as the first, take the same number of bytes each: so each can be found
-//! without reading those before. What turns out to be otherwise, or wrong, is left to the reader of [`super::body`], which knows what to say.
+//! Vertices without lists, and faces that all have as many corners as the first, take the same
+//! number of bytes each: so each can be found without reading those before. What turns out to be
+//! otherwise, or wrong, is left to the reader of [`super::body`], which knows what to say.
 
 use super::header::{Element, Property, Type};
 use rayon::prelude::*;
@@ -24,7 +25,11 @@ impl Field {
             ($number:ty) => {{
                 let mut bytes = [0; size_of::<$number>()];
                 bytes.copy_from_slice(&element[self.offset..self.offset + size_of::<$number>()]);
-                f64::from(if BIG { <$number>::from_be_bytes(bytes) } else { <$number>::from_le_bytes(bytes) })
+                f64::from(if BIG {
+                    <$number>::from_be_bytes(bytes)
+                } else {
+                    <$number>::from_le_bytes(bytes)
+                })
             }};
         }
         match self.kind {
@@ -59,8 +64,9 @@ pub fn each<T: Send>(bytes: &[u8], size: usize, make: impl Fn(&[u8]) -> T + Send
     bytes.par_chunks_exact(size).with_min_len(PIECE).map(make).collect()
 }
 
-/// Triangles, if all of the `count` elements at the start of `bytes` are faces of three corners among so many vertices; and how many bytes
-/// they take. `list` is the position of the list of corners among the properties.
+/// Triangles, if all of the `count` elements at the start of `bytes` are faces of three corners
+/// among so many vertices; and how many bytes they take. `list` is the position of the list of
+/// corners among the properties.
 pub fn triangles<const BIG: bool>(
     bytes: &[u8],
     element: &Element,
@@ -90,10 +96,12 @@ pub fn triangles<const BIG: bool>(
     let corners = [corner(0), corner(1), corner(2)];
     let face = |face: &[u8]| {
         let found = corners.map(|corner| corner.value::<BIG>(face));
-        let good = length.value::<BIG>(face) == 3.0 && found.iter().all(|&i| i >= 0.0 && i < vertices as f64);
+        let good = length.value::<BIG>(face) == 3.0
+            && found.iter().all(|&i| i >= 0.0 && i < vertices as f64);
         good.then(|| found.map(|i| i as u32))
     };
-    // Many short lists, so that the first face of another kind ends it soon and nothing is copied twice.
+    // Many short lists, so that the first face of another kind ends it soon and nothing is copied
+    // twice.
     let mut all = vec![[0; 3]; element.count as usize];
     let pieces = all.par_chunks_mut(PIECE).zip(faces.par_chunks(PIECE * size));
     pieces

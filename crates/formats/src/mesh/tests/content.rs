@@ -23,7 +23,8 @@ fn cube(before_faces: &str) -> String {
 
 #[test]
 fn vertices_are_shared_among_equal_corners_only() {
-    let mesh = only_mesh("a.obj", &format!("{SQUARE}vt 0 0\nvt 1 1\ns 1\nf 1/1 2/1 3/1\nf 1/1 3/2 4/1\n"));
+    let mesh =
+        only_mesh("a.obj", &format!("{SQUARE}vt 0 0\nvt 1 1\ns 1\nf 1/1 2/1 3/1\nf 1/1 3/2 4/1\n"));
     assert_eq!(mesh.positions.len(), 5);
     assert_eq!(mesh.uvs[0][mesh.indices[1][1] as usize], Vec2::ONE);
 }
@@ -34,7 +35,10 @@ fn every_form_of_index_means_the_same() {
     let expected = only_mesh("a.obj", &format!("{lists}f 1/1/1 2/2/1 3/3/1\n"));
     assert_eq!(only_mesh("a.obj", &format!("{lists}f -4/-3/-1 -3/-2/-1 -2/-1/-1\n")), expected);
     assert_eq!(only_mesh("a.obj", &format!("{lists}f\t1/1/1   2/2/1 \\\n 3/3/1 # end")), expected);
-    assert_eq!(only_mesh("a.obj", &format!("f 1/1/1 2/2/1 3/3/1\r\n{}", lists.replace('\n', "\r\n"))), expected);
+    assert_eq!(
+        only_mesh("a.obj", &format!("f 1/1/1 2/2/1 3/3/1\r\n{}", lists.replace('\n', "\r\n"))),
+        expected
+    );
 }
 
 #[test]
@@ -92,10 +96,13 @@ fn a_ball_without_normals_is_smooth_across_a_seam_of_texture_coordinates() {
 
 #[test]
 fn objects_become_nodes_and_materials_become_slots() {
-    let scene =
-        read("a.obj", format!("o one\n{SQUARE}usemtl x\nf 1 2 3\nusemtl y\nf 1 3 4\no two\nusemtl y\nf 1 2 4\n"))
-            .expect("a good file");
-    let names: Vec<_> = scene.nodes.iter().filter(|n| !n.surfaces.is_empty()).map(|n| n.name.as_str()).collect();
+    let scene = read(
+        "a.obj",
+        format!("o one\n{SQUARE}usemtl x\nf 1 2 3\nusemtl y\nf 1 3 4\no two\nusemtl y\nf 1 2 4\n"),
+    )
+    .expect("a good file");
+    let names: Vec<_> =
+        scene.nodes.iter().filter(|n| !n.surfaces.is_empty()).map(|n| n.name.as_str()).collect();
     assert_eq!(names, ["one", "two"]);
     let meshes = meshes(&scene);
     assert_eq!((meshes[0].material_slots.as_slice(), meshes[0].positions.len()), (&[0, 1][..], 4));
@@ -107,9 +114,11 @@ fn ply_colours_are_srgb_as_bytes_and_linear_as_floats() {
     let ply = |kind: &str, value: &str| {
         let color = ["red", "green", "blue"].map(|c| format!("property {kind} {c}\n")).concat();
         let vertex = format!("0 0 0 {value} {value} {value}\n");
-        let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+        let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float \
+            y\nproperty float z\n";
         let faces = "element face 1\nproperty list uchar int vertex_index\nend_header\n";
-        only_mesh("a.ply", &format!("{header}{color}{faces}{}3 0 1 2\n", vertex.repeat(3))).colors[0]
+        only_mesh("a.ply", &format!("{header}{color}{faces}{}3 0 1 2\n", vertex.repeat(3))).colors
+            [0]
     };
     assert!((ply("uchar", "188")[0] - 0.5029).abs() < 1e-3);
     assert_eq!(ply("float", "0.5"), [0.5, 0.5, 0.5, 1.0]);
@@ -117,13 +126,17 @@ fn ply_colours_are_srgb_as_bytes_and_linear_as_floats() {
 
 #[test]
 fn ply_reads_the_same_in_every_format() {
-    let ascii = "ply\rformat ascii 1.0\relement face 1\rproperty list uchar int vertex_indices\relement vertex 3\r\
-        property float x\rproperty float y\rproperty float z\rend_header\r3 2 1 0\r10 0 0\r0 0 0\r0 1 0\r";
+    let ascii = "ply\rformat ascii 1.0\relement face 1\rproperty list uchar int \
+        vertex_indices\relement vertex 3\r\
+        property float x\rproperty float y\rproperty float z\rend_header\r3 2 1 0\r10 0 0\r0 0 \
+        0\r0 1 0\r";
     let binary = |order: &str, big: bool| {
         let header = ascii[..ascii.find("3 2").expect("the body")].replace("ascii", order);
         let mut bytes = header.into_bytes();
         bytes.push(3);
-        [2i32, 1, 0].iter().for_each(|i| bytes.extend(if big { i.to_be_bytes() } else { i.to_le_bytes() }));
+        [2i32, 1, 0]
+            .iter()
+            .for_each(|i| bytes.extend(if big { i.to_be_bytes() } else { i.to_le_bytes() }));
         for x in [10.0f32, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0] {
             bytes.extend(if big { x.to_be_bytes() } else { x.to_le_bytes() });
         }
@@ -139,9 +152,17 @@ fn ply_reads_the_same_in_every_format() {
 
 #[test]
 fn stl_vertices_are_welded() {
-    let facet =
-        |a, b, c| format!("facet normal 0 0 0\nouter loop\nvertex {a}\nvertex {b}\nvertex {c}\nendloop\nendfacet\n");
-    let text = format!("solid\n{}{}endsolid", facet("0 0 0", "1 0 0", "1 1 0"), facet("-0 0 0", "1 1 0", "0 1 0"));
+    let facet = |a, b, c| {
+        format!(
+            "facet normal 0 0 0\nouter loop\nvertex {a}\nvertex {b}\nvertex \
+                {c}\nendloop\nendfacet\n"
+        )
+    };
+    let text = format!(
+        "solid\n{}{}endsolid",
+        facet("0 0 0", "1 0 0", "1 1 0"),
+        facet("-0 0 0", "1 1 0", "0 1 0")
+    );
     let mesh = only_mesh("a.stl", &text);
     assert_eq!((mesh.positions.len(), mesh.indices), (4, vec![[0, 1, 2], [0, 2, 3]]));
 }

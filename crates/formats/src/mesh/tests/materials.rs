@@ -10,7 +10,8 @@ fn scene_with(mtl: &str) -> Scene {
     let folder = tempfile::tempdir().expect("a folder for the test");
     std::fs::write(folder.path().join("some library.mtl"), mtl).expect("the folder is writable");
     let obj = "usemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nmtllib some library.mtl\n";
-    read_scene_bytes("a.obj", obj.into(), folder.path(), &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"))
+    read_scene_bytes("a.obj", obj.into(), folder.path(), &ReadOptions::default())
+        .unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn material(mtl: &str) -> Material {
@@ -21,7 +22,8 @@ fn material(mtl: &str) -> Material {
 
 #[test]
 fn a_material_without_highlight_is_diffuse() {
-    let MaterialKind::Diffuse(diffuse) = material("newmtl m\nKd 0.1 0.2 0.3\nKs 0\nillum 2\n").kind else {
+    let MaterialKind::Diffuse(diffuse) = material("newmtl m\nKd 0.1 0.2 0.3\nKs 0\nillum 2\n").kind
+    else {
         panic!("not diffuse")
     };
     assert_eq!(diffuse.reflectance.factor, Rgb::new(0.1, 0.2, 0.3));
@@ -47,7 +49,8 @@ fn glass_is_dielectric_and_not_blended() {
 
 #[test]
 fn the_pbr_extension_gives_metallic_roughness() {
-    let MaterialKind::MetallicRoughness(pbr) = material("newmtl m\nKd 1 1 1\nPr 0.3\nPm 1\n").kind else {
+    let MaterialKind::MetallicRoughness(pbr) = material("newmtl m\nKd 1 1 1\nPr 0.3\nPm 1\n").kind
+    else {
         panic!("not metallic-roughness")
     };
     assert_eq!((pbr.roughness.factor, pbr.metallic.factor), (0.3, 1.0));
@@ -68,29 +71,43 @@ fn ke_is_emitted_radiance() {
 
 #[test]
 fn texture_options_move_the_image_and_v_points_up() {
-    let scene = scene_with("newmtl m\nKd 0 0 0\nmap_Kd -clamp on -s 2 3 -o 0.5 0.25 0 -mm 0 1 no such picture.png\n");
+    let scene = scene_with(
+        "newmtl m\nKd 0 0 0\nmap_Kd -clamp on -s 2 3 -o 0.5 0.25 0 -mm 0 1 no such picture.png\n",
+    );
     let MaterialKind::Diffuse(diffuse) = &scene.materials[0].kind else { panic!("not diffuse") };
     assert_eq!(diffuse.reflectance.factor, Rgb::WHITE);
-    let texture =
-        &scene.textures[diffuse.reflectance.texture.expect("a texture").index()].as_image().expect("an image");
+    let texture = &scene.textures[diffuse.reflectance.texture.expect("a texture").index()]
+        .as_image()
+        .expect("an image");
     assert_eq!(texture.uv_transform, [[2.0, 0.0, 0.5], [0.0, -3.0, 0.75]]);
     assert_eq!(scene.warnings.len(), 1);
-    assert!(scene.warnings[0].message.contains("no such picture.png"), "{}", scene.warnings[0].message);
+    assert!(
+        scene.warnings[0].message.contains("no such picture.png"),
+        "{}",
+        scene.warnings[0].message
+    );
 }
 
 #[test]
 fn bumps_are_heights_unless_their_picture_shows_normals() {
     let folder = tempfile::tempdir().expect("a folder for the test");
-    let write = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).expect("it is writable");
+    let write = |name: &str, content: &str| {
+        std::fs::write(folder.path().join(name), content).expect("it is writable")
+    };
     write("heights.pgm", "P2 2 1 255 0 255");
     write("normals.ppm", "P3 2 1 255 128 128 255 100 150 240");
     write("m.mtl", "newmtl a\nmap_Bump -bm 3 heights.pgm\nnewmtl b\nbump -bm 0.5 normals.ppm\n");
     let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nmtllib m.mtl\nusemtl a\nf 1 2 3\nusemtl b\nf 1 2 3\n";
-    let scene = read_scene_bytes("a.obj", obj.into(), folder.path(), &ReadOptions::default()).expect("it is whole");
+    let scene = read_scene_bytes("a.obj", obj.into(), folder.path(), &ReadOptions::default())
+        .expect("it is whole");
     assert_eq!(scene.warnings, []);
-    let [a, b] = ["a", "b"].map(|name| scene.materials.iter().find(|m| m.name == name).expect("it is used"));
+    let [a, b] =
+        ["a", "b"].map(|name| scene.materials.iter().find(|m| m.name == name).expect("it is used"));
     let map = a.bump_map.expect("heights");
-    assert_eq!((map.height, map.unit), (3.0 * crate::mesh::obj::HEIGHT_OF_BUMPS, HeightUnit::Picture));
+    assert_eq!(
+        (map.height, map.unit),
+        (3.0 * crate::mesh::obj::HEIGHT_OF_BUMPS, HeightUnit::Picture)
+    );
     assert_eq!((a.normal_map, b.bump_map, b.normal_map.map(|m| m.scale)), (None, None, Some(0.5)));
 }
 
@@ -103,7 +120,8 @@ fn a_library_outside_of_the_folder_is_an_error() {
 #[test]
 fn statements_that_make_no_sense_are_warnings_with_their_line() {
     let scene = scene_with("newmtl m\nKd red\nfoo\n");
-    let messages: Vec<_> = scene.warnings.iter().map(|w| w.message.rsplit('/').next().unwrap_or("")).collect();
+    let messages: Vec<_> =
+        scene.warnings.iter().map(|w| w.message.rsplit('/').next().unwrap_or("")).collect();
     assert_eq!(messages.len(), 2);
     assert!(messages[0].contains(".mtl:2:1"), "{messages:?}");
     assert!(messages[1].contains(".mtl:3:1"), "{messages:?}");

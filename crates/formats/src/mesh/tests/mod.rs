@@ -26,7 +26,8 @@ fn files_below(folder: &str) -> Vec<PathBuf> {
             continue;
         };
         for path in entries.flatten().map(|e| e.path()) {
-            let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+            let extension =
+                path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
             if path.is_dir() {
                 folders.push(path);
             } else if MESHES.contains(&extension.as_str()) {
@@ -56,8 +57,14 @@ fn check(scene: &Scene, what: &str) {
     scene.topological_order().expect(what);
     for mesh in meshes(scene) {
         mesh.validate().expect(what);
-        assert!(mesh.normals.iter().all(|n| n.is_finite() && *n != Vec3::ZERO), "{what}: a normal without direction");
-        assert!(mesh.colors.iter().flatten().all(|c| c.is_finite()), "{what}: a colour that is not finite");
+        assert!(
+            mesh.normals.iter().all(|n| n.is_finite() && *n != Vec3::ZERO),
+            "{what}: a normal without direction"
+        );
+        assert!(
+            mesh.colors.iter().flatten().all(|c| c.is_finite()),
+            "{what}: a colour that is not finite"
+        );
     }
     let shown = triangles(scene) > 0;
     assert_eq!(shown, !scene.warnings.iter().any(|w| w.message.contains("no triangles")), "{what}");
@@ -72,7 +79,8 @@ fn every_good_file_of_the_collection_is_read() {
         if what.ends_with("issue623.ply") {
             continue;
         }
-        let scene = crate::read_scene(&path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let scene =
+            crate::read_scene(&path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
         check(&scene, &what);
         let input = Input::open(&path, &ReadOptions::default()).expect("it was read a moment ago");
         let mesh = read_mesh(&input).unwrap_or_else(|e| panic!("{e}"));
@@ -88,7 +96,12 @@ fn every_broken_file_of_the_collection_is_an_error_or_a_scene() {
             match crate::read_scene(&path, &ReadOptions::default()) {
                 Ok(scene) => {
                     check(&scene, &path.display().to_string());
-                    eprintln!("{}: {} triangles, {:?}", path.display(), triangles(&scene), scene.warnings);
+                    eprintln!(
+                        "{}: {} triangles, {:?}",
+                        path.display(),
+                        triangles(&scene),
+                        scene.warnings
+                    );
                 }
                 Err(error) => {
                     assert!(!error.problem.is_empty() && !error.remedy.is_empty(), "{error}");

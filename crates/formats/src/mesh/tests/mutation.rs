@@ -1,20 +1,29 @@
-//! Broken files by the thousand: small files with bytes changed, cut off, repeated. No reader may panic, hang or allocate much.
+//! Broken files by the thousand: small files with bytes changed, cut off, repeated. No reader may
+//! panic, hang or allocate much.
 
 use super::*;
 use snell_math::rng::pcg4d;
 
-const OBJ: &str = "mtllib none.mtl\no a\nv 0 0 0 1 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 1\nvn 0 0 1\ns 1\nusemtl m\n\
+const OBJ: &str = "mtllib none.mtl\no a\nv 0 0 0 1 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 \
+    1\nvn 0 0 1\ns 1\nusemtl m\n\
     f 1/1/1 2/2/1 3//1 \\\n 4\nf -1 -2 -3\no b\ns off\nf 1 2 3\nl 1 2\n";
-const OFF: &str = "OFF\n5 2 0\n0 0 0\n1 0 0\n1 1 0\n0.2 0.1 0\n0 1 0\n3 0 1 2\n5 0 1 2 3 4 0.5 0 0\n";
+const OFF: &str =
+    "OFF\n5 2 0\n0 0 0\n1 0 0\n1 1 0\n0.2 0.1 0\n0 1 0\n3 0 1 2\n5 0 1 2 3 4 0.5 0 0\n";
 const NOFF: &str = "NOFF 3 1 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2\n";
-const STL: &str = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n\
-    facet normal 0 0 1\nouter loop\nvertex 1 0 0\nvertex 1 1 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n";
-const RAY: &str =
-    "#vertex 0 0 0 0 0 1 0 0\n#vertex 1 0 0 0 0 1 1 0\n#vertex 0 1 0 0 0 1 0 1\n#shape_polygon 0 3 0 1 2\n";
-const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
-    property float nx\nproperty float ny\nproperty float nz\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n\
-    element face 1\nproperty list uchar int vertex_indices\nelement tristrips 1\nproperty list int int vertex_indices\n\
-    end_header\n0 0 0 0 0 1 255 0 0\n1 0 0 0 0 1 255 0 0\n1 1 0 0 0 0 255 0 0\n0 1 0 0 0 1 9 9 9\n4 0 1 2 3\n5 0 1 2 -1 3\n";
+const STL: &str = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 \
+    0\nendloop\nendfacet\n\
+    facet normal 0 0 1\nouter loop\nvertex 1 0 0\nvertex 1 1 0\nvertex 0 1 \
+    0\nendloop\nendfacet\nendsolid a\n";
+const RAY: &str = "#vertex 0 0 0 0 0 1 0 0\n#vertex 1 0 0 0 0 1 1 0\n#vertex 0 1 0 0 0 1 0 \
+    1\n#shape_polygon 0 3 0 1 2\n";
+const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float \
+    y\nproperty float z\n\
+    property float nx\nproperty float ny\nproperty float nz\nproperty uchar red\nproperty uchar \
+    green\nproperty uchar blue\n\
+    element face 1\nproperty list uchar int vertex_indices\nelement tristrips 1\nproperty list int \
+    int vertex_indices\n\
+    end_header\n0 0 0 0 0 1 255 0 0\n1 0 0 0 0 1 255 0 0\n1 1 0 0 0 0 255 0 0\n0 1 0 0 0 1 9 9 \
+    9\n4 0 1 2 3\n5 0 1 2 -1 3\n";
 
 fn binary_stl() -> Vec<u8> {
     let mut bytes = vec![b' '; 80];
@@ -31,8 +40,10 @@ fn binary_stl() -> Vec<u8> {
 fn binary_ply(big: bool) -> Vec<u8> {
     let order = if big { "big" } else { "little" };
     let mut bytes = format!(
-        "ply\nformat binary_{order}_endian 1.0\nelement vertex 4\nproperty double x\nproperty float y\nproperty short z\n\
-         property float u\nproperty float v\nelement face 2\nproperty list uchar ushort vertex_index\nproperty list int char \
+        "ply\nformat binary_{order}_endian 1.0\nelement vertex 4\nproperty double x\nproperty \
+            float y\nproperty short z\n\
+         property float u\nproperty float v\nelement face 2\nproperty list uchar ushort \
+         vertex_index\nproperty list int char \
          other\nelement edge 1\nproperty int a\nend_header\n"
     )
     .into_bytes();
@@ -118,7 +129,9 @@ fn mutate(seed: &[u8], rng: &mut impl FnMut(usize) -> usize) -> Vec<u8> {
 fn the_seeds_themselves_are_read_without_loss() {
     let found: Vec<_> = seeds()
         .into_iter()
-        .map(|(name, bytes)| (name, triangles(&read(name, bytes).unwrap_or_else(|e| panic!("{e}")))))
+        .map(|(name, bytes)| {
+            (name, triangles(&read(name, bytes).unwrap_or_else(|e| panic!("{e}"))))
+        })
         .collect();
     let expected = [
         ("a.obj", 4),
@@ -145,8 +158,16 @@ fn broken_files_end_in_a_scene_or_an_error() {
         let mut good = 0;
         for _ in 0..4000 {
             let bytes = mutate(&seed, &mut rng);
-            let own_reader = SCENE_READERS.iter().find(|r| name.ends_with(r.extensions[0])).expect("a mesh format");
-            let input = Input::from_bytes(name, bytes.clone(), Path::new("/nonexistent"), &ReadOptions::default());
+            let own_reader = SCENE_READERS
+                .iter()
+                .find(|r| name.ends_with(r.extensions[0]))
+                .expect("a mesh format");
+            let input = Input::from_bytes(
+                name,
+                bytes.clone(),
+                Path::new("/nonexistent"),
+                &ReadOptions::default(),
+            );
             if let Ok(scene) = (own_reader.read)(&input) {
                 check(&scene, name);
                 good += 1;

@@ -1,4 +1,5 @@
-//! Accessors: typed arrays in buffers. All arithmetic is checked, and nothing is allocated that the file's bytes do not pay for.
+//! Accessors: typed arrays in buffers. All arithmetic is checked, and nothing is allocated that the
+//! file's bytes do not pay for.
 
 use super::container::{Buffers, View};
 use super::json::Json;
@@ -33,7 +34,8 @@ impl Component {
             5126 => Self::F32,
             other => {
                 return Err(json.error(format!(
-                    "{other} is not a component type; expected one of 5120, 5121, 5122, 5123, 5125, 5126"
+                    "{other} is not a component type; expected one of 5120, 5121, 5122, 5123, \
+                        5125, 5126"
                 )));
             }
         })
@@ -50,7 +52,8 @@ impl Component {
     /// The value of `bytes`, which are as many as [`Self::bytes`] says.
     fn number(self, bytes: &[u8], normalized: bool) -> f32 {
         let [a, b, c, d] = [0, 1, 2, 3].map(|i| bytes.get(i).copied().unwrap_or(0));
-        let scaled = |value: f32, max: f32| if normalized { (value / max).max(-1.0) } else { value };
+        let scaled =
+            |value: f32, max: f32| if normalized { (value / max).max(-1.0) } else { value };
         match self {
             Self::I8 => scaled(f32::from(a as i8), 127.0),
             Self::U8 => scaled(f32::from(a), 255.0),
@@ -77,7 +80,8 @@ impl Component {
 pub(super) struct Accessors<'a> {
     table: Vec<Json<'a>>,
     buffers: Buffers<'a>,
-    /// Elements decoded so far: of all accessors, and of those without data. A short file can use one accessor many times.
+    /// Elements decoded so far: of all accessors, and of those without data. A short file can use
+    /// one accessor many times.
     decoded: Cell<[usize; 2]>,
     max_decoded: usize,
 }
@@ -103,7 +107,12 @@ impl<'a> Accessors<'a> {
     /// `limit` caps the elements of one kind.
     pub fn new(root: &Json<'a>, buffers: Buffers<'a>, limit: usize) -> Result<Self, ReadError> {
         let table = root.items_of("accessors")?;
-        Ok(Self { table, buffers, decoded: Cell::new([0; 2]), max_decoded: limit.saturating_mul(4) })
+        Ok(Self {
+            table,
+            buffers,
+            decoded: Cell::new([0; 2]),
+            max_decoded: limit.saturating_mul(4),
+        })
     }
 
     /// The buffers that accessors and images lie in.
@@ -115,7 +124,10 @@ impl<'a> Accessors<'a> {
     pub fn get(&self, index: &Json) -> Result<Accessor<'_, 'a>, ReadError> {
         let i = index.size()?;
         let json = self.table.get(i).ok_or_else(|| {
-            index.error(format!("it refers to number {i} of \"accessors\", but there are {}", self.table.len()))
+            index.error(format!(
+                "it refers to number {i} of \"accessors\", but there are {}",
+                self.table.len()
+            ))
         })?;
         self.of(json)
     }
@@ -135,11 +147,21 @@ impl<'a> Accessors<'a> {
         let count = json.require("count")?.size()?;
         let normalized = json.boolean_or("normalized", false)?;
         let size = width * component.bytes();
-        let accessor = |part, stride| Accessor { json, all: self, count, component, normalized, width, part, stride };
+        let accessor = |part, stride| Accessor {
+            json,
+            all: self,
+            count,
+            component,
+            normalized,
+            width,
+            part,
+            stride,
+        };
         let Some(view) = json.get("bufferView")? else {
             if count > MAX_ZEROS {
                 return Err(json.error(format!(
-                    "the accessor declares {count} elements without any data; at most {MAX_ZEROS} are possible so"
+                    "the accessor declares {count} elements without any data; at most {MAX_ZEROS} \
+                        are possible so"
                 )));
             }
             return Ok(accessor(None, size));
@@ -148,7 +170,8 @@ impl<'a> Accessors<'a> {
         let stride = view.stride.unwrap_or(size);
         if stride < size {
             return Err(json.error(format!(
-                "its buffer view has {stride} bytes between elements, but an element has {size} bytes"
+                "its buffer view has {stride} bytes between elements, but an element has {size} \
+                    bytes"
             )));
         }
         let part = Part::new(json, view, count, stride, size)?;
@@ -175,15 +198,26 @@ struct Part {
 }
 
 impl Part {
-    /// `count` elements of `size` bytes, `stride` bytes apart, from the `byteOffset` that `json` names.
-    fn new(json: &Json, view: View, count: usize, stride: usize, size: usize) -> Result<Self, ReadError> {
+    /// `count` elements of `size` bytes, `stride` bytes apart, from the `byteOffset` that `json`
+    /// names.
+    fn new(
+        json: &Json,
+        view: View,
+        count: usize,
+        stride: usize,
+        size: usize,
+    ) -> Result<Self, ReadError> {
         let start = json.size_or("byteOffset", 0)?;
-        let length =
-            if count == 0 { Some(0) } else { (count - 1).checked_mul(stride).and_then(|l| l.checked_add(size)) };
+        let length = if count == 0 {
+            Some(0)
+        } else {
+            (count - 1).checked_mul(stride).and_then(|l| l.checked_add(size))
+        };
         match length.and_then(|length| start.checked_add(length)) {
             Some(end) if end <= view.length => Ok(Self { view, start, end }),
             _ => Err(json.error(format!(
-                "{count} elements of {size} bytes, {stride} bytes apart, from byte {start} do not fit into the {} bytes of the buffer view",
+                "{count} elements of {size} bytes, {stride} bytes apart, from byte {start} do not \
+                    fit into the {} bytes of the buffer view",
                 view.length
             ))),
         }
@@ -207,7 +241,8 @@ impl Accessor<'_, '_> {
         self.json.error(problem)
     }
 
-    /// The same accessor, its integers taken as fractions whether or not it says so (for attributes that are always fractions).
+    /// The same accessor, its integers taken as fractions whether or not it says so (for attributes
+    /// that are always fractions).
     pub fn into_fractions(mut self) -> Self {
         self.normalized = true;
         self
@@ -216,11 +251,15 @@ impl Accessor<'_, '_> {
     /// Decodes all elements as `N` numbers each.
     pub fn vectors<const N: usize>(&self) -> Result<Vec<[f32; N]>, ReadError> {
         if self.width != N {
-            return Err(self.error(format!("its elements have {} components, expected {N}", self.width)));
+            return Err(
+                self.error(format!("its elements have {} components, expected {N}", self.width))
+            );
         }
         let step = self.component.bytes();
         let decode = |element: &[u8]| {
-            std::array::from_fn(|i| self.component.number(element.get(i * step..).unwrap_or(&[]), self.normalized))
+            std::array::from_fn(|i| {
+                self.component.number(element.get(i * step..).unwrap_or(&[]), self.normalized)
+            })
         };
         self.elements(decode, [0.0; N])
     }
@@ -228,7 +267,9 @@ impl Accessor<'_, '_> {
     /// Decodes all elements as indices.
     pub fn indices(&self) -> Result<Vec<u32>, ReadError> {
         if self.width != 1 || self.component.index(&[]).is_none() {
-            return Err(self.error("indices must be unsigned whole numbers (SCALAR of type 5121, 5123 or 5125)"));
+            return Err(self.error(
+                "indices must be unsigned whole numbers (SCALAR of type 5121, 5123 or 5125)",
+            ));
         }
         self.elements(|element| self.component.index(element).unwrap_or(0), 0)
     }
@@ -246,14 +287,16 @@ impl Accessor<'_, '_> {
         };
         if let Some(sparse) = self.json.get("sparse")? {
             let Replacement { component, places, values } = self.replacement(&sparse)?;
-            let (places, values) = (places.bytes(&self.all.buffers)?, values.bytes(&self.all.buffers)?);
+            let (places, values) =
+                (places.bytes(&self.all.buffers)?, values.bytes(&self.all.buffers)?);
             for (place, value) in places.chunks(component.bytes()).zip(values.chunks(size)) {
                 let place = component.index(place).unwrap_or(0) as usize;
                 let Some(element) = elements.get_mut(place) else {
                     let indices = sparse.require("indices")?;
-                    return Err(
-                        indices.error(format!("it refers to element {place}, but the accessor has {}", self.count))
-                    );
+                    return Err(indices.error(format!(
+                        "it refers to element {place}, but the accessor has {}",
+                        self.count
+                    )));
                 };
                 *element = decode(value);
             }
@@ -268,9 +311,10 @@ impl Accessor<'_, '_> {
         zeros += if self.part.is_none() { self.count } else { 0 };
         self.all.decoded.set([decoded, zeros]);
         if decoded > self.all.max_decoded || zeros > MAX_ZEROS_IN_ALL {
-            return Err(self
-                .json
-                .error_with("the file uses its accessors for too many vertices in all", "split the scene"));
+            return Err(self.json.error_with(
+                "the file uses its accessors for too many vertices in all",
+                "split the scene",
+            ));
         }
         let bytes = self.count.saturating_mul(self.width * 4) as u64;
         let charged = self.all.buffers.input().charge(bytes, "what it is decoded to");
@@ -281,7 +325,9 @@ impl Accessor<'_, '_> {
     fn replacement(&self, sparse: &Json) -> Result<Replacement, ReadError> {
         let count = sparse.require("count")?.size()?;
         if count > self.count {
-            return Err(sparse.error(format!("it replaces {count} of only {} elements", self.count)));
+            return Err(
+                sparse.error(format!("it replaces {count} of only {} elements", self.count))
+            );
         }
         let places = sparse.require("indices")?;
         let component = Component::parse(&places.require("componentType")?)?;

@@ -1,7 +1,8 @@
 //! Animations: which nodes move, and what moves with them.
 //!
-//! Every node of the file becomes a joint of the scene's motion, whether or not it is shown: skins refer to nodes. A channel that cannot be
-//! played is left out with a warning, because the scene can be shown without it.
+//! Every node of the file becomes a joint of the scene's motion, whether or not it is shown: skins
+//! refer to nodes. A channel that cannot be played is left out with a warning, because the scene
+//! can be shown without it.
 
 use super::json::Json;
 use super::node::Hierarchy;
@@ -9,7 +10,8 @@ use super::{Reader, morph, pointer};
 use crate::ReadError;
 use snell_math::DAffine3;
 use snell_scene::motion::{
-    Channel, Clip, Curve, Deformed, Interpolation, Joint, Motion, Player, Pose, Skin, Switch, Switched, Track,
+    Channel, Clip, Curve, Deformed, Interpolation, Joint, Motion, Player, Pose, Skin, Switch,
+    Switched, Track,
 };
 use snell_scene::{NodeId, Scene};
 use std::collections::BTreeSet;
@@ -43,7 +45,8 @@ impl Rig {
     pub fn read(reader: &mut Reader, hierarchy: &Hierarchy) -> Result<Self, ReadError> {
         let animations = reader.root.items_of("animations")?;
         let joint_of = vec![0; hierarchy.len()];
-        let mut rig = Self { motion: None, joint_of, weighted: BTreeSet::new(), switched: BTreeSet::new() };
+        let mut rig =
+            Self { motion: None, joint_of, weighted: BTreeSet::new(), switched: BTreeSet::new() };
         if animations.is_empty() {
             return Ok(rig);
         }
@@ -51,7 +54,13 @@ impl Rig {
         for (i, parent, rest, node) in hierarchy.top_down() {
             rig.joint_of[i] = motion.joints.len() as u32;
             let parent = parent.map(|parent| rig.joint_of[parent]);
-            motion.joints.push(Joint { name: node.name(), parent, rest, node: None, hidden: !is_visible(node)? });
+            motion.joints.push(Joint {
+                name: node.name(),
+                parent,
+                rest,
+                node: None,
+                hidden: !is_visible(node)?,
+            });
         }
         for animation in &animations {
             let mut clip = Clip { name: animation.name(), ..Clip::default() };
@@ -61,7 +70,11 @@ impl Rig {
                 match rig.channel(reader, animation, channel) {
                     Ok(channel) => clip.channels.extend(channel),
                     Err(error) => {
-                        reader.scene.warn(format!("{}: {}; this is not animated", channel.path(), error.problem));
+                        reader.scene.warn(format!(
+                            "{}: {}; this is not animated",
+                            channel.path(),
+                            error.problem
+                        ));
                     }
                 }
             }
@@ -79,10 +92,17 @@ impl Rig {
     }
 
     /// A channel; `None` for one that asks for nothing that is known.
-    fn channel(&mut self, reader: &Reader, animation: &Json, channel: &Json) -> Result<Option<Channel>, ReadError> {
+    fn channel(
+        &mut self,
+        reader: &Reader,
+        animation: &Json,
+        channel: &Json,
+    ) -> Result<Option<Channel>, ReadError> {
         let target = channel.require("target")?;
         let path = target.require("path")?;
-        let Some(node) = target.get("node")?.filter(|_| path.string() != Ok("pointer")) else { return Ok(None) };
+        let Some(node) = target.get("node")?.filter(|_| path.string() != Ok("pointer")) else {
+            return Ok(None);
+        };
         let number = node.size()?;
         let json = reader.root.entry("nodes", &node)?;
         let width = match path.string()? {
@@ -92,9 +112,17 @@ impl Rig {
                 Some(mesh) => morph::count(&reader.root.entry("meshes", &mesh)?)?,
                 None => 0,
             },
-            other => return Err(path.error(format!("\"{other}\" is not a property that can be animated"))),
+            other => {
+                return Err(
+                    path.error(format!("\"{other}\" is not a property that can be animated"))
+                );
+            }
         };
-        let curve = curve(reader, &animation.entry("samplers", &channel.require("sampler")?)?, Some(width))?;
+        let curve = curve(
+            reader,
+            &animation.entry("samplers", &channel.require("sampler")?)?,
+            Some(width),
+        )?;
         let track = match path.string()? {
             "translation" => Track::Translation(curve),
             "rotation" => Track::Rotation(curve),
@@ -108,7 +136,11 @@ impl Rig {
     }
 
     /// The channels of a pointer to a node, or to the weights of a mesh; `None` for others.
-    fn channels_of(&mut self, reader: &Reader, pointer: &pointer::Pointer) -> Result<Option<Vec<Channel>>, ReadError> {
+    fn channels_of(
+        &mut self,
+        reader: &Reader,
+        pointer: &pointer::Pointer,
+    ) -> Result<Option<Vec<Channel>>, ReadError> {
         let steps: Vec<&str> = pointer.path.split('/').skip(1).collect();
         let (family, Some(number), property) = (
             steps.first().copied().unwrap_or_default(),
@@ -126,7 +158,10 @@ impl Rig {
                 let shows = node.get("mesh")?.is_some_and(|mesh| mesh.size() == Ok(number));
                 if shows && node.get("weights")?.is_none() {
                     self.weighted.insert(i);
-                    channels.push(Channel { joint: self.joint_of[i], track: Track::Weights(curve.clone()) });
+                    channels.push(Channel {
+                        joint: self.joint_of[i],
+                        track: Track::Weights(curve.clone()),
+                    });
                 }
             }
             return Ok(Some(channels));
@@ -160,7 +195,9 @@ impl Rig {
     pub fn switches(&mut self, nodes: &[usize], what: Switched) {
         let joints: Vec<u32> = nodes.iter().map(|node| self.joint_of[*node]).collect();
         if !joints.is_empty() {
-            self.motion.iter_mut().for_each(|m| m.switches.push(Switch { joints: joints.clone(), what }));
+            self.motion
+                .iter_mut()
+                .for_each(|m| m.switches.push(Switch { joints: joints.clone(), what }));
         }
     }
 
@@ -176,7 +213,10 @@ impl Rig {
 
     /// A skin whose joints are nodes, with the numbers of their joints.
     pub fn with_joints(&self, skin: Skin) -> Skin {
-        Skin { joints: skin.joints.iter().map(|&node| self.joint_of[node as usize]).collect(), ..skin }
+        Skin {
+            joints: skin.joints.iter().map(|&node| self.joint_of[node as usize]).collect(),
+            ..skin
+        }
     }
 
     /// Notes that a node of the scene is where a node of the file is.
@@ -226,11 +266,16 @@ fn hide(scene: &mut Scene, motion: &Arc<Motion>) {
 
 /// `KHR_node_visibility` of a node.
 pub(super) fn is_visible(node: &Json) -> Result<bool, ReadError> {
-    node.extension("KHR_node_visibility")?.map_or(Ok(true), |extension| extension.boolean_or("visible", true))
+    node.extension("KHR_node_visibility")?
+        .map_or(Ok(true), |extension| extension.boolean_or("visible", true))
 }
 
 /// A sampler, for values of `width` numbers, or of as many as there are.
-pub(super) fn curve(reader: &Reader, sampler: &Json, width: Option<usize>) -> Result<Curve, ReadError> {
+pub(super) fn curve(
+    reader: &Reader,
+    sampler: &Json,
+    width: Option<usize>,
+) -> Result<Curve, ReadError> {
     let interpolation = match sampler.get("interpolation")? {
         None => Interpolation::Linear,
         Some(name) => match name.string()? {

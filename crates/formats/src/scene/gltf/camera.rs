@@ -7,21 +7,29 @@ use snell_math::DAffine3;
 use snell_scene::{Camera, Projection};
 use std::f64::consts::PI;
 
-/// Adds the camera of a node, if it has one, and gives its number in the file. It looks along the node's `-z`, with `+y` up.
-pub(super) fn read(reader: &mut Reader, node: &Json, world_from_node: &DAffine3) -> Result<Option<usize>, ReadError> {
+/// Adds the camera of a node, if it has one, and gives its number in the file. It looks along the
+/// node's `-z`, with `+y` up.
+pub(super) fn read(
+    reader: &mut Reader,
+    node: &Json,
+    world_from_node: &DAffine3,
+) -> Result<Option<usize>, ReadError> {
     let Some(index) = node.get("camera")? else { return Ok(None) };
     let camera = reader.root.entry("cameras", &index)?;
     let projection = projection(&camera)?;
-    // Scale does not count for cameras (section 3.10.2): `from_direction` keeps the directions only.
+    // Scale does not count for cameras (section 3.10.2): `from_direction` keeps the directions
+    // only.
     let axes = &world_from_node.matrix3;
     let name = [node.name(), camera.name()].into_iter().find(|n| !n.is_empty()).unwrap_or_default();
-    let camera = Camera::from_direction(world_from_node.translation, -axes.z_axis, axes.y_axis, projection);
+    let camera =
+        Camera::from_direction(world_from_node.translation, -axes.z_axis, axes.y_axis, projection);
     reader.scene.cameras.push(Camera { name, ..camera });
     index.size().map(Some)
 }
 
-/// The projection of a camera. The vertical extent counts; the horizontal one follows from the picture, because nothing may be
-/// stretched when the picture has another shape than the camera's aspect ratio.
+/// The projection of a camera. The vertical extent counts; the horizontal one follows from the
+/// picture, because nothing may be stretched when the picture has another shape than the camera's
+/// aspect ratio.
 pub(super) fn projection(camera: &Json) -> Result<Projection, ReadError> {
     let kind = camera.require("type")?;
     match kind.string()? {
@@ -29,9 +37,9 @@ pub(super) fn projection(camera: &Json) -> Result<Projection, ReadError> {
             let angle = camera.require("perspective")?.require("yfov")?;
             let y = angle.number()?;
             if !(y > 0.0 && y < PI) {
-                return Err(
-                    angle.error(format!("the angle of view is {y} radians, expected more than 0 and less than pi"))
-                );
+                return Err(angle.error(format!(
+                    "the angle of view is {y} radians, expected more than 0 and less than pi"
+                )));
             }
             Ok(Projection::Perspective { tan_half_fov: [None, Some((y / 2.0).tan())] })
         }
@@ -43,9 +51,8 @@ pub(super) fn projection(camera: &Json) -> Result<Projection, ReadError> {
             }
             Ok(Projection::Orthographic { half_size: [None, Some(y)] })
         }
-        other => {
-            Err(kind
-                .error(format!("\"{other}\" is not a type of camera; expected \"perspective\" or \"orthographic\"")))
-        }
+        other => Err(kind.error(format!(
+            "\"{other}\" is not a type of camera; expected \"perspective\" or \"orthographic\""
+        ))),
     }
 }

@@ -36,7 +36,11 @@ fn parse_json(input: &Input, text: &[u8]) -> Result<Value, ReadError> {
     serde_json::from_slice(text).map_err(|e| {
         let message = e.to_string();
         let problem = message.split(" at line ").next().unwrap_or(&message);
-        input.error(Place::Column(e.line(), e.column()), format!("not valid JSON: {problem}"), REPAIR)
+        input.error(
+            Place::Column(e.line(), e.column()),
+            format!("not valid JSON: {problem}"),
+            REPAIR,
+        )
     })
 }
 
@@ -45,10 +49,17 @@ fn open_glb(input: &Input) -> Result<Container<'_>, ReadError> {
     let bytes = input.bytes.as_slice();
     let truncated = |at: usize, what: &str| {
         let place = Place::Byte(at as u64);
-        input.error(place, format!("the file ends inside of {what}"), "the file is cut off: copy or export it again")
+        input.error(
+            place,
+            format!("the file ends inside of {what}"),
+            "the file is cut off: copy or export it again",
+        )
     };
-    let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
-    let (Some(version), Some(length)) = (word(4), word(8)) else { return Err(truncated(bytes.len(), "its header")) };
+    let word =
+        |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    let (Some(version), Some(length)) = (word(4), word(8)) else {
+        return Err(truncated(bytes.len(), "its header"));
+    };
     if version != 2 {
         return Err(input.error(
             Place::Byte(4),
@@ -67,11 +78,17 @@ fn open_glb(input: &Input) -> Result<Container<'_>, ReadError> {
     let (mut json, mut binary) = (None, None);
     let mut at = 12;
     while at < end {
-        let (Some(size), Some(kind)) = (word(at), word(at + 4)) else { return Err(truncated(at, "a chunk's header")) };
+        let (Some(size), Some(kind)) = (word(at), word(at + 4)) else {
+            return Err(truncated(at, "a chunk's header"));
+        };
         let start = at + 8;
         let stop = start + size as usize;
-        let chunk = bytes.get(start..stop).filter(|_| stop <= end).ok_or_else(|| truncated(at, "a chunk"))?;
-        // Chunks of other kinds, and further ones of the same, belong to extensions and are skipped.
+        let chunk = bytes
+            .get(start..stop)
+            .filter(|_| stop <= end)
+            .ok_or_else(|| truncated(at, "a chunk"))?;
+        // Chunks of other kinds, and further ones of the same, belong to extensions and are
+        // skipped.
         match &kind.to_le_bytes() {
             b"JSON" if json.is_none() => json = Some(chunk),
             b"BIN\0" if binary.is_none() => binary = Some(chunk),
@@ -113,7 +130,11 @@ pub(super) struct Buffers<'a> {
 
 impl<'a> Buffers<'a> {
     /// Nothing is read yet.
-    pub fn new(input: &'a Input, root: &Json<'a>, binary: Option<&'a [u8]>) -> Result<Self, ReadError> {
+    pub fn new(
+        input: &'a Input,
+        root: &Json<'a>,
+        binary: Option<&'a [u8]>,
+    ) -> Result<Self, ReadError> {
         let declared = root.items_of("buffers")?;
         let views = root.items_of("bufferViews")?;
         let loaded = declared.iter().map(|_| OnceCell::new()).collect();
@@ -152,25 +173,31 @@ impl<'a> Buffers<'a> {
         match offset.checked_add(length) {
             Some(end) if end <= total => Ok((index.size()?, offset)),
             _ => Err(view.error(format!(
-                "the buffer view takes {length} bytes from byte {offset}, but its buffer has {total} bytes"
+                "the buffer view takes {length} bytes from byte {offset}, but its buffer has \
+                    {total} bytes"
             ))),
         }
     }
 
     /// The bytes of a buffer view, decoded.
     pub fn bytes(&self, view: &View) -> Result<&[u8], ReadError> {
-        let Some(packed) = view.packed else { return self.stored(view.buffer, view.offset, view.length) };
+        let Some(packed) = view.packed else {
+            return self.stored(view.buffer, view.offset, view.length);
+        };
         let cell = &self.decoded[view.number];
         let decoded = match cell.get() {
             Some(decoded) => decoded,
             None => {
                 let json = &self.views[view.number];
                 let bytes = self.stored(view.buffer, view.offset, packed)?;
-                let extension = meshopt::extension(json)?.ok_or_else(|| json.error("the view is not compressed"))?;
+                let extension = meshopt::extension(json)?
+                    .ok_or_else(|| json.error("the view is not compressed"))?;
                 let compression = Compression::read(extension, packed, view.length)?;
                 self.input.charge(view.length as u64, "a compressed buffer view")?;
-                let decoded = crate::guard::guarded(|| compression.decode(bytes))
-                    .ok_or_else(|| json.error("the compressed data is damaged: its decoder gave up"))??;
+                let decoded =
+                    crate::guard::guarded(|| compression.decode(bytes)).ok_or_else(|| {
+                        json.error("the compressed data is damaged: its decoder gave up")
+                    })??;
                 cell.get_or_init(|| decoded)
             }
         };
@@ -224,9 +251,9 @@ impl<'a> Buffers<'a> {
 /// The entry of a table that `index` refers to.
 fn entry<'t, T>(table: &'t [T], index: &Json, what: &str) -> Result<&'t T, ReadError> {
     let i = index.size()?;
-    table
-        .get(i)
-        .ok_or_else(|| index.error(format!("it refers to number {i} of the {what}, but there are {}", table.len())))
+    table.get(i).ok_or_else(|| {
+        index.error(format!("it refers to number {i} of the {what}, but there are {}", table.len()))
+    })
 }
 
 /// The bytes behind a URI: a data URI, or a file relative to the scene's.
@@ -244,14 +271,16 @@ pub(super) fn fetch_uri(input: &Input, uri: &Json) -> Result<Vec<u8>, ReadError>
     if text.is_empty() {
         return Err(uri.error("the name of the file is empty"));
     }
-    let decoded = percent_encoding::percent_decode_str(text).decode_utf8().unwrap_or(Cow::Borrowed(text));
+    let decoded =
+        percent_encoding::percent_decode_str(text).decode_utf8().unwrap_or(Cow::Borrowed(text));
     let opened = match input.open_relative(&decoded) {
         // Some exporters do not encode: "50%25.bin" may be the name itself.
         Err(first) if decoded != text => input.open_relative(text).map_err(|_| first),
         result => result,
     };
-    let named =
-        |e: ReadError| uri.error_with(format!("the file \"{decoded}\" cannot be used: {}", e.problem), e.remedy);
+    let named = |e: ReadError| {
+        uri.error_with(format!("the file \"{decoded}\" cannot be used: {}", e.problem), e.remedy)
+    };
     opened.map(|file| file.bytes).map_err(named)
 }
 

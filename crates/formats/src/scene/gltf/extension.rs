@@ -1,4 +1,5 @@
-//! Which extensions are understood, and what becomes of the others: required ones are refused, optional ones leave a warning.
+//! Which extensions are understood, and what becomes of the others: required ones are refused,
+//! optional ones leave a warning.
 
 use super::json::Json;
 use crate::ReadError;
@@ -50,7 +51,9 @@ pub(super) fn check(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {
     for used in root.items_of("extensionsUsed")? {
         let name = used.string()?;
         if !known(name) {
-            scene.warn(format!("the extension {name} is not supported; the scene is shown without it"));
+            scene.warn(format!(
+                "the extension {name} is not supported; the scene is shown without it"
+            ));
         }
     }
     Ok(())
@@ -59,16 +62,19 @@ pub(super) fn check(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {
 fn remedy(name: &str) -> &'static str {
     match name {
         "KHR_draco_mesh_compression" => {
-            "unpack it first with `gltf-transform copy in.glb out.glb` (npm install --global @gltf-transform/cli), or export it without compression"
+            "unpack it first with `gltf-transform copy in.glb out.glb` (npm install --global \
+                @gltf-transform/cli), or export it without compression"
         }
         "KHR_texture_basisu" => {
-            "unpack its KTX2 textures first with `gltf-transform ktxdecompress in.glb out.glb` (npm install --global @gltf-transform/cli), or export it with PNG or JPEG textures"
+            "unpack its KTX2 textures first with `gltf-transform ktxdecompress in.glb out.glb` \
+                (npm install --global @gltf-transform/cli), or export it with PNG or JPEG textures"
         }
         "MSFT_texture_dds" | "EXT_texture_avif" => {
             "convert its textures to PNG or JPEG first, or export it with such textures"
         }
         "KHR_techniques_webgl" | "KHR_materials_common" => {
-            "convert its materials to metallic-roughness, for example by loading it in Blender and exporting it again"
+            "convert its materials to metallic-roughness, for example by loading it in Blender and \
+                exporting it again"
         }
         _ => "export the file again without this extension, or as optional",
     }

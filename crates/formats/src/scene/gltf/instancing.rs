@@ -5,7 +5,8 @@ use super::{Reader, mesh, node};
 use crate::ReadError;
 use snell_math::DAffine3;
 
-/// The places of a node's mesh, `node_from_instance`; `None` if the node does not use the extension.
+/// The places of a node's mesh, `node_from_instance`; `None` if the node does not use the
+/// extension.
 pub(super) fn transforms(reader: &Reader, node: &Json) -> Result<Option<Vec<DAffine3>>, ReadError> {
     let Some(extension) = node.extension("EXT_mesh_gpu_instancing")? else { return Ok(None) };
     let attributes = extension.require("attributes")?;

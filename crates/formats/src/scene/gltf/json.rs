@@ -1,11 +1,13 @@
-//! A place in the JSON of a glTF file: its value and its path. Every question about the value answers with an error that names the
-//! path, so that the rest of the reader states only what it wants.
+//! A place in the JSON of a glTF file: its value and its path. Every question about the value
+//! answers with an error that names the path, so that the rest of the reader states only what it
+//! wants.
 
 use crate::{Input, Place, ReadError};
 use serde_json::Value;
 
 /// What to do about a file that breaks the rules of glTF.
-pub(super) const REPAIR: &str = "export the file again, or see what the glTF validator says about it";
+pub(super) const REPAIR: &str =
+    "export the file again, or see what the glTF validator says about it";
 
 /// A value in the document and where it stands.
 #[derive(Clone)]
@@ -37,7 +39,8 @@ impl<'a> Json<'a> {
     /// The value that a JSON pointer names, from here.
     pub fn at(&self, pointer: &str) -> Result<Self, ReadError> {
         let found = self.value.pointer(pointer);
-        let value = found.ok_or_else(|| self.error(format!("there is nothing at \"{pointer}\"")))?;
+        let value =
+            found.ok_or_else(|| self.error(format!("there is nothing at \"{pointer}\"")))?;
         Ok(Self { input: self.input, value, path: format!("{}{pointer}", self.path) })
     }
 
@@ -53,7 +56,8 @@ impl<'a> Json<'a> {
 
     /// An error at this place with a remedy of its own.
     pub fn error_with(&self, problem: impl Into<String>, remedy: impl Into<String>) -> ReadError {
-        let place = if self.path.is_empty() { Place::Whole } else { Place::Json(self.path.clone()) };
+        let place =
+            if self.path.is_empty() { Place::Whole } else { Place::Json(self.path.clone()) };
         self.input.error(place, problem, remedy)
     }
 
@@ -114,7 +118,10 @@ impl<'a> Json<'a> {
             None => &[],
         };
         let value = items.get(i).ok_or_else(|| {
-            index.error(format!("it refers to number {i} of \"{table}\", but there are {}", items.len()))
+            index.error(format!(
+                "it refers to number {i} of \"{table}\", but there are {}",
+                items.len()
+            ))
         })?;
         Ok(Self { input: self.input, value, path: format!("{}/{table}/{i}", self.path) })
     }
@@ -180,13 +187,19 @@ impl<'a> Json<'a> {
     /// An array of exactly `N` numbers.
     pub fn numbers<const N: usize>(&self) -> Result<[f64; N], ReadError> {
         let all = self.all_numbers()?;
-        all.try_into().map_err(|found: Vec<f64>| self.error(format!("expected {N} numbers, found {}", found.len())))
+        all.try_into().map_err(|found: Vec<f64>| {
+            self.error(format!("expected {N} numbers, found {}", found.len()))
+        })
     }
 
     /// An array of any number of numbers.
     pub fn all_numbers(&self) -> Result<Vec<f64>, ReadError> {
-        let Value::Array(items) = self.value else { return Err(self.wrong_type("an array of numbers")) };
-        let number = |(i, value): (usize, &'a Value)| value.as_f64().map_or_else(|| self.item(i, value).number(), Ok);
+        let Value::Array(items) = self.value else {
+            return Err(self.wrong_type("an array of numbers"));
+        };
+        let number = |(i, value): (usize, &'a Value)| {
+            value.as_f64().map_or_else(|| self.item(i, value).number(), Ok)
+        };
         items.iter().enumerate().map(number).collect()
     }
 
@@ -201,7 +214,11 @@ impl<'a> Json<'a> {
     }
 
     /// A property of `N` numbers or its default.
-    pub fn numbers_or<const N: usize>(&self, key: &str, default: [f64; N]) -> Result<[f64; N], ReadError> {
+    pub fn numbers_or<const N: usize>(
+        &self,
+        key: &str,
+        default: [f64; N],
+    ) -> Result<[f64; N], ReadError> {
         self.get(key)?.map_or(Ok(default), |value| value.numbers())
     }
 

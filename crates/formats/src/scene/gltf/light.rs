@@ -1,4 +1,5 @@
-//! `KHR_lights_punctual` and `EXT_lights_ies`: directional, point and spot lights and measured luminaires, placed by their nodes.
+//! `KHR_lights_punctual` and `EXT_lights_ies`: directional, point and spot lights and measured
+//! luminaires, placed by their nodes.
 
 use super::Reader;
 use super::container::fetch_uri;
@@ -21,7 +22,8 @@ fn table<'a>(reader: &Reader<'a>) -> Result<Vec<Json<'a>>, ReadError> {
     }
 }
 
-/// Factor on the intensities of the file: 1, except for photometric numbers of Blender (see the module `gltf`).
+/// Factor on the intensities of the file: 1, except for photometric numbers of Blender (see the
+/// module `gltf`).
 pub(super) fn scale(reader: &mut Reader) -> Result<f64, ReadError> {
     let generator = reader.root.require("asset")?.get("generator")?;
     if !generator.is_some_and(|g| g.string().is_ok_and(|name| name.contains("Blender"))) {
@@ -29,7 +31,11 @@ pub(super) fn scale(reader: &mut Reader) -> Result<f64, ReadError> {
     }
     let mut is_photometric = false;
     for light in table(reader)? {
-        let threshold = if light.get("type")?.is_some_and(|t| t.string() == Ok("directional")) { 50.0 } else { 100.0 };
+        let threshold = if light.get("type")?.is_some_and(|t| t.string() == Ok("directional")) {
+            50.0
+        } else {
+            100.0
+        };
         is_photometric |= light.number_or("intensity", 1.0)? >= threshold;
     }
     if is_photometric {
@@ -41,7 +47,8 @@ pub(super) fn scale(reader: &mut Reader) -> Result<f64, ReadError> {
     Ok(if is_photometric { 1.0 / BLENDER_LUMENS_PER_WATT } else { 1.0 })
 }
 
-/// Adds the light of a node, if it has one, and gives its number in the file. It shines along the node's `-z`.
+/// Adds the light of a node, if it has one, and gives its number in the file. It shines along the
+/// node's `-z`.
 pub(super) fn read(
     reader: &mut Reader,
     node: &Json,
@@ -53,7 +60,10 @@ pub(super) fn read(
     let Some(lights) = reader.root.extension("KHR_lights_punctual")? else {
         return Err(extension.error("the node has a light, but the file has no table of lights"));
     };
-    let Some(light) = light(reader, &lights.entry("lights", &index)?, world_from_node, scale)? else { return Ok(None) };
+    let Some(light) = light(reader, &lights.entry("lights", &index)?, world_from_node, scale)?
+    else {
+        return Ok(None);
+    };
     reader.scene.lights.push(light);
     index.size().map(Some)
 }
@@ -73,7 +83,9 @@ pub(super) fn light(
     Ok(Some(match kind.string()? {
         "directional" => Directional { direction, irradiance: intensity }.into(),
         "point" => Point { position, intensity, attenuation, body_radius: 0.0 }.into(),
-        "spot" => Spot { position, direction, intensity, attenuation, falloff: falloff(light)? }.into(),
+        "spot" => {
+            Spot { position, direction, intensity, attenuation, falloff: falloff(light)? }.into()
+        }
         other => {
             reader.scene.warn(format!("\"{other}\" is not a type of light; it is left out"));
             return Ok(None);
@@ -81,8 +93,8 @@ pub(super) fn light(
     }))
 }
 
-/// Adds the luminaire of a node, if it has one: its axis is the node's `-z`, its horizontal angles go from `x` towards `y`. A profile that
-/// cannot be read leaves a warning.
+/// Adds the luminaire of a node, if it has one: its axis is the node's `-z`, its horizontal angles
+/// go from `x` towards `y`. A profile that cannot be read leaves a warning.
 pub(super) fn read_ies(
     reader: &mut Reader,
     node: &Json,
@@ -92,13 +104,17 @@ pub(super) fn read_ies(
     let Some(extension) = node.extension("EXT_lights_ies")? else { return Ok(()) };
     let index = extension.require("light")?;
     let Some(lights) = reader.root.extension("EXT_lights_ies")? else {
-        return Err(extension.error("the node has a light profile, but the file has no table of them"));
+        return Err(
+            extension.error("the node has a light profile, but the file has no table of them")
+        );
     };
     let profile = lights.entry("lights", &index)?;
     let bytes = match (profile.get("uri")?, profile.get("bufferView")?) {
         (Some(uri), _) => fetch_uri(reader.input, &uri)?,
         (None, Some(view)) => reader.accessors.buffers().view_bytes(&view)?.to_vec(),
-        (None, None) => return Err(profile.error("a light profile needs \"uri\" or \"bufferView\"")),
+        (None, None) => {
+            return Err(profile.error("a light profile needs \"uri\" or \"bufferView\""));
+        }
     };
     let name = format!("{} ({})", reader.input.name, profile.path());
     let input = reader.input.part(&name, bytes);
@@ -122,16 +138,21 @@ pub(super) fn read_ies(
     Ok(())
 }
 
-/// Adds the default sky to a scene that only its own emission would light, if that is never above 1. Such emission (displays, small
-/// lamps, unlit surfaces) is there to be seen, and the scene is made for viewers that bring their light. More needs
-/// `KHR_materials_emissive_strength`: then the surfaces are meant as lights, and there is no sky.
+/// Adds the default sky to a scene that only its own emission would light, if that is never above 1.
+/// Such emission (displays, small lamps, unlit surfaces) is there to be seen, and the scene is made
+/// for viewers that bring their light. More needs `KHR_materials_emissive_strength`: then the
+/// surfaces are meant as lights, and there is no sky.
 pub(super) fn add_sky(scene: &mut Scene) {
     let is_lamp = |m: &Material| m.illuminates && m.emission.factor.max_element() > 1.0;
-    let has_light = !scene.lights.is_empty() || scene.environment.is_some() || scene.materials.iter().any(is_lamp);
+    let has_light = !scene.lights.is_empty()
+        || scene.environment.is_some()
+        || scene.materials.iter().any(is_lamp);
     if has_light || !scene.materials.iter().any(Material::is_emissive) {
         return;
     }
-    scene.environment = Some(scene.cameras.first().map_or_else(default_sky, |camera| sky_seen_by(camera, DVec3::Y)));
+    scene.environment = Some(
+        scene.cameras.first().map_or_else(default_sky, |camera| sky_seen_by(camera, DVec3::Y)),
+    );
     scene.background = Background::Color(DEFAULT_BACKGROUND);
 }
 

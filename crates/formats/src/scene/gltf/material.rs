@@ -11,7 +11,8 @@ use super::texture::{self, Use};
 use crate::ReadError;
 use snell_math::Rgb;
 use snell_scene::material::{
-    AlphaMode, Black, ColorParam, MaterialKind, NormalMap, OpenPbr, ScalarParam, reflectance_at_most_white,
+    AlphaMode, Black, ColorParam, MaterialKind, NormalMap, OpenPbr, ScalarParam,
+    reflectance_at_most_white,
 };
 use snell_scene::{Material, MaterialId};
 
@@ -25,8 +26,9 @@ pub(super) fn read_all(reader: &mut Reader) -> Result<(), ReadError> {
     Ok(())
 }
 
-/// The material of primitives that name none. It is seen from both sides, unlike in the standard: where a file says nothing about
-/// materials, nobody chose to hide the back, and faces that look away from the camera would only be missed.
+/// The material of primitives that name none. It is seen from both sides, unlike in the standard:
+/// where a file says nothing about materials, nobody chose to hide the back, and faces that look
+/// away from the camera would only be missed.
 pub(super) fn default_material(reader: &mut Reader) -> MaterialId {
     if let Some(id) = reader.default_material {
         return id;
@@ -96,7 +98,8 @@ pub(super) fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadErr
 fn metallic_roughness(reader: &mut Reader, json: &Json) -> Result<Pbr, ReadError> {
     let mut pbr = Pbr::default();
     if let Some(core) = json.get("pbrMetallicRoughness")? {
-        (pbr.surface.base_color, pbr.alpha) = color_with_alpha(reader, &core, "baseColorFactor", "baseColorTexture")?;
+        (pbr.surface.base_color, pbr.alpha) =
+            color_with_alpha(reader, &core, "baseColorFactor", "baseColorTexture")?;
         pbr.surface.base_metalness.factor = fraction(reader, &core, "metallicFactor", 1.0)?;
         pbr.surface.specular_roughness.factor = fraction(reader, &core, "roughnessFactor", 1.0)?;
         if let Some(map) = texture_of(reader, &core, "metallicRoughnessTexture", Use::Data)? {
@@ -109,23 +112,30 @@ fn metallic_roughness(reader: &mut Reader, json: &Json) -> Result<Pbr, ReadError
     Ok(pbr)
 }
 
-/// Converts the older model: its diffuse colour is the base colour of a non-metal with the given reflectance at normal incidence,
-/// unless that reflectance is one that only metals have.
+/// Converts the older model: its diffuse colour is the base colour of a non-metal with the given
+/// reflectance at normal incidence, unless that reflectance is one that only metals have.
 fn specular_glossiness(reader: &mut Reader, extension: &Json) -> Result<Pbr, ReadError> {
     /// Reflectance of a dielectric with an index of refraction of 1.5.
     const DIELECTRIC: f32 = 0.04;
-    let (base_color, alpha) = color_with_alpha(reader, extension, "diffuseFactor", "diffuseTexture")?;
+    let (base_color, alpha) =
+        color_with_alpha(reader, extension, "diffuseFactor", "diffuseTexture")?;
     let glossiness = fraction(reader, extension, "glossinessFactor", 1.0)?;
     let specular = rgb(extension.numbers_or("specularFactor", [1.0; 3])?);
     if extension.get("specularGlossinessTexture")?.is_some() {
-        reader.scene.warn("specular-glossiness maps are not supported; a surface of medium roughness is shown instead");
+        reader.scene.warn(
+            "specular-glossiness maps are not supported; a surface of medium \
+            roughness is shown instead",
+        );
         return Ok(dielectric(base_color, alpha, 0.5, ColorParam::from(Rgb::WHITE)));
     }
     let diffuse = if base_color.texture.is_some() { 1.0 } else { base_color.factor.max_element() };
     let roughness = 1.0 - glossiness;
     if specular.max_element() > 0.2 && diffuse < specular.max_element() {
-        let surface =
-            OpenPbr { base_color: specular.into(), specular_roughness: roughness.into(), ..Pbr::default().surface };
+        let surface = OpenPbr {
+            base_color: specular.into(),
+            specular_roughness: roughness.into(),
+            ..Pbr::default().surface
+        };
         return Ok(Pbr { surface, alpha, ..Pbr::default() });
     }
     let specular_color = ColorParam::constant(specular * (1.0 / DIELECTRIC));
@@ -133,7 +143,12 @@ fn specular_glossiness(reader: &mut Reader, extension: &Json) -> Result<Pbr, Rea
 }
 
 /// A dielectric of index 1.5 whose reflectance at normal incidence is tinted, perhaps brighter.
-fn dielectric(base_color: ColorParam, alpha: ScalarParam, roughness: f32, specular_color: ColorParam) -> Pbr {
+fn dielectric(
+    base_color: ColorParam,
+    alpha: ScalarParam,
+    roughness: f32,
+    specular_color: ColorParam,
+) -> Pbr {
     let (ior, specular_color) = reflectance_at_most_white(1.5, specular_color);
     let surface = OpenPbr {
         base_color,
@@ -183,7 +198,10 @@ fn alpha_mode(json: &Json) -> Result<AlphaMode, ReadError> {
         "OPAQUE" => Ok(AlphaMode::Opaque),
         "MASK" => Ok(AlphaMode::Mask(json.number_or("alphaCutoff", 0.5)? as f32)),
         "BLEND" => Ok(AlphaMode::Blend),
-        other => Err(mode.error(format!("\"{other}\" is not an alpha mode; expected OPAQUE, MASK or BLEND"))),
+        other => {
+            Err(mode
+                .error(format!("\"{other}\" is not an alpha mode; expected OPAQUE, MASK or BLEND")))
+        }
     }
 }
 

@@ -23,7 +23,8 @@ pub(super) struct Primitive {
     pub material: Option<usize>,
 }
 
-/// Reads the primitives of a mesh that can be shown. `weights` are those of the morph targets; if they change, `all_targets` are read.
+/// Reads the primitives of a mesh that can be shown. `weights` are those of the morph targets; if
+/// they change, `all_targets` are read.
 pub(super) fn read_primitives(
     reader: &mut Reader,
     mesh: &Json,
@@ -33,7 +34,9 @@ pub(super) fn read_primitives(
     let mut primitives = Vec::new();
     for json in mesh.require("primitives")?.items()? {
         let Some(topology) = Topology::of(&json)? else {
-            reader.scene.warn_of(WarningKind::Choice, "points and lines have no surface and are not shown");
+            reader
+                .scene
+                .warn_of(WarningKind::Choice, "points and lines have no surface and are not shown");
             continue;
         };
         primitives.extend(read_primitive(reader, &json, topology, weights, all_targets)?);
@@ -59,9 +62,13 @@ fn read_primitive(
     reader.vertices += vertices;
     if reader.vertices > reader.input.options.limits.elements {
         let limit = reader.input.options.limits.elements;
-        return Err(positions.error_with(format!("the scene has more than {limit} vertices"), "split the scene"));
+        return Err(positions
+            .error_with(format!("the scene has more than {limit} vertices"), "split the scene"));
     }
-    let mut mesh = TriangleMesh { positions: vectors(&accessor, Vec3::from_array)?, ..TriangleMesh::default() };
+    let mut mesh = TriangleMesh {
+        positions: vectors(&accessor, Vec3::from_array)?,
+        ..TriangleMesh::default()
+    };
     read_attributes(reader, &attributes, &mut mesh)?;
     let influences = skin::influences(reader, &attributes, vertices)?;
     let targets = morph::targets(reader, json, weights, all_targets, &mesh)?;
@@ -74,7 +81,11 @@ fn read_primitive(
 }
 
 /// All attributes but positions.
-fn read_attributes(reader: &Reader, attributes: &Json, mesh: &mut TriangleMesh) -> Result<(), ReadError> {
+fn read_attributes(
+    reader: &Reader,
+    attributes: &Json,
+    mesh: &mut TriangleMesh,
+) -> Result<(), ReadError> {
     let vertices = mesh.positions.len();
     if let Some(accessor) = attribute(reader, attributes, "NORMAL", vertices)? {
         mesh.normals = vectors(&accessor, Vec3::from_array)?;
@@ -109,7 +120,8 @@ pub(super) fn attribute<'s, 'a>(
     let accessor = reader.accessors.get(&index)?;
     if accessor.count != vertices {
         return Err(index.error(format!(
-            "its accessor has {} elements, but there are {vertices} positions; every attribute needs one per vertex",
+            "its accessor has {} elements, but there are {vertices} positions; every attribute \
+                needs one per vertex",
             accessor.count
         )));
     }
@@ -119,15 +131,18 @@ pub(super) fn attribute<'s, 'a>(
     Ok(Some(accessor))
 }
 
-fn vectors<const N: usize, T>(accessor: &Accessor, make: impl Fn([f32; N]) -> T) -> Result<Vec<T>, ReadError> {
+fn vectors<const N: usize, T>(
+    accessor: &Accessor,
+    make: impl Fn([f32; N]) -> T,
+) -> Result<Vec<T>, ReadError> {
     Ok(accessor.vectors()?.into_iter().map(make).collect())
 }
 
 /// The vertex numbers of a primitive, each in range; without indices, all vertices in turn.
 fn read_indices(reader: &Reader, json: &Json, vertices: usize) -> Result<Vec<u32>, ReadError> {
     let Some(index) = json.get("indices")? else {
-        let vertices =
-            u32::try_from(vertices).map_err(|_| json.error("more vertices than 32-bit numbers can count"))?;
+        let vertices = u32::try_from(vertices)
+            .map_err(|_| json.error("more vertices than 32-bit numbers can count"))?;
         return Ok((0..vertices).collect());
     };
     let accessor = reader.accessors.get(&index)?;
@@ -135,13 +150,15 @@ fn read_indices(reader: &Reader, json: &Json, vertices: usize) -> Result<Vec<u32
     match indices.iter().position(|&i| i as usize >= vertices) {
         None => Ok(indices),
         Some(at) => Err(index.error(format!(
-            "index {at} is {}, but there are only {vertices} vertices (strips cannot be restarted in glTF)",
+            "index {at} is {}, but there are only {vertices} vertices (strips cannot be restarted \
+                in glTF)",
             indices[at]
         ))),
     }
 }
 
-/// Leaves out vertices that no triangle uses, if they are more than half: exporters let many primitives share one large array.
+/// Leaves out vertices that no triangle uses, if they are more than half: exporters let many
+/// primitives share one large array.
 pub(super) fn drop_unused(primitive: &mut Primitive) {
     const UNUSED: u32 = u32::MAX;
     let mesh = &mut primitive.mesh;

@@ -1,17 +1,18 @@
-//! `EXT_meshopt_compression` (and `KHR_meshopt_compression`, which is the same with one more filter): buffer views that are decoded when
-//! they are first asked for.
+//! `EXT_meshopt_compression` (and `KHR_meshopt_compression`, which is the same with one more
+//! filter): buffer views that are decoded when they are first asked for.
 
 use super::json::Json;
 use crate::ReadError;
 use ::meshopt::{
-    decode_filter_color, decode_filter_exp, decode_filter_oct, decode_filter_quat, decode_index_buffer,
-    decode_index_sequence, decode_vertex_buffer,
+    decode_filter_color, decode_filter_exp, decode_filter_oct, decode_filter_quat,
+    decode_index_buffer, decode_index_sequence, decode_vertex_buffer,
 };
 
 /// The names of the extension.
 pub(super) const NAMES: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
-/// Decoded bytes that a byte of the file may stand for; files with more are made to fill the memory.
+/// Decoded bytes that a byte of the file may stand for; files with more are made to fill the
+/// memory.
 const MAX_EXPANSION: usize = 1024;
 
 /// Views may grow to this size whatever their own.
@@ -55,7 +56,8 @@ pub(super) fn extension<'a>(view: &Json<'a>) -> Result<Option<Json<'a>>, ReadErr
 }
 
 impl<'a> Compression<'a> {
-    /// Reads what the extension says of a view that takes `packed` bytes in the file and has `length` bytes when it is decoded.
+    /// Reads what the extension says of a view that takes `packed` bytes in the file and has
+    /// `length` bytes when it is decoded.
     pub fn read(json: Json<'a>, packed: usize, length: usize) -> Result<Self, ReadError> {
         let count = json.require("count")?.size()?;
         let stride_json = json.require("byteStride")?;
@@ -65,7 +67,9 @@ impl<'a> Compression<'a> {
             "ATTRIBUTES" => (Mode::Attributes, stride > 0 && stride <= 256 && stride % 4 == 0),
             "TRIANGLES" => (Mode::Triangles, (stride == 2 || stride == 4) && count % 3 == 0),
             "INDICES" => (Mode::Indices, stride == 2 || stride == 4),
-            other => return Err(mode.error(format!("\"{other}\" is not a mode of meshopt compression"))),
+            other => {
+                return Err(mode.error(format!("\"{other}\" is not a mode of meshopt compression")));
+            }
         };
         let filter = match json.get("filter")? {
             None => Filter::None,
@@ -75,7 +79,11 @@ impl<'a> Compression<'a> {
                 "QUATERNION" => Filter::Quaternion,
                 "EXPONENTIAL" => Filter::Exponential,
                 "COLOR" => Filter::Color,
-                other => return Err(name.error(format!("\"{other}\" is not a filter of meshopt compression"))),
+                other => {
+                    return Err(
+                        name.error(format!("\"{other}\" is not a filter of meshopt compression"))
+                    );
+                }
             },
         };
         let fits = match filter {
@@ -84,11 +92,14 @@ impl<'a> Compression<'a> {
             Filter::Quaternion => stride == 8,
         };
         if !possible || !fits || (filter != Filter::None && !matches!(mode, Mode::Attributes)) {
-            return Err(stride_json.error(format!("{count} elements of {stride} bytes are not possible here")));
+            return Err(stride_json
+                .error(format!("{count} elements of {stride} bytes are not possible here")));
         }
         let decoded = count.checked_mul(stride);
         if decoded.is_none_or(|decoded| decoded < length || decoded - length >= stride) {
-            return Err(json.error(format!("{count} elements of {stride} bytes are not the {length} of the view")));
+            return Err(json.error(format!(
+                "{count} elements of {stride} bytes are not the {length} of the view"
+            )));
         }
         if length > packed.saturating_mul(MAX_EXPANSION).max(ALWAYS_ALLOWED_BYTES) {
             return Err(json.error(format!("{packed} bytes cannot stand for {length}")));
@@ -114,8 +125,10 @@ impl<'a> Compression<'a> {
                 .map(|v| v.iter().flat_map(|x| x.to_le_bytes()).collect()),
         }
         .ok_or_else(|| {
-            self.json
-                .error_with("the compressed data is damaged", "copy or export the file again, or without compression")
+            self.json.error_with(
+                "the compressed data is damaged",
+                "copy or export the file again, or without compression",
+            )
         })?;
         match (self.filter, self.stride) {
             (Filter::None, _) => {}

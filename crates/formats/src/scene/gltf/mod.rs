@@ -1,19 +1,23 @@
 //! glTF 2.0: `.gltf` (JSON beside its buffers and images) and `.glb` (all in one file).
 //!
-//! The document is read as plain JSON through `json::Json`, which knows its place and so can say where a file is wrong. A file
-//! that breaks the standard in a way that would change the picture (dangling references, data that does not fit, cycles) is refused
-//! with that place; a file that is merely odd loads, and what was changed or left out is a warning of the scene.
+//! The document is read as plain JSON through `json::Json`, which knows its place and so can say
+//! where a file is wrong. A file that breaks the standard in a way that would change the picture
+//! (dangling references, data that does not fit, cycles) is refused with that place; a file that is
+//! merely odd loads, and what was changed or left out is a warning of the scene.
 //!
-//! How glTF maps to a scene: each node is a node; each mesh is a node with one surface per primitive, stored once and shared by all
-//! nodes that show it. Morph targets are applied with their default weights, skins at the pose that the nodes are in; animations
-//! become the scene's motion, which moves nothing before somebody plays it. `+y` is up, lengths are metres.
+//! How glTF maps to a scene: each node is a node; each mesh is a node with one surface per
+//! primitive, stored once and shared by all nodes that show it. Morph targets are applied with
+//! their default weights, skins at the pose that the nodes are in; animations become the scene's
+//! motion, which moves nothing before somebody plays it. `+y` is up, lengths are metres.
 //!
 //! # Units of light
-//! glTF gives light in photometric units (cd, lx, cd/m²), without spectra. They are taken as they stand for the radiometric ones
-//! (W/sr, W/m², W/(m² sr)) of each of the channels, as the usual viewers do: a white wall under 3.14 lx shows as 1, and an emissive
-//! factor of 1 as 1. So lights and emission keep the proportion that the standard gives them. One exception: Blender writes its
-//! watts times 683 lm/W (unless told otherwise), but emission without that factor. Files of Blender with a light
-//! of at least 100 cd or 50 lx have their lights divided by 683 again, which is what Blender's own importer does.
+//! glTF gives light in photometric units (cd, lx, cd/m²), without spectra. They are taken as they
+//! stand for the radiometric ones (W/sr, W/m², W/(m² sr)) of each of the channels, as the usual
+//! viewers do: a white wall under 3.14 lx shows as 1, and an emissive factor of 1 as 1. So lights
+//! and emission keep the proportion that the standard gives them. One exception: Blender writes its
+//! watts times 683 lm/W (unless told otherwise), but emission without that factor. Files of Blender
+//! with a light of at least 100 cd or 50 lx have their lights divided by 683 again, which is what
+//! Blender's own importer does.
 
 mod accessor;
 mod animation;
@@ -58,11 +62,14 @@ pub const READER: SceneReader = SceneReader {
 fn recognises(bytes: &[u8]) -> bool {
     const WINDOW: usize = 4096;
     let starts_as_object =
-        bytes.iter().find(|b| !b.is_ascii_whitespace() && !b"\xef\xbb\xbf".contains(b)) == Some(&b'{');
+        bytes.iter().find(|b| !b.is_ascii_whitespace() && !b"\xef\xbb\xbf".contains(b))
+            == Some(&b'{');
     let names_version = |part: &[u8]| {
         let text = String::from_utf8_lossy(part);
         let asset = text.split_once("\"asset\"").map(|(_, rest)| rest.trim_start());
-        asset.and_then(|rest| rest.strip_prefix(':')).is_some_and(|rest| rest.contains("\"version\""))
+        asset
+            .and_then(|rest| rest.strip_prefix(':'))
+            .is_some_and(|rest| rest.contains("\"version\""))
     };
     bytes.starts_with(GLB_MAGIC)
         || starts_as_object
@@ -88,7 +95,8 @@ struct Reader<'a> {
     vertices: usize,
     /// What animations name by JSON pointer.
     pointers: Vec<pointer::Pointer>,
-    /// Textures whose placement changes, by the path of the `textureInfo` that has it. They are no one else's.
+    /// Textures whose placement changes, by the path of the `textureInfo` that has it. They are no
+    /// one else's.
     moving_textures: BTreeMap<String, TextureId>,
 }
 
@@ -100,7 +108,8 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     extension::check(&root, &mut scene)?;
     reference::check(&root)?;
 
-    let accessors = Accessors::new(&root, Buffers::new(input, &root, binary)?, input.options.limits.elements)?;
+    let accessors =
+        Accessors::new(&root, Buffers::new(input, &root, binary)?, input.options.limits.elements)?;
     accessors.check()?;
     let textures = Textures::default();
     let mut reader = Reader {
@@ -136,9 +145,10 @@ fn check_version(root: &Json) -> Result<(), ReadError> {
         && minimum.string()? != "2.0"
     {
         let found = minimum.string()?;
-        return Err(
-            minimum.error_with(format!("it needs a reader of glTF \"{found}\", but this is one of 2.0"), remedy)
-        );
+        return Err(minimum.error_with(
+            format!("it needs a reader of glTF \"{found}\", but this is one of 2.0"),
+            remedy,
+        ));
     }
     Ok(())
 }

@@ -48,7 +48,12 @@ pub(super) fn targets(
 }
 
 /// One attribute of a target. One that the primitive does not have (`count` is 0) is left out.
-fn differences(reader: &Reader, target: &Json, name: &str, count: usize) -> Result<Vec<Vec3>, ReadError> {
+fn differences(
+    reader: &Reader,
+    target: &Json,
+    name: &str,
+    count: usize,
+) -> Result<Vec<Vec3>, ReadError> {
     if count == 0 {
         return Ok(Vec::new());
     }

@@ -33,7 +33,9 @@ impl<'a> Hierarchy<'a> {
             for child in node.items_of("children")? {
                 let i = child.size()?;
                 if !std::mem::replace(&mut is_root[i], false) {
-                    return Err(child.error(format!("node {i} is a child already; a node has one parent at most")));
+                    return Err(child.error(format!(
+                        "node {i} is a child already; a node has one parent at most"
+                    )));
                 }
                 below.push(i);
             }
@@ -46,7 +48,8 @@ impl<'a> Hierarchy<'a> {
         Ok(this)
     }
 
-    /// Computes the world transforms, level by level. Nodes never reached lie on cycles, because every node has one parent at most.
+    /// Computes the world transforms, level by level. Nodes never reached lie on cycles, because
+    /// every node has one parent at most.
     fn place(&mut self, max_depth: usize) -> Result<(), ReadError> {
         let mut level: Vec<usize> = (0..self.nodes.len()).filter(|&i| self.is_root[i]).collect();
         let mut reached = vec![false; self.nodes.len()];
@@ -54,14 +57,17 @@ impl<'a> Hierarchy<'a> {
         while let Some(&first) = level.first() {
             depth += 1;
             if depth > max_depth {
-                return Err(self.nodes[first]
-                    .error_with(format!("nodes are nested deeper than {max_depth} levels"), "flatten the hierarchy"));
+                return Err(self.nodes[first].error_with(
+                    format!("nodes are nested deeper than {max_depth} levels"),
+                    "flatten the hierarchy",
+                ));
             }
             let mut below = Vec::new();
             for i in level {
                 reached[i] = true;
                 if !self.world[i].is_finite() {
-                    return Err(self.nodes[i].error("its transform, with those above it, is too large to be computed"));
+                    return Err(self.nodes[i]
+                        .error("its transform, with those above it, is too large to be computed"));
                 }
                 for &child in &self.children[i] {
                     self.world[child] = self.world[i] * self.local[child].matrix();
@@ -71,7 +77,9 @@ impl<'a> Hierarchy<'a> {
             level = below;
         }
         match reached.iter().position(|r| !r) {
-            Some(i) => Err(self.nodes[i].error("the node is its own descendant; nodes must form trees")),
+            Some(i) => {
+                Err(self.nodes[i].error("the node is its own descendant; nodes must form trees"))
+            }
             None => Ok(()),
         }
     }
@@ -86,7 +94,8 @@ impl<'a> Hierarchy<'a> {
         self.nodes.len()
     }
 
-    /// All nodes, parents before children: number, number of the parent, where it is relative to that, and the node.
+    /// All nodes, parents before children: number, number of the parent, where it is relative to
+    /// that, and the node.
     pub fn top_down(&self) -> Vec<(usize, Option<usize>, Placement, &Json<'a>)> {
         let mut order: Vec<(usize, Option<usize>)> =
             (0..self.nodes.len()).filter(|&i| self.is_root[i]).map(|i| (i, None)).collect();
@@ -98,8 +107,8 @@ impl<'a> Hierarchy<'a> {
         order.into_iter().map(|(i, parent)| (i, parent, self.local[i], &self.nodes[i])).collect()
     }
 
-    /// The nodes at the top of the scene to be shown: the one that was asked for, else the default scene, else the first, else all
-    /// nodes without a parent.
+    /// The nodes at the top of the scene to be shown: the one that was asked for, else the default
+    /// scene, else the first, else all nodes without a parent.
     fn shown_roots(&self, reader: &mut Reader<'a>) -> Result<Vec<usize>, ReadError> {
         let scenes = reader.root.items_of("scenes")?;
         reader.scene.scenes = scenes.iter().map(Json::name).collect();
@@ -109,7 +118,8 @@ impl<'a> Hierarchy<'a> {
         if let Some(index) = chosen.filter(|&i| i >= scenes.len()) {
             let count = scenes.len();
             reader.scene.warn(format!(
-                "the default scene is number {index}, but there are {count}; the first, or else every node, is shown"
+                "the default scene is number {index}, but there are {count}; the first, or else \
+                    every node, is shown"
             ));
         }
         let index = chosen.filter(|&i| i < scenes.len()).unwrap_or(0);
@@ -117,9 +127,10 @@ impl<'a> Hierarchy<'a> {
             return Ok((0..self.nodes.len()).filter(|&i| self.is_root[i]).collect());
         };
         if scenes.len() > 1 && wanted.is_none() {
-            reader
-                .scene
-                .warn_of(WarningKind::Choice, format!("the file has {} scenes; number {index} is shown", scenes.len()));
+            reader.scene.warn_of(
+                WarningKind::Choice,
+                format!("the file has {} scenes; number {index} is shown", scenes.len()),
+            );
         }
         let mut roots: Vec<usize> = Vec::new();
         let mut listed = vec![false; self.nodes.len()];
@@ -130,7 +141,9 @@ impl<'a> Hierarchy<'a> {
             } else if self.is_root[i] {
                 roots.push(i);
             } else {
-                return Err(node.error(format!("node {i} is at the top of a scene, but is a child of another node")));
+                return Err(node.error(format!(
+                    "node {i} is at the top of a scene, but is a child of another node"
+                )));
             }
         }
         Ok(roots)
@@ -145,9 +158,13 @@ fn wanted_scene(reader: &Reader) -> Result<Option<usize>, ReadError> {
     if let Some(i) = names.iter().position(|name| name == wanted).or_else(by_number) {
         return Ok(Some(i));
     }
-    let known: Vec<String> = names.iter().enumerate().map(|(i, name)| format!("{i} \"{name}\"")).collect();
-    let remedy =
-        if known.is_empty() { "the file has none".into() } else { format!("choose one of {}", known.join(", ")) };
+    let known: Vec<String> =
+        names.iter().enumerate().map(|(i, name)| format!("{i} \"{name}\"")).collect();
+    let remedy = if known.is_empty() {
+        "the file has none".into()
+    } else {
+        format!("choose one of {}", known.join(", "))
+    };
     Err(reader.root.error_with(format!("there is no scene \"{wanted}\""), remedy))
 }
 
@@ -168,10 +185,12 @@ fn placement(node: &Json) -> Result<Placement, ReadError> {
     Ok(Placement::Matrix(DAffine3 { matrix3: linear, translation: column(12) }))
 }
 
-/// Scale, then rotation (a quaternion x y z w of any length but 0, which counts as none), then translation.
+/// Scale, then rotation (a quaternion x y z w of any length but 0, which counts as none), then
+/// translation.
 pub(super) fn from_parts(translation: [f64; 3], rotation: [f64; 4], scale: [f64; 3]) -> Placement {
     let rotation = DQuat::from_array(rotation);
-    let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+    let rotation =
+        if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
     Placement::Parts { translation: translation.into(), rotation, scale: scale.into() }
 }
 
@@ -204,8 +223,9 @@ pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
     let root = reader.scene.root;
     let mut placed = Placed { light_scale, ..Placed::default() };
     let roots = hierarchy.shown_roots(reader)?.into_iter();
-    let mut queue: VecDeque<Waiting> =
-        roots.map(|node| Waiting { node, parent: root, is_visible: true, switches: Vec::new() }).collect();
+    let mut queue: VecDeque<Waiting> = roots
+        .map(|node| Waiting { node, parent: root, is_visible: true, switches: Vec::new() })
+        .collect();
     while let Some(Waiting { node: i, parent, mut is_visible, mut switches }) = queue.pop_front() {
         let node = &hierarchy.nodes[i];
         let transform = hierarchy.local[i].matrix();
@@ -225,7 +245,12 @@ pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
         } else {
             is_visible &= animation::is_visible(node)?;
         }
-        let below = |&child: &usize| Waiting { node: child, parent: content, is_visible, switches: switches.clone() };
+        let below = |&child: &usize| Waiting {
+            node: child,
+            parent: content,
+            is_visible,
+            switches: switches.clone(),
+        };
         queue.extend(hierarchy.children[i].iter().map(below));
         if !is_visible {
             continue;
@@ -235,7 +260,8 @@ pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
         }
         light::read_ies(reader, node, &hierarchy.world[i], light_scale)?;
         rig.carries_lights(i, lights..reader.scene.lights.len());
-        (lights..reader.scene.lights.len()).for_each(|light| rig.switches(&switches, Switched::Light(light)));
+        (lights..reader.scene.lights.len())
+            .for_each(|light| rig.switches(&switches, Switched::Light(light)));
         read_mesh(reader, &hierarchy, (i, &switches), content, &mut meshes, &mut rig)?;
     }
     rig.finish(reader, &placed)?;
@@ -245,13 +271,15 @@ pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
     check_unseen(reader, &meshes.shown)
 }
 
-/// Shows all meshes of a file that has no nodes at all, where their vertices say: a library of meshes rather than a scene.
+/// Shows all meshes of a file that has no nodes at all, where their vertices say: a library of
+/// meshes rather than a scene.
 fn read_meshes_without_nodes(reader: &mut Reader, shown: &mut MeshNodes) -> Result<(), ReadError> {
     for (i, mesh) in reader.root.items_of("meshes")?.iter().enumerate() {
         if i == 0 {
             reader.scene.warn_of(
                 WarningKind::Choice,
-                "the file has meshes, but no nodes to place them; they are shown where their vertices are",
+                "the file has meshes, but no nodes to place them; they are shown where their \
+                    vertices are",
             );
         }
         let surfaces = still_surfaces(reader, mesh, &[])?;
@@ -262,7 +290,8 @@ fn read_meshes_without_nodes(reader: &mut Reader, shown: &mut MeshNodes) -> Resu
     Ok(())
 }
 
-/// Checks what the shown scene does not use, too: a damaged file should be noticed whichever scene is shown.
+/// Checks what the shown scene does not use, too: a damaged file should be noticed whichever scene
+/// is shown.
 fn check_unseen(reader: &mut Reader, seen: &BTreeSet<usize>) -> Result<(), ReadError> {
     for skin in reader.root.items_of("skins")? {
         skin::read(reader, &skin)?;
@@ -296,7 +325,8 @@ fn read_mesh(
     let weights = morph::weights(node, mesh)?;
     meshes.shown.insert(index.size()?);
     if let Some(skin) = node.get("skin")? {
-        // The skin places the mesh in the world; where the node is does not count (glTF 2.0, section 3.7.3.3).
+        // The skin places the mesh in the world; where the node is does not count (glTF 2.0,
+        // section 3.7.3.3).
         let skin = skin::read(reader, &reader.root.entry("skins", &skin)?)?;
         let matrices = skin::joint_matrices(&skin, hierarchy);
         let mut parent = reader.scene.root;
@@ -327,7 +357,9 @@ fn read_mesh(
         None => reader.scene.nodes[id.index()].children.push(shared),
         Some(instances) => {
             for transform in instances {
-                reader.scene.add_child(id, Node { transform, children: vec![shared], ..Node::default() });
+                reader
+                    .scene
+                    .add_child(id, Node { transform, children: vec![shared], ..Node::default() });
             }
         }
     }
@@ -335,7 +367,11 @@ fn read_mesh(
 }
 
 /// The surfaces of a mesh that nothing bends after it is read.
-fn still_surfaces(reader: &mut Reader, mesh: &Json, weights: &[f64]) -> Result<Vec<Surface>, ReadError> {
+fn still_surfaces(
+    reader: &mut Reader,
+    mesh: &Json,
+    weights: &[f64],
+) -> Result<Vec<Surface>, ReadError> {
     let mut surfaces = Vec::new();
     for mut primitive in mesh::read_primitives(reader, mesh, weights, false)? {
         if !primitive.targets.is_empty() {
@@ -347,7 +383,8 @@ fn still_surfaces(reader: &mut Reader, mesh: &Json, weights: &[f64]) -> Result<V
     Ok(surfaces)
 }
 
-/// Gives a node the surfaces of a mesh, as its weights and skin (with its matrices) bend it now, and notes them for later.
+/// Gives a node the surfaces of a mesh, as its weights and skin (with its matrices) bend it now,
+/// and notes them for later.
 fn bent_mesh(
     reader: &mut Reader,
     mesh: &Json,
@@ -367,11 +404,19 @@ fn bent_mesh(
             node: shown,
             surface: reader.scene.nodes[shown.index()].surfaces.len(),
             rest: Arc::new(rest),
-            morph: (!targets.is_empty()).then_some(Morph { targets, weights: weights.clone(), joint }),
-            skin: (!influences.is_empty() && !matrices.is_empty()).then(|| (skin.clone(), influences)),
+            morph: (!targets.is_empty()).then_some(Morph {
+                targets,
+                weights: weights.clone(),
+                joint,
+            }),
+            skin: (!influences.is_empty() && !matrices.is_empty())
+                .then(|| (skin.clone(), influences)),
         };
         let now = deformed.mesh(&weights, &matrices).map_err(|joint| {
-            mesh.error(format!("a vertex is moved by joint {joint}, but its skin has {} joints", matrices.len()))
+            mesh.error(format!(
+                "a vertex is moved by joint {joint}, but its skin has {} joints",
+                matrices.len()
+            ))
         })?;
         let surface = surface(reader, now, material);
         reader.scene.nodes[shown.index()].surfaces.push(surface);

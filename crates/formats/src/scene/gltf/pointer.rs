@@ -1,8 +1,10 @@
 //! `KHR_animation_pointer`: animations of whatever a JSON pointer names.
 //!
-//! What becomes of a number of the file may be anything: an angle of view becomes a tangent, a strength a factor of a colour. So the
-//! object that has it (a material, a light, a camera, the placement of a texture) is read again with the numbers of each key, and where
-//! what was read changes from key to key, there is a track of the scene's motion. Between keys that are not steps there are some more.
+//! What becomes of a number of the file may be anything: an angle of view becomes a tangent, a
+//! strength a factor of a colour. So the object that has it (a material, a light, a camera, the
+//! placement of a texture) is read again with the numbers of each key, and where what was read
+//! changes from key to key, there is a track of the scene's motion. Between keys that are not steps
+//! there are some more.
 
 use super::animation::{Placed, curve};
 use super::json::Json;
@@ -54,13 +56,19 @@ fn warn(reader: &mut Reader, channel: &str, problem: &str) {
 }
 
 /// The property of a channel; `None` if the channel is of another kind.
-fn read(reader: &Reader, clip: usize, animation: &Json, channel: &Json) -> Result<Option<Pointer>, ReadError> {
+fn read(
+    reader: &Reader,
+    clip: usize,
+    animation: &Json,
+    channel: &Json,
+) -> Result<Option<Pointer>, ReadError> {
     let target = channel.require("target")?;
     if target.get("path")?.is_none_or(|path| path.string() != Ok("pointer")) {
         return Ok(None);
     }
     let Some(extension) = target.extension("KHR_animation_pointer")? else {
-        return Err(target.error("the path is \"pointer\", but there is no extension KHR_animation_pointer"));
+        return Err(target
+            .error("the path is \"pointer\", but there is no extension KHR_animation_pointer"));
     };
     let path = extension.require("pointer")?.string()?.to_owned();
     if path.split('/').count() > MOST_STEPS {
@@ -71,13 +79,20 @@ fn read(reader: &Reader, clip: usize, animation: &Json, channel: &Json) -> Resul
 }
 
 /// Tracks of the pointers that are not about nodes, each with the number of its animation.
-pub(super) fn tracks(reader: &mut Reader, placed: &Placed) -> Result<Vec<(usize, ParameterTrack)>, ReadError> {
+pub(super) fn tracks(
+    reader: &mut Reader,
+    placed: &Placed,
+) -> Result<Vec<(usize, ParameterTrack)>, ReadError> {
     // Properties of one object in one animation, which are read together.
     let mut groups: BTreeMap<(usize, String), Vec<Pointer>> = BTreeMap::new();
     for pointer in reader.pointers.clone() {
         match object(&pointer.path) {
             Some(object) => groups.entry((pointer.clip, object)).or_default().push(pointer),
-            None => warn(reader, &pointer.channel, &format!("\"{}\" is nothing that can be animated", pointer.path)),
+            None => warn(
+                reader,
+                &pointer.channel,
+                &format!("\"{}\" is nothing that can be animated", pointer.path),
+            ),
         }
     }
     // Reading again repeats what was said already.
@@ -99,7 +114,9 @@ const TEXTURE_TRANSFORM: &str = "/extensions/KHR_texture_transform/";
 
 /// The object that is read again if a property changes; `None` if it has no such object.
 fn object(path: &str) -> Option<String> {
-    if let Some((info, _)) = path.split_once(TEXTURE_TRANSFORM).filter(|_| path.starts_with("/materials/")) {
+    if let Some((info, _)) =
+        path.split_once(TEXTURE_TRANSFORM).filter(|_| path.starts_with("/materials/"))
+    {
         return Some(info.to_owned());
     }
     let steps = match path.split('/').nth(1)? {
@@ -128,22 +145,27 @@ fn tracks_of(
         })?;
         return Ok(baked.tracks(Owner::Texture(id.index()), |_| "uv_transform".into()));
     }
-    let Some(number): Option<usize> = number else { return Err(json.error("this is nothing that can be animated")) };
+    let Some(number): Option<usize> = number else {
+        return Err(json.error("this is nothing that can be animated"));
+    };
     let mut tracks = Vec::new();
     if object.starts_with("/materials/") {
-        let baked = Baked::new(object, &json, pointers, |json| Ok(value(&material::read(reader, json)?)))?;
+        let baked =
+            Baked::new(object, &json, pointers, |json| Ok(value(&material::read(reader, json)?)))?;
         return Ok(baked.tracks(Owner::Material(number), str::to_owned));
     }
     if object.starts_with("/cameras/") {
         for (shown, _) in placed.cameras.iter().filter(|(_, camera)| *camera == number) {
-            let baked = Baked::new(object, &json, pointers, |json| Ok(value(&camera::projection(json)?)))?;
+            let baked =
+                Baked::new(object, &json, pointers, |json| Ok(value(&camera::projection(json)?)))?;
             tracks.extend(baked.tracks(Owner::Camera(*shown), |path| format!("projection.{path}")));
         }
         return Ok(tracks);
     }
     for &(shown, _, world) in placed.lights.iter().filter(|(_, light, _)| *light == number) {
         let baked = Baked::new(object, &json, pointers, |json| {
-            Ok(light::light(reader, json, &world, placed.light_scale)?.map_or(Value::Null, |light| value(&light)))
+            Ok(light::light(reader, json, &world, placed.light_scale)?
+                .map_or(Value::Null, |light| value(&light)))
         })?;
         tracks.extend(baked.tracks(Owner::Light(shown), str::to_owned));
     }
@@ -169,12 +191,20 @@ impl Baked {
         mut read: impl FnMut(&Json) -> Result<Value, ReadError>,
     ) -> Result<Self, ReadError> {
         let is_stepped = |p: &Pointer| p.curve.interpolation() == Interpolation::Step;
-        let interpolation = if pointers.iter().all(is_stepped) { Interpolation::Step } else { Interpolation::Linear };
+        let interpolation = if pointers.iter().all(is_stepped) {
+            Interpolation::Step
+        } else {
+            Interpolation::Linear
+        };
         let times = times(pointers, interpolation);
         let at = |time: f64| {
             let mut patched = json.value().clone();
             for pointer in pointers {
-                put(&mut patched, pointer.below(object).unwrap_or_default(), &pointer.curve.at(time));
+                put(
+                    &mut patched,
+                    pointer.below(object).unwrap_or_default(),
+                    &pointer.curve.at(time),
+                );
             }
             read(&json.with_value(&patched))
         };
@@ -189,13 +219,16 @@ impl Baked {
         let track = |leaf: String| {
             let mut values = Vec::new();
             for read in &self.read {
-                values.push(numbers(leaf.split('.').filter(|s| !s.is_empty()).try_fold(read, descend)?)?);
+                values.push(numbers(
+                    leaf.split('.').filter(|s| !s.is_empty()).try_fold(read, descend)?,
+                )?);
             }
             let width = values[0].len();
             if values.iter().all(|v| *v == values[0]) || values.iter().any(|v| v.len() != width) {
                 return None;
             }
-            let curve = Curve::new(self.times.clone(), values.concat(), width, self.interpolation).ok()?;
+            let curve =
+                Curve::new(self.times.clone(), values.concat(), width, self.interpolation).ok()?;
             Some(ParameterTrack { owner, path: path(&leaf), curve })
         };
         leaves.into_iter().filter_map(track).collect()
@@ -218,12 +251,12 @@ fn times(pointers: &[Pointer], interpolation: Interpolation) -> Vec<f64> {
         times.extend(curve.times());
         match (curve.interpolation(), interpolation) {
             (Interpolation::Step, Interpolation::Step) => {}
-            (Interpolation::Step, _) => times.extend(curve.times().iter().skip(1).map(|time| time - STEP)),
-            _ => {
-                times.extend(curve.times().windows(2).flat_map(|pair| {
-                    (1..parts).map(|i| pair[0] + (pair[1] - pair[0]) * f64::from(i) / f64::from(parts))
-                }))
+            (Interpolation::Step, _) => {
+                times.extend(curve.times().iter().skip(1).map(|time| time - STEP))
             }
+            _ => times.extend(curve.times().windows(2).flat_map(|pair| {
+                (1..parts).map(|i| pair[0] + (pair[1] - pair[0]) * f64::from(i) / f64::from(parts))
+            })),
         }
     }
     times.sort_unstable_by(f64::total_cmp);
@@ -237,7 +270,10 @@ fn put(value: &mut Value, path: &str, numbers: &[f64]) {
     let mut place = value;
     for step in path.split('/') {
         let step = step.replace("~1", "/").replace("~0", "~");
-        let item = step.parse::<usize>().ok().filter(|i| place.as_array().is_some_and(|items| *i < items.len()));
+        let item = step
+            .parse::<usize>()
+            .ok()
+            .filter(|i| place.as_array().is_some_and(|items| *i < items.len()));
         if let Some(item) = item {
             place = &mut place[item];
             continue;
@@ -281,7 +317,10 @@ fn collect_leaves(value: &Value, path: String, leaves: &mut Vec<String>) {
             .filter(|(key, _)| *key != "texture")
             .for_each(|(key, value)| collect_leaves(value, below(key), leaves)),
         Value::Array(items) => {
-            items.iter().enumerate().for_each(|(i, item)| collect_leaves(item, below(&i.to_string()), leaves));
+            items
+                .iter()
+                .enumerate()
+                .for_each(|(i, item)| collect_leaves(item, below(&i.to_string()), leaves));
         }
         _ => {}
     }

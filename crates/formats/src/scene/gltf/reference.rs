@@ -1,10 +1,12 @@
-//! Checks that references point into their tables, everywhere that the picture may depend on, so that no later stage meets one that
-//! does not (and so that a broken file is refused whichever scene is shown).
+//! Checks that references point into their tables, everywhere that the picture may depend on, so
+//! that no later stage meets one that does not (and so that a broken file is refused whichever
+//! scene is shown).
 
 use super::json::Json;
 use crate::ReadError;
 
-/// Places of references, and the table that they point into. `*` stands for every element or property.
+/// Places of references, and the table that they point into. `*` stands for every element or
+/// property.
 const REFERENCES: &[(&str, &str)] = &[
     ("scenes/*/nodes/*", "nodes"),
     ("nodes/*/children/*", "nodes"),
@@ -53,11 +55,15 @@ fn check_at(at: &Json, steps: &[&str], table: &str, count: usize) -> Result<(), 
         [] => {
             let index = at.size()?;
             if index >= count {
-                return Err(at.error(format!("it refers to number {index} of \"{table}\", but there are {count}")));
+                return Err(at.error(format!(
+                    "it refers to number {index} of \"{table}\", but there are {count}"
+                )));
             }
             Ok(())
         }
-        ["*", rest @ ..] if at.is_object() => at.properties()?.try_for_each(|(_, v)| check_at(&v, rest, table, count)),
+        ["*", rest @ ..] if at.is_object() => {
+            at.properties()?.try_for_each(|(_, v)| check_at(&v, rest, table, count))
+        }
         ["*", rest @ ..] => at.items()?.try_for_each(|v| check_at(&v, rest, table, count)),
         [key, rest @ ..] => match at.get(key)? {
             Some(value) => check_at(&value, rest, table, count),

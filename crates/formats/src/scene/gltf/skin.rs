@@ -8,15 +8,21 @@ use crate::ReadError;
 use snell_math::{DAffine3, DMat3, DVec3};
 use snell_scene::motion::{InfluenceSet, Skin};
 
-/// Which joints move the vertices of a primitive, and how much: `JOINTS_n` and `WEIGHTS_n`. None if it cannot be skinned.
-pub(super) fn influences(reader: &Reader, attributes: &Json, vertices: usize) -> Result<Vec<InfluenceSet>, ReadError> {
+/// Which joints move the vertices of a primitive, and how much: `JOINTS_n` and `WEIGHTS_n`. None if
+/// it cannot be skinned.
+pub(super) fn influences(
+    reader: &Reader,
+    attributes: &Json,
+    vertices: usize,
+) -> Result<Vec<InfluenceSet>, ReadError> {
     let mut sets = Vec::new();
     for set in 0.. {
         let joints = attribute(reader, attributes, &format!("JOINTS_{set}"), vertices)?;
         let weights = attribute(reader, attributes, &format!("WEIGHTS_{set}"), vertices)?;
         let (Some(joints), Some(weights)) = (joints, weights) else { break };
         let joints: Vec<[f32; 4]> = joints.vectors()?;
-        let joints = joints.into_iter().map(|of_vertex| of_vertex.map(|joint| joint as u16)).collect();
+        let joints =
+            joints.into_iter().map(|of_vertex| of_vertex.map(|joint| joint as u16)).collect();
         sets.push(InfluenceSet { joints, weights: weights.into_fractions().vectors()? });
     }
     Ok(sets)
@@ -41,8 +47,12 @@ pub(super) fn read(reader: &Reader, skin: &Json) -> Result<Skin, ReadError> {
         )));
     }
     let matrix = |m: [f32; 16]| {
-        let column = |c: usize| DVec3::new(f64::from(m[c]), f64::from(m[c + 1]), f64::from(m[c + 2]));
-        DAffine3 { matrix3: DMat3::from_cols(column(0), column(4), column(8)), translation: column(12) }
+        let column =
+            |c: usize| DVec3::new(f64::from(m[c]), f64::from(m[c + 1]), f64::from(m[c + 2]));
+        DAffine3 {
+            matrix3: DMat3::from_cols(column(0), column(4), column(8)),
+            translation: column(12),
+        }
     };
     let inverse_bind = matrices.into_iter().take(joints.len()).map(matrix).collect();
     Ok(Skin { joints, inverse_bind })

@@ -13,7 +13,8 @@ use snell_intersect::TriangleMesh;
 use snell_scene::{Geometry, Scene};
 use std::path::{Path, PathBuf};
 
-/// A folder of the shared collection; `None`, with a line that says so, where there is no collection.
+/// A folder of the shared collection; `None`, with a line that says so, where there is no
+/// collection.
 fn data(folder: &str) -> Option<PathBuf> {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")).join(folder);
     if !path.exists() {
@@ -66,10 +67,18 @@ fn assert_sound(scene: &Scene, file: &Path) {
     assert!(scene.topological_order().is_ok(), "{}", file.display());
     for mesh in meshes(scene) {
         assert_eq!(mesh.validate(), Ok(()), "{}", file.display());
-        assert!(mesh.normals.iter().all(|n| n.is_finite() && n.length() > 0.0), "{}", file.display());
+        assert!(
+            mesh.normals.iter().all(|n| n.is_finite() && n.length() > 0.0),
+            "{}",
+            file.display()
+        );
     }
     for texture in &scene.textures {
-        assert!(texture.as_image().expect("an image").image.index() < scene.images.len(), "{}", file.display());
+        assert!(
+            texture.as_image().expect("an image").image.index() < scene.images.len(),
+            "{}",
+            file.display()
+        );
     }
 }
 
@@ -84,7 +93,10 @@ fn every_file_of_the_collection_loads_unless_it_requires_what_is_not_supported()
             Err(error) if is_unsupported => {
                 let names = ["KHR_draco_mesh_compression", "KHR_techniques_webgl"];
                 assert!(names.iter().any(|name| error.problem.contains(name)), "{error}");
-                assert!(error.remedy.contains("in.glb out.glb") || error.remedy.contains("for example"), "{error}");
+                assert!(
+                    error.remedy.contains("in.glb out.glb") || error.remedy.contains("for example"),
+                    "{error}"
+                );
             }
             Err(error) => panic!("{error}"),
         }
@@ -110,9 +122,11 @@ const SERIOUS: &[&str] = &[
     "UNRESOLVED_REFERENCE",
 ];
 
-/// Codes and pointers of the errors (severity 0), or of the errors and warnings (1), that the validator reports about a file.
+/// Codes and pointers of the errors (severity 0), or of the errors and warnings (1), that the
+/// validator reports about a file.
 fn reported(file: &Path, severity: u64) -> Vec<(String, String)> {
-    let report = std::fs::read(format!("{}.report.json", file.display())).expect("each file has its report");
+    let report =
+        std::fs::read(format!("{}.report.json", file.display())).expect("each file has its report");
     let report: Value = serde_json::from_slice(&report).expect("reports are JSON");
     let messages = report["issues"]["messages"].as_array().cloned().unwrap_or_default();
     let errors = messages.iter().filter(|m| m["severity"].as_u64().is_some_and(|s| s <= severity));
@@ -131,7 +145,11 @@ fn what_the_validator_finds_serious_is_refused_and_valid_files_load() {
         match open(&file) {
             Ok(scene) => {
                 assert_sound(&scene, &file);
-                assert!(!errors.iter().any(is_serious), "{} should be refused: {errors:?}", file.display());
+                assert!(
+                    !errors.iter().any(is_serious),
+                    "{} should be refused: {errors:?}",
+                    file.display()
+                );
             }
             // A file may rightly say that it needs a newer reader.
             Err(error) if error.problem.contains("needs a reader") => {}
@@ -158,9 +176,17 @@ fn contents_are_recognised_without_an_extension() {
     let recognises = super::READER.recognises;
     assert!(recognises(b"glTF\x02\0\0\0"));
     assert!(recognises(b"\xef\xbb\xbf {\"nodes\": [], \"asset\" : {\"version\": \"2.0\"}}"));
-    let long = format!("{{\"nodes\": [{}], \"asset\": {{\"version\": \"2.0\"}}}}", " ".repeat(100_000));
+    let long =
+        format!("{{\"nodes\": [{}], \"asset\": {{\"version\": \"2.0\"}}}}", " ".repeat(100_000));
     assert!(recognises(long.as_bytes()));
-    for other in [&b""[..], b"{", b"{\"assets\": 1}", b"{\"asset\": \"version\"", b"ply\nformat", b"[\"asset\"]"] {
+    for other in [
+        &b""[..],
+        b"{",
+        b"{\"assets\": 1}",
+        b"{\"asset\": \"version\"",
+        b"ply\nformat",
+        b"[\"asset\"]",
+    ] {
         assert!(!recognises(other) || other.starts_with(b"{\"asset\":"), "{other:?}");
     }
 }

@@ -17,11 +17,13 @@ use std::sync::Arc;
 pub(super) enum Use {
     /// Colours, encoded as sRGB. A missing image shows as a checker.
     Color,
-    /// Numbers, linear. A missing image is left out: a checker would be noise in places where it does not tell anything.
+    /// Numbers, linear. A missing image is left out: a checker would be noise in places where it
+    /// does not tell anything.
     Data,
 }
 
-/// What identifies a texture of the scene: number in the file, use, coordinate set, bits of the coordinates' map.
+/// What identifies a texture of the scene: number in the file, use, coordinate set, bits of the
+/// coordinates' map.
 type Key = (usize, Use, u32, [u32; 6]);
 
 /// Images of the file, and what of them is in the scene already.
@@ -48,7 +50,8 @@ fn source(texture: &Json) -> Result<Option<usize>, ReadError> {
     }
 }
 
-/// Decodes the images that textures name, in parallel. What cannot be decoded is noted, not refused.
+/// Decodes the images that textures name, in parallel. What cannot be decoded is noted, not
+/// refused.
 pub(super) fn decode_images(reader: &Reader) -> Result<Textures, ReadError> {
     let images = reader.root.items_of("images")?;
     let mut used = vec![false; images.len()];
@@ -70,11 +73,15 @@ pub(super) fn decode_images(reader: &Reader) -> Result<Textures, ReadError> {
     }
     if sources.len() > reader.input.options.limits.files {
         let limit = reader.input.options.limits.files;
-        return Err(reader.root.error_with(format!("the file has more than {limit} images"), "split the scene"));
+        return Err(reader
+            .root
+            .error_with(format!("the file has more than {limit} images"), "split the scene"));
     }
     let decoded: Vec<Result<Arc<Image>, String>> = sources
         .into_par_iter()
-        .map(|source| source.and_then(|s| s.decode(reader.input)).map(Arc::new).map_err(|e| e.to_string()))
+        .map(|source| {
+            source.and_then(|s| s.decode(reader.input)).map(Arc::new).map_err(|e| e.to_string())
+        })
         .collect();
     let decoded = source_of.into_iter().map(|number| number.map(|n| decoded[n].clone())).collect();
     Ok(Textures { decoded, ..Textures::default() })
@@ -99,17 +106,25 @@ impl<'s, 'a> Source<'s, 'a> {
     fn of(reader: &'s Reader<'a>, image: &Json<'a>) -> Result<Self, ReadError> {
         match (image.get("uri")?, image.get("bufferView")?) {
             (Some(uri), _) => Ok(Self::Uri(uri)),
-            (None, Some(view)) => Ok(Self::Bytes(image.clone(), reader.accessors.buffers().view_bytes(&view)?)),
+            (None, Some(view)) => {
+                Ok(Self::Bytes(image.clone(), reader.accessors.buffers().view_bytes(&view)?))
+            }
             (None, None) => Err(image.error("the image has neither \"uri\" nor \"bufferView\"")),
         }
     }
 
     fn decode(self, input: &Input) -> Result<Image, ReadError> {
         let (name, bytes) = match self {
-            Self::Bytes(image, bytes) => (format!("{}: image at {}", input.name, image.path()), bytes.to_vec()),
+            Self::Bytes(image, bytes) => {
+                (format!("{}: image at {}", input.name, image.path()), bytes.to_vec())
+            }
             Self::Uri(uri) => {
                 let text = uri.string()?;
-                let shown = if text.starts_with("data:") { format!("image at {}", uri.path()) } else { text.into() };
+                let shown = if text.starts_with("data:") {
+                    format!("image at {}", uri.path())
+                } else {
+                    text.into()
+                };
                 (shown, fetch_uri(input, &uri)?)
             }
         };
@@ -117,22 +132,43 @@ impl<'s, 'a> Source<'s, 'a> {
     }
 }
 
-/// The texture that a `textureInfo` object names, put into the scene. `None` if its image is missing and it is no colour.
-pub(super) fn read(reader: &mut Reader, info: &Json, used_for: Use) -> Result<Option<TextureId>, ReadError> {
+/// The texture that a `textureInfo` object names, put into the scene. `None` if its image is
+/// missing and it is no colour.
+pub(super) fn read(
+    reader: &mut Reader,
+    info: &Json,
+    used_for: Use,
+) -> Result<Option<TextureId>, ReadError> {
     let index = info.require("index")?;
     let texture = &reader.root.entry("textures", &index)?;
     let (uv_set, uv_transform) = placement(reader, info)?;
-    let key = (index.size()?, used_for, uv_set, uv_transform.as_flattened().try_into().map_or([0; 6], bits));
+    let key = (
+        index.size()?,
+        used_for,
+        uv_set,
+        uv_transform.as_flattened().try_into().map_or([0; 6], bits),
+    );
     let transform = format!("{}/extensions/KHR_texture_transform", info.path());
     let is_moving = reader.pointers.iter().any(|pointer| pointer.below(&transform).is_some());
-    let known = if is_moving { reader.moving_textures.get(info.path()) } else { reader.textures.known.get(&key) };
+    let known = if is_moving {
+        reader.moving_textures.get(info.path())
+    } else {
+        reader.textures.known.get(&key)
+    };
     if let Some(&id) = known {
         return Ok(Some(id));
     }
     let Some(image) = image(reader, texture, used_for)? else { return Ok(None) };
     let (wrap, filtering) = sampler(reader, texture)?;
     let encoding = if used_for == Use::Color { Encoding::Srgb } else { Encoding::Linear };
-    let id = reader.scene.add_texture(ImageTexture { image, encoding, wrap, filtering, uv_set, uv_transform });
+    let id = reader.scene.add_texture(ImageTexture {
+        image,
+        encoding,
+        wrap,
+        filtering,
+        uv_set,
+        uv_transform,
+    });
     if is_moving {
         reader.moving_textures.insert(info.path().to_owned(), id);
     } else {
@@ -162,7 +198,10 @@ fn image(reader: &mut Reader, texture: &Json, used_for: Use) -> Result<Option<Im
         _ => format!("the texture at {} names no image", texture.path()),
     };
     if used_for == Use::Data {
-        reader.scene.warn_of(WarningKind::Missing, format!("{problem}; the surface is shown without this map"));
+        reader.scene.warn_of(
+            WarningKind::Missing,
+            format!("{problem}; the surface is shown without this map"),
+        );
         return Ok(None);
     }
     reader.scene.warn_of(WarningKind::Missing, format!("{problem}; {REPLACED_BY_CHECKER}"));
@@ -176,7 +215,9 @@ fn image(reader: &mut Reader, texture: &Json, used_for: Use) -> Result<Option<Im
 
 /// Wrap modes and filtering of a texture.
 fn sampler(reader: &mut Reader, texture: &Json) -> Result<([Wrap; 2], Filtering), ReadError> {
-    let Some(index) = texture.get("sampler")? else { return Ok(([Wrap::Repeat; 2], Filtering::Trilinear)) };
+    let Some(index) = texture.get("sampler")? else {
+        return Ok(([Wrap::Repeat; 2], Filtering::Trilinear));
+    };
     let sampler = reader.root.entry("samplers", &index)?;
     let mut wrap = [Wrap::Repeat; 2];
     for (wrap, key) in wrap.iter_mut().zip(["wrapS", "wrapT"]) {
@@ -196,7 +237,10 @@ fn sampler(reader: &mut Reader, texture: &Json) -> Result<([Wrap; 2], Filtering)
 }
 
 /// Coordinate set and map of the coordinates (`KHR_texture_transform`).
-pub(super) fn placement(reader: &mut Reader, info: &Json) -> Result<(u32, [[f32; 3]; 2]), ReadError> {
+pub(super) fn placement(
+    reader: &mut Reader,
+    info: &Json,
+) -> Result<(u32, [[f32; 3]; 2]), ReadError> {
     let mut set = info.size_or("texCoord", 0)?;
     let mut map = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     if let Some(transform) = info.extension("KHR_texture_transform")? {
@@ -204,15 +248,19 @@ pub(super) fn placement(reader: &mut Reader, info: &Json) -> Result<(u32, [[f32;
         let [tx, ty] = transform.numbers_or("offset", [0.0; 2])?;
         let [sx, sy] = transform.numbers_or("scale", [1.0; 2])?;
         let (sin, cos) = transform.number_or("rotation", 0.0)?.sin_cos();
-        // Coordinates are scaled, turned counter-clockwise as seen with v downwards, then moved. (The formula in the extension's
-        // text turns the other way; its test model and the viewers agree on this one.)
-        map = [[cos * sx, sin * sy, tx], [-sin * sx, cos * sy, ty]].map(|row| row.map(|x| x as f32));
+        // Coordinates are scaled, turned counter-clockwise as seen with v downwards, then moved.
+        // (The formula in the extension's text turns the other way; its test model and the viewers
+        // agree on this one.)
+        map =
+            [[cos * sx, sin * sy, tx], [-sin * sx, cos * sy, ty]].map(|row| row.map(|x| x as f32));
         if map.as_flattened().iter().any(|x| !x.is_finite()) {
             return Err(transform.error("the transform is too large to be computed"));
         }
     }
     if set > 1 {
-        reader.scene.warn(format!("texture coordinate set {set} is not supported; set 0 is used instead"));
+        reader
+            .scene
+            .warn(format!("texture coordinate set {set} is not supported; set 0 is used instead"));
         set = 0;
     }
     Ok((set as u32, map))

@@ -27,14 +27,16 @@ impl Topology {
         }
     }
 
-    /// Separate triangles, turned as glTF 2.0 says (section 3.7.2.1). Triangles that use a vertex twice, as strips do to jump, are
-    /// left out; so are one or two vertices too many at the end.
+    /// Separate triangles, turned as glTF 2.0 says (section 3.7.2.1). Triangles that use a vertex
+    /// twice, as strips do to jump, are left out; so are one or two vertices too many at the end.
     pub fn triangles(self, indices: &[u32]) -> Vec<[u32; 3]> {
         let proper = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
         match self {
             Self::Triangles => indices.as_chunks::<3>().0.to_vec(),
             Self::Strip => {
-                let turned = |(i, w): (usize, &[u32])| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] };
+                let turned = |(i, w): (usize, &[u32])| {
+                    if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] }
+                };
                 indices.windows(3).enumerate().map(turned).filter(proper).collect()
             }
             Self::Fan => {

@@ -16,12 +16,13 @@ use snell_math::spectrum::Metal;
 use snell_scene::Material;
 use snell_scene::bsdf::MicrofacetShape;
 use snell_scene::material::{
-    CoatedConductor, CoatedDiffuse, ColorParam, ConductorSpectrum, Dielectric, Diffuse, Hair, MaterialKind,
-    MetallicRoughness, Mirror, OpenPbr, Phong, Plastic, ScalarParam,
+    CoatedConductor, CoatedDiffuse, ColorParam, ConductorSpectrum, Dielectric, Diffuse, Hair,
+    MaterialKind, MetallicRoughness, Mirror, OpenPbr, Phong, Plastic, ScalarParam,
 };
 use std::rc::Rc;
 
-/// The materials of one surface. Several lie on each other: where one is absent by its opacity, the next one is met.
+/// The materials of one surface. Several lie on each other: where one is absent by its opacity, the
+/// next one is met.
 #[derive(Clone, Debug, Default)]
 pub struct Look {
     /// Opaque but for the opacities of all but the last; none for no surface at all.
@@ -82,7 +83,8 @@ impl Builder<'_> {
             "difftrans" => self.difftrans(object)?,
             "hair" => self.hair(object)?,
             "coating" | "roughcoating" => return self.coating(object),
-            "null" | "mask" | "twosided" | "blendbsdf" | "mixturebsdf" | "bumpmap" | "bump" | "normalmap" => {
+            "null" | "mask" | "twosided" | "blendbsdf" | "mixturebsdf" | "bumpmap" | "bump"
+            | "normalmap" => {
                 return self.adapter(object);
             }
             _ => {
@@ -97,7 +99,8 @@ impl Builder<'_> {
     }
 
     fn diffuse(&mut self, object: &Object) -> Result<Material, Fault> {
-        let name = if object.has("diffuse_reflectance") { "diffuse_reflectance" } else { "reflectance" };
+        let name =
+            if object.has("diffuse_reflectance") { "diffuse_reflectance" } else { "reflectance" };
         let reflectance = self.color(object, name, GRAY)?;
         if object.kind != "roughdiffuse" {
             return Ok(Material::new("", Diffuse { reflectance }));
@@ -130,7 +133,10 @@ impl Builder<'_> {
             if (1e-3..1e3).contains(&found) {
                 return Ok(found);
             }
-            Err(property.fault(format!("an index of refraction of {found}"), "give a number from 0.001 to 1000"))
+            Err(property.fault(
+                format!("an index of refraction of {found}"),
+                "give a number from 0.001 to 1000",
+            ))
         };
         Ok((index("int_ior", default)? / index("ext_ior", AIR)?) as f32)
     }
@@ -140,7 +146,9 @@ impl Builder<'_> {
         if !object.kind.starts_with("rough") {
             return Ok(MicrofacetShape::Ggx);
         }
-        let Some((distribution, at)) = object.string("distribution")? else { return Ok(MicrofacetShape::Beckmann) };
+        let Some((distribution, at)) = object.string("distribution")? else {
+            return Ok(MicrofacetShape::Beckmann);
+        };
         match distribution {
             "ggx" => return Ok(MicrofacetShape::Ggx),
             "beckmann" => {}
@@ -149,12 +157,16 @@ impl Builder<'_> {
                 let owner = object.owner();
                 self.note("distribution", at, || {
                     format!(
-                        "{owner}: microfacets by Phong; Beckmann's of the same width were used, which are much alike"
+                        "{owner}: microfacets by Phong; Beckmann's of the same width were used, \
+                            which are much alike"
                     )
                 });
             }
             other => {
-                let problem = format!("\"{}\" is not a distribution of microfacets", super::value::shortened(other));
+                let problem = format!(
+                    "\"{}\" is not a distribution of microfacets",
+                    super::value::shortened(other)
+                );
                 return Err(Fault::new(at, problem, "use ggx or beckmann"));
             }
         }
@@ -192,7 +204,9 @@ impl Builder<'_> {
         if !(0.0..=1.0).contains(&width) {
             let (owner, used) = (object.owner(), if width > 1.0 { 1 } else { 0 });
             self.note(format!("{owner} {name}"), property.at, || {
-                format!("{owner}: \"{name}\" of {width:?} is outside of 0 to 1; {used} was used instead")
+                format!(
+                    "{owner}: \"{name}\" of {width:?} is outside of 0 to 1; {used} was used instead"
+                )
             });
         }
     }
@@ -214,14 +228,22 @@ impl Builder<'_> {
         let (roughness, microfacets) = (self.even_roughness(object)?, self.microfacets(object)?);
         let tint = self.color(object, "specular_transmittance", 1.0)?;
         self.expect_white(object, "specular_reflectance")?;
-        Ok(Material::new("", Dielectric { roughness, microfacets, tint, ..Dielectric::smooth(ior) }))
+        Ok(Material::new(
+            "",
+            Dielectric { roughness, microfacets, tint, ..Dielectric::smooth(ior) },
+        ))
     }
 
     fn thin_dielectric(&mut self, object: &Object) -> Result<Material, Fault> {
         let ior = self.relative_index(object, GLASS)?;
         let base_color = self.color(object, "specular_transmittance", 1.0)?;
         self.expect_white(object, "specular_reflectance")?;
-        let kind = MetallicRoughness { ior, base_color, transmission: 1.0.into(), ..MetallicRoughness::default() };
+        let kind = MetallicRoughness {
+            ior,
+            base_color,
+            transmission: 1.0.into(),
+            ..MetallicRoughness::default()
+        };
         Ok(Material::new("", kind))
     }
 
@@ -243,8 +265,12 @@ impl Builder<'_> {
         let tint = self.color(object, "specular_reflectance", 1.0)?;
         let Some(spectrum) = self.metal(object)? else {
             return Ok(match roughness {
-                Roughness::Even(r) if r == 0.0.into() => Material::new("", Mirror { reflectance: tint }),
-                _ => metal(ConductorSpectrum::Color(Rgb::WHITE.into()), tint, roughness, microfacets),
+                Roughness::Even(r) if r == 0.0.into() => {
+                    Material::new("", Mirror { reflectance: tint })
+                }
+                _ => {
+                    metal(ConductorSpectrum::Color(Rgb::WHITE.into()), tint, roughness, microfacets)
+                }
             });
         };
         Ok(metal(spectrum, tint, roughness, microfacets))
@@ -255,8 +281,9 @@ impl Builder<'_> {
         let over = 1.0 / self.outside_index(object)?;
         if object.has("eta") || object.has("k") {
             object.get("material");
-            let mut part =
-                |name: &str| -> Result<Rgb, Fault> { Ok(self.constant(object, name)?.unwrap_or(Rgb::BLACK) * over) };
+            let mut part = |name: &str| -> Result<Rgb, Fault> {
+                Ok(self.constant(object, name)?.unwrap_or(Rgb::BLACK) * over)
+            };
             return Ok(Some(ConductorSpectrum::Measured { eta: part("eta")?, k: part("k")? }));
         }
         let default = if self.version.starts_with("0.") { "Cu" } else { "none" };
@@ -288,7 +315,10 @@ impl Builder<'_> {
         let diffuse = self.color(object, "diffuse_reflectance", GRAY)?;
         if object.bool_or("nonlinear", false)? {
             self.expect_white(object, "specular_reflectance")?;
-            return Ok(Material::new("", CoatedDiffuse { reflectance: diffuse, ior, roughness, microfacets }));
+            return Ok(Material::new(
+                "",
+                CoatedDiffuse { reflectance: diffuse, ior, roughness, microfacets },
+            ));
         }
         let specular = self.color(object, "specular_reflectance", 1.0)?;
         Ok(Material::new("", Plastic { diffuse, specular, ior, roughness, microfacets }))
@@ -316,7 +346,9 @@ impl Builder<'_> {
             let sigma_a = self.color(object, "sigma_a", 0.0)?;
             kind.sigma_a = ColorParam { factor: sigma_a.factor * scale, ..sigma_a };
             if object.has("eumelanin") || object.has("pheomelanin") {
-                return Err(object.fault("both sigma_a and pigments are given", "take one of them out"));
+                return Err(
+                    object.fault("both sigma_a and pigments are given", "take one of them out")
+                );
             }
         } else {
             object.get("scale");
@@ -345,14 +377,18 @@ impl Builder<'_> {
         let mut look = self.inner_bsdf(object)?;
         for layer in &mut look.layers {
             let kind: Option<MaterialKind> = match &layer.kind {
-                MaterialKind::Diffuse(body) => {
-                    Some(CoatedDiffuse { reflectance: body.reflectance, ior, roughness, microfacets }.into())
-                }
+                MaterialKind::Diffuse(body) => Some(
+                    CoatedDiffuse { reflectance: body.reflectance, ior, roughness, microfacets }
+                        .into(),
+                ),
                 MaterialKind::Conductor(conductor) => {
                     if microfacets != MicrofacetShape::Ggx {
                         let owner = object.owner();
                         self.note("distribution of coats", object.at, || {
-                            format!("{owner}: microfacets by Beckmann; GGX of the same width was used, whose highlights have wider tails")
+                            format!(
+                                "{owner}: microfacets by Beckmann; GGX of the same width was \
+                                used, whose highlights have wider tails"
+                            )
                         });
                     }
                     Some(CoatedConductor { conductor: conductor.clone(), ior, roughness }.into())
@@ -364,7 +400,10 @@ impl Builder<'_> {
                 None => {
                     let owner = object.owner();
                     self.note(owner.clone(), object.at, || {
-                        format!("{owner}: only diffuse surfaces and metals can be coated; the coat was left off")
+                        format!(
+                            "{owner}: only diffuse surfaces and metals can be coated; the coat \
+                            was left off"
+                        )
                     });
                 }
             }

@@ -1,4 +1,5 @@
-//! Colours of properties: as shares of light, as light, as single numbers; and indices of refraction by name.
+//! Colours of properties: as shares of light, as light, as single numbers; and indices of
+//! refraction by name.
 
 use super::value::Hue;
 use snell_math::Rgb;
@@ -10,7 +11,9 @@ pub fn reflectance(hue: Hue) -> ColorParam {
     match hue {
         Hue::Rgb(rgb) => rgb.into(),
         Hue::Uniform(x) => Rgb::splat(x as f32).into(),
-        Hue::Spectrum(spectrum, factor) => ColorParam { spectrum: Some(spectrum), ..Rgb::splat(factor as f32).into() },
+        Hue::Spectrum(spectrum, factor) => {
+            ColorParam { spectrum: Some(spectrum), ..Rgb::splat(factor as f32).into() }
+        }
     }
 }
 
@@ -23,7 +26,8 @@ pub fn factor(hue: Hue) -> Rgb {
     }
 }
 
-/// The colour of light in linear Rec. 709. A spectrum that is given without wavelengths is white, as in Mitsuba's RGB modes.
+/// The colour of light in linear Rec. 709. A spectrum that is given without wavelengths is white,
+/// as in Mitsuba's RGB modes.
 pub fn light(hue: Hue) -> Rgb {
     match hue {
         Hue::Spectrum(spectrum, factor) => spectrum.light_rgb() * factor as f32,
@@ -31,7 +35,8 @@ pub fn light(hue: Hue) -> Rgb {
     }
 }
 
-/// What Mitsuba takes for the luminance of a black body: its radiance in W/(m² sr nm), by the observer, relative to a spectrum of ones.
+/// What Mitsuba takes for the luminance of a black body: its radiance in W/(m² sr nm), by the
+/// observer, relative to a spectrum of ones.
 pub fn blackbody_luminance(kelvin: f64) -> f64 {
     // First and second radiation constants (CODATA 2018): 2 h c² in W m² / sr, and h c / k in m K.
     const C1: f64 = 1.191_042_972e-16;
@@ -83,7 +88,8 @@ mod tests {
 
     #[test]
     fn a_black_body_of_the_suns_heat_has_its_luminance() {
-        // 1.6e9 cd/m² is the luminance of the sun's disk outside of the atmosphere, about 2e9; 683 lm/W and the observer's integral.
+        // 1.6e9 cd/m² is the luminance of the sun's disk outside of the atmosphere, about 2e9; 683
+        // lm/W and the observer's integral.
         let luminance = blackbody_luminance(5778.0) * 106.857 * 683.0;
         assert!((1.7e9..2.1e9).contains(&luminance), "{luminance}");
     }

@@ -10,7 +10,9 @@ use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb};
 use snell_scene::MediumId;
 use snell_scene::graph::Environment;
 use snell_scene::light::sky::Sky;
-use snell_scene::light::{Attenuation, Directional, IntensityTable, Point, Profile, Projector, Slide};
+use snell_scene::light::{
+    Attenuation, Directional, IntensityTable, Point, Profile, Projector, Slide,
+};
 use snell_scene::material::ColorParam;
 
 impl Builder<'_> {
@@ -27,7 +29,9 @@ impl Builder<'_> {
     /// The radiance of a surface; `None` if it emits in no way that is known.
     pub(super) fn area_emitter(&mut self, object: &Object) -> Result<Option<ColorParam>, Fault> {
         if object.class != "emitter" {
-            return Err(object.fault("this stands where an emitter was expected", "use an area emitter"));
+            return Err(
+                object.fault("this stands where an emitter was expected", "use an area emitter")
+            );
         }
         let owner = object.owner();
         for name in ["sampling_weight", "samplingweight"] {
@@ -69,7 +73,9 @@ impl Builder<'_> {
             _ => {
                 let owner = object.owner();
                 self.ignore_all(object);
-                self.note(owner.clone(), object.at, || format!("{owner} is not supported; it was left out"));
+                self.note(owner.clone(), object.at, || {
+                    format!("{owner} is not supported; it was left out")
+                });
                 return Ok(());
             }
         }
@@ -98,7 +104,9 @@ impl Builder<'_> {
         let beam = object.float_or("beam_width", cutoff * 0.75)?.clamp(0.0, cutoff);
         if let Some(texture) = self.child_named(object, "texture")? {
             self.ignore_all(&texture);
-            self.note("spot texture", object.at, || "a spot light with a texture: it shines evenly instead".into());
+            self.note("spot texture", object.at, || {
+                "a spot light with a texture: it shines evenly instead".into()
+            });
         }
         let mut polar = vec![0.0, beam.to_radians(), cutoff.to_radians()];
         let mut values = vec![Rgb::WHITE, Rgb::WHITE, Rgb::BLACK];
@@ -110,7 +118,12 @@ impl Builder<'_> {
         }
         let Some(axes) = unit_axes(place) else { return Ok(()) };
         if let Some(table) = IntensityTable::new(polar, vec![0.0], values) {
-            self.scene.add_light(Profile { position: place.translation, world_from_light: axes, scale, table });
+            self.scene.add_light(Profile {
+                position: place.translation,
+                world_from_light: axes,
+                scale,
+                table,
+            });
         }
         Ok(())
     }
@@ -138,7 +151,9 @@ impl Builder<'_> {
         }
         object.get("size");
         let Some(Pattern::Picture(factor, texture)) = self.pattern(object, "irradiance")? else {
-            self.note("projector", object.at, || "a projector without a picture; it was left out".into());
+            self.note("projector", object.at, || {
+                "a projector without a picture; it was left out".into()
+            });
             return Ok(());
         };
         let image = self.scene.images[texture.image.index()].clone();
@@ -165,7 +180,12 @@ impl Builder<'_> {
         } else {
             match self.pattern_of_child(object)? {
                 Some(Pattern::Picture(_, texture)) => texture.image,
-                _ => return Err(object.fault("there is no file name", "add <string name=\"filename\" value=\"…\"/>")),
+                _ => {
+                    return Err(object.fault(
+                        "there is no file name",
+                        "add <string name=\"filename\" value=\"…\"/>",
+                    ));
+                }
             }
         };
         let image = self.scene.images[image.index()].clone();
@@ -181,20 +201,38 @@ impl Builder<'_> {
         inner.map(|texture| self.texture(&texture)).transpose()
     }
 
-    /// The sky by the model of Hosek and Wilkie, with its sun: up is `+z`, as in Mitsuba 3, or `+y` in version 0.6.
+    /// The sky by the model of Hosek and Wilkie, with its sun: up is `+z`, as in Mitsuba 3, or `+y`
+    /// in version 0.6.
     fn sky(&mut self, object: &Object, place: DAffine3) -> Result<(), Fault> {
         let is_old = self.version.starts_with("0.");
         let direction = object.vector("sun_direction")?;
         if direction.is_none() {
             self.note("time of day", object.at, || {
-                "a sky by place and time of day: the sun stands 45 degrees high instead; give sun_direction".into()
+                "a sky by place and time of day: the sun stands 45 degrees high instead; give \
+                    sun_direction"
+                    .into()
             });
-            for name in ["year", "month", "day", "hour", "minute", "second", "latitude", "longitude", "timezone"] {
+            for name in [
+                "year",
+                "month",
+                "day",
+                "hour",
+                "minute",
+                "second",
+                "latitude",
+                "longitude",
+                "timezone",
+            ] {
                 object.get(name);
             }
         }
-        let from_up = if is_old { DMat3::IDENTITY } else { DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y) };
-        let towards = direction.map_or(DVec3::new(0.5, 0.5f64.sqrt(), 0.5), |d| from_up.transpose() * d);
+        let from_up = if is_old {
+            DMat3::IDENTITY
+        } else {
+            DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y)
+        };
+        let towards =
+            direction.map_or(DVec3::new(0.5, 0.5f64.sqrt(), 0.5), |d| from_up.transpose() * d);
         let towards = towards.try_normalize().unwrap_or(DVec3::Y);
         let has_sun = object.kind != "sky" && object.float_or("sun_scale", 1.0)? > 0.0;
         let albedo = self.constant(object, "albedo")?.map_or(0.3, |c| c.luminance());
@@ -206,11 +244,15 @@ impl Builder<'_> {
             sun: if has_sun { 0.5358 } else { 0.0 },
             scale: object.float_or("sky_scale", 1.0)?.clamp(0.0, 1e6),
         };
-        for name in ["stretch", "resolution", "scale", "sun_radius_scale", "sun_aperture", "complex_sun"] {
+        for name in
+            ["stretch", "resolution", "scale", "sun_radius_scale", "sun_aperture", "complex_sun"]
+        {
             object.get(name);
         }
         self.note("sky", object.at, || {
-            "the sky and its sun are those of Snell: full daylight on a white surface shows a radiance of 1".into()
+            "the sky and its sun are those of Snell: full daylight on a white surface shows a \
+                radiance of 1"
+                .into()
         });
         let environment = sky.environment().map_err(|e| object.fault(e, "change it"))?;
         if let Environment::Image { image, scale, .. } = environment {
@@ -227,7 +269,9 @@ impl Builder<'_> {
                 return;
             }
             (Some(_), _) => self.note("second environment", object.at, || {
-                "a second emitter around the scene; it replaces the first instead of adding to it".into()
+                "a second emitter around the scene; it replaces the first instead of adding to \
+                    it"
+                .into()
             }),
             (None, _) => {}
         }
@@ -237,6 +281,7 @@ impl Builder<'_> {
 
 /// The axes of a map without their lengths.
 fn unit_axes(map: DAffine3) -> Option<DMat3> {
-    let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(DVec3::try_normalize);
+    let [x, y, z] =
+        [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(DVec3::try_normalize);
     Some(DMat3::from_cols(x?, y?, z?))
 }

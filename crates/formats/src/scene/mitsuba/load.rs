@@ -69,7 +69,8 @@ struct File<'t> {
     text: &'t str,
     lines: Vec<usize>,
     input: &'t Input,
-    /// The last offset that was asked for, and its column: counting goes on from there, for a file may be one long line.
+    /// The last offset that was asked for, and its column: counting goes on from there, for a file
+    /// may be one long line.
     last: Cell<(usize, usize)>,
 }
 
@@ -77,8 +78,9 @@ impl File<'_> {
     fn spot(&self, offset: usize) -> Spot {
         let line = self.lines.partition_point(|start| *start <= offset);
         let start = self.lines[line - 1];
-        let (from, before) =
-            Some(self.last.get()).filter(|(at, _)| (start..=offset).contains(at)).unwrap_or((start, 1));
+        let (from, before) = Some(self.last.get())
+            .filter(|(at, _)| (start..=offset).contains(at))
+            .unwrap_or((start, 1));
         let column = self.text.get(from..offset).map_or(0, |t| t.chars().count()) + before;
         self.last.set((offset, column));
         Spot { file: self.number, line: line as u32, column: column as u32 }
@@ -106,13 +108,19 @@ impl<'a> Loader<'a> {
 
     /// The scene of a file.
     pub fn scene(&mut self, input: &Input, named_at: Spot) -> Result<Object, Fault> {
-        let path = input.directory.join(std::path::Path::new(&input.name).file_name().unwrap_or_default());
+        let path =
+            input.directory.join(std::path::Path::new(&input.name).file_name().unwrap_or_default());
         let path = path.canonicalize().unwrap_or(path);
         if self.open.contains(&path) {
-            return Err(Fault::new(named_at, format!("{} includes itself", input.name), "take the include out"));
+            return Err(Fault::new(
+                named_at,
+                format!("{} includes itself", input.name),
+                "take the include out",
+            ));
         }
         if self.open.len() >= MAX_FILE_DEPTH || self.files.len() >= self.main.options.limits.files {
-            let problem = format!("files are included deeper than {MAX_FILE_DEPTH}, or too many of them");
+            let problem =
+                format!("files are included deeper than {MAX_FILE_DEPTH}, or too many of them");
             return Err(Fault::new(named_at, problem, "put them together"));
         }
         let number = self.files.len() as u32;
@@ -121,7 +129,11 @@ impl<'a> Loader<'a> {
             let before = &input.bytes[..error.valid_up_to()];
             let line = before.iter().filter(|b| **b == b'\n').count() as u32 + 1;
             let column = before.iter().rev().take_while(|b| **b != b'\n').count() as u32 + 1;
-            Fault::new(Spot { file: number, line, column }, "the text is not valid UTF-8", "save the file as UTF-8")
+            Fault::new(
+                Spot { file: number, line, column },
+                "the text is not valid UTF-8",
+                "save the file as UTF-8",
+            )
         })?;
         let text = text.trim_start_matches('\u{feff}');
         let nodes_limit = u32::try_from(self.main.options.limits.elements).unwrap_or(u32::MAX);
@@ -129,11 +141,15 @@ impl<'a> Loader<'a> {
             let spot = Spot { file: number, line: flaw.line, column: flaw.column };
             Fault::new(spot, flaw.problem, "correct the XML")
         })?;
-        let lines = std::iter::once(0).chain(text.match_indices('\n').map(|(i, _)| i + 1)).collect();
+        let lines =
+            std::iter::once(0).chain(text.match_indices('\n').map(|(i, _)| i + 1)).collect();
         let file = File { number, text, lines, input, last: Cell::new((0, 1)) };
         let root = document.root_element();
         if root.tag_name().name() != "scene" {
-            let problem = format!("the element <{}>, where <scene> was expected", shortened(root.tag_name().name()));
+            let problem = format!(
+                "the element <{}>, where <scene> was expected",
+                shortened(root.tag_name().name())
+            );
             return Err(Fault::new(file.at(&root), problem, "give a Mitsuba scene"));
         }
         if number == 0 {
@@ -170,17 +186,31 @@ impl<'a> Loader<'a> {
             filled.push_str(&rest[..start]);
             rest = &rest[start + 1..];
             // The longest name that fits: `$spp2` is not `$spp` followed by 2 if both are known.
-            let known = self.parameters.iter().filter(|(name, _)| !name.is_empty() && rest.starts_with(name.as_str()));
+            let known = self
+                .parameters
+                .iter()
+                .filter(|(name, _)| !name.is_empty() && rest.starts_with(name.as_str()));
             let Some((name, value)) = known.max_by_key(|(name, _)| name.len()) else {
-                let name: String = rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+                let name: String =
+                    rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
                 let at = file.spot(attribute.range().start);
-                let remedy = format!("give -D {name}=VALUE, or add <default name=\"{name}\" value=\"…\"/> above");
-                return Err(Fault::new(at, format!("the parameter \"${name}\" has no value"), remedy));
+                let remedy = format!(
+                    "give -D {name}=VALUE, or add <default name=\"{name}\" value=\"…\"/> above"
+                );
+                return Err(Fault::new(
+                    at,
+                    format!("the parameter \"${name}\" has no value"),
+                    remedy,
+                ));
             };
             filled.push_str(value);
             rest = &rest[name.len()..];
             if filled.len() > 1 << 20 {
-                return Err(Fault::new(file.at(node), "parameters make a text of more than 1 MiB", "shorten them"));
+                return Err(Fault::new(
+                    file.at(node),
+                    "parameters make a text of more than 1 MiB",
+                    "shorten them",
+                ));
             }
         }
         filled.push_str(rest);
@@ -196,7 +226,8 @@ impl<'a> Loader<'a> {
     }
 
     fn object(&mut self, file: &File, node: &Node, class: &str) -> Result<Object, Fault> {
-        let kind = if class == "scene" { String::new() } else { self.required(file, node, "type")? };
+        let kind =
+            if class == "scene" { String::new() } else { self.required(file, node, "type")? };
         let mut object = Object {
             class: class.into(),
             kind: kind.to_ascii_lowercase(),
@@ -223,7 +254,8 @@ impl<'a> Loader<'a> {
         let class = OLD_CLASSES.iter().find(|(old, _)| *old == tag).map_or(tag, |(_, new)| new);
         match class {
             "default" => {
-                let (name, value) = (self.required(file, node, "name")?, self.required(file, node, "value")?);
+                let (name, value) =
+                    (self.required(file, node, "name")?, self.required(file, node, "value")?);
                 if !self.declared.contains(&name) {
                     self.declared.push(name.clone());
                 }
@@ -237,16 +269,25 @@ impl<'a> Loader<'a> {
                 object.children.extend(scene.children);
             }
             "alias" => {
-                let (id, alias) = (self.required(file, node, "id")?, self.required(file, node, "as")?);
+                let (id, alias) =
+                    (self.required(file, node, "id")?, self.required(file, node, "as")?);
                 self.aliases.insert(alias, id);
             }
             "path" => self.note("path", at, || {
-                "<path>: files are looked for beside the scene and beside the file that names them only".into()
+                "<path>: files are looked for beside the scene and beside the file that names them \
+                    only"
+                    .into()
             }),
             "ref" => {
                 let id = self.required(file, node, "id")?;
-                let name = value::snake_case(&self.attribute(file, node, "name")?.unwrap_or_default());
-                object.children.push(Child { name, at, content: Content::Reference(id), used: Cell::new(false) });
+                let name =
+                    value::snake_case(&self.attribute(file, node, "name")?.unwrap_or_default());
+                object.children.push(Child {
+                    name,
+                    at,
+                    content: Content::Reference(id),
+                    used: Cell::new(false),
+                });
             }
             "spectrum" if node.has_attribute("type") => self.property(file, node, object)?,
             class if CLASSES.contains(&class) && class != "scene" => {
@@ -265,11 +306,16 @@ impl<'a> Loader<'a> {
         let beside = |input: &Input| {
             input.open_relative(name).map_err(|error| {
                 let is_own = error.file == input.name;
-                let problem = if is_own { error.problem } else { format!("{}: {}", error.file, error.problem) };
+                let problem = if is_own {
+                    error.problem
+                } else {
+                    format!("{}: {}", error.file, error.problem)
+                };
                 Fault::new(at, problem, error.remedy)
             })
         };
-        beside(self.main).or_else(|fault| if file.number == 0 { Err(fault) } else { beside(file.input) })
+        beside(self.main)
+            .or_else(|fault| if file.number == 0 { Err(fault) } else { beside(file.input) })
     }
 
     fn property(&mut self, file: &File, node: &Node, object: &mut Object) -> Result<(), Fault> {
@@ -277,7 +323,10 @@ impl<'a> Loader<'a> {
         let Some(value) = self.value(file, node, tag)? else {
             let problem = format!("<{}>", shortened(tag));
             self.note(format!("element {tag}"), at, || {
-                format!("{problem} is not an element of Mitsuba's scenes; it was ignored with all that is in it")
+                format!(
+                    "{problem} is not an element of Mitsuba's scenes; it was ignored with all \
+                    that is in it"
+                )
             });
             return Ok(());
         };
@@ -287,7 +336,8 @@ impl<'a> Loader<'a> {
             return Err(Fault::new(at, problem, "take one of them out"));
         }
         if object.properties.len() >= MAX_PROPERTIES {
-            let problem = format!("{} has more than {MAX_PROPERTIES} properties, the limit", object.owner());
+            let problem =
+                format!("{} has more than {MAX_PROPERTIES} properties, the limit", object.owner());
             return Err(Fault::new(at, problem, "no plugin knows as many: take some out"));
         }
         object.properties.push(Property { name, at, value, used: Cell::new(false) });
@@ -297,19 +347,31 @@ impl<'a> Loader<'a> {
     /// The value that an element says; `None` if there is no such element.
     fn value(&mut self, file: &File, node: &Node, tag: &str) -> Result<Option<Value>, Fault> {
         let at = file.at(node);
-        let fault = |problem: String| Fault::new(at, format!("<{tag}>: {problem}"), "correct the value");
+        let fault =
+            |problem: String| Fault::new(at, format!("<{tag}>: {problem}"), "correct the value");
         Ok(Some(match tag {
-            "float" => Value::Float(value::number(&self.required(file, node, "value")?).map_err(fault)?),
+            "float" => {
+                Value::Float(value::number(&self.required(file, node, "value")?).map_err(fault)?)
+            }
             "integer" | "int" => {
                 let text = self.required(file, node, "value")?;
                 let whole = text.trim().parse::<i64>();
-                Value::Integer(whole.map_err(|_| fault(format!("\"{}\" is not a whole number", shortened(&text))))?)
+                Value::Integer(whole.map_err(|_| {
+                    fault(format!("\"{}\" is not a whole number", shortened(&text)))
+                })?)
             }
-            "boolean" | "bool" => match self.required(file, node, "value")?.trim().to_ascii_lowercase().as_str() {
-                "true" => Value::Bool(true),
-                "false" => Value::Bool(false),
-                other => return Err(fault(format!("\"{}\" is neither true nor false", shortened(other)))),
-            },
+            "boolean" | "bool" => {
+                match self.required(file, node, "value")?.trim().to_ascii_lowercase().as_str() {
+                    "true" => Value::Bool(true),
+                    "false" => Value::Bool(false),
+                    other => {
+                        return Err(fault(format!(
+                            "\"{}\" is neither true nor false",
+                            shortened(other)
+                        )));
+                    }
+                }
+            }
             "string" => Value::String(self.required(file, node, "value")?),
             "vector" | "point" => Value::Vector(self.vector(file, node, DVec3::ZERO)?),
             "rgb" | "srgb" => {

@@ -77,12 +77,19 @@ impl Builder<'_> {
             _ => {
                 let owner = object.owner();
                 self.ignore_all(object);
-                self.note(owner.clone(), object.at, || format!("{owner} is not supported; it became clear air"));
+                self.note(owner.clone(), object.at, || {
+                    format!("{owner} is not supported; it became clear air")
+                });
                 None
             }
         };
-        for name in ["sample_emitters", "has_spectral_extinction", "majorant_resolution_factor", "method", "step_size"]
-        {
+        for name in [
+            "sample_emitters",
+            "has_spectral_extinction",
+            "majorant_resolution_factor",
+            "method",
+            "step_size",
+        ] {
             object.get(name);
         }
         self.leave();
@@ -100,7 +107,9 @@ impl Builder<'_> {
             _ => {
                 let owner = phase.owner();
                 self.ignore_all(&phase);
-                self.note(owner.clone(), phase.at, || format!("{owner}: light is scattered evenly instead"));
+                self.note(owner.clone(), phase.at, || {
+                    format!("{owner}: light is scattered evenly instead")
+                });
                 0.0
             }
         };
@@ -113,18 +122,31 @@ impl Builder<'_> {
         let scale = object.float_or("scale", 1.0)? as f32;
         if let Some((name, at)) = object.string("material")? {
             if let Some(Coefficients { sigma_a, sigma_s }) = scattering::named(name) {
-                let plain = Homogeneous { sigma_a: sigma_a * scale, sigma_s: sigma_s * scale, emission: Rgb::BLACK, g };
+                let plain = Homogeneous {
+                    sigma_a: sigma_a * scale,
+                    sigma_s: sigma_s * scale,
+                    emission: Rgb::BLACK,
+                    g,
+                };
                 return Ok(self.scene.add_medium(plain));
             }
             let name = super::value::shortened(name);
             self.note("medium preset", at, || {
-                format!("the medium \"{name}\" has no table here; sigma_t and albedo were used, or their defaults")
+                format!(
+                    "the medium \"{name}\" has no table here; sigma_t and albedo were used, or \
+                    their defaults"
+                )
             });
         }
         if object.has("sigma_a") || object.has("sigma_s") {
             let sigma_a = self.volume_color(object, "sigma_a", 1.0)? * scale;
             let sigma_s = self.volume_color(object, "sigma_s", 1.0)? * scale;
-            return Ok(self.scene.add_medium(Homogeneous { sigma_a, sigma_s, emission: Rgb::BLACK, g }));
+            return Ok(self.scene.add_medium(Homogeneous {
+                sigma_a,
+                sigma_s,
+                emission: Rgb::BLACK,
+                g,
+            }));
         }
         let sigma_t = self.volume_color(object, "sigma_t", 1.0)? * scale;
         let albedo = self.volume_color(object, "albedo", 0.75)?;
@@ -161,10 +183,14 @@ impl Builder<'_> {
         let boxes = [&extinction, &albedo, &emission].into_iter().filter_map(Volume::place);
         let boxes: Vec<DAffine3> = boxes.copied().collect();
         let Some(&place) = boxes.first() else { return Ok(None) };
-        if boxes.iter().any(|other| !other.abs_diff_eq(place, 1e-9 * place.matrix3.x_axis.length().max(1e-300))) {
+        if boxes.iter().any(|other| {
+            !other.abs_diff_eq(place, 1e-9 * place.matrix3.x_axis.length().max(1e-300))
+        }) {
             let owner = object.owner();
             self.note(format!("{owner} boxes"), object.at, || {
-                format!("{owner}: its grids have different boxes; all were put into that of the first")
+                format!(
+                    "{owner}: its grids have different boxes; all were put into that of the first"
+                )
             });
         }
         let scattering = |a: f32| a.clamp(0.0, 1.0);
@@ -186,7 +212,10 @@ impl Builder<'_> {
                 if matches!(&extinction, Volume::Grid(file, _) if file.is_colored()) {
                     let owner = object.owner();
                     self.note(format!("{owner} sizes"), object.at, || {
-                        format!("{owner}: a coloured \"{name}\" beside an albedo on another grid; it became grey")
+                        format!(
+                            "{owner}: a coloured \"{name}\" beside an albedo on another grid; \
+                            it became grey"
+                        )
                     });
                 }
                 let of = |share: fn(f32) -> f32| match &albedo {
@@ -213,7 +242,8 @@ impl Builder<'_> {
                 Value::Color(hue) => Ok(Some(Volume::Constant(color::factor(hue)))),
                 Value::Float(x) => Ok(Some(Volume::Constant(Rgb::splat(x as f32)))),
                 Value::Integer(x) => Ok(Some(Volume::Constant(Rgb::splat(x as f32)))),
-                _ => Err(property.fault("this is neither a colour nor a number", "give one, or a volume")),
+                _ => Err(property
+                    .fault("this is neither a colour nor a number", "give one, or a volume")),
             };
         }
         let Some(volume) = self.child_named(object, name)? else { return Ok(None) };
@@ -226,7 +256,9 @@ impl Builder<'_> {
             _ => {
                 let owner = volume.owner();
                 self.ignore_all(&volume);
-                self.note(owner.clone(), volume.at, || format!("{owner} is not supported; 1 was used everywhere"));
+                self.note(owner.clone(), volume.at, || {
+                    format!("{owner} is not supported; 1 was used everywhere")
+                });
                 Volume::Constant(Rgb::WHITE)
             }
         };
@@ -248,7 +280,8 @@ impl Builder<'_> {
         Ok(Volume::Grid(file, world_from_grid))
     }
 
-    /// The medium around the camera is everywhere, unless it is the inside of something: then the renderer finds out.
+    /// The medium around the camera is everywhere, unless it is the inside of something: then the
+    /// renderer finds out.
     pub(super) fn camera_medium(&mut self, medium: Option<MediumId>) {
         self.scene.medium = medium.filter(|m| !self.media.inside.contains(m));
     }
@@ -259,7 +292,8 @@ impl VolumeFile {
         let cells = (self.values.len() / self.channels).max(1) as f64;
         let channel = |c: usize| {
             let c = c.min(self.channels - 1);
-            let sum: f64 = self.values.iter().skip(c).step_by(self.channels).map(|v| f64::from(*v)).sum();
+            let sum: f64 =
+                self.values.iter().skip(c).step_by(self.channels).map(|v| f64::from(*v)).sum();
             (sum / cells) as f32
         };
         Rgb::new(channel(0), channel(1), channel(2))
@@ -282,7 +316,8 @@ impl VolumeFile {
     /// A colour for each cell, made from its number and its colour.
     fn colors(&self, change: impl Fn(usize, Rgb) -> Rgb) -> Option<Arc<ColorGrid>> {
         let cells = self.values.len() / self.channels;
-        ColorGrid::new(self.size, (0..cells).map(|cell| change(cell, self.color(cell))).collect()).map(Arc::new)
+        ColorGrid::new(self.size, (0..cells).map(|cell| change(cell, self.color(cell))).collect())
+            .map(Arc::new)
     }
 
     /// One number for each cell: the mean of the channels.
@@ -296,7 +331,9 @@ impl VolumeFile {
 fn read_volume(input: &Input) -> Result<VolumeFile, ReadError> {
     const HEADER: usize = 48;
     let bytes = &input.bytes;
-    let error = |at: usize, problem: String| input.error(Place::Byte(at as u64), problem, "export the volume again");
+    let error = |at: usize, problem: String| {
+        input.error(Place::Byte(at as u64), problem, "export the volume again")
+    };
     if bytes.len() < HEADER || &bytes[..3] != b"VOL" || bytes[3] != 3 {
         return Err(error(0, "this is not a volume of Mitsuba (version 3)".into()));
     }
@@ -316,7 +353,10 @@ fn read_volume(input: &Input) -> Result<VolumeFile, ReadError> {
     let total = [x, y, z, channels].iter().try_fold(1usize, |a, b| a.checked_mul(*b));
     let needed = total.and_then(|n| n.checked_mul(4)).and_then(|n| n.checked_add(HEADER));
     if needed.is_none_or(|needed| needed > bytes.len()) {
-        let problem = format!("{x} x {y} x {z} cells of {channels} channels do not fit into {} bytes", bytes.len());
+        let problem = format!(
+            "{x} x {y} x {z} cells of {channels} channels do not fit into {} bytes",
+            bytes.len()
+        );
         return Err(error(8, problem));
     }
     let corner = |at: usize| {
@@ -369,21 +409,27 @@ mod tests {
             let volume = |name: &str, value: &str| match value.parse::<f32>() {
                 Ok(_) => format!("<float name=\"{name}\" value=\"{value}\"/>"),
                 Err(_) => format!(
-                    "<volume type=\"gridvolume\" name=\"{name}\"><string name=\"filename\" value=\"{value}\"/></volume>"
+                    "<volume type=\"gridvolume\" name=\"{name}\"><string name=\"filename\" \
+                        value=\"{value}\"/></volume>"
                 ),
             };
             let text = format!(
-                "<scene version=\"3.0.0\"><shape type=\"cube\"><medium type=\"heterogeneous\" name=\"interior\">\
+                "<scene version=\"3.0.0\"><shape type=\"cube\"><medium type=\"heterogeneous\" \
+                    name=\"interior\">\
                  <float name=\"scale\" value=\"2\"/>{}{}</medium></shape></scene>",
                 volume("sigma_t", sigma_t),
                 volume("albedo", albedo)
             );
             let path = folder.path().join("a.xml");
             std::fs::write(&path, text).expect("the folder is writable");
-            let scene = crate::read_scene(&path, &ReadOptions::default()).expect("nothing is wrong");
+            let scene =
+                crate::read_scene(&path, &ReadOptions::default()).expect("nothing is wrong");
             let [Medium::Grid(grid)] = &scene.media[..] else { panic!("one grid") };
             let at = |x: f32| {
-                let p = grid.world_from_grid.transform_point3(DVec3::new(f64::from(x), 0.5, 0.5)).as_vec3();
+                let p = grid
+                    .world_from_grid
+                    .transform_point3(DVec3::new(f64::from(x), 0.5, 0.5))
+                    .as_vec3();
                 let m = grid.properties(p, ColorMode::Rgb);
                 [m.sigma_a, m.sigma_s].map(|s| Vec3::new(s[0], s[1], s[2]))
             };
@@ -391,21 +437,37 @@ mod tests {
         };
         let close = |found: (Vec<Vec3>, usize), expected: [[f32; 3]; 4], warnings: usize| {
             let expected = expected.map(Vec3::from_array);
-            assert!(found.0.iter().zip(expected).all(|(a, b)| a.abs_diff_eq(b, 1e-4)), "{found:?} is not {expected:?}");
+            assert!(
+                found.0.iter().zip(expected).all(|(a, b)| a.abs_diff_eq(b, 1e-4)),
+                "{found:?} is not {expected:?}"
+            );
             assert_eq!(found.1, warnings);
         };
         let half = |a: [f32; 3], b: [f32; 3]| [a, a, b, b];
         close(read("density", "0.5"), half([2.0; 3], [4.0; 3]), 0);
-        close(read("density", "albedo"), [[2.0, 3.0, 0.0], [2.0, 1.0, 4.0], [8.0, 0.0, 7.0], [0.0, 8.0, 1.0]], 0);
-        close(read("3", "albedo"), [[3.0, 4.5, 0.0], [3.0, 1.5, 6.0], [6.0, 0.0, 5.25], [0.0, 6.0, 0.75]], 0);
+        close(
+            read("density", "albedo"),
+            [[2.0, 3.0, 0.0], [2.0, 1.0, 4.0], [8.0, 0.0, 7.0], [0.0, 8.0, 1.0]],
+            0,
+        );
+        close(
+            read("3", "albedo"),
+            [[3.0, 4.5, 0.0], [3.0, 1.5, 6.0], [6.0, 0.0, 5.25], [0.0, 6.0, 0.75]],
+            0,
+        );
         close(read("colors", "0.5"), half([2.0, 1.0, 4.0], [1.0, 0.0, 8.0]), 0);
-        close(read("colors", "albedo"), [[2.0, 1.5, 0.0], [2.0, 0.5, 8.0], [2.0, 0.0, 14.0], [0.0, 0.0, 2.0]], 0);
+        close(
+            read("colors", "albedo"),
+            [[2.0, 1.5, 0.0], [2.0, 0.5, 8.0], [2.0, 0.0, 14.0], [0.0, 0.0, 2.0]],
+            0,
+        );
         // Grids that do not fit each other: the extinction becomes grey.
         assert_eq!(read("colors", "coarse").1, 1);
     }
 
     fn read(bytes: Vec<u8>) -> Result<VolumeFile, String> {
-        let input = Input::from_bytes("a.vol", bytes, std::path::Path::new("."), &ReadOptions::default());
+        let input =
+            Input::from_bytes("a.vol", bytes, std::path::Path::new("."), &ReadOptions::default());
         read_volume(&input).map_err(|e| e.to_string())
     }
 

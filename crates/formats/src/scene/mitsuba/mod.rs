@@ -1,11 +1,14 @@
 //! Mitsuba scenes: the XML of versions 2 and 3, and of 0.6 where its meaning is plain.
 //!
-//! The format is that of <https://mitsuba.readthedocs.io>. `load.rs` turns XML into objects with properties (`object.rs`), parameters and
-//! included files put in; one file each builds sensors, shapes, BSDFs, textures, emitters and media of them. What Snell cannot express
-//! becomes the nearest thing that it can, and a warning with file, line and column; so does every property that nobody asked for.
+//! The format is that of <https://mitsuba.readthedocs.io>. `load.rs` turns XML into objects with
+//! properties (`object.rs`), parameters and included files put in; one file each builds sensors,
+//! shapes, BSDFs, textures, emitters and media of them. What Snell cannot express becomes the
+//! nearest thing that it can, and a warning with file, line and column; so does every property that
+//! nobody asked for.
 //!
-//! Coordinates are right-handed, as ours; cameras look along their `+z` with `+x` to the left and `+y` up. Where the camera's transform is
-//! a mirror, the whole scene is mirrored in x (by the root node), so that the picture is.
+//! Coordinates are right-handed, as ours; cameras look along their `+z` with `+x` to the left and
+//! `+y` up. Where the camera's transform is a mirror, the whole scene is mirrored in x (by the root
+//! node), so that the picture is.
 
 mod bsdf;
 mod color;
@@ -156,7 +159,11 @@ impl Builder<'_> {
             if let Some(id) = &inner.id
                 && let Some(first) = self.ids.insert(id.clone(), inner.clone())
             {
-                let problem = format!("the id \"{id}\" is that of {} in line {} too", first.owner(), first.at.line);
+                let problem = format!(
+                    "the id \"{id}\" is that of {} in line {} too",
+                    first.owner(),
+                    first.at.line
+                );
                 return Err(Fault::new(inner.at, problem, "give one of them another id"));
             }
             self.collect_ids(inner)?;
@@ -164,7 +171,8 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Notes something that the user should know: what was found, and what was done instead. Of each kind only the first is told.
+    /// Notes something that the user should know: what was found, and what was done instead. Of
+    /// each kind only the first is told.
     fn note(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
         self.notes.add(WarningKind::Changed, kind.into(), at, message);
     }
@@ -179,7 +187,9 @@ impl Builder<'_> {
         let owner = object.owner();
         for property in object.properties.iter().filter(|p| !p.used.get()) {
             let what = format!("\"{}\" of {owner}", property.name);
-            self.note(format!("unused {what}"), property.at, || format!("{what} is not known; it was ignored"));
+            self.note(format!("unused {what}"), property.at, || {
+                format!("{what} is not known; it was ignored")
+            });
         }
         for child in object.children.iter().filter(|c| !c.used.get()) {
             let what = match &child.content {
@@ -207,12 +217,20 @@ impl Builder<'_> {
         let known = self.ids.get(id).or_else(|| self.ids.get(self.aliases.get(id)?));
         known.cloned().ok_or_else(|| {
             let id = value::shortened(id);
-            Fault::new(child.at, format!("there is no object with the id \"{id}\""), "correct it, or add the object")
+            Fault::new(
+                child.at,
+                format!("there is no object with the id \"{id}\""),
+                "correct it, or add the object",
+            )
         })
     }
 
     /// The first object inside of another that is so.
-    fn inner(&self, object: &Object, is: impl Fn(&Object) -> bool) -> Result<Option<Rc<Object>>, Fault> {
+    fn inner(
+        &self,
+        object: &Object,
+        is: impl Fn(&Object) -> bool,
+    ) -> Result<Option<Rc<Object>>, Fault> {
         for child in &object.children {
             let inner = self.resolve(child)?;
             if is(&inner) {
@@ -237,7 +255,8 @@ impl Builder<'_> {
             return Err(object.fault("it contains itself by a reference", "take the reference out"));
         }
         if self.building.len() >= MAX_DEPTH {
-            let problem = format!("objects refer to each other more than {MAX_DEPTH} deep, the limit");
+            let problem =
+                format!("objects refer to each other more than {MAX_DEPTH} deep, the limit");
             return Err(object.fault(problem, "simplify it"));
         }
         self.building.push(address);
@@ -253,11 +272,16 @@ impl Builder<'_> {
         self.opened += 1;
         let limit = self.main.options.limits.files;
         if self.opened > limit {
-            return Err(Fault::new(at, format!("the scene names more than {limit} files, the limit"), "split it"));
+            return Err(Fault::new(
+                at,
+                format!("the scene names more than {limit} files, the limit"),
+                "split it",
+            ));
         }
         self.main.open_relative(name).map_err(|error| {
             let is_own = error.file == self.main.name;
-            let problem = if is_own { error.problem } else { format!("{}: {}", error.file, error.problem) };
+            let problem =
+                if is_own { error.problem } else { format!("{}: {}", error.file, error.problem) };
             Fault::new(at, problem, error.remedy)
         })
     }
@@ -265,12 +289,15 @@ impl Builder<'_> {
     /// An image, read once.
     fn image(&mut self, name: &str, at: Spot) -> Result<ImageId, Fault> {
         let main = self.main;
-        self.images.image(&mut self.scene, main, name).map_err(|error| Fault::new(at, error.problem, error.remedy))
+        self.images
+            .image(&mut self.scene, main, name)
+            .map_err(|error| Fault::new(at, error.problem, error.remedy))
     }
 }
 
 /// Classes of objects that may stand in the scene: those that others refer to as well.
-const KNOWN_AT_TOP: [&str; 8] = ["sensor", "integrator", "shape", "emitter", "bsdf", "texture", "medium", "volume"];
+const KNOWN_AT_TOP: [&str; 8] =
+    ["sensor", "integrator", "shape", "emitter", "bsdf", "texture", "medium", "volume"];
 
 /// True if the text starts, after comments, with the element `scene`.
 fn recognises(bytes: &[u8]) -> bool {
@@ -286,6 +313,8 @@ fn recognises(bytes: &[u8]) -> bool {
         rest = after.trim_start();
     }
     // Embree's scenes begin with the same element, but have no version.
-    let Some(tag) = rest.strip_prefix("<scene").and_then(|r| r.split('>').next()) else { return false };
+    let Some(tag) = rest.strip_prefix("<scene").and_then(|r| r.split('>').next()) else {
+        return false;
+    };
     tag.contains("version")
 }

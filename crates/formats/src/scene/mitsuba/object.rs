@@ -1,4 +1,5 @@
-//! Objects of a scene: plugins with their properties and the objects inside of them, looked up by name and checked by type.
+//! Objects of a scene: plugins with their properties and the objects inside of them, looked up by
+//! name and checked by type.
 
 use super::value::{Hue, Value};
 use crate::scene::fault::{Fault, Spot};
@@ -88,7 +89,8 @@ impl Object {
 
     /// True if there is a property or an object of this name; it does not count as used.
     pub fn has(&self, name: &str) -> bool {
-        self.properties.iter().any(|p| p.name == name) || self.children.iter().any(|c| c.name == name)
+        self.properties.iter().any(|p| p.name == name)
+            || self.children.iter().any(|c| c.name == name)
     }
 
     /// A number.
@@ -141,7 +143,10 @@ impl Object {
         if (range[0]..=range[1]).contains(&number) {
             return Ok(Some(number));
         }
-        Err(property.fault(format!("it is {number}"), format!("give a number from {} to {}", range[0], range[1])))
+        Err(property.fault(
+            format!("it is {number}"),
+            format!("give a number from {} to {}", range[0], range[1]),
+        ))
     }
 
     /// Yes or no.
@@ -164,7 +169,8 @@ impl Object {
 
     /// A file name, which must be there.
     pub fn file_name(&self) -> Result<(&str, Spot), Fault> {
-        let missing = || self.fault("there is no file name", "add <string name=\"filename\" value=\"…\"/>");
+        let missing =
+            || self.fault("there is no file name", "add <string name=\"filename\" value=\"…\"/>");
         self.string("filename")?.ok_or_else(missing)
     }
 
@@ -186,8 +192,12 @@ impl Object {
         }
     }
 
-    /// The objects of a class (the objects referred to count when they are resolved), each counting as used.
-    pub fn children_where<'a>(&'a self, is: impl Fn(&Child) -> bool + 'a) -> impl Iterator<Item = &'a Child> {
+    /// The objects of a class (the objects referred to count when they are resolved), each counting
+    /// as used.
+    pub fn children_where<'a>(
+        &'a self,
+        is: impl Fn(&Child) -> bool + 'a,
+    ) -> impl Iterator<Item = &'a Child> {
         self.children.iter().filter(move |c| is(c)).inspect(|c| c.used.set(true))
     }
 }

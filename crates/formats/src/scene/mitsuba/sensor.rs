@@ -13,7 +13,8 @@ const SIZE: [i64; 2] = [768, 576];
 const UNLIMITED: i64 = 1 << 20;
 
 impl Builder<'_> {
-    /// Adds a camera. The first one's film and sampler are those of the scene, and its handedness decides about mirroring.
+    /// Adds a camera. The first one's film and sampler are those of the scene, and its handedness
+    /// decides about mirroring.
     pub(super) fn sensor(&mut self, object: &Object) -> Result<(), Fault> {
         let is_first = self.scene.cameras.is_empty();
         let film = self.inner(object, |o| o.class == "film")?;
@@ -50,7 +51,12 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn camera(&mut self, object: &Object, place: DAffine3, size: [u32; 2]) -> Result<Camera, Fault> {
+    fn camera(
+        &mut self,
+        object: &Object,
+        place: DAffine3,
+        size: [u32; 2],
+    ) -> Result<Camera, Fault> {
         // Seen from behind the camera, its x is to the left.
         let [up, towards] = [DVec3::Y, DVec3::Z].map(|axis| place.transform_vector3(axis));
         if !towards.is_finite() || towards.cross(up).length() == 0.0 {
@@ -67,7 +73,9 @@ impl Builder<'_> {
             _ => {
                 let owner = object.owner();
                 self.ignore_all(object);
-                self.note(owner.clone(), object.at, || format!("{owner}: a perspective camera was used instead"));
+                self.note(owner.clone(), object.at, || {
+                    format!("{owner}: a perspective camera was used instead")
+                });
                 self.perspective(object, size)?
             }
         };
@@ -79,7 +87,9 @@ impl Builder<'_> {
         let aperture = object.float_within("aperture_radius", 0.0, [0.0, 1e30])?;
         let focus = object.positive("focus_distance", 1e4)?;
         if object.get("aperture_map").is_some() || object.has("aperture") {
-            self.note("aperture", object.at, || "an aperture of its own shape; it became a disk".into());
+            self.note("aperture", object.at, || {
+                "an aperture of its own shape; it became a disk".into()
+            });
         }
         Ok(camera.with_lens(aperture * scale, focus * scale))
     }
@@ -87,15 +97,23 @@ impl Builder<'_> {
     fn perspective(&mut self, object: &Object, size: [u32; 2]) -> Result<Projection, Fault> {
         let [w, h] = size.map(f64::from);
         let tan = self.tan_half_fov_x(object, w / h)?;
-        let offset =
-            [object.float_or("principal_point_offset_x", 0.0)?, object.float_or("principal_point_offset_y", 0.0)?];
+        let offset = [
+            object.float_or("principal_point_offset_x", 0.0)?,
+            object.float_or("principal_point_offset_y", 0.0)?,
+        ];
         if offset == [0.0; 2] {
-            let tan_half_fov = if w >= h { [Some(tan), None] } else { [Some(tan), Some(tan * h / w)] };
+            let tan_half_fov =
+                if w >= h { [Some(tan), None] } else { [Some(tan), Some(tan * h / w)] };
             return Ok(Projection::Perspective { tan_half_fov });
         }
         let focal = w / (2.0 * tan);
         let principal_point = [w * (0.5 + offset[0]), h * (0.5 + offset[1])];
-        Ok(Projection::Intrinsics(Intrinsics { focal_length: [focal; 2], principal_point, skew: 0.0, size }))
+        Ok(Projection::Intrinsics(Intrinsics {
+            focal_length: [focal; 2],
+            principal_point,
+            skew: 0.0,
+            size,
+        }))
     }
 
     /// Half of the width of what is seen at distance 1, of a picture of this shape.
@@ -121,7 +139,8 @@ impl Builder<'_> {
             "larger" => tan * aspect.min(1.0),
             "diagonal" => tan * aspect / (1.0 + aspect * aspect).sqrt(),
             other => {
-                let problem = format!("\"{}\" is not an axis of the picture", super::value::shortened(other));
+                let problem =
+                    format!("\"{}\" is not an axis of the picture", super::value::shortened(other));
                 return Err(Fault::new(at, problem, "use x, y, diagonal, smaller or larger"));
             }
         })
@@ -143,7 +162,9 @@ impl Builder<'_> {
         }
         for name in ["crop_width", "crop_height", "crop_offset_x", "crop_offset_y"] {
             if film.get(name).is_some() {
-                self.mention("crop", film.at, || "the crop of the film was ignored: give --crop instead".into());
+                self.mention("crop", film.at, || {
+                    "the crop of the film was ignored: give --crop instead".into()
+                });
             }
         }
         // How the picture is stored is for the command line to say.
@@ -179,7 +200,9 @@ impl Builder<'_> {
             "lanczos" => "lanczos",
             _ => {
                 let owner = filter.owner();
-                self.note(owner.clone(), filter.at, || format!("{owner}: the filter mitchell was used instead"));
+                self.note(owner.clone(), filter.at, || {
+                    format!("{owner}: the filter mitchell was used instead")
+                });
                 "mitchell"
             }
         };
@@ -201,7 +224,8 @@ impl Builder<'_> {
         let spp = sampler.integer_within("sample_count", [1, 1 << 24])?.unwrap_or(4);
         if is_first {
             self.scene.settings.spp = Some(spp as u32);
-            let plain = ["independent", "stratified"].into_iter().find(|kind| *kind == sampler.kind);
+            let plain =
+                ["independent", "stratified"].into_iter().find(|kind| *kind == sampler.kind);
             self.scene.settings.sampler = plain.map(String::from);
         }
         for name in ["seed", "jitter", "dimension", "scramble"] {
@@ -235,14 +259,27 @@ impl Builder<'_> {
             _ => "path",
         };
         self.scene.settings.integrator = Some(ours.into());
-        let exact =
-            ["path", "volpath", "volpathmis", "volpath_simple", "direct", "ao", "prb", "prb_basic", "prbvolpath"];
+        let exact = [
+            "path",
+            "volpath",
+            "volpathmis",
+            "volpath_simple",
+            "direct",
+            "ao",
+            "prb",
+            "prb_basic",
+            "prbvolpath",
+        ];
         if !exact.contains(&object.kind.as_str()) {
             let owner = object.owner();
-            self.mention(owner.clone(), object.at, || format!("{owner}: the integrator {ours} was used instead"));
+            self.mention(owner.clone(), object.at, || {
+                format!("{owner}: the integrator {ours} was used instead")
+            });
         }
         if object.bool_or("hide_emitters", false)? {
-            self.note("hide_emitters", object.at, || "hide_emitters was ignored: emitters are seen".into());
+            self.note("hide_emitters", object.at, || {
+                "hide_emitters was ignored: emitters are seen".into()
+            });
         }
         // These change the noise only.
         for name in [

@@ -1,4 +1,5 @@
-//! Mitsuba's own mesh files: several meshes, each compressed, and at the end the table of where they begin.
+//! Mitsuba's own mesh files: several meshes, each compressed, and at the end the table of where
+//! they begin.
 
 use crate::expansion::Compression;
 use crate::{Input, Place, ReadError};
@@ -24,15 +25,24 @@ pub struct Serialized {
 pub fn read(input: &Input, index: usize) -> Result<Serialized, ReadError> {
     let bytes = &input.bytes;
     let version = header(bytes).ok_or_else(|| {
-        input.error(Place::Byte(0), "this is not a serialized mesh of Mitsuba (version 3 or 4)", "export it again")
+        input.error(
+            Place::Byte(0),
+            "this is not a serialized mesh of Mitsuba (version 3 or 4)",
+            "export it again",
+        )
     })?;
     let start = start_of(bytes, version, index).ok_or_else(|| {
         let problem = format!("it has no mesh number {index} (counted from 0)");
-        input.error(Place::Byte(bytes.len() as u64), problem, "correct shape_index, or export the file again")
+        input.error(
+            Place::Byte(bytes.len() as u64),
+            problem,
+            "correct shape_index, or export the file again",
+        )
     })?;
     let limit = input.options.limits.elements as u64;
     let content = bytes.get(start + 4..).unwrap_or_default();
-    let damaged = |problem: String| input.error(Place::Byte(start as u64), problem, "export the file again");
+    let damaged =
+        |problem: String| input.error(Place::Byte(start as u64), problem, "export the file again");
     let content = input.unpack(content, Compression::Zlib, Place::Byte(start as u64))?;
     let mut body = Body { from: content.as_slice() };
     body.mesh(version, limit).map_err(damaged)
@@ -69,7 +79,9 @@ struct Body<R> {
 impl<R: Read> Body<R> {
     fn bytes<const N: usize>(&mut self) -> Result<[u8; N], String> {
         let mut bytes = [0; N];
-        self.from.read_exact(&mut bytes).map_err(|e| format!("the mesh is damaged or cut off: {e}"))?;
+        self.from
+            .read_exact(&mut bytes)
+            .map_err(|e| format!("the mesh is damaged or cut off: {e}"))?;
         Ok(bytes)
     }
 
@@ -82,13 +94,21 @@ impl<R: Read> Body<R> {
     }
 
     fn number(&mut self, is_double: bool) -> Result<f32, String> {
-        if is_double { Ok(f64::from_le_bytes(self.bytes()?) as f32) } else { Ok(f32::from_le_bytes(self.bytes()?)) }
+        if is_double {
+            Ok(f64::from_le_bytes(self.bytes()?) as f32)
+        } else {
+            Ok(f32::from_le_bytes(self.bytes()?))
+        }
     }
 
     fn vectors(&mut self, count: u64, is_double: bool) -> Result<Vec<Vec3>, String> {
         let mut vectors = Vec::new();
         for _ in 0..count {
-            vectors.push(Vec3::new(self.number(is_double)?, self.number(is_double)?, self.number(is_double)?));
+            vectors.push(Vec3::new(
+                self.number(is_double)?,
+                self.number(is_double)?,
+                self.number(is_double)?,
+            ));
         }
         Ok(vectors)
     }
@@ -105,9 +125,14 @@ impl<R: Read> Body<R> {
         }
         let (vertices, triangles) = (self.u64()?, self.u64()?);
         if vertices > limit || triangles > limit {
-            return Err(format!("{vertices} vertices and {triangles} triangles: more than {limit}, the limit"));
+            return Err(format!(
+                "{vertices} vertices and {triangles} triangles: more than {limit}, the limit"
+            ));
         }
-        let mut mesh = TriangleMesh { positions: self.vectors(vertices, is_double)?, ..TriangleMesh::default() };
+        let mut mesh = TriangleMesh {
+            positions: self.vectors(vertices, is_double)?,
+            ..TriangleMesh::default()
+        };
         if flags & NORMALS != 0 {
             mesh.normals = self.vectors(vertices, is_double)?;
         }
@@ -125,7 +150,9 @@ impl<R: Read> Body<R> {
             let mut corner = || if is_wide { Ok(self.u64()?) } else { self.u32().map(u64::from) };
             let triangle: [u64; 3] = [corner()?, corner()?, corner()?];
             if let Some(far) = triangle.iter().find(|v| **v >= vertices) {
-                return Err(format!("triangle {i} has the vertex {far}, but there are only {vertices}"));
+                return Err(format!(
+                    "triangle {i} has the vertex {far}, but there are only {vertices}"
+                ));
             }
             mesh.indices.push(triangle.map(|v| v as u32));
         }

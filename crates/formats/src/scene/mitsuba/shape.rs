@@ -77,7 +77,8 @@ impl Builder<'_> {
         if let Some(node) = self.shapes.groups.get(&Rc::as_ptr(object)) {
             return Ok(*node);
         }
-        let node = self.scene.add_node(Node::named(object.id.clone().unwrap_or_else(|| "group".into())));
+        let node =
+            self.scene.add_node(Node::named(object.id.clone().unwrap_or_else(|| "group".into())));
         self.shapes_in(object, node)?;
         self.shapes.groups.insert(Rc::as_ptr(object), node);
         Ok(node)
@@ -88,7 +89,9 @@ impl Builder<'_> {
             return Err(object.fault("there is no shapegroup in it", "refer to one"));
         };
         if group.kind != "shapegroup" {
-            return Err(object.fault(format!("{} is not a shapegroup", group.owner()), "put it into one"));
+            return Err(
+                object.fault(format!("{} is not a shapegroup", group.owner()), "put it into one")
+            );
         }
         let children = vec![self.group(&group)?];
         let transform = object.transform("to_world")?;
@@ -102,7 +105,9 @@ impl Builder<'_> {
     fn is_singular(&mut self, transform: DAffine3, object: &Object) -> bool {
         let is_singular = Transform::new(transform).is_none();
         if is_singular {
-            self.note("singular", object.at, || "its transform is singular, so this is flat and was left out".into());
+            self.note("singular", object.at, || {
+                "its transform is singular, so this is flat and was left out".into()
+            });
         }
         is_singular
     }
@@ -121,7 +126,10 @@ impl Builder<'_> {
             // Its points are put where they belong, because its radii are not scaled.
             Some(basis) => {
                 let curves = self.curves(object, basis, place)?;
-                (curves.map(|curves| (Geometry::Curves(curves), DAffine3::IDENTITY)), DAffine3::IDENTITY)
+                (
+                    curves.map(|curves| (Geometry::Curves(curves), DAffine3::IDENTITY)),
+                    DAffine3::IDENTITY,
+                )
             }
             None => (self.geometry(object, (plain, parts.emission.is_some()), &parts.look)?, place),
         };
@@ -135,13 +143,16 @@ impl Builder<'_> {
         let materials = self.materials(object, parts, &finish);
         if materials.is_empty() {
             self.mention("no surface", object.at, || {
-                "surfaces without a bsdf that bound no medium are not seen, and were left out".into()
+                "surfaces without a bsdf that bound no medium are not seen, and were left out"
+                    .into()
             });
             return Ok(());
         }
-        let surfaces = materials.iter().map(|m| Surface::with_material(geometry.clone(), *m)).collect();
+        let surfaces =
+            materials.iter().map(|m| Surface::with_material(geometry.clone(), *m)).collect();
         let name = object.id.clone().unwrap_or_else(|| object.kind.clone());
-        self.scene.add_child(parent, Node { transform: place * own, surfaces, ..Node::named(name) });
+        self.scene
+            .add_child(parent, Node { transform: place * own, surfaces, ..Node::named(name) });
         Ok(())
     }
 
@@ -160,7 +171,8 @@ impl Builder<'_> {
                 }
                 "emitter" => parts.emission = self.area_emitter(&inner)?,
                 "medium" if child.name == "exterior" || inner.name == "exterior" => {
-                    // What is outside is what other shapes have inside, or what is around the camera.
+                    // What is outside is what other shapes have inside, or what is around the
+                    // camera.
                     self.medium(&inner)?;
                 }
                 "medium" => {
@@ -209,15 +221,25 @@ impl Builder<'_> {
         ids
     }
 
-    /// The geometry of a shape. `plain` if its texture coordinates do not matter and its outer side is the usual one.
-    fn geometry(&mut self, object: &Object, (plain, shines): (bool, bool), look: &Look) -> Result<Option<Made>, Fault> {
+    /// The geometry of a shape. `plain` if its texture coordinates do not matter and its outer side
+    /// is the usual one.
+    fn geometry(
+        &mut self,
+        object: &Object,
+        (plain, shines): (bool, bool),
+        look: &Look,
+    ) -> Result<Option<Made>, Fault> {
         Ok(Some(match object.kind.as_str() {
             "sphere" => self.sphere(object, plain)?,
-            "disk" if plain => self.analytic(Disk { radius: 1.0, inner_radius: 0.0 }, DAffine3::IDENTITY),
+            "disk" if plain => {
+                self.analytic(Disk { radius: 1.0, inner_radius: 0.0 }, DAffine3::IDENTITY)
+            }
             "disk" => self.made(object, disk())?,
             "cylinder" => self.cylinder(object, plain)?,
             // A lamp is better sampled as a whole; all else is better traced as triangles.
-            "rectangle" if plain && shines => self.analytic(Rectangle { half_size: DVec2::ONE }, DAffine3::IDENTITY),
+            "rectangle" if plain && shines => {
+                self.analytic(Rectangle { half_size: DVec2::ONE }, DAffine3::IDENTITY)
+            }
             "rectangle" => self.made(object, rectangle())?,
             "cube" => self.made(object, cube())?,
             "obj" | "ply" | "serialized" => {
@@ -228,7 +250,9 @@ impl Builder<'_> {
             _ => {
                 let owner = object.owner();
                 self.ignore_all(object);
-                self.note(owner.clone(), object.at, || format!("{owner} is not supported; it was left out"));
+                self.note(owner.clone(), object.at, || {
+                    format!("{owner} is not supported; it was left out")
+                });
                 return Ok(None);
             }
         }))
@@ -253,7 +277,11 @@ impl Builder<'_> {
         if self.shapes.triangles <= limit {
             return Ok(());
         }
-        Err(Fault::new(at, format!("the scene has more than {limit} triangles, the limit"), "split it"))
+        Err(Fault::new(
+            at,
+            format!("the scene has more than {limit} triangles, the limit"),
+            "split it",
+        ))
     }
 
     fn sphere(&mut self, object: &Object, plain: bool) -> Result<Made, Fault> {
@@ -261,7 +289,8 @@ impl Builder<'_> {
         let center = object.vector("center")?.unwrap_or(DVec3::ZERO);
         let flipped = object.bool_or("flip_normals", false)?;
         if plain || !flipped {
-            return Ok(self.analytic(Sphere { radius }, DAffine3::from_mat3_translation(around_z(), center)));
+            return Ok(self
+                .analytic(Sphere { radius }, DAffine3::from_mat3_translation(around_z(), center)));
         }
         let mesh = swept(360.0, [AROUND, ALONG], |phi, v| {
             let (sin, cos) = ((1.0 - v) * std::f64::consts::PI).sin_cos();
@@ -273,7 +302,8 @@ impl Builder<'_> {
 
     fn cylinder(&mut self, object: &Object, plain: bool) -> Result<Made, Fault> {
         let radius = object.positive("radius", 1.0)?;
-        let (p0, p1) = (object.vector("p0")?.unwrap_or(DVec3::ZERO), object.vector("p1")?.unwrap_or(DVec3::Z));
+        let (p0, p1) =
+            (object.vector("p0")?.unwrap_or(DVec3::ZERO), object.vector("p1")?.unwrap_or(DVec3::Z));
         let height = (p1 - p0).length();
         let Some(axis) = (p1 - p0).try_normalize() else {
             return Err(object.fault("p0 and p1 coincide", "give its ends"));

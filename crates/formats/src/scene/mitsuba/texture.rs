@@ -1,6 +1,7 @@
 //! Textures: what materials see of them.
 //!
-//! Coordinates: Mitsuba's pictures have v downwards, as ours; its readers of meshes turn the coordinates of files instead.
+//! Coordinates: Mitsuba's pictures have v downwards, as ours; its readers of meshes turn the
+//! coordinates of files instead.
 
 use super::Builder;
 use super::color;
@@ -42,7 +43,11 @@ pub enum Pattern {
 
 impl Builder<'_> {
     /// The pattern of a property or inner texture of this name.
-    pub(super) fn pattern(&mut self, object: &Object, name: &str) -> Result<Option<Pattern>, Fault> {
+    pub(super) fn pattern(
+        &mut self,
+        object: &Object,
+        name: &str,
+    ) -> Result<Option<Pattern>, Fault> {
         if let Some(property) = object.get(name) {
             return match property.value {
                 Value::Color(hue) => Ok(Some(Pattern::Constant(color::reflectance(hue)))),
@@ -61,7 +66,12 @@ impl Builder<'_> {
     }
 
     /// A colour or its default.
-    pub(super) fn color(&mut self, object: &Object, name: &str, default: f32) -> Result<ColorParam, Fault> {
+    pub(super) fn color(
+        &mut self,
+        object: &Object,
+        name: &str,
+        default: f32,
+    ) -> Result<ColorParam, Fault> {
         Ok(match self.pattern(object, name)? {
             Some(pattern) => self.color_of(pattern),
             None => Rgb::splat(default).into(),
@@ -71,7 +81,9 @@ impl Builder<'_> {
     pub(super) fn color_of(&mut self, pattern: Pattern) -> ColorParam {
         match pattern {
             Pattern::Constant(color) => color,
-            Pattern::Picture(factor, texture) => ColorParam::textured(factor, Some(self.texture_id(texture))),
+            Pattern::Picture(factor, texture) => {
+                ColorParam::textured(factor, Some(self.texture_id(texture)))
+            }
             Pattern::Vertices => {
                 self.uses_vertex_colors = true;
                 Rgb::WHITE.into()
@@ -80,7 +92,12 @@ impl Builder<'_> {
     }
 
     /// A number or its default.
-    pub(super) fn scalar(&mut self, object: &Object, name: &str, default: f32) -> Result<ScalarParam, Fault> {
+    pub(super) fn scalar(
+        &mut self,
+        object: &Object,
+        name: &str,
+        default: f32,
+    ) -> Result<ScalarParam, Fault> {
         self.mapped(object, name, default, None)
     }
 
@@ -128,11 +145,19 @@ impl Builder<'_> {
     fn texture_id(&mut self, texture: ImageTexture) -> TextureId {
         // The debug form of a float is exact, so equal text is an equal texture.
         let scene = &mut self.scene;
-        *self.textures.ids.entry(format!("{texture:?}")).or_insert_with(|| scene.add_texture(texture))
+        *self
+            .textures
+            .ids
+            .entry(format!("{texture:?}"))
+            .or_insert_with(|| scene.add_texture(texture))
     }
 
     /// The texture of single numbers: grey, and with a function applied.
-    fn scalar_texture(&mut self, texture: &ImageTexture, function: Option<Function>) -> ImageTexture {
+    fn scalar_texture(
+        &mut self,
+        texture: &ImageTexture,
+        function: Option<Function>,
+    ) -> ImageTexture {
         let image = self.scene.images[texture.image.index()].clone();
         if image.channels <= 2 && function.is_none() && texture.encoding == Encoding::Linear {
             return texture.clone();
@@ -149,7 +174,12 @@ impl Builder<'_> {
                     function.map_or(value, |f| f(value))
                 };
                 let values = pixels.map(value).collect();
-                let id = self.scene.add_image(Arc::new(Image::from_f32(image.width, image.height, 1, values)));
+                let id = self.scene.add_image(Arc::new(Image::from_f32(
+                    image.width,
+                    image.height,
+                    1,
+                    values,
+                )));
                 self.textures.scalars.insert(key, id);
                 id
             }
@@ -172,7 +202,8 @@ impl Builder<'_> {
 
     fn new_texture(&mut self, object: &Object) -> Result<Pattern, Fault> {
         if !matches!(object.class.as_str(), "texture" | "spectrum") {
-            return Err(object.fault("this stands where a texture was expected", "use a texture or a colour"));
+            return Err(object
+                .fault("this stands where a texture was expected", "use a texture or a colour"));
         }
         match object.kind.as_str() {
             "bitmap" | "ldrtexture" => self.bitmap(object),
@@ -222,7 +253,13 @@ impl Builder<'_> {
         let scale = [object.float_or("uscale", both[0])?, object.float_or("vscale", both[0])?];
         let offset = [object.float_or("uoffset", both[1])?, object.float_or("voffset", both[1])?];
         let (x, y, t) = (map.matrix3.x_axis, map.matrix3.y_axis, map.translation);
-        let row = |i: usize| [(x[i] * scale[i]) as f32, (y[i] * scale[i]) as f32, (t[i] * scale[i] + offset[i]) as f32];
+        let row = |i: usize| {
+            [
+                (x[i] * scale[i]) as f32,
+                (y[i] * scale[i]) as f32,
+                (t[i] * scale[i] + offset[i]) as f32,
+            ]
+        };
         Ok([row(0), row(1)])
     }
 
@@ -233,7 +270,9 @@ impl Builder<'_> {
         let gamma = object.float("gamma")?;
         let is_raw = object.bool_or("raw", false)? || gamma == Some(1.0);
         if let Some(gamma) = gamma.filter(|g| *g != 1.0 && *g > 0.0) {
-            self.note("gamma", object.at, || format!("a gamma of {gamma}: the picture was taken for an sRGB one"));
+            self.note("gamma", object.at, || {
+                format!("a gamma of {gamma}: the picture was taken for an sRGB one")
+            });
         }
         let mut texture = ImageTexture::new(image, if is_raw { Encoding::Linear } else { stored });
         let wrap = |text: &str| match text {
@@ -243,9 +282,11 @@ impl Builder<'_> {
             "repeat" => Some(Wrap::Repeat),
             _ => None,
         };
-        for (name, axes) in
-            [("wrap_mode", [true, true]), ("wrap_mode_u", [true, false]), ("wrap_mode_v", [false, true])]
-        {
+        for (name, axes) in [
+            ("wrap_mode", [true, true]),
+            ("wrap_mode_u", [true, false]),
+            ("wrap_mode_v", [false, true]),
+        ] {
             let Some((text, at)) = object.string(name)? else { continue };
             let Some(mode) = wrap(text) else {
                 let problem = format!("\"{}\" is not a way to wrap", super::value::shortened(text));

@@ -78,7 +78,8 @@ pub fn hex_color(text: &str) -> Option<Rgb> {
     if digits.len() != 6 || !digits.is_ascii() {
         return None;
     }
-    let channel = |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok().map(|c| f32::from(c) / 255.0);
+    let channel =
+        |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok().map(|c| f32::from(c) / 255.0);
     Some(from_srgb(Rgb::new(channel(0)?, channel(2)?, channel(4)?)))
 }
 
@@ -91,8 +92,9 @@ pub fn from_srgb(color: Rgb) -> Rgb {
 pub fn samples(text: &str) -> Result<Vec<[f32; 2]>, String> {
     let words = text.split(|c: char| c == ',' || c.is_whitespace()).filter(|w| !w.is_empty());
     let pairs = words.map(|word| {
-        let (lambda, value) =
-            word.split_once(':').ok_or_else(|| format!("\"{}\" is not a wavelength and a value", shortened(word)))?;
+        let (lambda, value) = word
+            .split_once(':')
+            .ok_or_else(|| format!("\"{}\" is not a wavelength and a value", shortened(word)))?;
         Ok([number(lambda)? as f32, number(value)? as f32])
     });
     pairs.collect()
@@ -116,12 +118,18 @@ pub fn table(mut pairs: Vec<[f32; 2]>) -> Result<Hue, String> {
 pub fn matrix(text: &str) -> Result<DAffine3, String> {
     let found = numbers(text)?;
     let map = match *found {
-        [a, b, c, d, e, f, g, h, i] => DAffine3::from_mat3(DMat3::from_cols_array(&[a, d, g, b, e, h, c, f, i])),
+        [a, b, c, d, e, f, g, h, i] => {
+            DAffine3::from_mat3(DMat3::from_cols_array(&[a, d, g, b, e, h, c, f, i]))
+        }
         _ => {
-            let rows: [f64; 16] =
-                found.as_slice().try_into().map_err(|_| format!("{} numbers where 16 were expected", found.len()))?;
+            let rows: [f64; 16] = found
+                .as_slice()
+                .try_into()
+                .map_err(|_| format!("{} numbers where 16 were expected", found.len()))?;
             let map = Transform::from_matrix(DMat4::from_cols_array(&rows).transpose());
-            return map.map(|m| *m.matrix()).ok_or_else(|| "the matrix is singular or projective".into());
+            return map
+                .map(|m| *m.matrix())
+                .ok_or_else(|| "the matrix is singular or projective".into());
         }
     };
     Ok(map)
@@ -131,7 +139,10 @@ pub fn matrix(text: &str) -> Result<DAffine3, String> {
 pub fn look_at(origin: DVec3, target: DVec3, up: DVec3) -> Option<DAffine3> {
     let towards = (target - origin).try_normalize()?;
     let left = up.try_normalize()?.cross(towards).try_normalize()?;
-    Some(DAffine3::from_mat3_translation(DMat3::from_cols(left, towards.cross(left), towards), origin))
+    Some(DAffine3::from_mat3_translation(
+        DMat3::from_cols(left, towards.cross(left), towards),
+        origin,
+    ))
 }
 
 /// A name as versions 2 and 3 write it: `toWorld` is `to_world`, `intIOR` is `int_ior`.
@@ -154,9 +165,13 @@ mod tests {
 
     #[test]
     fn old_names_become_new_ones() {
-        for (old, new) in
-            [("toWorld", "to_world"), ("intIOR", "int_ior"), ("alphaU", "alpha_u"), ("sigmaT", "sigma_t"), ("g", "g")]
-        {
+        for (old, new) in [
+            ("toWorld", "to_world"),
+            ("intIOR", "int_ior"),
+            ("alphaU", "alpha_u"),
+            ("sigmaT", "sigma_t"),
+            ("g", "g"),
+        ] {
             assert_eq!(snake_case(old), new);
         }
     }
@@ -172,6 +187,9 @@ mod tests {
     fn matrices_are_written_by_rows() {
         let map = matrix("1 0 0 5  0 1 0 6  0 0 1 7  0 0 0 1").expect("a matrix");
         assert_eq!(map.translation, DVec3::new(5.0, 6.0, 7.0));
-        assert_eq!(matrix("0 1 0 0 0 1 1 0 0").expect("a matrix").transform_vector3(DVec3::Y), DVec3::X);
+        assert_eq!(
+            matrix("0 1 0 0 0 1 1 0 0").expect("a matrix").transform_vector3(DVec3::Y),
+            DVec3::X
+        );
     }
 }

@@ -1,10 +1,12 @@
-//! XML within bounds: what the parser takes a time for that grows with the square of the text is refused before.
+//! XML within bounds: what the parser takes a time for that grows with the square of the text is
+//! refused before.
 
 use roxmltree::{Document, ParsingOptions};
 
 /// Attributes of one element: the parser compares each with all before it.
 const MAX_ATTRIBUTES: usize = 256;
-/// Names of namespaces in a file: each element that has one copies all that hold there. Mitsuba's scenes have none.
+/// Names of namespaces in a file: each element that has one copies all that hold there. Mitsuba's
+/// scenes have none.
 const MAX_NAMESPACES: usize = 64;
 
 /// What is wrong with a text, and where: line and column, from 1.
@@ -21,7 +23,8 @@ pub fn parse(text: &str, nodes_limit: u32) -> Result<Document<'_>, Flaw> {
         let line = before.matches('\n').count() as u32 + 1;
         let column = before[before.rfind('\n').map_or(0, |i| i + 1)..].chars().count() as u32 + 1;
         let problem = format!(
-            "an element has more than {MAX_ATTRIBUTES} attributes, or the file more than {MAX_NAMESPACES} namespaces"
+            "an element has more than {MAX_ATTRIBUTES} attributes, or the file more than \
+                {MAX_NAMESPACES} namespaces"
         );
         return Err(Flaw { line, column, problem });
     }
@@ -82,7 +85,8 @@ mod tests {
     #[test]
     fn many_attributes_are_refused_where_they_stand_and_many_elements_are_not() {
         let attributes = |n: usize| (0..n).map(|i| format!(" a{i}='>'")).collect::<String>();
-        let text = format!("<scene>\n <!-- don't = > --> <![CDATA[<'=]]> <x{}/></scene>", attributes(257));
+        let text =
+            format!("<scene>\n <!-- don't = > --> <![CDATA[<'=]]> <x{}/></scene>", attributes(257));
         let flaw = parse(&text, u32::MAX).expect_err("257 attributes");
         assert_eq!((flaw.line, flaw.column), (2, 37), "{}", flaw.problem);
         let text = format!("<scene>{}</scene>", format!("<x{}/>", attributes(256)).repeat(100));

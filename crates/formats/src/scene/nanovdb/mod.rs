@@ -1,5 +1,6 @@
-//! NanoVDB files: sparse grids of numbers (Museth, "NanoVDB: A GPU-Friendly and Portable VDB Data Structure For Real-Time Rendering And
-//! Simulation", 2021). As a scene, the grid `density` is smoke, or else the first grid that can be.
+//! NanoVDB files: sparse grids of numbers (Museth, "NanoVDB: A GPU-Friendly and Portable VDB Data
+//! Structure For Real-Time Rendering And Simulation", 2021). As a scene, the grid `density` is
+//! smoke, or else the first grid that can be.
 
 #[cfg(test)]
 mod tests;
@@ -30,7 +31,8 @@ const DENSITY: &str = "density";
 /// Share of light that smoke scatters, of what meets it.
 const ALBEDO: f32 = 0.9;
 
-/// How many mean free paths of the densest smoke the longest side of the box is: what lies behind shows faintly.
+/// How many mean free paths of the densest smoke the longest side of the box is: what lies behind
+/// shows faintly.
 const THICKNESS: f32 = 40.0;
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
@@ -54,7 +56,8 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     let longest = side.x_axis.length().max(side.y_axis.length()).max(side.z_axis.length()) as f32;
     let extinction = THICKNESS / (densest * longest).max(f32::MIN_POSITIVE);
     let extinction = if extinction.is_finite() { extinction } else { 1.0 };
-    let (absorbed, scattered) = (Rgb::splat(extinction * (1.0 - ALBEDO)), Rgb::splat(extinction * ALBEDO));
+    let (absorbed, scattered) =
+        (Rgb::splat(extinction * (1.0 - ALBEDO)), Rgb::splat(extinction * ALBEDO));
     let transform = volume.world_from_grid;
     let medium = scene.add_medium(Grid::new(absorbed, scattered, 0.0, volume.grid, transform));
     let boundary = scene.add_material(Material::interface(*name, medium));

@@ -37,13 +37,15 @@ fn put(bytes: &mut [u8], at: usize, value: impl IntoIterator<Item = u8>) {
     bytes[at..].iter_mut().zip(value).for_each(|(to, from)| *to = from);
 }
 
-/// A tree with one leaf, all of its 512 voxels active. The world is `size` times the indices, plus (1, 2, 3).
+/// A tree with one leaf, all of its 512 voxels active. The world is `size` times the indices, plus
+/// (1, 2, 3).
 fn grid(of: &Written) -> Vec<u8> {
     let mut bytes = vec![0; END];
     put(&mut bytes, 0, *b"NanoVDB0");
     put(&mut bytes, 32, (END as u64).to_le_bytes());
     put(&mut bytes, 40, of.name.bytes());
-    for (i, x) in [of.size, 0.0, 0.0, 0.0, of.size, 0.0, 0.0, 0.0, of.size].into_iter().enumerate() {
+    for (i, x) in [of.size, 0.0, 0.0, 0.0, of.size, 0.0, 0.0, 0.0, of.size].into_iter().enumerate()
+    {
         put(&mut bytes, 296 + 88 + 8 * i, x.to_le_bytes());
         put(&mut bytes, 296 + 160 + 8 * i, if x == 0.0 { x } else { 1.0 / x }.to_le_bytes());
     }
@@ -64,9 +66,10 @@ fn grid(of: &Written) -> Vec<u8> {
         ((node[0] & mask) << (2 * bits) | (node[1] & mask) << bits | node[2] & mask) as usize
     };
     let (upper, lower) = (place(key(7), 5), place(key(3), 4));
-    for (node, mask, table, place, child) in
-        [(UPPER, 32 + 4096, 8256, upper, LOWER - UPPER), (LOWER, 32 + 512, 1088, lower, LEAF - LOWER)]
-    {
+    for (node, mask, table, place, child) in [
+        (UPPER, 32 + 4096, 8256, upper, LOWER - UPPER),
+        (LOWER, 32 + 512, 1088, lower, LEAF - LOWER),
+    ] {
         bytes[node + mask + place / 8] |= 1 << (place % 8);
         put(&mut bytes, node + table + 8 * place, (child as u64).to_le_bytes());
     }
@@ -117,7 +120,8 @@ fn input(bytes: Vec<u8>) -> Input {
 }
 
 fn error(bytes: Vec<u8>) -> String {
-    let result = crate::read_scene_bytes("cloud.nvdb", bytes, Path::new("."), &ReadOptions::default());
+    let result =
+        crate::read_scene_bytes("cloud.nvdb", bytes, Path::new("."), &ReadOptions::default());
     result.expect_err("the file is broken").to_string()
 }
 
@@ -127,7 +131,8 @@ fn voxels_are_where_the_file_says() {
         let input = input(file(&[Written { name: "heat", size: 2.0, ..SMOKE }, SMOKE], codec));
         let volumes = Volumes::of(&input).expect("a sound file");
         assert_eq!(volumes.names().collect::<Vec<_>>(), ["heat", "density"]);
-        let Volume { grid, world_from_grid } = volumes.volume("density").expect("it is sound").expect("it is there");
+        let Volume { grid, world_from_grid } =
+            volumes.volume("density").expect("it is sound").expect("it is there");
         // One more voxel on each side, of the background.
         assert_eq!(grid.size(), [10; 3]);
         let at = |voxel: [f64; 3]| {
@@ -139,7 +144,10 @@ fn voxels_are_where_the_file_says() {
         }
         let between = 0.5 * (number([10, 18, -4]) + number([11, 18, -4]));
         assert!((at([10.5, 18.0, -4.0]) - between).abs() < 0.5);
-        assert!((at([7.5, 16.0, -8.0]) - 0.5 * number([8, 16, -8])).abs() < 0.5, "it fades to the background");
+        assert!(
+            (at([7.5, 16.0, -8.0]) - 0.5 * number([8, 16, -8])).abs() < 0.5,
+            "it fades to the background"
+        );
         assert_eq!(at([6.0, 16.0, -8.0]), 0.0);
     }
 }
@@ -147,14 +155,20 @@ fn voxels_are_where_the_file_says() {
 #[test]
 fn grids_of_other_voxels_are_looked_up_at_the_same_places() {
     let constant = |_| 7.0;
-    let input = input(file(&[SMOKE, Written { name: "temperature", size: 0.5, value: constant, ..SMOKE }], 0));
+    let input = input(file(
+        &[SMOKE, Written { name: "temperature", size: 0.5, value: constant, ..SMOKE }],
+        0,
+    ));
     let volumes = Volumes::of(&input).expect("a sound file");
-    let [smoke, heat] = ["density", "temperature"].map(|name| volumes.volume(name).expect("sound").expect("there"));
+    let [smoke, heat] =
+        ["density", "temperature"].map(|name| volumes.volume(name).expect("sound").expect("there"));
     let over = heat.over(&smoke);
     assert_eq!(over.size(), smoke.grid.size());
     assert!(over.values().iter().zip(heat.grid.values()).all(|(a, b)| (a - b).abs() < 1e-3));
-    let elsewhere =
-        Volume { world_from_grid: smoke.world_from_grid * DAffine3::from_scale(DVec3::splat(2.0)), ..smoke };
+    let elsewhere = Volume {
+        world_from_grid: smoke.world_from_grid * DAffine3::from_scale(DVec3::splat(2.0)),
+        ..smoke
+    };
     assert!(heat.over(&elsewhere).values().iter().all(|x| *x <= 7.0));
 }
 
@@ -176,7 +190,8 @@ fn an_empty_grid_is_nothing() {
     let mut bytes = file(&[SMOKE], 0);
     // The highest voxel below the lowest.
     put(&mut bytes, 16 + 100, (-5i32).to_le_bytes());
-    let read = crate::read_scene_bytes("x", bytes, Path::new("."), &ReadOptions::default()).expect("nothing is wrong");
+    let read = crate::read_scene_bytes("x", bytes, Path::new("."), &ReadOptions::default())
+        .expect("nothing is wrong");
     assert!(read.warnings.iter().any(|w| w.message.contains("is empty")), "{:?}", read.warnings);
 }
 
@@ -220,7 +235,8 @@ fn wild_bytes_are_never_more_than_an_error() {
     for codec in [0, 1] {
         let sound = file(&[SMOKE], codec);
         // The headers, and what points to the nodes; the tables of the nodes are nearly all zero.
-        let places = (0..16 + 184 + 900).chain((0..64).map(|i| (16 + 184 + UPPER + i * 4200) % sound.len()));
+        let places =
+            (0..16 + 184 + 900).chain((0..64).map(|i| (16 + 184 + UPPER + i * 4200) % sound.len()));
         for at in places {
             for with in [0xff, 0x80, 1] {
                 let mut bytes = sound.clone();
@@ -237,13 +253,13 @@ fn wild_bytes_are_never_more_than_an_error() {
 fn pbrt(grids: &[Written], medium: &str) -> Result<Grid, String> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a.pbrt");
-    std::fs::write(folder.path().join("cloud.nvdb"), file(grids, 1)).expect("the folder is writable");
-    let head =
-        r#"WorldBegin Translate 5 0 0 MakeNamedMedium "m" "string type" "nanovdb" "string filename" "cloud.nvdb""#;
+    std::fs::write(folder.path().join("cloud.nvdb"), file(grids, 1))
+        .expect("the folder is writable");
+    let head = r#"WorldBegin Translate 5 0 0 MakeNamedMedium "m" "string type" "nanovdb" "string filename" "cloud.nvdb""#;
     let tail = r#"MediumInterface "m" "" Shape "sphere" "float radius" 40"#;
     std::fs::write(&path, format!("{head} {medium}\n{tail}\n")).expect("the folder is writable");
-    let scene =
-        crate::read_scene(&path, &ReadOptions::default()).map_err(|e| format!("{:?}: {}", e.place, e.problem))?;
+    let scene = crate::read_scene(&path, &ReadOptions::default())
+        .map_err(|e| format!("{:?}: {}", e.place, e.problem))?;
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     let [Medium::Grid(grid)] = &scene.media[..] else { panic!("one grid") };
     Ok(grid.clone())
@@ -253,10 +269,14 @@ fn pbrt(grids: &[Written], medium: &str) -> Result<Grid, String> {
 fn media_of_pbrt_are_placed_and_scaled() {
     let medium = r#""rgb sigma_s" [ 1 2 3 ] "float scale" 0.5 "float g" 0.2"#;
     let grid = pbrt(&[SMOKE], medium).expect("nothing is wrong");
-    assert_eq!((grid.sigma_s, grid.sigma_a, grid.g), (Rgb::new(0.5, 1.0, 1.5), Rgb::splat(0.5), 0.2));
+    assert_eq!(
+        (grid.sigma_s, grid.sigma_a, grid.g),
+        (Rgb::new(0.5, 1.0, 1.5), Rgb::splat(0.5), 0.2)
+    );
     // Mirrored in x, as pbrt's scenes are.
     let world = DVec3::new(-(5.0 + 1.0 + 0.5 * 9.0), 2.0 + 0.5 * 20.0, 3.0 - 0.5 * 3.0);
-    let value = grid.density.lookup(grid.world_from_grid.inverse().transform_point3(world).as_vec3());
+    let value =
+        grid.density.lookup(grid.world_from_grid.inverse().transform_point3(world).as_vec3());
     assert!((value - number([9, 20, -3])).abs() < 0.5, "{value}");
     let other = pbrt(&[SMOKE], r#""string gridname" "smoke""#).expect_err("there is no such grid");
     assert!(other.contains(r#"no grid "smoke"; it has "density""#), "{other}");
@@ -269,8 +289,11 @@ fn hot_gas_of_pbrt_glows_by_its_temperature() {
     let medium = r#""float temperaturescale" 200 "float temperatureoffset" 5 "float LeScale" 7"#;
     let grid = pbrt(&[smoke, heat], medium).expect("nothing is wrong");
     let middle = snell_math::Vec3::splat(0.5);
-    let [kelvin, glow] =
-        [&grid.temperature, &grid.emission_scale].map(|g| g.as_ref().expect("it glows").lookup(middle));
+    let [kelvin, glow] = [&grid.temperature, &grid.emission_scale]
+        .map(|g| g.as_ref().expect("it glows").lookup(middle));
     let expected = 2.0 * 7.0 * snell_scene::medium::blackbody_luminance(3000.0);
-    assert!((kelvin - 3000.0).abs() < 1.0 && (glow / expected - 1.0).abs() < 1e-3, "{kelvin} {glow} {expected}");
+    assert!(
+        (kelvin - 3000.0).abs() < 1.0 && (glow / expected - 1.0).abs() < 1e-3,
+        "{kelvin} {glow} {expected}"
+    );
 }

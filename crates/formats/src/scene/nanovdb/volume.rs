@@ -3,14 +3,16 @@
 use crate::expansion::Compression;
 use crate::{Input, Place, ReadError};
 use nanovdb_rs::{
-    Codec, GridClass, GridDataHeader, GridMetadata, GridType, ReadAccessor, SegmentHeader, ValidatedFloatTree,
+    Codec, GridClass, GridDataHeader, GridMetadata, GridType, ReadAccessor, SegmentHeader,
+    ValidatedFloatTree,
 };
 use rayon::prelude::*;
 use snell_math::{DAffine3, DMat3, DVec3};
 use snell_scene::medium::ScalarGrid;
 use std::borrow::Cow;
 
-/// How files begin: those written before and since version 32.6 of the format, which have the same layout.
+/// How files begin: those written before and since version 32.6 of the format, which have the same
+/// layout.
 const MAGIC: &[u8] = b"NanoVDB0";
 const NEW_MAGIC: &[u8] = b"NanoVDB2";
 /// How a grid in memory begins, which some programs write without the header of a file.
@@ -22,7 +24,8 @@ const VERSION: u32 = 32;
 /// Most cells of a grid: 1 GiB.
 const MAX_CELLS: usize = 1 << 28;
 
-/// Most comparisons of a cell with a tile of the root. Files that people have are far below; it is for those made to take forever.
+/// Most comparisons of a cell with a tile of the root. Files that people have are far below; it is
+/// for those made to take forever.
 const MAX_SEARCH: usize = 1 << 34;
 
 /// True for files that [`Volumes`] reads, or can tell what is wrong with.
@@ -33,8 +36,8 @@ pub fn recognises(bytes: &[u8]) -> bool {
 /// Numbers in space.
 #[derive(Clone, Debug)]
 pub struct Volume {
-    /// The numbers, over the box of the active voxels and one more on each side, so that they fade to the background as they do in the
-    /// file.
+    /// The numbers, over the box of the active voxels and one more on each side, so that they fade
+    /// to the background as they do in the file.
     pub grid: ScalarGrid,
     /// From the unit cube of the grid to the world of the file.
     pub world_from_grid: DAffine3,
@@ -47,7 +50,8 @@ impl Volume {
         let cells = DVec3::from_array(size.map(|n| n as f64));
         let here = self.world_from_grid.inverse() * other.world_from_grid;
         let value = |i: usize| {
-            let cell = [i % size[0], i / size[0] % size[1], i / size[0] / size[1]].map(|c| c as f64 + 0.5);
+            let cell =
+                [i % size[0], i / size[0] % size[1], i / size[0] / size[1]].map(|c| c as f64 + 0.5);
             self.grid.lookup(here.transform_point3(DVec3::from_array(cell) / cells).as_vec3())
         };
         let values = (0..size.iter().product()).into_par_iter().map(value).collect();
@@ -82,9 +86,15 @@ impl<'a> Volumes<'a> {
     /// If it is not NanoVDB of a known version, or ends too early.
     pub fn of(input: &'a Input) -> Result<Self, ReadError> {
         let bytes = &input.bytes;
-        let fault = |at: usize, problem: String, remedy: &str| input.error(Place::Byte(at as u64), problem, remedy);
+        let fault = |at: usize, problem: String, remedy: &str| {
+            input.error(Place::Byte(at as u64), problem, remedy)
+        };
         if bytes.starts_with(GRID_MAGIC) {
-            return Err(fault(0, "this is a grid without the header of a NanoVDB file".into(), REMEDY));
+            return Err(fault(
+                0,
+                "this is a grid without the header of a NanoVDB file".into(),
+                REMEDY,
+            ));
         }
         let mut entries = Vec::new();
         let mut next = 0;
@@ -96,33 +106,51 @@ impl<'a> Volumes<'a> {
             if header.starts_with(NEW_MAGIC) {
                 header[..MAGIC.len()].copy_from_slice(MAGIC);
             }
-            let header = SegmentHeader::parse(&header, next as u64)
-                .map_err(|_| fault(next, "there is no header of a NanoVDB file here".into(), CUT_OFF))?;
+            let header = SegmentHeader::parse(&header, next as u64).map_err(|_| {
+                fault(next, "there is no header of a NanoVDB file here".into(), CUT_OFF)
+            })?;
             if header.version.major() != VERSION {
-                let problem = format!("this is NanoVDB {}, and only version {VERSION} is known", header.version);
+                let problem = format!(
+                    "this is NanoVDB {}, and only version {VERSION} is known",
+                    header.version
+                );
                 return Err(fault(next, problem, "export it with OpenVDB 8 or later"));
             }
             next += SegmentHeader::BYTE_SIZE;
             let mut about = Vec::new();
             for _ in 0..header.grid_count {
-                let (grid, length) = GridMetadata::parse(&bytes[next.min(bytes.len())..])
-                    .map_err(|_| fault(next, "the file ends within the description of a grid".into(), CUT_OFF))?;
+                let (grid, length) =
+                    GridMetadata::parse(&bytes[next.min(bytes.len())..]).map_err(|_| {
+                        fault(
+                            next,
+                            "the file ends within the description of a grid".into(),
+                            CUT_OFF,
+                        )
+                    })?;
                 about.push(grid);
                 next += length;
             }
             for about in about {
                 let packed = match header.codec {
                     Codec::Zip => {
-                        let size =
-                            bytes.get(next..next + 8).and_then(|size| size.try_into().ok()).map(u64::from_le_bytes);
+                        let size = bytes
+                            .get(next..next + 8)
+                            .and_then(|size| size.try_into().ok())
+                            .map(u64::from_le_bytes);
                         next += 8;
                         size
                     }
                     _ => Some(about.grid_size),
                 };
-                let end = packed.and_then(|size| usize::try_from(size).ok()).and_then(|size| next.checked_add(size));
+                let end = packed
+                    .and_then(|size| usize::try_from(size).ok())
+                    .and_then(|size| next.checked_add(size));
                 let Some(content) = end.and_then(|end| bytes.get(next..end)) else {
-                    return Err(fault(next, format!("the file ends within the grid \"{}\"", about.name), CUT_OFF));
+                    return Err(fault(
+                        next,
+                        format!("the file ends within the grid \"{}\"", about.name),
+                        CUT_OFF,
+                    ));
                 };
                 entries.push(Entry { about, codec: header.codec, bytes: content, at: next });
                 next += content.len();
@@ -148,9 +176,12 @@ impl<'a> Volumes<'a> {
     }
 
     fn read(&self, name: &str) -> Result<Option<Volume>, ReadError> {
-        let Some(entry) = self.entries.iter().find(|entry| entry.about.name == name) else { return Ok(None) };
+        let Some(entry) = self.entries.iter().find(|entry| entry.about.name == name) else {
+            return Ok(None);
+        };
         if entry.about.grid_class == GridClass::LevelSet {
-            let problem = format!("the grid \"{name}\" is a level set, which is a surface and no density");
+            let problem =
+                format!("the grid \"{name}\" is a level set, which is a surface and no density");
             return Err(self.fault(entry, problem, "export it as a fog volume"));
         }
         let bytes = self.unpacked(entry)?;
@@ -163,10 +194,14 @@ impl<'a> Volumes<'a> {
         }
         let size = extent.map(|n| usize::try_from(n).unwrap_or(usize::MAX));
         let most = MAX_CELLS.min(self.input.options.limits.elements);
-        let count = size[0].checked_mul(size[1]).and_then(|n| n.checked_mul(size[2])).filter(|n| *n <= most);
+        let count = size[0]
+            .checked_mul(size[1])
+            .and_then(|n| n.checked_mul(size[2]))
+            .filter(|n| *n <= most);
         let Some(count) = count.filter(|n| n.saturating_mul(tiles(&bytes)) <= MAX_SEARCH) else {
             let problem = format!(
-                "the grid \"{name}\" has a box of {} x {} x {} voxels; up to {most} in all are read",
+                "the grid \"{name}\" has a box of {} x {} x {} voxels; up to {most} in all are \
+                    read",
                 extent[0], extent[1], extent[2]
             );
             return Err(self.fault(entry, problem, "resample it with larger voxels"));
@@ -189,7 +224,8 @@ impl<'a> Volumes<'a> {
         // Values are those at the corners of the lattice, which are the middles of our cells.
         let corner = DVec3::from_array(first.map(|x| x as f64 - 0.5));
         let scale = DVec3::from_array(size.map(|n| n as f64));
-        let world_from_grid = map * DAffine3::from_translation(corner) * DAffine3::from_scale(scale);
+        let world_from_grid =
+            map * DAffine3::from_translation(corner) * DAffine3::from_scale(scale);
         Ok(ScalarGrid::new(size, values).map(|grid| Volume { grid, world_from_grid }))
     }
 
@@ -201,27 +237,39 @@ impl<'a> Volumes<'a> {
     fn unpacked<'b>(&self, entry: &Entry<'b>) -> Result<Cow<'b, [u8]>, ReadError> {
         let name = &entry.about.name;
         if entry.about.grid_type != GridType::Float {
-            let problem = format!("the grid \"{name}\" is of {:?}, not of floats", entry.about.grid_type);
+            let problem =
+                format!("the grid \"{name}\" is of {:?}, not of floats", entry.about.grid_type);
             return Err(self.fault(entry, problem, REMEDY));
         }
         let bytes = match entry.codec {
             Codec::None => Cow::Borrowed(entry.bytes),
             Codec::Zip => {
-                let content = self.input.unpack(entry.bytes, Compression::Zlib, Place::Byte(entry.at as u64))?;
+                let content = self.input.unpack(
+                    entry.bytes,
+                    Compression::Zlib,
+                    Place::Byte(entry.at as u64),
+                )?;
                 if content.len() as u64 != entry.about.grid_size {
-                    let problem = format!("the grid \"{name}\" is damaged: it does not unpack to its size");
+                    let problem =
+                        format!("the grid \"{name}\" is damaged: it does not unpack to its size");
                     return Err(self.fault(entry, problem, CUT_OFF));
                 }
                 Cow::Owned(content)
             }
             Codec::Blosc | Codec::Other => {
-                let problem =
-                    format!("the grid \"{name}\" is compressed with {:?}, which is not supported", entry.codec);
+                let problem = format!(
+                    "the grid \"{name}\" is compressed with {:?}, which is not supported",
+                    entry.codec
+                );
                 return Err(self.fault(entry, problem, REMEDY));
             }
         };
         if ValidatedFloatTree::new(&bytes).is_none() {
-            return Err(self.fault(entry, format!("the tree of the grid \"{name}\" is damaged"), CUT_OFF));
+            return Err(self.fault(
+                entry,
+                format!("the tree of the grid \"{name}\" is damaged"),
+                CUT_OFF,
+            ));
         }
         Ok(bytes)
     }
@@ -234,7 +282,10 @@ impl<'a> Volumes<'a> {
         });
         let is_sound = |map: &DAffine3| map.is_finite() && map.matrix3.determinant().is_normal();
         map.filter(is_sound).ok_or_else(|| {
-            let problem = format!("the grid \"{}\" has no place in the world: its map is singular", entry.about.name);
+            let problem = format!(
+                "the grid \"{}\" has no place in the world: its map is singular",
+                entry.about.name
+            );
             self.fault(entry, problem, "export the grid again")
         })
     }

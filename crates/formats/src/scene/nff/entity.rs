@@ -30,15 +30,17 @@ impl Builder {
             "pp" => self.read_polygon(tokens, keyword, true),
             _ => {
                 let problem = format!("unknown entity {}", keyword.quoted());
-                let remedy =
-                    "check the number of values of the entity before it; the entities are v, b, l, f, c, s, p, pp";
+                let remedy = "check the number of values of the entity before it; the entities are \
+                    v, b, l, f, c, s, p, pp";
                 Err(tokens.error(keyword, problem, remedy))
             }
         }
     }
 
     fn read_view(&mut self, tokens: &mut Tokens, keyword: &Token) -> Result<(), ReadError> {
-        tokens.set_usage("v from x y z at x y z up x y z angle degrees hither distance resolution width height");
+        tokens.set_usage(
+            "v from x y z at x y z up x y z angle degrees hither distance resolution width height",
+        );
         word(tokens, "from")?;
         let eye = tokens.vector("the eye")?;
         word(tokens, "at")?;
@@ -65,12 +67,21 @@ impl Builder {
         Ok(())
     }
 
-    fn camera(&mut self, eye: DVec3, towards: DVec3, up: DVec3, angle: f64, size: [u32; 2]) -> Camera {
+    fn camera(
+        &mut self,
+        eye: DVec3,
+        towards: DVec3,
+        up: DVec3,
+        angle: f64,
+        size: [u32; 2],
+    ) -> Camera {
         let right = towards.cross(up).try_normalize().unwrap_or_else(|| {
-            self.scene.warn("the view's up vector is parallel to its direction; another one was chosen");
+            self.scene
+                .warn("the view's up vector is parallel to its direction; another one was chosen");
             towards.any_orthonormal_vector()
         });
-        // The angle is from the centre of the top row to the centre of the bottom row: half a pixel less on either side.
+        // The angle is from the centre of the top row to the centre of the bottom row: half a pixel
+        // less on either side.
         let rows = f64::from(size[1]);
         let rows_between_centers = if rows > 1.0 { rows - 1.0 } else { rows };
         let tan = (angle.to_radians() / 2.0).tan() * rows / rows_between_centers;
@@ -91,7 +102,11 @@ impl Builder {
         let position = tokens.vector("the position of the light")?;
         // Entities start with a letter, so a number can only be a colour.
         let has_color = tokens.number_follows();
-        let color = if has_color { Some(tokens.color("the color of the light")?.map(|x| x.max(0.0))) } else { None };
+        let color = if has_color {
+            Some(tokens.color("the color of the light")?.map(|x| x.max(0.0)))
+        } else {
+            None
+        };
         self.lights.push((position, color));
         Ok(())
     }
@@ -122,7 +137,10 @@ impl Builder {
     pub fn current_fill(&mut self) -> MaterialId {
         *self.fill.get_or_insert_with(|| {
             self.scene.warn("an object stands before the first `f`; it got a white matte material");
-            self.scene.add_material(Material::new("default", fill([1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 0.0, 1.0])))
+            self.scene.add_material(Material::new(
+                "default",
+                fill([1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 0.0, 1.0]),
+            ))
         })
     }
 }

@@ -1,12 +1,15 @@
-//! Neutral File Format, the language of Haines' Standard Procedural Databases (1987; format 3.1 of 1992).
+//! Neutral File Format, the language of Haines' Standard Procedural Databases (1987; format 3.1 of
+//! 1992).
 //!
-//! One-letter entities: `v` view, `b` background, `l` light, `f` fill (material), `c` cone or cylinder, `s` sphere, `p` polygon,
-//! `pp` polygon with normals. A `#` starts a comment. Choices that the format leaves open:
+//! One-letter entities: `v` view, `b` background, `l` light, `f` fill (material), `c` cone or
+//! cylinder, `s` sphere, `p` polygon, `pp` polygon with normals. A `#` starts a comment. Choices
+//! that the format leaves open:
 //!
-//! * A light without a colour has intensity `1 / sqrt(number of lights)`, so that pictures with many lights are brighter, but not
-//!   burnt out. Lights do not fade with distance. Like the classic formula it was made for, `kd cos` without `1 / pi`, all are
-//!   multiplied by pi.
-//! * Highlights and mirror reflection are `Ks` times the fill colour, transmission is `T` for all colours.
+//! * A light without a colour has intensity `1 / sqrt(number of lights)`, so that pictures with
+//!   many lights are brighter, but not burnt out. Lights do not fade with distance. Like the
+//!   classic formula it was made for, `kd cos` without `1 / pi`, all are multiplied by pi.
+//! * Highlights and mirror reflection are `Ks` times the fill colour, transmission is `T` for all
+//!   colours.
 //! * Surfaces are seen from both sides.
 
 mod entity;
@@ -62,7 +65,8 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     }
     builder.finish_lights();
     builder.finish_polygons();
-    // The pictures published with the databases show clamped linear values, for which its colours were chosen.
+    // The pictures published with the databases show clamped linear values, for which its colours
+    // were chosen.
     builder.scene.settings.raw_display = true;
     builder.scene.settings.integrator = Some("whitted".into());
     Ok(builder.scene)

@@ -70,12 +70,25 @@ impl Builder {
     }
 
     /// A polygon with or without normals at its corners.
-    pub fn read_polygon(&mut self, tokens: &mut Tokens, keyword: &Token, has_normals: bool) -> Result<(), ReadError> {
-        tokens.set_usage(if has_normals { "pp n, then n times x y z nx ny nz" } else { "p n, then n times x y z" });
+    pub fn read_polygon(
+        &mut self,
+        tokens: &mut Tokens,
+        keyword: &Token,
+        has_normals: bool,
+    ) -> Result<(), ReadError> {
+        tokens.set_usage(if has_normals {
+            "pp n, then n times x y z nx ny nz"
+        } else {
+            "p n, then n times x y z"
+        });
         let token = tokens.peek();
         let count = tokens.integer("the number of corners")?;
         if let (true, Some(token)) = (count < 3, token) {
-            return Err(tokens.error(&token, format!("a polygon has {count} corners"), "use at least 3"));
+            return Err(tokens.error(
+                &token,
+                format!("a polygon has {count} corners"),
+                "use at least 3",
+            ));
         }
         let material = self.current_fill();
         let (mut corners, mut normals) = (Vec::new(), Vec::new());
@@ -98,7 +111,8 @@ impl Builder {
         mesh.indices.extend(triangles.iter().map(|t| t.map(|i| first + i as u32)));
         if has_normals {
             let face = face_normal(&corners);
-            mesh.normals.extend(normals.iter().map(|n| n.try_normalize().map_or(face, |n| n.as_vec3())));
+            mesh.normals
+                .extend(normals.iter().map(|n| n.try_normalize().map_or(face, |n| n.as_vec3())));
         }
         mesh.positions.extend(corners);
         Ok(())

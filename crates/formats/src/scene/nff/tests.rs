@@ -70,13 +70,17 @@ fn lights_without_a_color_share_by_the_square_root_and_do_not_fade() {
         })
         .collect();
     let default = Rgb::splat(pi / 2.0);
-    assert_eq!(lights, [(1.0, default), (4.0, Rgb::new(0.1, 0.2, 0.3) * pi), (0.0, default), (0.0, default)]);
+    assert_eq!(
+        lights,
+        [(1.0, default), (4.0, Rgb::new(0.1, 0.2, 0.3) * pi), (0.0, default), (0.0, default)]
+    );
 }
 
 #[test]
 fn a_fill_is_a_phong_material_and_equal_fills_are_one() {
     let scene = scene(
-        "f 1 .5 .25  .5 .25 30 .125 1.5\ns 0 0 0 1\nf 1 1 1 1 0 1 0 0\ns 0 0 0 1\nf 1 .5 .25  .5 .25 30 .125 1.5\ns 0 0 0 1",
+        "f 1 .5 .25  .5 .25 30 .125 1.5\ns 0 0 0 1\nf 1 1 1 1 0 1 0 0\ns 0 0 0 1\nf 1 .5 .25  .5 \
+            .25 30 .125 1.5\ns 0 0 0 1",
     );
     assert_eq!(scene.materials.len(), 2);
     let fill = phong(&scene, 0);
@@ -89,7 +93,8 @@ fn a_fill_is_a_phong_material_and_equal_fills_are_one() {
 
 #[test]
 fn cones_and_cylinders_stand_between_their_ends_without_caps() {
-    for (text, name) in [("c 1 2 3 .5  1 2 7 .25", "frustum"), ("c 1 2 3 .5 1 2 7 .5", "cylinder")] {
+    for (text, name) in [("c 1 2 3 .5  1 2 7 .25", "frustum"), ("c 1 2 3 .5 1 2 7 .5", "cylinder")]
+    {
         let scene = scene(text);
         let node = &scene.nodes[1];
         let Geometry::Shape(shape) = &node.surfaces[0].geometry else { panic!("expected a shape") };
@@ -115,7 +120,8 @@ fn cones_and_cylinders_stand_between_their_ends_without_caps() {
 fn polygons_of_a_fill_become_one_mesh_and_concave_ones_are_cut_inside() {
     let arrow = "p 4  0 0 0  2 -1 0  0 2 0  -2 -1 0\n";
     let fill = "f 1 1 1 1 0 1 0 0\n";
-    let scene = scene(&format!("{fill}{arrow}f 1 0 0 1 0 1 0 0\n{arrow}{fill}p 3 0 0 1  1 0 1  0 1 1\n"));
+    let scene =
+        scene(&format!("{fill}{arrow}f 1 0 0 1 0 1 0 0\n{arrow}{fill}p 3 0 0 1  1 0 1  0 1 1\n"));
     let meshes = meshes(&scene);
     assert_eq!(meshes.iter().map(|m| m.indices.len()).collect::<Vec<_>>(), [3, 2]);
     let area: f32 = (0..2)
@@ -148,7 +154,8 @@ fn comments_may_stand_anywhere() {
 
 #[test]
 fn what_is_not_there_is_not_drawn() {
-    let scene = scene("f 1 1 1 1 0 1 0 0\ns 0 0 0 0\nc 0 0 0 1 0 0 0 1\nc 0 0 0 0 1 1 1 0\ns 0 0 0 -2");
+    let scene =
+        scene("f 1 1 1 1 0 1 0 0\ns 0 0 0 0\nc 0 0 0 1 0 0 0 1\nc 0 0 0 0 1 1 1 0\ns 0 0 0 -2");
     assert_eq!(geometries(&scene).len(), 1, "the sphere seen from inside is there");
     assert_eq!(scene.warnings.iter().map(|w| w.count).collect::<Vec<_>>(), [1, 2]);
 }

@@ -12,7 +12,8 @@ use snell_scene::{Camera, Projection};
 pub struct Built {
     /// The camera.
     pub camera: Camera,
-    /// Map from the file's world to the scene's: a mirror where the camera would show a mirrored picture otherwise.
+    /// Map from the file's world to the scene's: a mirror where the camera would show a mirrored
+    /// picture otherwise.
     pub world_from_file: DAffine3,
 }
 
@@ -31,15 +32,20 @@ impl Screen {
         let ratio = params.float("frameaspectratio")?;
         let aspect = ratio.unwrap_or(w / h);
         if aspect.is_nan() || aspect <= 0.0 {
-            return Err(params.fault(format!("a frame aspect ratio of {aspect}"), "give a positive number"));
+            return Err(
+                params.fault(format!("a frame aspect ratio of {aspect}"), "give a positive number")
+            );
         }
         match *params.floats("screenwindow")? {
             [] => {
                 let [x, y] = if aspect > 1.0 { [aspect, 1.0] } else { [1.0, 1.0 / aspect] };
                 Ok(Self { x: [-x, x], y: [-y, y], is_given: ratio.is_some() })
             }
-            [x0, x1, y0, y1] if x1 > x0 && y1 > y0 => Ok(Self { x: [x0, x1], y: [y0, y1], is_given: true }),
-            _ => Err(params.fault("the screen window is not x from, x to, y from, y to", "give four numbers")),
+            [x0, x1, y0, y1] if x1 > x0 && y1 > y0 => {
+                Ok(Self { x: [x0, x1], y: [y0, y1], is_given: true })
+            }
+            _ => Err(params
+                .fault("the screen window is not x from, x to, y from, y to", "give four numbers")),
         }
     }
 
@@ -75,9 +81,13 @@ pub fn build(
     } else if is_kind(params, "spherical") || is_kind(params, "environment") {
         // The middle of the picture is -x, and what is right of it -z.
         own = Axes { right: DVec3::NEG_Z, up: DVec3::Y, towards: DVec3::NEG_X, shift: DVec3::ZERO };
-        if params.string("mapping")?.unwrap_or("equalarea") != "equirectangular" && !is_kind(params, "environment") {
+        if params.string("mapping")?.unwrap_or("equalarea") != "equirectangular"
+            && !is_kind(params, "environment")
+        {
             builder.mention("equal-area camera", params.at, || {
-                "a spherical camera with the equal-area mapping: it became an equirectangular one".into()
+                "a spherical camera with the equal-area mapping: it became an equirectangular \
+                    one"
+                .into()
             });
         }
         Projection::Panoramic
@@ -94,17 +104,27 @@ pub fn build(
     Ok(built)
 }
 
-fn perspective(builder: &mut Builder, params: &Params, screen: &Screen, size: [u32; 2]) -> Result<Projection, Fault> {
+fn perspective(
+    builder: &mut Builder,
+    params: &Params,
+    screen: &Screen,
+    size: [u32; 2],
+) -> Result<Projection, Fault> {
     if !is_kind(params, "perspective") && params.owner.starts_with("Camera") {
         let owner = params.owner.clone();
-        builder.note(owner.clone(), params.at, || format!("{owner}: a perspective camera was used instead"));
-        let names = ["lensfile", "aperturediameter", "focusdistance", "aperture", "simpleweighting"];
+        builder.note(owner.clone(), params.at, || {
+            format!("{owner}: a perspective camera was used instead")
+        });
+        let names =
+            ["lensfile", "aperturediameter", "focusdistance", "aperture", "simpleweighting"];
         builder.note_ignored(params, &names, "the camera has no lenses");
     }
     let half = params.float("halffov")?.map(|h| 2.0 * h);
     let fov = params.float("fov")?.or(half).unwrap_or(90.0);
     if !(fov > 0.0 && fov < 180.0) {
-        return Err(params.fault(format!("a field of view of {fov} degrees"), "give one between 0 and 180"));
+        return Err(
+            params.fault(format!("a field of view of {fov} degrees"), "give one between 0 and 180")
+        );
     }
     let tan = (fov * 0.5).to_radians().tan();
     if screen.is_centred() {
@@ -129,8 +149,8 @@ struct Axes {
 
 impl Axes {
     fn place(&self, file_from_camera: DAffine3, projection: Projection) -> Built {
-        let [right, up, towards] =
-            [self.right, self.up, self.towards].map(|axis| file_from_camera.transform_vector3(axis));
+        let [right, up, towards] = [self.right, self.up, self.towards]
+            .map(|axis| file_from_camera.transform_vector3(axis));
         let is_mirrored = towards.cross(up).dot(right) < 0.0;
         let mirror = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
         let world_from_file = if is_mirrored { mirror } else { DAffine3::IDENTITY };

@@ -61,7 +61,8 @@ impl Builder<'_> {
     pub(super) fn read_file(&mut self, input: &Input, at: Spot) -> Result<(), Fault> {
         let path = identity(Path::new(&input.name));
         if self.open_files.contains(&path) {
-            let problem = format!("the file includes itself by way of {}", quoted(input.name.as_bytes()));
+            let problem =
+                format!("the file includes itself by way of {}", quoted(input.name.as_bytes()));
             return Err(Fault::new(at, problem, "take this directive out"));
         }
         let limit = input.options.limits.depth.min(MAX_FILE_DEPTH);
@@ -77,7 +78,11 @@ impl Builder<'_> {
         while let Some((token, at)) = lexer.token()? {
             let Token::Word(word) = token else {
                 let problem = format!("{} stands where a directive was expected", token.quoted());
-                return Err(Fault::new(at, problem, "put it after the directive it belongs to, or take it out"));
+                return Err(Fault::new(
+                    at,
+                    problem,
+                    "put it after the directive it belongs to, or take it out",
+                ));
             };
             self.count_directive(at)?;
             let name = std::str::from_utf8(word).unwrap_or_default();
@@ -96,10 +101,20 @@ impl Builder<'_> {
         if self.directives <= limit {
             return Ok(());
         }
-        Err(Fault::new(at, format!("the scene has more than {limit} directives, the limit"), "split the scene"))
+        Err(Fault::new(
+            at,
+            format!("the scene has more than {limit} directives, the limit"),
+            "split the scene",
+        ))
     }
 
-    fn directive(&mut self, name: &str, word: &[u8], at: Spot, lexer: &mut Lexer) -> Result<(), Fault> {
+    fn directive(
+        &mut self,
+        name: &str,
+        word: &[u8],
+        at: Spot,
+        lexer: &mut Lexer,
+    ) -> Result<(), Fault> {
         match name {
             "AttributeBegin" => self.begin(Block::Attribute, at),
             "AttributeEnd" => self.stack.end(Block::Attribute, at, &mut self.state),
@@ -110,9 +125,8 @@ impl Builder<'_> {
                 self.is_v3 = true;
                 Ok(())
             }
-            "Identity" | "Translate" | "Scale" | "Rotate" | "LookAt" | "Transform" | "ConcatTransform" => {
-                transform::read(name, lexer, at, &mut self.state)
-            }
+            "Identity" | "Translate" | "Scale" | "Rotate" | "LookAt" | "Transform"
+            | "ConcatTransform" => transform::read(name, lexer, at, &mut self.state),
             "CoordinateSystem" => {
                 let (name, _) = lexer.expect_string("the name of a coordinate system")?;
                 self.coordinate_systems.insert(name.into(), self.state.transform);
@@ -203,10 +217,21 @@ impl Builder<'_> {
     /// Reads the kind, such as `"sphere"`, and the parameters of a directive.
     fn params(&mut self, directive: &str, lexer: &mut Lexer, at: Spot) -> Result<Params, Fault> {
         let (kind, _) = lexer.expect_string(&format!("the kind or name of {directive}"))?;
-        Params::read(lexer, format!("{directive} {}", quoted(kind.as_bytes())), at, self.main.options.limits.elements)
+        Params::read(
+            lexer,
+            format!("{directive} {}", quoted(kind.as_bytes())),
+            at,
+            self.main.options.limits.elements,
+        )
     }
 
-    fn params_for(&mut self, directive: &str, lexer: &mut Lexer, at: Spot, target: Target) -> Result<Params, Fault> {
+    fn params_for(
+        &mut self,
+        directive: &str,
+        lexer: &mut Lexer,
+        at: Spot,
+        target: Target,
+    ) -> Result<Params, Fault> {
         Ok(self.params(directive, lexer, at)?.with_defaults(self.state.defaults(target)))
     }
 
@@ -231,7 +256,10 @@ impl Builder<'_> {
             Token::Word(b"EndTime") => [false, true],
             Token::Word(b"All") => [true, true],
             _ => {
-                let problem = format!("{} stands where StartTime, EndTime or All was expected", token.quoted());
+                let problem = format!(
+                    "{} stands where StartTime, EndTime or All was expected",
+                    token.quoted()
+                );
                 return Err(Fault::new(at, problem, "write one of these"));
             }
         };
@@ -274,15 +302,28 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// `Option`: one parameter without a list around it. None of pbrt's options changes what a picture converges to, but for those told.
+    /// `Option`: one parameter without a list around it. None of pbrt's options changes what a
+    /// picture converges to, but for those told.
     fn option(&mut self, lexer: &mut Lexer) -> Result<(), Fault> {
         let at = if lexer.something_follows() { lexer.spot() } else { Spot::default() };
         let params = Params::read(lexer, "Option".into(), at, self.main.options.limits.elements)?;
-        let names =
-            ["disablepixeljitter", "disabletexturefiltering", "disablewavelengthjitter", "displacementedgescale"];
+        let names = [
+            "disablepixeljitter",
+            "disabletexturefiltering",
+            "disablewavelengthjitter",
+            "displacementedgescale",
+        ];
         self.mention_ignored(&params, &names, "it is an aid for debugging pbrt");
-        self.mention_ignored(&params, &["forcediffuse", "pixelstats", "wavefront"], "it is an aid for debugging pbrt");
-        self.mention_ignored(&params, &["msereferenceimage", "msereferenceout"], "use snell compare instead");
+        self.mention_ignored(
+            &params,
+            &["forcediffuse", "pixelstats", "wavefront"],
+            "it is an aid for debugging pbrt",
+        );
+        self.mention_ignored(
+            &params,
+            &["msereferenceimage", "msereferenceout"],
+            "use snell compare instead",
+        );
         self.mention_ignored(&params, &["rendercoordsys"], "the picture does not depend on it");
         self.mention_ignored(&params, &["seed"], "use --seed instead");
         self.note_unused(&params);
@@ -292,7 +333,8 @@ impl Builder<'_> {
     fn begin_object(&mut self, lexer: &mut Lexer, at: Spot) -> Result<(), Fault> {
         let (name, _) = lexer.expect_string("the name of an object")?;
         if let Some((open, _)) = &self.object {
-            let problem = format!("ObjectBegin within the definition of {}", quoted(open.as_bytes()));
+            let problem =
+                format!("ObjectBegin within the definition of {}", quoted(open.as_bytes()));
             return Err(Fault::new(at, problem, "write ObjectEnd first"));
         }
         self.begin(Block::Object, at)?;
@@ -318,7 +360,11 @@ impl Builder<'_> {
         let (name, named_at) = lexer.expect_string("the name of an object")?;
         let Some(&object) = self.objects.get(name) else {
             let problem = format!("there is no object {} so far", quoted(name.as_bytes()));
-            return Err(Fault::new(named_at, problem, "define it above with ObjectBegin and ObjectEnd"));
+            return Err(Fault::new(
+                named_at,
+                problem,
+                "define it above with ObjectBegin and ObjectEnd",
+            ));
         };
         let [transform, _] = self.state.transform.0;
         if Transform::new(transform).is_none() {
@@ -326,7 +372,10 @@ impl Builder<'_> {
             return Ok(());
         }
         let parent = self.parent();
-        let node = self.scene.add_child(parent, Node { transform, children: vec![object], ..Node::named("instance") });
+        let node = self.scene.add_child(
+            parent,
+            Node { transform, children: vec![object], ..Node::named("instance") },
+        );
         self.note_motion(node, snell_math::DAffine3::IDENTITY);
         Ok(())
     }
@@ -338,7 +387,9 @@ impl Builder<'_> {
 
     /// Notes that something has no extent.
     pub(super) fn note_singular(&mut self, at: Spot) {
-        self.note("singular", at, || "the current transform is singular, so this is flat and was left out".into());
+        self.note("singular", at, || {
+            "the current transform is singular, so this is flat and was left out".into()
+        });
     }
 }
 

@@ -1,7 +1,7 @@
 //! Infinite lights.
 //!
-//! Pictures of pbrt-v4 cover the sphere by an equal-area octahedral map of a square; they are drawn anew as latitude-longitude
-//! pictures. Those of pbrt-v3 have that form already.
+//! Pictures of pbrt-v4 cover the sphere by an equal-area octahedral map of a square; they are drawn
+//! anew as latitude-longitude pictures. Those of pbrt-v3 have that form already.
 
 use super::Builder;
 use super::params::{Params, Type};
@@ -16,7 +16,11 @@ use std::sync::Arc;
 const MAX_HEIGHT: u32 = 4096;
 
 impl Builder<'_> {
-    pub(super) fn environment(&mut self, params: &Params, world_from_light: DAffine3) -> Result<(), Fault> {
+    pub(super) fn environment(
+        &mut self,
+        params: &Params,
+        world_from_light: DAffine3,
+    ) -> Result<(), Fault> {
         let kinds = [Type::Rgb, Type::Spectrum, Type::Blackbody, Type::Xyz];
         let color = match params.typed("L", &kinds)? {
             Some(param) => Some(self.color(param, Role::Light)?),
@@ -27,13 +31,22 @@ impl Builder<'_> {
             None => Rgb::WHITE,
         };
         let illuminance = params.float("illuminance")?.filter(|e| *e > 0.0);
-        self.note_ignored(params, &["portal"], "light from all directions needs none, but is noisier without");
+        self.note_ignored(
+            params,
+            &["portal"],
+            "light from all directions needs none, but is noisier without",
+        );
         let is_latlong = params.has("mapname");
-        let Some((name, at)) = self.file_name(params, if is_latlong { "mapname" } else { "filename" })? else {
+        let Some((name, at)) =
+            self.file_name(params, if is_latlong { "mapname" } else { "filename" })?
+        else {
             if let Some(illuminance) = illuminance {
                 scale = scale * (illuminance / PI) as f32;
             }
-            self.set_environment(params, Environment::Constant(color.unwrap_or(Rgb::WHITE) * scale));
+            self.set_environment(
+                params,
+                Environment::Constant(color.unwrap_or(Rgb::WHITE) * scale),
+            );
             return Ok(());
         };
         if let Some(color) = color {
@@ -57,12 +70,18 @@ impl Builder<'_> {
             if image.width != image.height {
                 let at = params.at;
                 self.note("environment shape", at, || {
-                    "the picture of the infinite light is not square, as pbrt-v4 has them; it was taken for an equal-area map nevertheless".into()
+                    "the picture of the infinite light is not square, as pbrt-v4 has them; it was \
+                        taken for an equal-area map nevertheless"
+                        .into()
                 });
             }
-            (Arc::new(latlong(&image, environment_direction)), DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y))
+            (
+                Arc::new(latlong(&image, environment_direction)),
+                DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y),
+            )
         };
-        let world_from_environment = DAffine3::from_mat3(world_from_light.matrix3 * light_from_environment);
+        let world_from_environment =
+            DAffine3::from_mat3(world_from_light.matrix3 * light_from_environment);
         self.set_environment(params, Environment::Image { image, scale, world_from_environment });
         Ok(())
     }
@@ -82,8 +101,8 @@ impl Builder<'_> {
     }
 }
 
-/// The point of the unit square that stands for a unit direction (Clarberg, Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD,
-/// 2008).
+/// The point of the unit square that stands for a unit direction (Clarberg, Fast Equal-Area Mapping
+/// of the (Hemi)Sphere using SIMD, 2008).
 fn square_from_direction(d: DVec3) -> [f64; 2] {
     let (x, y, z) = (d.x.abs(), d.y.abs(), d.z.abs());
     let radius = (1.0 - z).max(0.0).sqrt();
@@ -104,8 +123,9 @@ fn height_of_square([u, v]: [f64; 2]) -> f64 {
     (1.0 - radius * radius).copysign(distance)
 }
 
-/// What pbrt takes for the illuminance on a surface that faces up (`+z`), of an equal-area map: half of it, because the whole square is
-/// counted as a hemisphere. Scenes are made to look right with that.
+/// What pbrt takes for the illuminance on a surface that faces up (`+z`), of an equal-area map:
+/// half of it, because the whole square is counted as a hemisphere. Scenes are made to look right
+/// with that.
 fn illuminance_from_above(image: &Image) -> f64 {
     let mut sum = 0.0;
     for y in 0..image.height {
@@ -121,14 +141,15 @@ fn illuminance_from_above(image: &Image) -> f64 {
     sum * TAU / (f64::from(image.width) * f64::from(image.height))
 }
 
-/// The direction, with `+z` up, of a polar angle and a share of the turn in a picture of the scene's environment: its axes are x as x,
-/// y as z, and the middle is `-z`.
+/// The direction, with `+z` up, of a polar angle and a share of the turn in a picture of the
+/// scene's environment: its axes are x as x, y as z, and the middle is `-z`.
 fn environment_direction(theta: f64, turn: f64) -> DVec3 {
     let ((sin, cos), (sin_phi, cos_phi)) = (theta.sin_cos(), ((turn - 0.5) * TAU).sin_cos());
     DVec3::new(sin * sin_phi, sin * cos_phi, cos)
 }
 
-/// An equal-area map of directions as a latitude-longitude picture, by the direction of a polar angle and a share of the turn.
+/// An equal-area map of directions as a latitude-longitude picture, by the direction of a polar
+/// angle and a share of the turn.
 pub fn latlong(image: &Image, direction: impl Fn(f64, f64) -> DVec3) -> Image {
     let height = image.height.clamp(2, MAX_HEIGHT);
     let width = 2 * height;
@@ -177,11 +198,14 @@ mod tests {
         assert!((corner[0] - 1.0).abs() < 1e-6 && (corner[1] - 1.0).abs() < 1e-6, "{corner:?}");
         let right = square_from_direction(DVec3::X);
         assert!((right[0] - 1.0).abs() < 1e-6 && (right[1] - 0.5).abs() < 1e-6, "{right:?}");
-        // Equal areas: half of the square looks up, and the mean height there is that of a hemisphere.
+        // Equal areas: half of the square looks up, and the mean height there is that of a
+        // hemisphere.
         let n = 200;
         let cell = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
-        let heights: Vec<_> =
-            (0..n * n).map(|i| height_of_square([cell(i % n), cell(i / n)])).filter(|z| *z > 0.0).collect();
+        let heights: Vec<_> = (0..n * n)
+            .map(|i| height_of_square([cell(i % n), cell(i / n)]))
+            .filter(|z| *z > 0.0)
+            .collect();
         let mean = heights.iter().sum::<f64>() / heights.len() as f64;
         assert!(
             (mean - 0.5).abs() < 0.01 && heights.len().abs_diff((n * n / 2) as usize) < 400,

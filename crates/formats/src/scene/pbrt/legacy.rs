@@ -10,7 +10,8 @@ use crate::scene::fault::Fault;
 use snell_math::Rgb;
 use snell_scene::Material;
 use snell_scene::material::{
-    Conductor, ConductorSpectrum, Dielectric, Diffuse, MetallicRoughness, Mirror, OpenPbr, Plastic, ScalarParam,
+    Conductor, ConductorSpectrum, Dielectric, Diffuse, MetallicRoughness, Mirror, OpenPbr, Plastic,
+    ScalarParam,
 };
 
 /// Width of the distribution of microfacets by the roughness that pbrt-v3 wrote.
@@ -27,7 +28,10 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
     let built = if kind("matte") {
         let reflectance = builder.material_color(params, "Kd", 0.5)?;
         // Oren and Nayar's spread of the slopes, in degrees; 1 is as rough as OpenPBR's can be.
-        let sigma = builder.pattern_param(params, "sigma", false)?.and_then(|p| p.as_constant()).map_or(0.0, |c| c.r);
+        let sigma = builder
+            .pattern_param(params, "sigma", false)?
+            .and_then(|p| p.as_constant())
+            .map_or(0.0, |c| c.r);
         match sigma.to_radians().clamp(0.0, 1.0) {
             0.0 => Material::new("", Diffuse { reflectance }),
             roughness => Material::new(
@@ -92,12 +96,21 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
         disney(builder, params)?
     } else if kind("kdsubsurface") {
         let color = builder.material_color(params, "Kd", 0.5)?;
-        let mfp = builder.pattern_param(params, "mfp", true)?.and_then(|p| p.as_constant()).unwrap_or(Rgb::WHITE);
+        let mfp = builder
+            .pattern_param(params, "mfp", true)?
+            .and_then(|p| p.as_constant())
+            .unwrap_or(Rgb::WHITE);
         let scale = params.float_or("scale", 1.0)? as f32;
         let ior = if params.has("eta") { builder.index(params, "eta")? } else { 1.33 };
         let roughness = builder.roughness(params, "", 0.0)?;
         warn_of_parts(builder, params, &["Kr", "Kt"]);
-        lit_below(color, mfp * scale, params.float_or("g", 0.0)?.clamp(-0.99, 0.99) as f32, ior, roughness)
+        lit_below(
+            color,
+            mfp * scale,
+            params.float_or("g", 0.0)?.clamp(-0.99, 0.99) as f32,
+            ior,
+            roughness,
+        )
     } else if kind("mix") {
         return v3_mix(builder, params);
     } else {
@@ -108,7 +121,13 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
 }
 
 /// `Kd` under a layer that reflects `Ks`.
-fn plastic(builder: &mut Builder, params: &Params, kd: f32, ks: f32, roughness: f32) -> Result<Material, Fault> {
+fn plastic(
+    builder: &mut Builder,
+    params: &Params,
+    kd: f32,
+    ks: f32,
+    roughness: f32,
+) -> Result<Material, Fault> {
     let diffuse = builder.material_color(params, "Kd", kd)?;
     let specular = builder.material_color(params, "Ks", ks)?;
     let alpha = alpha_of_roughness(roughness);
@@ -137,7 +156,9 @@ fn warn_of_parts(builder: &mut Builder, params: &Params, names: &[&str]) {
 
 fn disney(builder: &mut Builder, params: &Params) -> Result<Material, Fault> {
     let get = |builder: &mut Builder, name: &str, default: f32| -> Result<ScalarParam, Fault> {
-        let pattern = builder.pattern_param(params, name, false)?.unwrap_or_else(|| Pattern::constant(default));
+        let pattern = builder
+            .pattern_param(params, name, false)?
+            .unwrap_or_else(|| Pattern::constant(default));
         Ok(builder.scalar_param(&pattern))
     };
     let kind = MetallicRoughness {
@@ -168,10 +189,14 @@ fn disney(builder: &mut Builder, params: &Params) -> Result<Material, Fault> {
 fn v3_mix(builder: &mut Builder, params: &Params) -> Result<Option<Known>, Fault> {
     let (first, second) = (params.string("namedmaterial1")?, params.string("namedmaterial2")?);
     let (Some(first), Some(second)) = (first, second) else {
-        return Err(params.fault("there are not two materials", "give namedmaterial1 and namedmaterial2"));
+        return Err(
+            params.fault("there are not two materials", "give namedmaterial1 and namedmaterial2")
+        );
     };
-    let amount = builder.pattern_param(params, "amount", true)?.unwrap_or_else(|| Pattern::constant(0.5));
+    let amount =
+        builder.pattern_param(params, "amount", true)?.unwrap_or_else(|| Pattern::constant(0.5));
     // Of two in the order of pbrt-v4, the amount is the share of the second.
-    let [first, second] = [builder.find_material(first, params.at)?, builder.find_material(second, params.at)?];
+    let [first, second] =
+        [builder.find_material(first, params.at)?, builder.find_material(second, params.at)?];
     Ok(Some(builder.mixed([second, first], &amount, params, params.at)))
 }

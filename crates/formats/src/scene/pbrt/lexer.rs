@@ -45,7 +45,8 @@ pub struct Lexer<'a> {
     next: usize,
     file: u32,
     line: u32,
-    /// A position on the current line and its column: columns are counted from there on, so that long lines cost no more.
+    /// A position on the current line and its column: columns are counted from there on, so that
+    /// long lines cost no more.
     mark: (usize, u32),
 }
 
@@ -129,14 +130,19 @@ impl<'a> Lexer<'a> {
     /// The error for a file that ends too soon.
     pub fn ends(&mut self, what: &str) -> Fault {
         let spot = self.spot();
-        Fault::new(spot, format!("the file ends where {what} was expected"), "complete the file; is it cut off?")
+        Fault::new(
+            spot,
+            format!("the file ends where {what} was expected"),
+            "complete the file; is it cut off?",
+        )
     }
 
     /// A string, which must follow. `what` says what for.
     pub fn expect_string(&mut self, what: &str) -> Result<(&'a str, Spot), Fault> {
         let (token, spot) = self.expect(what)?;
         let Token::String(bytes) = token else {
-            let problem = format!("{} stands where {what}, in double quotes, was expected", token.quoted());
+            let problem =
+                format!("{} stands where {what}, in double quotes, was expected", token.quoted());
             return Err(Fault::new(spot, problem, "correct the directive"));
         };
         Ok((utf8(bytes, spot)?, spot))
@@ -179,7 +185,9 @@ impl<'a> Lexer<'a> {
 
     fn word(&mut self) -> &'a [u8] {
         let rest = &self.bytes[self.next..];
-        let ends = |b: &u8| matches!(b, b' ' | b'\n' | b'\r' | b'\t' | b'"' | b'[' | b']' | b'#' | 0x0b | 0x0c);
+        let ends = |b: &u8| {
+            matches!(b, b' ' | b'\n' | b'\r' | b'\t' | b'"' | b'[' | b']' | b'#' | 0x0b | 0x0c)
+        };
         let word = &rest[..rest.iter().position(ends).unwrap_or(rest.len())];
         self.next += word.len();
         word
@@ -190,7 +198,11 @@ impl<'a> Lexer<'a> {
         let rest = &self.bytes[self.next + 1..];
         let length = rest.iter().position(|&b| b == b'"' || b == b'\n').unwrap_or(rest.len());
         if rest.get(length) != Some(&b'"') {
-            return Err(Fault::new(spot, "this string has no closing quote on its line", "close it"));
+            return Err(Fault::new(
+                spot,
+                "this string has no closing quote on its line",
+                "close it",
+            ));
         }
         self.next += length + 2;
         Ok(&rest[..length])
@@ -200,7 +212,11 @@ impl<'a> Lexer<'a> {
 /// A string of the file as text.
 pub fn utf8(bytes: &[u8], spot: Spot) -> Result<&str, Fault> {
     std::str::from_utf8(bytes).map_err(|_| {
-        Fault::new(spot, format!("the string {} is not valid UTF-8", quoted(bytes)), "save the file as UTF-8")
+        Fault::new(
+            spot,
+            format!("the string {} is not valid UTF-8", quoted(bytes)),
+            "save the file as UTF-8",
+        )
     })
 }
 
@@ -210,8 +226,16 @@ fn not_a_number(word: &[u8], spot: Spot, what: &str) -> Fault {
         let problem = format!("{} in {what} is not a number that can be rendered", quoted(word));
         return Fault::new(spot, problem, "use a finite number below 3.4e38");
     }
-    let remedy = if word.contains(&b',') { "write a decimal point instead of a comma" } else { "write a number" };
-    Fault::new(spot, format!("{} stands where a number of {what} was expected", quoted(word)), remedy)
+    let remedy = if word.contains(&b',') {
+        "write a decimal point instead of a comma"
+    } else {
+        "write a number"
+    };
+    Fault::new(
+        spot,
+        format!("{} stands where a number of {what} was expected", quoted(word)),
+        remedy,
+    )
 }
 
 /// A finite number that single precision can hold.
@@ -224,10 +248,11 @@ fn number(word: &[u8]) -> Option<f64> {
 }
 
 /// Powers of ten that are exact in double precision.
-const POWERS: [f64; 16] = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
+const POWERS: [f64; 16] =
+    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
 
-/// The usual numbers quickly: at most 15 digits without exponent are a quotient of two exact numbers, rounded once (Clinger, How to
-/// read floating point numbers accurately, 1990).
+/// The usual numbers quickly: at most 15 digits without exponent are a quotient of two exact
+/// numbers, rounded once (Clinger, How to read floating point numbers accurately, 1990).
 fn small_decimal(word: &[u8]) -> Option<f64> {
     let (negative, digits) = match word {
         [b'-', rest @ ..] => (true, rest),
@@ -274,17 +299,38 @@ mod tests {
         while let Some((token, spot)) = lexer.token().expect("well formed") {
             found.push((token.quoted(), spot.line, spot.column));
         }
-        let expected = [("Shape", 1, 1), ("sphère", 1, 7), ("[", 2, 2), ("1", 2, 3), ("-2.5", 2, 5), ("]", 2, 9)];
+        let expected = [
+            ("Shape", 1, 1),
+            ("sphère", 1, 7),
+            ("[", 2, 2),
+            ("1", 2, 3),
+            ("-2.5", 2, 5),
+            ("]", 2, 9),
+        ];
         let expected = expected.into_iter().chain([("x", 2, 10)]);
         assert_eq!(found, expected.map(|(t, l, c)| (format!("\"{t}\""), l, c)).collect::<Vec<_>>());
     }
 
     #[test]
     fn numbers_are_those_of_the_standard_library_but_finite() {
-        for text in
-            ["0", "-0", "1", "+2.", ".5", "-.25", "123456789.123456", "0.1", "1e3", "-1.5E-7", "9007199254740993"]
-        {
-            assert_eq!(number(text.as_bytes()).map(f64::to_bits), text.parse().ok().map(f64::to_bits), "{text}");
+        for text in [
+            "0",
+            "-0",
+            "1",
+            "+2.",
+            ".5",
+            "-.25",
+            "123456789.123456",
+            "0.1",
+            "1e3",
+            "-1.5E-7",
+            "9007199254740993",
+        ] {
+            assert_eq!(
+                number(text.as_bytes()).map(f64::to_bits),
+                text.parse().ok().map(f64::to_bits),
+                "{text}"
+            );
         }
         for text in ["", "-", ".", "1,5", "nan", "inf", "1e39", "1e999", "x", "1.2.3", "--1"] {
             assert_eq!(number(text.as_bytes()), None, "{text}");

@@ -1,8 +1,9 @@
 //! Lights that are not surfaces, and what makes surfaces emit.
 //!
-//! Brightness as pbrt means it: a light's RGB colour times `scale` is its radiance, intensity or irradiance; spectra that are not RGB are
-//! scaled to luminance 1 first. `power` and `illuminance` replace the brightness: the colour is multiplied so that a light of
-//! luminance 1 would emit this power (or give this illuminance).
+//! Brightness as pbrt means it: a light's RGB colour times `scale` is its radiance, intensity or
+//! irradiance; spectra that are not RGB are scaled to luminance 1 first. `power` and `illuminance`
+//! replace the brightness: the colour is multiplied so that a light of luminance 1 would emit this
+//! power (or give this illuminance).
 
 use super::Builder;
 use super::environment::latlong;
@@ -33,7 +34,8 @@ pub struct AreaLight {
 }
 
 impl AreaLight {
-    /// Radiance of a surface that consists of pieces (triangles, or one whole shape) of this mean area.
+    /// Radiance of a surface that consists of pieces (triangles, or one whole shape) of this mean
+    /// area.
     pub fn radiance(&self, piece_area: f64) -> ColorParam {
         let Some(power) = self.power else { return self.radiance };
         let sides = if self.both_sides { 2.0 } else { 1.0 };
@@ -100,7 +102,9 @@ impl Builder<'_> {
             self.projection_light(&params, map)?;
         } else {
             let owner = params.owner.clone();
-            self.note(owner.clone(), params.at, || format!("{owner} is not known; it was left out"));
+            self.note(owner.clone(), params.at, || {
+                format!("{owner} is not known; it was left out")
+            });
             return Ok(());
         }
         self.note_unused(&params);
@@ -137,7 +141,9 @@ impl Builder<'_> {
     /// The picture of a light: its name in pbrt-v4 or pbrt-v3, and whether it was the latter.
     fn light_picture(&mut self, params: &Params) -> Result<(Arc<Image>, bool), Fault> {
         let is_old = params.has("mapname");
-        let Some((name, at)) = self.file_name(params, if is_old { "mapname" } else { "filename" })? else {
+        let Some((name, at)) =
+            self.file_name(params, if is_old { "mapname" } else { "filename" })?
+        else {
             return Err(params.fault("there is no file name", "add \"string filename\""));
         };
         let image = self.image(name, at)?;
@@ -174,20 +180,27 @@ impl Builder<'_> {
         let mut scale = self.light_color(params, "I")?;
         let fov = params.float_or("fov", 90.0)?;
         if !(fov > 0.0 && fov < 180.0) {
-            return Err(params.fault(format!("a field of view of {fov} degrees"), "give one between 0 and 180"));
+            return Err(params
+                .fault(format!("a field of view of {fov} degrees"), "give one between 0 and 180"));
         }
         let (image, _) = self.light_picture(params)?;
         let aspect = f64::from(image.width) / f64::from(image.height);
         let half = (fov * 0.5).to_radians().tan();
         let half_size = DVec2::new(aspect.max(1.0), (1.0 / aspect).max(1.0)) * half;
-        let (Some(slide), Some(world_from_light)) = (Slide::new(&image, half_size), unit_axes(map)) else {
+        let (Some(slide), Some(world_from_light)) = (Slide::new(&image, half_size), unit_axes(map))
+        else {
             return Ok(());
         };
         if let Some(power) = self.positive(params, "power")? {
             let own = slide.power();
             scale = scale * if own > 0.0 { (power / own) as f32 } else { 0.0 };
         }
-        self.scene.add_light(Projector { position: map.translation, world_from_light, scale, slide });
+        self.scene.add_light(Projector {
+            position: map.translation,
+            world_from_light,
+            scale,
+            slide,
+        });
         Ok(())
     }
 
@@ -208,7 +221,9 @@ impl Builder<'_> {
         let direction = map.transform_vector3(to - from).try_normalize();
         if direction.is_none() {
             let owner = params.owner.clone();
-            self.note(format!("{owner} axis"), params.at, || format!("{owner}: from and to coincide; it was left out"));
+            self.note(format!("{owner} axis"), params.at, || {
+                format!("{owner}: from and to coincide; it was left out")
+            });
         }
         Ok(direction.map(|direction| (map.transform_point3(from), direction)))
     }
@@ -217,7 +232,9 @@ impl Builder<'_> {
     pub(super) fn area_light(&mut self, params: Params) -> Result<(), Fault> {
         if !is_kind(&params, "diffuse") && !is_kind(&params, "area") {
             let owner = params.owner.clone();
-            self.note(owner.clone(), params.at, || format!("{owner} is not known; it was taken for \"diffuse\""));
+            self.note(owner.clone(), params.at, || {
+                format!("{owner} is not known; it was taken for \"diffuse\"")
+            });
         }
         let mut radiance: ColorParam = self.light_color(&params, "L")?.into();
         let mut mean = 1.0;
@@ -249,6 +266,7 @@ impl Builder<'_> {
 
 /// The axes of a map without their lengths.
 fn unit_axes(map: DAffine3) -> Option<DMat3> {
-    let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(DVec3::try_normalize);
+    let [x, y, z] =
+        [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(DVec3::try_normalize);
     Some(DMat3::from_cols(x?, y?, z?))
 }

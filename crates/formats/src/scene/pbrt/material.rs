@@ -15,8 +15,9 @@ use snell_math::Rgb;
 use snell_math::spectrum::Metal;
 use snell_scene::bsdf::MicrofacetShape;
 use snell_scene::material::{
-    BumpMap, CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Hair,
-    HeightUnit, Interface, Interior, MetallicRoughness, NormalMap, OpenPbr, ScalarParam,
+    BumpMap, CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric,
+    Diffuse, Hair, HeightUnit, Interface, Interior, MetallicRoughness, NormalMap, OpenPbr,
+    ScalarParam,
 };
 use snell_scene::{Encoding, ImageTexture, Material, MaterialId};
 use std::collections::HashMap;
@@ -25,7 +26,8 @@ use std::rc::Rc;
 /// A material, not yet in the scene.
 #[derive(Clone, Debug, Default)]
 pub struct Known {
-    /// What it is, from the layer that is met first; its emission and opacity come from shapes. None is no surface at all.
+    /// What it is, from the layer that is met first; its emission and opacity come from shapes.
+    /// None is no surface at all.
     pub layers: Layers,
     /// What the surface absorbs or lets through as a whole, from the material itself (pbrt-v3).
     pub opacity: Option<Rc<Pattern>>,
@@ -66,7 +68,9 @@ impl Builder<'_> {
         let name = params.owner.strip_prefix("MakeNamedMaterial \"").unwrap_or_default();
         let name = name.strip_suffix('"').unwrap_or(name).to_string();
         let Some(kind) = params.string("type")? else {
-            return Err(params.fault("there is no type", "add \"string type\" [ \"diffuse\" ] or the like"));
+            return Err(
+                params.fault("there is no type", "add \"string type\" [ \"diffuse\" ] or the like")
+            );
         };
         let owner = format!("Material {}", quoted(kind.as_bytes()));
         let params = params.of(owner);
@@ -116,7 +120,8 @@ impl Builder<'_> {
         position
     }
 
-    /// The layers of the current material with what a shape adds to them; none if there is no surface.
+    /// The layers of the current material with what a shape adds to them; none if there is no
+    /// surface.
     pub(super) fn finished_material(&mut self, finish: &Finish, at: Spot) -> Vec<MaterialId> {
         let position = self.current_material();
         let key = (position, format!("{finish:?}"));
@@ -138,7 +143,8 @@ impl Builder<'_> {
             layers = masked;
             if !is_exact {
                 self.note("alpha of mix", at, || {
-                    "a texture as alpha of a mix of materials: it was put on the last of them only".into()
+                    "a texture as alpha of a mix of materials: it was put on the last of them only"
+                        .into()
                 });
             }
         }
@@ -220,8 +226,14 @@ impl Builder<'_> {
     }
 
     /// A colour parameter of a material or its default.
-    pub(super) fn material_color(&mut self, params: &Params, name: &str, default: f32) -> Result<ColorParam, Fault> {
-        let pattern = self.pattern_param(params, name, true)?.unwrap_or_else(|| Pattern::constant(default));
+    pub(super) fn material_color(
+        &mut self,
+        params: &Params,
+        name: &str,
+        default: f32,
+    ) -> Result<ColorParam, Fault> {
+        let pattern =
+            self.pattern_param(params, name, true)?.unwrap_or_else(|| Pattern::constant(default));
         Ok(self.color_param(&pattern))
     }
 
@@ -235,7 +247,10 @@ impl Builder<'_> {
         let roughness = self.roughness(params, "", 0.0)?;
         let ior = self.index(params, "eta")?;
         self.coating_details(params)?;
-        Ok(Material::new("", CoatedDiffuse { ior, roughness, ..CoatedDiffuse::new(reflectance, 0.0) }))
+        Ok(Material::new(
+            "",
+            CoatedDiffuse { ior, roughness, ..CoatedDiffuse::new(reflectance, 0.0) },
+        ))
     }
 
     /// Parameters of the layer between coat and base.
@@ -267,10 +282,15 @@ impl Builder<'_> {
         if params.has("reflectance") {
             for name in ["eta", "k"] {
                 if params.has(&format!("{prefix}{name}")) {
-                    return Err(params.fault("both reflectance and eta or k are given", "take one of them out"));
+                    return Err(params
+                        .fault("both reflectance and eta or k are given", "take one of them out"));
                 }
             }
-            return Ok(ConductorSpectrum::Color(self.material_color(params, "reflectance", 0.5)?));
+            return Ok(ConductorSpectrum::Color(self.material_color(
+                params,
+                "reflectance",
+                0.5,
+            )?));
         }
         if let Some(metal) = named_metal(params, prefix) {
             return Ok(ConductorSpectrum::Metal(metal));
@@ -307,7 +327,8 @@ impl Builder<'_> {
 
     fn thin_dielectric(&mut self, params: &Params) -> Result<Material, Fault> {
         let ior = self.index(params, "eta")?;
-        let kind = MetallicRoughness { ior, transmission: 1.0.into(), ..MetallicRoughness::default() };
+        let kind =
+            MetallicRoughness { ior, transmission: 1.0.into(), ..MetallicRoughness::default() };
         Ok(Material::new("", kind))
     }
 
@@ -320,20 +341,25 @@ impl Builder<'_> {
         Ok(letting_through(color("reflectance")?, color("transmittance")?))
     }
 
-    /// Light that walks below the surface: by the colour that it shows and its mean free path, or by its coefficients per millimetre.
+    /// Light that walks below the surface: by the colour that it shows and its mean free path, or
+    /// by its coefficients per millimetre.
     fn subsurface(&mut self, params: &Params) -> Result<Material, Fault> {
         let scale = params.float_or("scale", 1.0)? as f32;
         let g = params.float_or("g", 0.0)?.clamp(-0.99, 0.99) as f32;
         let (color, radius) = if params.has("reflectance") {
             let constant = |p: Rc<Pattern>| p.as_constant();
-            let mfp = self.pattern_param(params, "mfp", true)?.and_then(constant).unwrap_or(Rgb::WHITE);
+            let mfp =
+                self.pattern_param(params, "mfp", true)?.and_then(constant).unwrap_or(Rgb::WHITE);
             (self.material_color(params, "reflectance", 0.5)?, mfp * scale)
         } else {
             let Coefficients { sigma_a, sigma_s } = self.coefficients_below(params)?;
             let (sigma_a, sigma_s) = (sigma_a * scale, sigma_s * scale);
             let channel = |a: f32, s: f32| color_of_albedo(s / (a + s).max(1e-12), g);
-            let color =
-                Rgb::new(channel(sigma_a.r, sigma_s.r), channel(sigma_a.g, sigma_s.g), channel(sigma_a.b, sigma_s.b));
+            let color = Rgb::new(
+                channel(sigma_a.r, sigma_s.r),
+                channel(sigma_a.g, sigma_s.g),
+                channel(sigma_a.b, sigma_s.b),
+            );
             (color.into(), (sigma_a + sigma_s).map(|t| 1.0 / t.max(1e-6)))
         };
         let ior = if params.has("eta") { self.index(params, "eta")? } else { 1.33 };
@@ -343,7 +369,8 @@ impl Builder<'_> {
 
     fn coefficients_below(&mut self, params: &Params) -> Result<Coefficients, Fault> {
         // pbrt's default is whole milk.
-        let milk = scattering::named("wholemilk").unwrap_or(Coefficients { sigma_a: Rgb::BLACK, sigma_s: Rgb::WHITE });
+        let milk = scattering::named("wholemilk")
+            .unwrap_or(Coefficients { sigma_a: Rgb::BLACK, sigma_s: Rgb::WHITE });
         let mut preset = milk;
         if let Some(name) = params.string("name")? {
             match scattering::named(name) {
@@ -357,9 +384,15 @@ impl Builder<'_> {
             }
         }
         let mut part = |name: &str, default: Rgb| -> Result<Rgb, Fault> {
-            Ok(self.pattern_param(params, name, true)?.and_then(|p| p.as_constant()).unwrap_or(default))
+            Ok(self
+                .pattern_param(params, name, true)?
+                .and_then(|p| p.as_constant())
+                .unwrap_or(default))
         };
-        Ok(Coefficients { sigma_a: part("sigma_a", preset.sigma_a)?, sigma_s: part("sigma_s", preset.sigma_s)? })
+        Ok(Coefficients {
+            sigma_a: part("sigma_a", preset.sigma_a)?,
+            sigma_s: part("sigma_s", preset.sigma_s)?,
+        })
     }
 
     /// Hair by its absorption, its colour, or its pigments, the first of these that is there.
@@ -402,8 +435,14 @@ impl Builder<'_> {
     }
 
     /// A scalar parameter of a material or its default.
-    fn material_scalar(&mut self, params: &Params, name: &str, default: f32) -> Result<ScalarParam, Fault> {
-        let pattern = self.pattern_param(params, name, false)?.unwrap_or_else(|| Pattern::constant(default));
+    fn material_scalar(
+        &mut self,
+        params: &Params,
+        name: &str,
+        default: f32,
+    ) -> Result<ScalarParam, Fault> {
+        let pattern =
+            self.pattern_param(params, name, false)?.unwrap_or_else(|| Pattern::constant(default));
         Ok(self.scalar_param(&pattern))
     }
 
@@ -414,31 +453,49 @@ impl Builder<'_> {
         let [a, b] = param.strings() else {
             return Err(param.fault("not two names", "name two materials"));
         };
-        let (a, b, at) = (self.find_material(a, param.at)?, self.find_material(b, param.at)?, param.at);
-        let amount = self.pattern_param(params, "amount", false)?.unwrap_or_else(|| Pattern::constant(0.5));
+        let (a, b, at) =
+            (self.find_material(a, param.at)?, self.find_material(b, param.at)?, param.at);
+        let amount =
+            self.pattern_param(params, "amount", false)?.unwrap_or_else(|| Pattern::constant(0.5));
         Ok(self.mixed([a, b], &amount, params, at))
     }
 
     /// Two materials, the second on a share of the surface.
-    pub(super) fn mixed(&mut self, [a, b]: [usize; 2], amount: &Rc<Pattern>, params: &Params, at: Spot) -> Known {
+    pub(super) fn mixed(
+        &mut self,
+        [a, b]: [usize; 2],
+        amount: &Rc<Pattern>,
+        params: &Params,
+        at: Spot,
+    ) -> Known {
         let (a, b) = (self.materials.known[a].clone(), self.materials.known[b].clone());
         let owner = params.owner.clone();
-        if a.layers.is_empty() || b.layers.is_empty() || a.opacity.is_some() || b.opacity.is_some() {
+        if a.layers.is_empty() || b.layers.is_empty() || a.opacity.is_some() || b.opacity.is_some()
+        {
             self.note(owner.clone(), at, || {
-                format!("{owner} of something transparent or of no surface: the first material was used alone")
+                format!(
+                    "{owner} of something transparent or of no surface: the first material was \
+                    used alone"
+                )
             });
             return a;
         }
         if a.layers.len() + b.layers.len() > MAX_LAYERS {
             self.note(format!("{owner} too deep"), at, || {
-                format!("{owner} of mixes makes more than {MAX_LAYERS} materials of one: the first was used alone")
+                format!(
+                    "{owner} of mixes makes more than {MAX_LAYERS} materials of one: the first \
+                    was used alone"
+                )
             });
             return a;
         }
         let share = self.scalar_param(amount);
         if share.texture.is_some() && b.layers.len() > 1 {
             self.note(format!("{owner} of mixes"), at, || {
-                format!("{owner} of mixes with a texture as amount: the texture counts for their last materials only")
+                format!(
+                    "{owner} of mixes with a texture as amount: the texture counts for their \
+                    last materials only"
+                )
             });
         }
         Known { layers: layers::blend(b.layers, a.layers, share), opacity: None }
@@ -446,19 +503,29 @@ impl Builder<'_> {
 
     /// The index of refraction of a dielectric.
     pub(super) fn index(&mut self, params: &Params, name: &str) -> Result<f32, Fault> {
-        let Some(param) = params.typed(name, &[Type::Float, Type::Spectrum, Type::Rgb, Type::Texture])? else {
+        let Some(param) =
+            params.typed(name, &[Type::Float, Type::Spectrum, Type::Rgb, Type::Texture])?
+        else {
             return Ok(1.5);
         };
         if param.kind == Type::Texture {
-            self.note("textured index", param.at, || "a texture as index of refraction: 1.5 was used instead".into());
+            self.note("textured index", param.at, || {
+                "a texture as index of refraction: 1.5 was used instead".into()
+            });
             return Ok(1.5);
         }
         let color = self.color(param, Role::Factor)?;
         Ok((color.r + color.g + color.b) / 3.0)
     }
 
-    /// Roughness as Snell has it, whose square is the width of the distribution; the same in all directions.
-    pub(super) fn roughness(&mut self, params: &Params, prefix: &str, default: f32) -> Result<ScalarParam, Fault> {
+    /// Roughness as Snell has it, whose square is the width of the distribution; the same in all
+    /// directions.
+    pub(super) fn roughness(
+        &mut self,
+        params: &Params,
+        prefix: &str,
+        default: f32,
+    ) -> Result<ScalarParam, Fault> {
         let widths = self.widths(params, prefix, default)?;
         if let Roughness::Stretched { .. } = widths {
             let owner = params.owner.clone();
@@ -470,7 +537,12 @@ impl Builder<'_> {
     }
 
     /// Roughness along the two directions of the surface.
-    pub(super) fn widths(&mut self, params: &Params, prefix: &str, default: f32) -> Result<Roughness, Fault> {
+    pub(super) fn widths(
+        &mut self,
+        params: &Params,
+        prefix: &str,
+        default: f32,
+    ) -> Result<Roughness, Fault> {
         let mut get = |name: &str| self.pattern_param(params, &format!("{prefix}{name}"), false);
         let (both, u, v) = (get("roughness")?, get("uroughness")?, get("vroughness")?);
         let u = u.or_else(|| both.clone());
@@ -479,10 +551,14 @@ impl Builder<'_> {
         let remap = params.bool_or("remaproughness", true)?;
         let function = match (remap, self.is_v3) {
             (false, _) => Function { apply: |alpha| alpha.max(0.0).sqrt(), exponent: Some(0.5) },
-            (true, false) => Function { apply: |roughness| roughness.max(0.0).sqrt().sqrt(), exponent: Some(0.25) },
-            (true, true) => {
-                Function { apply: |roughness| legacy::alpha_of_roughness(roughness).sqrt(), exponent: None }
-            }
+            (true, false) => Function {
+                apply: |roughness| roughness.max(0.0).sqrt().sqrt(),
+                exponent: Some(0.25),
+            },
+            (true, true) => Function {
+                apply: |roughness| legacy::alpha_of_roughness(roughness).sqrt(),
+                exponent: None,
+            },
         };
         let pattern = match (u, v) {
             (Some(u), Some(v)) => match (u.as_constant(), v.as_constant()) {
@@ -530,15 +606,24 @@ fn named_metal(params: &Params, prefix: &str) -> Option<Metal> {
             return Some("Cu".to_string());
         }
         match params.get(&name)?.strings() {
-            [table] => Some(table.strip_prefix("metal-")?.strip_suffix(part)?.strip_suffix('-')?.to_string()),
+            [table] => Some(
+                table.strip_prefix("metal-")?.strip_suffix(part)?.strip_suffix('-')?.to_string(),
+            ),
             _ => None,
         }
     });
     if eta == k { Metal::named(&eta?) } else { None }
 }
 
-/// A surface that light walks below: the colour that it shows, its mean free paths by channel, and the mean cosine of scattering.
-pub(super) fn lit_below(color: ColorParam, radius: Rgb, g: f32, ior: f32, roughness: ScalarParam) -> Material {
+/// A surface that light walks below: the colour that it shows, its mean free paths by channel, and
+/// the mean cosine of scattering.
+pub(super) fn lit_below(
+    color: ColorParam,
+    radius: Rgb,
+    g: f32,
+    ior: f32,
+    roughness: ScalarParam,
+) -> Material {
     let longest = radius.max_element().max(1e-9);
     let kind = OpenPbr {
         subsurface_weight: 1.0.into(),

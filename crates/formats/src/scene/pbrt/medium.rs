@@ -10,7 +10,9 @@ use crate::scene::scattering;
 use snell_math::{DAffine3, DVec3, Rgb};
 use snell_scene::graph::MediumId;
 use snell_scene::material::Interior;
-use snell_scene::medium::{Cloud, ColorGrid, Grid, Homogeneous, Medium, ScalarGrid, blackbody_luminance};
+use snell_scene::medium::{
+    Cloud, ColorGrid, Grid, Homogeneous, Medium, ScalarGrid, blackbody_luminance,
+};
 use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -40,13 +42,15 @@ impl Builder<'_> {
         let name = params.owner.strip_prefix("MakeNamedMedium \"").unwrap_or_default();
         let name = name.strip_suffix('"').unwrap_or(name).to_string();
         let Some(kind) = params.string("type")?.map(str::to_string) else {
-            return Err(params.fault("there is no type", "add \"string type\" [ \"homogeneous\" ] or the like"));
+            return Err(params
+                .fault("there is no type", "add \"string type\" [ \"homogeneous\" ] or the like"));
         };
         let params = params.of(format!("Medium {}", quoted(kind.as_bytes())));
         let medium: Option<Medium> = match kind.as_str() {
             "homogeneous" => {
                 let preset = self.preset(&params)?;
-                let Coefficients { sigma_a, sigma_s, emission, g } = self.coefficients(&params, preset)?;
+                let Coefficients { sigma_a, sigma_s, emission, g } =
+                    self.coefficients(&params, preset)?;
                 Some(Homogeneous { sigma_a, sigma_s, emission, g }.into())
             }
             "uniformgrid" => Some(self.grid(&params)?.into()),
@@ -57,7 +61,9 @@ impl Builder<'_> {
         };
         if medium.is_none() {
             let what = params.owner.clone();
-            self.note(what.clone(), params.at, || format!("{what} is not supported; it became clear air"));
+            self.note(what.clone(), params.at, || {
+                format!("{what} is not supported; it became clear air")
+            });
         } else {
             self.note_unused(&params);
         }
@@ -67,7 +73,11 @@ impl Builder<'_> {
     }
 
     /// Absorption, scattering and emission, which is that of what absorbs.
-    fn coefficients(&mut self, params: &Params, default: (Rgb, Rgb)) -> Result<Coefficients, Fault> {
+    fn coefficients(
+        &mut self,
+        params: &Params,
+        default: (Rgb, Rgb),
+    ) -> Result<Coefficients, Fault> {
         let mut color = |name: &str, default: Rgb, role: Role| -> Result<Rgb, Fault> {
             let kinds = [Type::Rgb, Type::Spectrum, Type::Blackbody, Type::Xyz];
             match params.typed(name, &kinds)? {
@@ -75,8 +85,10 @@ impl Builder<'_> {
                 None => Ok(default),
             }
         };
-        let (sigma_a, sigma_s) =
-            (color("sigma_a", default.0, Role::Factor)?, color("sigma_s", default.1, Role::Factor)?);
+        let (sigma_a, sigma_s) = (
+            color("sigma_a", default.0, Role::Factor)?,
+            color("sigma_s", default.1, Role::Factor)?,
+        );
         let le = color("Le", Rgb::BLACK, Role::Light)?;
         let scale = params.float_or("scale", 1.0)? as f32;
         let le_scale = match params.floats("Lescale")? {
@@ -91,12 +103,14 @@ impl Builder<'_> {
     }
 
     fn grid(&mut self, params: &Params) -> Result<Grid, Fault> {
-        let Coefficients { sigma_a, sigma_s, emission, g } = self.coefficients(params, (Rgb::WHITE, Rgb::WHITE))?;
+        let Coefficients { sigma_a, sigma_s, emission, g } =
+            self.coefficients(params, (Rgb::WHITE, Rgb::WHITE))?;
         let size = cells(params)?;
         let density: Vec<f32> = params.floats("density")?.iter().map(|d| *d as f32).collect();
         let found = density.len();
         let Some(density) = ScalarGrid::new(size, density) else {
-            let problem = format!("{found} densities for a grid of {} x {} x {}", size[0], size[1], size[2]);
+            let problem =
+                format!("{found} densities for a grid of {} x {} x {}", size[0], size[1], size[2]);
             return Err(params.fault(problem, "give one for each cell in \"float density\""));
         };
         let scales: Vec<f32> = params.floats("Lescale")?.iter().map(|l| *l as f32).collect();
@@ -105,14 +119,18 @@ impl Builder<'_> {
         let kelvin: Vec<f32> = params.floats("temperature")?.iter().map(|t| *t as f32).collect();
         if kelvin.is_empty() {
             // What glows is what absorbs, so the density counts too.
-            let glow =
-                (scales.len() > 1).then(|| grid.density.values().iter().zip(&scales).map(|(d, l)| d * l).collect());
-            let emission_scale = glow.and_then(|glow: Vec<f32>| ScalarGrid::new(size, glow)).map(Arc::new);
+            let glow = (scales.len() > 1)
+                .then(|| grid.density.values().iter().zip(&scales).map(|(d, l)| d * l).collect());
+            let emission_scale =
+                glow.and_then(|glow: Vec<f32>| ScalarGrid::new(size, glow)).map(Arc::new);
             return Ok(Grid { emission_scale, ..grid });
         }
         let found = kelvin.len();
         let Some(kelvin) = ScalarGrid::new(size, kelvin) else {
-            let problem = format!("{found} temperatures for a grid of {} x {} x {}", size[0], size[1], size[2]);
+            let problem = format!(
+                "{found} temperatures for a grid of {} x {} x {}",
+                size[0], size[1], size[2]
+            );
             return Err(params.fault(problem, "give one for each cell in \"float temperature\""));
         };
         let one = scales.first().copied().unwrap_or(1.0);
@@ -128,14 +146,18 @@ impl Builder<'_> {
         let volumes = Volumes::of(&input)?;
         let density = params.string("gridname")?.unwrap_or("density");
         let Some(volume) = volumes.volume(density)? else {
-            let names = volumes.names().map(|name| quoted(name.as_bytes())).collect::<Vec<_>>().join(", ");
-            let problem = format!("the file has no grid {}; it has {names}", quoted(density.as_bytes()));
+            let names =
+                volumes.names().map(|name| quoted(name.as_bytes())).collect::<Vec<_>>().join(", ");
+            let problem =
+                format!("the file has no grid {}; it has {names}", quoted(density.as_bytes()));
             return Err(Fault::new(at, problem, "give one of them as \"string gridname\""));
         };
-        let Coefficients { sigma_a, sigma_s, g, .. } = self.coefficients(params, (Rgb::WHITE, Rgb::WHITE))?;
+        let Coefficients { sigma_a, sigma_s, g, .. } =
+            self.coefficients(params, (Rgb::WHITE, Rgb::WHITE))?;
         let kelvin = volumes.volume(params.string("temperaturename")?.unwrap_or("temperature"))?;
         let kelvin = kelvin.map(|kelvin| kelvin.over(&volume));
-        let world_from_grid = self.world_from_file * self.placement(params.at) * volume.world_from_grid;
+        let world_from_grid =
+            self.world_from_file * self.placement(params.at) * volume.world_from_grid;
         let grid = Grid::new(sigma_a, sigma_s, g, volume.grid, world_from_grid);
         let scale = params.float_or("Lescale", params.float_or("LeScale", 1.0)?)? as f32;
         match kelvin {
@@ -151,7 +173,10 @@ impl Builder<'_> {
         let le_scale = params.float_or("Lescale", params.float_or("LeScale", 1.0)?)? as f32;
         let list = |name: &str| -> Result<Vec<Rgb>, Fault> {
             let numbers = params.typed(name, &[Type::Rgb])?.map_or(&[][..], |p| p.numbers());
-            Ok(numbers.chunks_exact(3).map(|c| Rgb::new(c[0] as f32, c[1] as f32, c[2] as f32)).collect())
+            Ok(numbers
+                .chunks_exact(3)
+                .map(|c| Rgb::new(c[0] as f32, c[1] as f32, c[2] as f32))
+                .collect())
         };
         let (absorbed, scattered, mut emitted) = (list("sigma_a")?, list("sigma_s")?, list("Le")?);
         if absorbed.is_empty() && scattered.is_empty() {
@@ -169,9 +194,16 @@ impl Builder<'_> {
             let largest = values.iter().map(|c| c.r.max(c.g).max(c.b)).fold(0.0, f32::max);
             let share = if largest > 0.0 && largest.is_finite() { largest } else { 1.0 };
             let found = values.len();
-            let Some(grid) = ColorGrid::new(size, values.into_iter().map(|c| c * (1.0 / share)).collect()) else {
-                let problem = format!("{found} colours for a grid of {} x {} x {}", size[0], size[1], size[2]);
-                return Err(params.fault(problem, format!("give one for each cell in \"rgb {name}\"")));
+            let Some(grid) =
+                ColorGrid::new(size, values.into_iter().map(|c| c * (1.0 / share)).collect())
+            else {
+                let problem = format!(
+                    "{found} colours for a grid of {} x {} x {}",
+                    size[0], size[1], size[2]
+                );
+                return Err(
+                    params.fault(problem, format!("give one for each cell in \"rgb {name}\""))
+                );
             };
             Ok((Rgb::splat(share * scale), Some(Arc::new(grid))))
         };
@@ -207,17 +239,21 @@ impl Builder<'_> {
 
     /// Map of the unit cube to the box between `p0` and `p1` in the world.
     fn world_from_box(&mut self, params: &Params) -> Result<DAffine3, Fault> {
-        let (p0, p1) = (params.point("p0")?.unwrap_or(DVec3::ZERO), params.point("p1")?.unwrap_or(DVec3::ONE));
+        let (p0, p1) =
+            (params.point("p0")?.unwrap_or(DVec3::ZERO), params.point("p1")?.unwrap_or(DVec3::ONE));
         let box_of_medium = DAffine3::from_translation(p0) * DAffine3::from_scale(p1 - p0);
         Ok(self.world_from_file * self.placement(params.at) * box_of_medium)
     }
 
     fn cloud(&mut self, params: &Params) -> Result<Cloud, Fault> {
-        let Coefficients { sigma_a, sigma_s, g, .. } = self.coefficients(params, (Rgb::WHITE, Rgb::WHITE))?;
+        let Coefficients { sigma_a, sigma_s, g, .. } =
+            self.coefficients(params, (Rgb::WHITE, Rgb::WHITE))?;
         let density = params.float_or("density", 1.0)? as f32;
         let frequency = params.float_or("frequency", 5.0)?.clamp(1.0, 100.0) as f32;
         params.get("wispiness");
-        self.note("cloud", params.at, || "a cloud of other noise than pbrt's: its shape is another".into());
+        self.note("cloud", params.at, || {
+            "a cloud of other noise than pbrt's: its shape is another".into()
+        });
         Ok(Cloud {
             sigma_a: sigma_a * density,
             g,
@@ -230,8 +266,11 @@ impl Builder<'_> {
     /// `MediumInterface "inside" "outside"`
     pub(super) fn medium_interface(&mut self, lexer: &mut Lexer) -> Result<(), Fault> {
         let (inside, at) = lexer.expect_string("the name of the medium inside")?;
-        let (outside, outside_at) =
-            if lexer.string_follows() { lexer.expect_string("the name of the medium outside")? } else { (inside, at) };
+        let (outside, outside_at) = if lexer.string_follows() {
+            lexer.expect_string("the name of the medium outside")?
+        } else {
+            (inside, at)
+        };
         self.check_medium(inside, at)?;
         self.check_medium(outside, outside_at)?;
         self.state.media = [inside.into(), outside.into()];
@@ -259,7 +298,8 @@ impl Builder<'_> {
         Some(Interior { medium, ..Interior::default() })
     }
 
-    /// The medium around the camera is everywhere, unless it is the inside of something: then the renderer finds out.
+    /// The medium around the camera is everywhere, unless it is the inside of something: then the
+    /// renderer finds out.
     pub(super) fn finish_media(&mut self) {
         let Some(name) = &self.media.around_camera else { return };
         if !self.media.inside.contains(name) {
@@ -268,15 +308,26 @@ impl Builder<'_> {
     }
 }
 
-/// A grid that glows by its temperatures. What is hot glows where it absorbs, as a black body whose largest radiance is 1, times a scale.
-fn hot(params: &Params, grid: Grid, kelvin: &ScalarGrid, scale: impl Fn(usize) -> f32) -> Result<Grid, Fault> {
+/// A grid that glows by its temperatures. What is hot glows where it absorbs, as a black body whose
+/// largest radiance is 1, times a scale.
+fn hot(
+    params: &Params,
+    grid: Grid,
+    kelvin: &ScalarGrid,
+    scale: impl Fn(usize) -> f32,
+) -> Result<Grid, Fault> {
     // Nothing colder glows.
     const COLDEST: f64 = 100.0;
-    let offset = params.float_or("temperatureoffset", params.float_or("temperaturecutoff", 0.0)?)?;
+    let offset =
+        params.float_or("temperatureoffset", params.float_or("temperaturecutoff", 0.0)?)?;
     let factor = params.float_or("temperaturescale", 1.0)?;
-    let glowing = |t: &f32| Some((f64::from(*t) - offset) * factor).filter(|t| *t > COLDEST).unwrap_or(0.0) as f32;
+    let glowing = |t: &f32| {
+        Some((f64::from(*t) - offset) * factor).filter(|t| *t > COLDEST).unwrap_or(0.0) as f32
+    };
     let kelvin: Vec<f32> = kelvin.values().iter().map(glowing).collect();
-    let glow = |(cell, (density, kelvin)): (usize, (&f32, &f32))| density * scale(cell) * blackbody_luminance(*kelvin);
+    let glow = |(cell, (density, kelvin)): (usize, (&f32, &f32))| {
+        density * scale(cell) * blackbody_luminance(*kelvin)
+    };
     let glow: Vec<f32> = grid.density.values().iter().zip(&kelvin).enumerate().map(glow).collect();
     let of = |values| ScalarGrid::new(grid.density.size(), values).map(Arc::new);
     Ok(Grid { emission: grid.sigma_a, emission_scale: of(glow), temperature: of(kelvin), ..grid })
@@ -288,7 +339,10 @@ fn cells(params: &Params) -> Result<[usize; 3], Fault> {
     for (cells, name) in size.iter_mut().zip(["nx", "ny", "nz"]) {
         let count = params.integer(name)?.unwrap_or(1);
         *cells = usize::try_from(count).ok().filter(|n| *n > 0).ok_or_else(|| {
-            params.fault(format!("{name} is {count}, but a grid has at least one cell"), "write a whole number above 0")
+            params.fault(
+                format!("{name} is {count}, but a grid has at least one cell"),
+                "write a whole number above 0",
+            )
         })?;
     }
     Ok(size)

@@ -1,11 +1,14 @@
 //! pbrt-v4 scenes, and those of pbrt-v3 where their meaning is plain.
 //!
-//! The format is that of <https://pbrt.org/fileformat-v4>. `lexer.rs` and `params.rs` read the syntax, `directive.rs` does what each
-//! directive says, and one file or folder each builds cameras, shapes, materials, textures, lights and media. What Snell cannot express
-//! becomes the nearest thing that it can, and a warning with file, line and column; so does every parameter that nobody asked for.
+//! The format is that of <https://pbrt.org/fileformat-v4>. `lexer.rs` and `params.rs` read the
+//! syntax, `directive.rs` does what each directive says, and one file or folder each builds
+//! cameras, shapes, materials, textures, lights and media. What Snell cannot express becomes the
+//! nearest thing that it can, and a warning with file, line and column; so does every parameter
+//! that nobody asked for.
 //!
-//! Coordinates of pbrt are left-handed: its cameras look along `+z` with `+x` to the right and `+y` up. Where the camera's own transform
-//! does not mirror that, the whole scene is mirrored in x (by the root node), so that pictures are not.
+//! Coordinates of pbrt are left-handed: its cameras look along `+z` with `+x` to the right and `+y`
+//! up. Where the camera's own transform does not mirror that, the whole scene is mirrored in x (by
+//! the root node), so that pictures are not.
 
 mod camera;
 mod directive;
@@ -43,8 +46,13 @@ use std::path::{Path, PathBuf};
 use texture::Patterns;
 
 /// The reader of pbrt scenes.
-pub const READER: SceneReader =
-    SceneReader { name: "pbrt", description: "pbrt-v4 and pbrt-v3 scene", extensions: &["pbrt"], recognises, read };
+pub const READER: SceneReader = SceneReader {
+    name: "pbrt",
+    description: "pbrt-v4 and pbrt-v3 scene",
+    extensions: &["pbrt"],
+    recognises,
+    read,
+};
 
 /// What is known after some directives, over all files.
 struct Builder<'a> {
@@ -122,7 +130,8 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Notes something that the user should know: what was found, and what was done instead. Of each kind only the first is told.
+    /// Notes something that the user should know: what was found, and what was done instead. Of
+    /// each kind only the first is told.
     fn note(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
         self.notes.add(WarningKind::Changed, kind.into(), at, message);
     }
@@ -136,7 +145,9 @@ impl Builder<'_> {
     fn note_unused(&mut self, params: &Params) {
         for param in params.unused() {
             let what = format!("\"{} {}\" of {}", param.kind.name(), param.name, params.owner);
-            self.note(format!("unused {what}"), param.at, || format!("{what} is not known; it was ignored"));
+            self.note(format!("unused {what}"), param.at, || {
+                format!("{what} is not known; it was ignored")
+            });
         }
     }
 
@@ -146,7 +157,9 @@ impl Builder<'_> {
             if let Some(param) = params.get(name) {
                 let what = format!("\"{} {}\" of {}", param.kind.name(), param.name, params.owner);
                 let at = param.at;
-                self.mention(format!("ignored {what}"), at, || format!("{what} was ignored: {reason}"));
+                self.mention(format!("ignored {what}"), at, || {
+                    format!("{what} was ignored: {reason}")
+                });
             }
         }
     }
@@ -157,7 +170,9 @@ impl Builder<'_> {
             if let Some(param) = params.get(name) {
                 let what = format!("\"{} {}\" of {}", param.kind.name(), param.name, params.owner);
                 let at = param.at;
-                self.note(format!("ignored {what}"), at, || format!("{what} was ignored: {reason}"));
+                self.note(format!("ignored {what}"), at, || {
+                    format!("{what} was ignored: {reason}")
+                });
             }
         }
     }
@@ -166,19 +181,31 @@ impl Builder<'_> {
     fn open(&mut self, name: &str, at: Spot) -> Result<Input, Fault> {
         let limit = self.main.options.limits.files;
         if self.files.len() >= limit {
-            return Err(Fault::new(at, format!("the scene names more than {limit} files, the limit"), "split it"));
+            return Err(Fault::new(
+                at,
+                format!("the scene names more than {limit} files, the limit"),
+                "split it",
+            ));
         }
         self.main.open_relative(name).map_err(|error| {
-            // Either about the main file, which leads outside, or about the other one, which cannot be opened.
+            // Either about the main file, which leads outside, or about the other one, which cannot
+            // be opened.
             let is_own = error.file == self.main.name;
-            let problem = if is_own { error.problem } else { format!("{}: {}", error.file, error.problem) };
+            let problem =
+                if is_own { error.problem } else { format!("{}: {}", error.file, error.problem) };
             Fault::new(at, problem, error.remedy)
         })
     }
 
     /// The name of a file in a parameter.
-    fn file_name<'p>(&self, params: &'p Params, name: &str) -> Result<Option<(&'p str, Spot)>, Fault> {
-        let Some(param) = params.typed(name, &[Type::String, Type::Spectrum])? else { return Ok(None) };
+    fn file_name<'p>(
+        &self,
+        params: &'p Params,
+        name: &str,
+    ) -> Result<Option<(&'p str, Spot)>, Fault> {
+        let Some(param) = params.typed(name, &[Type::String, Type::Spectrum])? else {
+            return Ok(None);
+        };
         match param.strings() {
             [file] => Ok(Some((file, param.at))),
             _ => Err(param.fault("one file name was expected", "give one")),
@@ -189,7 +216,9 @@ impl Builder<'_> {
     fn placement(&mut self, at: Spot) -> DAffine3 {
         let [start, end] = self.state.transform.0;
         if start != end {
-            self.note("motion", at, || "a transform that changes over time; the one at the start was used".into());
+            self.note("motion", at, || {
+                "a transform that changes over time; the one at the start was used".into()
+            });
         }
         start
     }
@@ -200,7 +229,8 @@ fn identity(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
 }
 
-/// True if the text starts, after comments, with a directive that no other format has, and what may follow it.
+/// True if the text starts, after comments, with a directive that no other format has, and what may
+/// follow it.
 fn recognises(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
     let mut lines = text.trim_start_matches('\u{feff}').lines().map(str::trim_start);

@@ -1,4 +1,5 @@
-//! What moves: transforms that differ at the two ends of the motion, and how long the shutter is open.
+//! What moves: transforms that differ at the two ends of the motion, and how long the shutter is
+//! open.
 
 use super::Builder;
 use super::params::Params;
@@ -31,7 +32,8 @@ impl Builder<'_> {
         start != end
     }
 
-    /// Notes that a node, which shows something in the current transform after `object_from_shown`, moves, if that does.
+    /// Notes that a node, which shows something in the current transform after `object_from_shown`,
+    /// moves, if that does.
     pub(super) fn note_motion(&mut self, node: NodeId, object_from_shown: DAffine3) {
         let [start, end] = self.state.transform.0;
         if start != end {
@@ -40,20 +42,27 @@ impl Builder<'_> {
     }
 
     /// Notes where the camera is at both ends of the motion, and its shutter.
-    pub(super) fn note_camera_motion(&mut self, params: &Params, file_from_camera: [DAffine3; 2]) -> Result<(), Fault> {
-        self.moving.shutter = [params.float_or("shutteropen", 0.0)?, params.float_or("shutterclose", 1.0)?];
+    pub(super) fn note_camera_motion(
+        &mut self,
+        params: &Params,
+        file_from_camera: [DAffine3; 2],
+    ) -> Result<(), Fault> {
+        self.moving.shutter =
+            [params.float_or("shutteropen", 0.0)?, params.float_or("shutterclose", 1.0)?];
         self.moving.camera = Some(file_from_camera).filter(|[start, end]| start != end);
         Ok(())
     }
 
     /// Gives the scene its motion, if anything moves.
     pub(super) fn finish_motion(&mut self) {
-        let Moving { times, shutter: [open, close], nodes, camera } = std::mem::take(&mut self.moving);
+        let Moving { times, shutter: [open, close], nodes, camera } =
+            std::mem::take(&mut self.moving);
         let mut motion = Motion { clips: vec![Clip::default()], ..Motion::default() };
         let mut add = |node: Option<NodeId>, [start, end]: [DAffine3; 2]| {
             let joint = motion.joints.len() as u32;
             motion.joints.push(Joint { node, rest: Placement::Matrix(start), ..Joint::default() });
-            let track = Track::Transform(AnimatedTransform::new(times.into_iter().zip([start, end])));
+            let track =
+                Track::Transform(AnimatedTransform::new(times.into_iter().zip([start, end])));
             motion.clips[0].channels.push(Channel { joint, track });
             joint
         };

@@ -32,7 +32,10 @@ impl Builder<'_> {
             "Camera" => {
                 let transform = self.state.transform;
                 let Some(inverse) = transform.inverse() else {
-                    return Err(params.fault("the current transform is singular", "correct the transforms above it"));
+                    return Err(params.fault(
+                        "the current transform is singular",
+                        "correct the transforms above it",
+                    ));
                 };
                 self.coordinate_systems.insert("camera".into(), inverse);
                 let at = params.at;
@@ -52,7 +55,8 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// What must be known before the world: the film's size, the camera and whether the scene is to be mirrored.
+    /// What must be known before the world: the film's size, the camera and whether the scene is to
+    /// be mirrored.
     pub(super) fn start_world(&mut self) -> Result<(), Fault> {
         if let Some(film) = self.options.film.take() {
             self.film(&film)?;
@@ -121,14 +125,20 @@ impl Builder<'_> {
         if iso > 0.0 && iso != 100.0 {
             self.scene.settings.exposure = Some((iso / 100.0).log2());
         }
-        if params.string("sensor")?.is_some_and(|s| s != "cie1931") || params.float_or("whitebalance", 0.0)? != 0.0 {
-            let what = "a sensor of a real camera, or a white balance: colours are those of the CIE observer instead";
+        if params.string("sensor")?.is_some_and(|s| s != "cie1931")
+            || params.float_or("whitebalance", 0.0)? != 0.0
+        {
+            let what = "a sensor of a real camera, or a white balance: colours are those of the \
+                CIE observer instead";
             self.note("sensor", params.at, || what.into());
         }
         self.mention_ignored(params, &["cropwindow", "pixelbounds"], "give --crop instead");
         self.note_ignored(params, &["maxcomponentvalue"], "samples are not clamped");
-        // Where and how the picture is stored is for the command line to say; the diagonal is for the realistic camera.
-        for name in ["filename", "diagonal", "savefp16", "scale", "maxsampleluminance", "coordinatesystem"] {
+        // Where and how the picture is stored is for the command line to say; the diagonal is for
+        // the realistic camera.
+        for name in
+            ["filename", "diagonal", "savefp16", "scale", "maxsampleluminance", "coordinatesystem"]
+        {
             params.get(name);
         }
         self.note_unused(params);
@@ -142,7 +152,8 @@ impl Builder<'_> {
         };
         let spp = params.integer("pixelsamples")?.or(stratified).unwrap_or(16);
         if !(1..=1 << 24).contains(&spp) {
-            return Err(params.fault(format!("{spp} samples per pixel"), "give a number from 1 to 16777216"));
+            return Err(params
+                .fault(format!("{spp} samples per pixel"), "give a number from 1 to 16777216"));
         }
         self.scene.settings.spp = Some(spp as u32);
         // Of the better samplers, ours is as good as any.
@@ -163,9 +174,12 @@ impl Builder<'_> {
             ("mitchell", "mitchell", 2.0),
             ("sinc", "lanczos", 3.0),
         ];
-        let Some((_, ours, radius)) = known.into_iter().find(|(kind, ..)| is_kind(params, kind)) else {
+        let Some((_, ours, radius)) = known.into_iter().find(|(kind, ..)| is_kind(params, kind))
+        else {
             let owner = params.owner.clone();
-            self.note(owner.clone(), params.at, || format!("{owner} is not known; the default filter was used"));
+            self.note(owner.clone(), params.at, || {
+                format!("{owner} is not known; the default filter was used")
+            });
             return Ok(());
         };
         self.scene.settings.filter = Some(ours.into());
@@ -176,7 +190,10 @@ impl Builder<'_> {
         if let Some(other) = given.into_iter().find(|r| *r != radius) {
             let owner = params.owner.clone();
             self.note(format!("{owner} radius"), params.at, || {
-                format!("{owner} of radius {other}: radius {radius} was used, the only one of this filter")
+                format!(
+                    "{owner} of radius {other}: radius {radius} was used, the only one of this \
+                    filter"
+                )
             });
         }
         if params.float_or("sigma", 0.5)? != 0.5 || params.float_or("alpha", 2.0)? != 2.0 {
@@ -193,7 +210,9 @@ impl Builder<'_> {
     fn integrator(&mut self, params: &Params) -> Result<(), Fault> {
         let depth = params.integer("maxdepth")?.unwrap_or(5);
         if !(0..=1 << 20).contains(&depth) {
-            return Err(params.fault(format!("a depth of {depth}"), "give a number from 0 to 1048576"));
+            return Err(
+                params.fault(format!("a depth of {depth}"), "give a number from 0 to 1048576")
+            );
         }
         self.scene.settings.max_depth = Some(depth as u32);
         let ours = if is_kind(params, "ambientocclusion") || is_kind(params, "ao") {
@@ -204,17 +223,41 @@ impl Builder<'_> {
             "path"
         };
         self.scene.settings.integrator = Some(ours.into());
-        let exact = ["path", "volpath", "simplepath", "simplevolpath", "directlighting", "ambientocclusion", "ao"];
+        let exact = [
+            "path",
+            "volpath",
+            "simplepath",
+            "simplevolpath",
+            "directlighting",
+            "ambientocclusion",
+            "ao",
+        ];
         if !exact.iter().any(|kind| is_kind(params, kind)) {
             let owner = params.owner.clone();
-            self.mention(owner.clone(), params.at, || format!("{owner}: the integrator {ours} was used instead"));
+            self.mention(owner.clone(), params.at, || {
+                format!("{owner}: the integrator {ours} was used instead")
+            });
         }
         // How lights are chosen and paths are ended changes the noise only.
-        for name in ["lightsampler", "lightsamplestrategy", "regularize", "rrthreshold", "samplelights", "samplebsdf"] {
+        for name in [
+            "lightsampler",
+            "lightsamplestrategy",
+            "regularize",
+            "rrthreshold",
+            "samplelights",
+            "samplebsdf",
+        ] {
             params.get(name);
         }
-        let names =
-            ["photonsperiteration", "radius", "seed", "iterations", "numiterations", "mutationsperpixel", "cossample"];
+        let names = [
+            "photonsperiteration",
+            "radius",
+            "seed",
+            "iterations",
+            "numiterations",
+            "mutationsperpixel",
+            "cossample",
+        ];
         self.mention_ignored(params, &names, "it belongs to another integrator");
         Ok(())
     }

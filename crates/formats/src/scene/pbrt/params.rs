@@ -142,7 +142,8 @@ impl Params {
         while lexer.string_follows() {
             let param = read_param(lexer, limit)?;
             if let Some(first) = params.own.iter().find(|p| p.name == param.name) {
-                let problem = format!("{} has the parameter \"{}\" twice", params.owner, first.name);
+                let problem =
+                    format!("{} has the parameter \"{}\" twice", params.owner, first.name);
                 return Err(Fault::new(param.at, problem, "take one of them out"));
             }
             params.own.push(Rc::new(param));
@@ -195,7 +196,8 @@ impl Params {
             return Ok(Some(param));
         }
         let expected: Vec<_> = kinds.iter().map(|k| k.name()).collect();
-        let problem = format!("this parameter of {} is of type {}", self.owner, expected.join(" or "));
+        let problem =
+            format!("this parameter of {} is of type {}", self.owner, expected.join(" or "));
         Err(param.fault(problem, format!("write \"{} {name}\"", expected[0])))
     }
 
@@ -262,27 +264,47 @@ impl Params {
 
     /// Vectors or normals, in single precision; none if the parameter is absent.
     pub fn directions(&self, name: &str) -> Result<Vec<Vec3>, Fault> {
-        Ok(self.typed(name, &[Type::Normal, Type::Vector3])?.map_or_else(Vec::new, |p| triples(p.numbers())))
+        Ok(self
+            .typed(name, &[Type::Normal, Type::Vector3])?
+            .map_or_else(Vec::new, |p| triples(p.numbers())))
     }
 
     /// Pairs of numbers; none if the parameter is absent. Written as floats by pbrt-v3.
     pub fn pairs(&self, name: &str) -> Result<Vec<Vec2>, Fault> {
-        let Some(param) = self.typed(name, &[Type::Point2, Type::Vector2, Type::Float])? else { return Ok(Vec::new()) };
+        let Some(param) = self.typed(name, &[Type::Point2, Type::Vector2, Type::Float])? else {
+            return Ok(Vec::new());
+        };
         if param.numbers().len() % 2 != 0 {
             return Err(param.fault("an odd number of values for pairs", "complete the list"));
         }
         Ok(param.numbers().chunks_exact(2).map(|p| Vec2::new(p[0] as f32, p[1] as f32)).collect())
     }
 
-    /// Numbers of vertices, so many at a time; and how many there are in all, which may not be a multiple of that.
-    pub fn indices<const N: usize>(&self, name: &str, count: usize) -> Result<(Vec<[u32; N]>, usize), Fault> {
+    /// Numbers of vertices, so many at a time; and how many there are in all, which may not be a
+    /// multiple of that.
+    pub fn indices<const N: usize>(
+        &self,
+        name: &str,
+        count: usize,
+    ) -> Result<(Vec<[u32; N]>, usize), Fault> {
         let Some(param) = self.typed(name, &[Type::Integer])? else { return Ok((Vec::new(), 0)) };
         let numbers = param.numbers();
-        if let Some(number) = numbers.iter().find(|number| !(**number >= 0.0 && **number < count as f64)) {
-            let problem = format!("vertex {number}, but there are {count} vertices (counted from 0)");
+        if let Some(number) =
+            numbers.iter().find(|number| !(**number >= 0.0 && **number < count as f64))
+        {
+            let problem =
+                format!("vertex {number}, but there are {count} vertices (counted from 0)");
             return Err(param.fault(problem, "correct the list, or export the file again"));
         }
-        Ok((numbers.as_chunks::<N>().0.iter().map(|face| face.map(|number| number as u32)).collect(), numbers.len()))
+        Ok((
+            numbers
+                .as_chunks::<N>()
+                .0
+                .iter()
+                .map(|face| face.map(|number| number as u32))
+                .collect(),
+            numbers.len(),
+        ))
     }
 }
 
@@ -306,7 +328,8 @@ fn read_declaration<'a>(lexer: &mut Lexer<'a>) -> Result<(Type, &'a str, Spot), 
         Some(kind) => Ok((kind, name, at)),
         None => {
             let problem = format!("{} is not a type of parameters", quoted(kind.as_bytes()));
-            let remedy = "use float, integer, bool, string, point2, point3, vector3, normal, rgb, spectrum or the like";
+            let remedy = "use float, integer, bool, string, point2, point3, vector3, normal, rgb, \
+                spectrum or the like";
             Err(Fault::new(at, problem, remedy))
         }
     }
@@ -318,12 +341,15 @@ fn read_param(lexer: &mut Lexer, limit: usize) -> Result<Param, Fault> {
     let values = match kind {
         Type::String | Type::Texture => Values::Strings(read_strings(lexer, bracketed)?),
         Type::Bool => Values::Bools(read_bools(lexer, bracketed)?),
-        Type::Spectrum if lexer.string_follows() => Values::Strings(read_strings(lexer, bracketed)?),
+        Type::Spectrum if lexer.string_follows() => {
+            Values::Strings(read_strings(lexer, bracketed)?)
+        }
         _ => Values::Numbers(read_numbers(lexer, bracketed, name, limit)?),
     };
     if bracketed && !lexer.take_bracket(b']') {
         let (token, spot) = lexer.expect("\"]\"")?;
-        let problem = format!("{} stands among the values of \"{} {name}\"", token.quoted(), kind.name());
+        let problem =
+            format!("{} stands among the values of \"{} {name}\"", token.quoted(), kind.name());
         return Err(Fault::new(spot, problem, "close the list with ] after values of one kind"));
     }
     let param = Param { kind, name: name.to_string(), values, at, used: Cell::new(false) };
@@ -333,21 +359,35 @@ fn read_param(lexer: &mut Lexer, limit: usize) -> Result<Param, Fault> {
 
 fn check(param: &Param) -> Result<(), Fault> {
     let (found, width) = (param.values.len(), param.kind.width());
-    if found == 0 && !matches!(param.kind, Type::Float | Type::Integer | Type::Point2 | Type::Point3 | Type::Normal) {
+    if found == 0
+        && !matches!(
+            param.kind,
+            Type::Float | Type::Integer | Type::Point2 | Type::Point3 | Type::Normal
+        )
+    {
         return Err(param.fault("there is no value", "give one"));
     }
     if found % width != 0 {
-        return Err(param.fault(format!("{found} numbers, but one value has {width}"), "complete the list"));
+        return Err(
+            param.fault(format!("{found} numbers, but one value has {width}"), "complete the list")
+        );
     }
     if param.kind == Type::Integer
-        && let Some(number) = param.numbers().iter().find(|x| x.fract() != 0.0 || x.abs() > f64::from(i32::MAX))
+        && let Some(number) =
+            param.numbers().iter().find(|x| x.fract() != 0.0 || x.abs() > f64::from(i32::MAX))
     {
-        return Err(param.fault(format!("{number} is not a whole number of 32 bits"), "write whole numbers"));
+        return Err(param
+            .fault(format!("{number} is not a whole number of 32 bits"), "write whole numbers"));
     }
     Ok(())
 }
 
-fn read_numbers(lexer: &mut Lexer, bracketed: bool, name: &str, limit: usize) -> Result<Vec<f64>, Fault> {
+fn read_numbers(
+    lexer: &mut Lexer,
+    bracketed: bool,
+    name: &str,
+    limit: usize,
+) -> Result<Vec<f64>, Fault> {
     let mut numbers = Vec::new();
     if !bracketed {
         return Ok(vec![lexer.expect_number(name)?]);
@@ -355,7 +395,11 @@ fn read_numbers(lexer: &mut Lexer, bracketed: bool, name: &str, limit: usize) ->
     while let Some(number) = lexer.take_number(name)? {
         if numbers.len() >= limit {
             let spot = lexer.spot();
-            return Err(Fault::new(spot, format!("\"{name}\" has more than {limit} numbers, the limit"), "split it"));
+            return Err(Fault::new(
+                spot,
+                format!("\"{name}\" has more than {limit} numbers, the limit"),
+                "split it",
+            ));
         }
         numbers.push(number);
     }

@@ -1,6 +1,7 @@
 //! Shapes: what each kind is, and its place, material and light.
 //!
-//! Texture coordinates: in pbrt v grows upwards on meshes and on shapes; in the scene it is turned downwards on both.
+//! Texture coordinates: in pbrt v grows upwards on meshes and on shapes; in the scene it is turned
+//! downwards on both.
 
 mod curve;
 mod loop_subdivision;
@@ -51,7 +52,8 @@ struct Strands {
     counts: Vec<u32>,
 }
 
-/// Most triangles that stand for curves, subdivided surfaces and parts of shapes in one scene: a short file can ask for any number.
+/// Most triangles that stand for curves, subdivided surfaces and parts of shapes in one scene: a
+/// short file can ask for any number.
 const MAX_MADE: usize = 1 << 25;
 /// Memory of one of these, with its share of vertices and of the structure for rays.
 const MADE_BYTES: u64 = 100;
@@ -93,13 +95,16 @@ impl Builder<'_> {
         self.note_unused(&params);
         let finish = Finish {
             emission: self.emission(&params, &made, place),
-            alpha: alpha.filter(|a| a.as_constant().is_none_or(|c| c.r < 1.0)).map(|a| self.scalar_param(&a)),
+            alpha: alpha
+                .filter(|a| a.as_constant().is_none_or(|c| c.r < 1.0))
+                .map(|a| self.scalar_param(&a)),
             interior: self.interior(),
         };
         let materials = self.finished_material(&finish, params.at);
         if materials.is_empty() {
             self.mention("interface", params.at, || {
-                "surfaces without a material that bound no medium are not seen, and were left out".into()
+                "surfaces without a material that bound no medium are not seen, and were left out"
+                    .into()
             });
             return Ok(());
         }
@@ -109,7 +114,9 @@ impl Builder<'_> {
                 self.count_triangles(&params, mesh.indices.len())?;
                 (Geometry::Mesh(mesh), DAffine3::IDENTITY)
             }
-            Made::Shape(shape, object_from_shape) => (self.shapes.table.shared(*shape), object_from_shape),
+            Made::Shape(shape, object_from_shape) => {
+                (self.shapes.table.shared(*shape), object_from_shape)
+            }
             Made::Strand(points) => return self.add_strand(&params, place, points, materials),
         };
         let moves = self.moves();
@@ -131,9 +138,10 @@ impl Builder<'_> {
         self.shapes.strand_points += points.len();
         let limit = self.main.options.limits.elements;
         if self.shapes.strand_points > limit {
-            return Err(
-                params.fault(format!("the scene has more than {limit} points of curves, the limit"), "split it")
-            );
+            return Err(params.fault(
+                format!("the scene has more than {limit} points of curves, the limit"),
+                "split it",
+            ));
         }
         let moves = self.moves();
         let node = self.node_at(place, moves);
@@ -151,11 +159,13 @@ impl Builder<'_> {
 
     /// Puts the curves where they belong.
     pub(super) fn finish_curves(&mut self) {
-        for Strands { node, materials, points, counts } in std::mem::take(&mut self.shapes.strands) {
-            let curves =
-                Curves::new(StrandBasis::Bezier, points, counts).expect("whole segments, fewer than the limit");
+        for Strands { node, materials, points, counts } in std::mem::take(&mut self.shapes.strands)
+        {
+            let curves = Curves::new(StrandBasis::Bezier, points, counts)
+                .expect("whole segments, fewer than the limit");
             let geometry = Geometry::Curves(Arc::new(curves));
-            let surfaces = materials.into_iter().map(|m| Surface::with_material(geometry.clone(), m));
+            let surfaces =
+                materials.into_iter().map(|m| Surface::with_material(geometry.clone(), m));
             self.scene.nodes[node.index()].surfaces.extend(surfaces);
         }
     }
@@ -172,11 +182,18 @@ impl Builder<'_> {
             self.loop_subdivision(params)
         } else if kind("curve") {
             self.curve(params)
-        } else if kind("sphere") || kind("cylinder") || kind("disk") || kind("cone") || kind("paraboloid") {
+        } else if kind("sphere")
+            || kind("cylinder")
+            || kind("disk")
+            || kind("cone")
+            || kind("paraboloid")
+        {
             self.quadric(params)
         } else {
             let owner = params.owner.clone();
-            self.note(owner.clone(), params.at, || format!("{owner} is not a shape that is known; it was left out"));
+            self.note(owner.clone(), params.at, || {
+                format!("{owner} is not a shape that is known; it was left out")
+            });
             Ok(Made::Nothing)
         }
     }
@@ -205,7 +222,8 @@ impl Builder<'_> {
         Some((light.radiance(area), light.both_sides))
     }
 
-    /// Mean area of the triangles, or the area of a shape in its own space: what `power` is about in pbrt.
+    /// Mean area of the triangles, or the area of a shape in its own space: what `power` is about
+    /// in pbrt.
     fn piece_area(&mut self, params: &Params, made: &Made, place: DAffine3) -> f64 {
         let mesh = match made {
             Made::Shape(shape, _) => return shape.area(),
@@ -218,11 +236,13 @@ impl Builder<'_> {
             0.5 * (b - a).cross(c - a).length()
         };
         let count = mesh.indices.len();
-        let (sum, largest) = (0..count).map(area).fold((0.0, 0.0f64), |(sum, most), a| (sum + a, most.max(a)));
+        let (sum, largest) =
+            (0..count).map(area).fold((0.0, 0.0f64), |(sum, most), a| (sum + a, most.max(a)));
         let mean = sum / count.max(1) as f64;
         if largest > mean * 1.01 {
             self.note("power of triangles", params.at, || {
-                "\"power\" is that of each triangle, and these are not alike: all got the radiance of the mean one"
+                "\"power\" is that of each triangle, and these are not alike: all got the radiance \
+                    of the mean one"
                     .into()
             });
         }
@@ -235,7 +255,8 @@ impl Builder<'_> {
         if self.shapes.triangles <= limit {
             return Ok(());
         }
-        Err(params.fault(format!("the scene has more than {limit} triangles, the limit"), "split it"))
+        Err(params
+            .fault(format!("the scene has more than {limit} triangles, the limit"), "split it"))
     }
 
     /// True if this many more triangles may stand for something else.
@@ -244,12 +265,17 @@ impl Builder<'_> {
         let owner = params.owner.clone();
         if made > MAX_MADE {
             self.note("made triangles", params.at, || {
-                format!("{owner} needs more than {MAX_MADE} triangles together with those before it; it was left out")
+                format!(
+                    "{owner} needs more than {MAX_MADE} triangles together with those before \
+                    it; it was left out"
+                )
             });
             return false;
         }
         if let Err(error) = self.main.charge(triangles as u64 * MADE_BYTES, "its triangles") {
-            self.note("made triangles", params.at, || format!("{owner}: {}; it was left out", error.problem));
+            self.note("made triangles", params.at, || {
+                format!("{owner}: {}; it was left out", error.problem)
+            });
             return false;
         }
         self.shapes.made = made;
@@ -280,7 +306,9 @@ impl Builder<'_> {
     fn note_common(&mut self, params: &Params) {
         if let Some(param) = params.get("displacement") {
             let at = param.at;
-            self.note("shape displacement", at, || "\"displacement\" of a mesh was ignored: it stays smooth".into());
+            self.note("shape displacement", at, || {
+                "\"displacement\" of a mesh was ignored: it stays smooth".into()
+            });
         }
         for name in ["edgelength", "splitdepth", "faceIndices"] {
             params.get(name);
@@ -288,11 +316,19 @@ impl Builder<'_> {
     }
 
     /// A whole number of at least this, in a parameter.
-    fn count_param(&self, params: &Params, name: &str, default: i64, range: [i64; 2]) -> Result<usize, Fault> {
+    fn count_param(
+        &self,
+        params: &Params,
+        name: &str,
+        default: i64,
+        range: [i64; 2],
+    ) -> Result<usize, Fault> {
         let number = params.integer(name)?.unwrap_or(default);
         if !(range[0]..=range[1]).contains(&number) {
             let problem = format!("\"{name}\" is {number}");
-            return Err(params.fault(problem, format!("give a number from {} to {}", range[0], range[1])));
+            return Err(
+                params.fault(problem, format!("give a number from {} to {}", range[0], range[1]))
+            );
         }
         Ok(number as usize)
     }
@@ -323,10 +359,14 @@ fn check_length(params: &Params, name: &str, found: usize, vertices: usize) -> R
         return Ok(());
     }
     let problem = format!("\"{name}\" has {found} values, but there are {vertices} vertices");
-    Err(match params.typed(name, &[Type::Normal, Type::Vector3, Type::Point2, Type::Vector2, Type::Float])? {
-        Some(param) => param.fault(problem, "give one for each vertex"),
-        None => params.fault(problem, "give one for each vertex"),
-    })
+    Err(
+        match params
+            .typed(name, &[Type::Normal, Type::Vector3, Type::Point2, Type::Vector2, Type::Float])?
+        {
+            Some(param) => param.fault(problem, "give one for each vertex"),
+            None => params.fault(problem, "give one for each vertex"),
+        },
+    )
 }
 
 /// Turns v downwards.
@@ -336,8 +376,8 @@ fn flip_v(mesh: &mut TriangleMesh) {
     }
 }
 
-/// Turns triangles over where they look away from their vertex normals, and all of them if there are none and `reversed`. In pbrt, a
-/// triangle's outer side is that of its normals.
+/// Turns triangles over where they look away from their vertex normals, and all of them if there
+/// are none and `reversed`. In pbrt, a triangle's outer side is that of its normals.
 fn orient(mesh: &mut TriangleMesh, reversed: bool) {
     if mesh.normals.is_empty() {
         if reversed {

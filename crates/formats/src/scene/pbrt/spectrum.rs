@@ -46,7 +46,9 @@ impl ColorSpace {
             return Rgb::new(r as f32, g as f32, b as f32);
         }
         let Some(m) = crate::image::rec709_from(self.primaries()) else { return Rgb::BLACK };
-        let [r, g, b] = m.map(|row| (f64::from(row[0]) * r + f64::from(row[1]) * g + f64::from(row[2]) * b) as f32);
+        let [r, g, b] = m.map(|row| {
+            (f64::from(row[0]) * r + f64::from(row[1]) * g + f64::from(row[2]) * b) as f32
+        });
         Rgb::new(r.max(0.0), g.max(0.0), b.max(0.0))
     }
 }
@@ -64,7 +66,9 @@ impl Builder<'_> {
     /// The colour that a parameter says, in linear Rec. 709.
     pub(super) fn color(&mut self, param: &Param, role: Role) -> Result<Rgb, Fault> {
         match (param.kind, &param.values) {
-            (Type::Rgb, Values::Numbers(n)) if n.len() == 3 => Ok(self.state.color_space.to_rgb([n[0], n[1], n[2]])),
+            (Type::Rgb, Values::Numbers(n)) if n.len() == 3 => {
+                Ok(self.state.color_space.to_rgb([n[0], n[1], n[2]]))
+            }
             (Type::Float, Values::Numbers(n)) if n.len() == 1 => Ok(Rgb::splat(n[0] as f32)),
             (Type::Xyz, Values::Numbers(n)) if n.len() == 3 => Ok(rgb_of_xyz([n[0], n[1], n[2]])),
             // pbrt-v3 wrote a scale after the temperature.
@@ -73,7 +77,8 @@ impl Builder<'_> {
             }
             (Type::Spectrum, Values::Numbers(n)) => {
                 let samples = pairs(n).ok_or_else(|| {
-                    let problem = "the values are not pairs of wavelength (nm) and value, ascending";
+                    let problem =
+                        "the values are not pairs of wavelength (nm) and value, ascending";
                     param.fault(problem, "correct the list")
                 })?;
                 Ok(average(&samples, role))
@@ -81,7 +86,10 @@ impl Builder<'_> {
             (Type::Spectrum, Values::Strings(names)) if names.len() == 1 => {
                 self.named_spectrum(&names[0], param.at, role)
             }
-            _ => Err(param.fault("this is not one colour", "give one rgb colour, blackbody or spectrum")),
+            _ => {
+                Err(param
+                    .fault("this is not one colour", "give one rgb colour, blackbody or spectrum"))
+            }
         }
     }
 
@@ -91,28 +99,41 @@ impl Builder<'_> {
             return Ok(color);
         }
         if let Some(part) = name.strip_prefix("metal-CuZn-") {
-            self.note("brass", at, || format!("the table {} of brass: gold was used instead", quoted(name.as_bytes())));
-            return named(&format!("metal-Au-{part}"))
-                .ok_or_else(|| Fault::new(at, "this is no table of brass", "use metal-CuZn-eta or metal-CuZn-k"));
+            self.note("brass", at, || {
+                format!("the table {} of brass: gold was used instead", quoted(name.as_bytes()))
+            });
+            return named(&format!("metal-Au-{part}")).ok_or_else(|| {
+                Fault::new(at, "this is no table of brass", "use metal-CuZn-eta or metal-CuZn-k")
+            });
         }
         if name.starts_with("stdillum-") || name.starts_with("illum-") {
             let name = quoted(name.as_bytes());
-            self.note(format!("illuminant {name}"), at, || format!("the illuminant {name} became white"));
+            self.note(format!("illuminant {name}"), at, || {
+                format!("the illuminant {name} became white")
+            });
             return Ok(Rgb::WHITE);
         }
         let input = self.open(name, at).map_err(|fault| match fault {
             Fault::Here { at, problem, .. } => {
-                let problem =
-                    format!("{} is not the name of a spectrum, and as a file: {problem}", quoted(name.as_bytes()));
-                Fault::new(at, problem, "use a name such as metal-Cu-eta, or a file of wavelengths and values")
+                let problem = format!(
+                    "{} is not the name of a spectrum, and as a file: {problem}",
+                    quoted(name.as_bytes())
+                );
+                Fault::new(
+                    at,
+                    problem,
+                    "use a name such as metal-Cu-eta, or a file of wavelengths and values",
+                )
             }
             other => other,
         })?;
         let text = String::from_utf8_lossy(&input.bytes);
         let lines = text.lines().map(|l| l.split('#').next().unwrap_or_default());
-        let numbers: Result<Vec<f64>, _> = lines.flat_map(str::split_ascii_whitespace).map(str::parse).collect();
+        let numbers: Result<Vec<f64>, _> =
+            lines.flat_map(str::split_ascii_whitespace).map(str::parse).collect();
         let samples = numbers.ok().and_then(|n| pairs(&n)).ok_or_else(|| {
-            let problem = format!("{} is not a list of wavelengths (nm) and values, ascending", input.name);
+            let problem =
+                format!("{} is not a list of wavelengths (nm) and values, ascending", input.name);
             Fault::new(at, problem, "write one wavelength and value on each line")
         })?;
         Ok(average(&samples, role))
@@ -121,7 +142,10 @@ impl Builder<'_> {
 
 /// Wavelengths and values, ascending; at least one.
 fn pairs(numbers: &[f64]) -> Option<Vec<(f64, f64)>> {
-    if numbers.is_empty() || !numbers.len().is_multiple_of(2) || numbers.iter().any(|n| !n.is_finite()) {
+    if numbers.is_empty()
+        || !numbers.len().is_multiple_of(2)
+        || numbers.iter().any(|n| !n.is_finite())
+    {
         return None;
     }
     let samples: Vec<_> = numbers.chunks_exact(2).map(|p| (p[0], p[1])).collect();
@@ -163,7 +187,10 @@ fn average(samples: &[(f64, f64)], role: Role) -> Rgb {
 /// Planck's law as a colour of luminance 1.
 fn blackbody(param: &Param, kelvin: f64) -> Result<Rgb, Fault> {
     if !(100.0..=1e6).contains(&kelvin) {
-        return Err(param.fault(format!("a black body of {kelvin} K"), "give a temperature from 100 to 1000000 K"));
+        return Err(param.fault(
+            format!("a black body of {kelvin} K"),
+            "give a temperature from 100 to 1000000 K",
+        ));
     }
     let samples: Vec<_> = (360..=830)
         .map(|l| {
@@ -218,8 +245,9 @@ fn named(name: &str) -> Option<Rgb> {
 /// Real and imaginary part of the index of copper: what conductors are by default.
 pub const COPPER: [Rgb; 2] = [Rgb::new(0.2332, 1.0410, 1.2976), Rgb::new(3.2553, 2.5941, 2.3530)];
 
-/// Index of refraction of metals in the three channels, by the weights of `average`. From refractiveindex.info (CC0): Johnson and Christy,
-/// 1972 (Ag, Au, Cu); Rakic, 1995 (Al). The oxides are clear: their usual index.
+/// Index of refraction of metals in the three channels, by the weights of `average`. From
+/// refractiveindex.info (CC0): Johnson and Christy, 1972 (Ag, Au, Cu); Rakic, 1995 (Al). The oxides
+/// are clear: their usual index.
 fn metal_index(name: &str) -> Option<(Rgb, Rgb)> {
     let (eta, k) = match name {
         "Ag" => ([0.0553, 0.0547, 0.0427], [4.3023, 3.5365, 2.5348]),

@@ -1,4 +1,5 @@
-//! The graphics state: what holds for the directives that follow, and the stack on which it is kept.
+//! The graphics state: what holds for the directives that follow, and the stack on which it is
+//! kept.
 
 use super::params::Param;
 use super::spectrum::ColorSpace;
@@ -138,7 +139,13 @@ impl Stack {
     }
 
     /// Opens a block.
-    pub fn begin(&mut self, block: Block, at: Spot, state: &State, limit: usize) -> Result<(), Fault> {
+    pub fn begin(
+        &mut self,
+        block: Block,
+        at: Spot,
+        state: &State,
+        limit: usize,
+    ) -> Result<(), Fault> {
         if self.saved.len() >= limit {
             let problem = format!("blocks are nested deeper than {limit}, the limit");
             return Err(Fault::new(at, problem, "flatten the scene"));
@@ -173,6 +180,10 @@ impl Stack {
     pub fn check_closed(&self, depth: usize) -> Result<(), Fault> {
         let Some((block, at, _)) = self.saved.get(depth) else { return Ok(()) };
         let [begin, end] = block.directives();
-        Err(Fault::new(*at, format!("this {begin} has no {end}"), "close the block; is the file cut off?"))
+        Err(Fault::new(
+            *at,
+            format!("this {begin} has no {end}"),
+            "close the block; is the file cut off?",
+        ))
     }
 }

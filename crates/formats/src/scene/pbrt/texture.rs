@@ -1,7 +1,8 @@
 //! Textures: a tree of patterns, and what materials see of it.
 //!
-//! Pictures and patterns become textures of the scene when a material uses them. A picture whose values mean something else than its
-//! texels say (a power, a function of them, grey instead of colours) is copied with those values.
+//! Pictures and patterns become textures of the scene when a material uses them. A picture whose
+//! values mean something else than its texels say (a power, a function of them, grey instead of
+//! colours) is copied with those values.
 
 use super::Builder;
 use super::lexer::{Lexer, quoted};
@@ -71,7 +72,8 @@ pub struct Patterns {
     scalars: HashMap<String, Rc<Pattern>>,
     /// What was placed already, by address; the pattern is kept so that its address stays its own.
     placed: HashMap<(*const Pattern, bool), (Rc<Pattern>, Rgb, Option<TextureId>)>,
-    /// Copies of pictures with other values, by picture, encoding, power, whether they are colours, and function.
+    /// Copies of pictures with other values, by picture, encoding, power, whether they are colours,
+    /// and function.
     copies: HashMap<(ImageId, bool, Option<u32>, bool, Option<(usize, [u32; 3])>), ImageId>,
     /// Pixels of all copies.
     copied: usize,
@@ -162,7 +164,10 @@ impl Builder<'_> {
         let params = self.params_of_texture(lexer, at)?;
         let pattern = self.pattern(&params, is_color)?;
         if pattern.size_within(MAX_PARTS).is_none() {
-            return Err(params.fault(format!("made of more than {MAX_PARTS} textures, the limit"), "simplify it"));
+            return Err(params.fault(
+                format!("made of more than {MAX_PARTS} textures, the limit"),
+                "simplify it",
+            ));
         }
         self.note_unused(&params);
         let table = if is_color { &mut self.patterns.colors } else { &mut self.patterns.scalars };
@@ -200,7 +205,9 @@ impl Builder<'_> {
             };
             Rc::new(Pattern::Product(first, second))
         } else if kind("mix") {
-            let amount = self.pattern_param(params, "amount", false)?.unwrap_or_else(|| Pattern::constant(0.5));
+            let amount = self
+                .pattern_param(params, "amount", false)?
+                .unwrap_or_else(|| Pattern::constant(0.5));
             Rc::new(Pattern::Mix([child(self, "tex1", 0.0)?, child(self, "tex2", 1.0)?, amount]))
         } else if kind("imagemap") {
             self.picture(params, is_color)?
@@ -216,7 +223,8 @@ impl Builder<'_> {
             let mapping = self.mapping(params)?;
             let mut corner = |name: &str, default: f32| {
                 let param = params.get(name);
-                let color = param.map_or(Ok(Rgb::splat(default)), |param| self.color(param, Role::Factor));
+                let color =
+                    param.map_or(Ok(Rgb::splat(default)), |param| self.color(param, Role::Factor));
                 color.map(ColorParam::from)
             };
             let (v00, v01) = (corner("v00", 0.0)?, corner("v01", 1.0)?);
@@ -224,18 +232,28 @@ impl Builder<'_> {
             whole(pattern::Bilerp { v00, v01, v10, v11, mapping })
         } else if kind("dots") {
             let mapping = self.mapping(params)?;
-            Rc::new(Pattern::Dots([child(self, "inside", 1.0)?, child(self, "outside", 0.0)?], mapping))
+            Rc::new(Pattern::Dots(
+                [child(self, "inside", 1.0)?, child(self, "outside", 0.0)?],
+                mapping,
+            ))
         } else if kind("directionmix") {
             let axis = match params.directions("dir")?[..] {
                 [] => Vec3::Y,
                 [axis] => axis,
                 _ => return Err(params.fault("dir is more than one vector", "give three numbers")),
             };
-            let axis = self.world_from_texture().transform_vector3(axis.as_dvec3()).normalize_or_zero().as_vec3();
+            let axis = self
+                .world_from_texture()
+                .transform_vector3(axis.as_dvec3())
+                .normalize_or_zero()
+                .as_vec3();
             if axis == Vec3::ZERO || !axis.is_finite() {
                 return Err(params.fault("dir has no direction", "give a vector that is not 0"));
             }
-            Rc::new(Pattern::DirectionMix([child(self, "tex1", 0.0)?, child(self, "tex2", 1.0)?], axis))
+            Rc::new(Pattern::DirectionMix(
+                [child(self, "tex1", 0.0)?, child(self, "tex2", 1.0)?],
+                axis,
+            ))
         } else if kind("ptex") {
             self.ptex(params)?
         } else {
@@ -250,11 +268,14 @@ impl Builder<'_> {
                 whole(pattern::Wrinkled { octaves, roughness, texture_from_world })
             } else if kind("marble") {
                 let (octaves, roughness) = octaves(params)?;
-                let [scale, variation] = [finite(params, "scale", 1.0)?, finite(params, "variation", 0.2)?];
+                let [scale, variation] =
+                    [finite(params, "scale", 1.0)?, finite(params, "variation", 0.2)?];
                 whole(pattern::Marble { octaves, roughness, scale, variation, texture_from_world })
             } else {
                 let owner = params.owner.clone();
-                self.note(owner.clone(), params.at, || format!("{owner} is not known; grey was used instead"));
+                self.note(owner.clone(), params.at, || {
+                    format!("{owner} is not known; grey was used instead")
+                });
                 Pattern::constant(0.5)
             }
         })
@@ -266,7 +287,9 @@ impl Builder<'_> {
             params.get(name);
         }
         let owner = params.owner.clone();
-        self.note(owner.clone(), params.at, || format!("{owner} is not read; grey was used instead"));
+        self.note(owner.clone(), params.at, || {
+            format!("{owner} is not read; grey was used instead")
+        });
         Ok(Pattern::constant(0.5 * params.float_or("scale", 1.0)? as f32))
     }
 
@@ -277,11 +300,15 @@ impl Builder<'_> {
 
     /// The map into the space of a texture.
     fn texture_from_world(&mut self, params: &Params) -> Rows {
-        let inverse = snell_math::Transform::new(self.world_from_texture()).map(|map| *map.inverse_matrix());
+        let inverse =
+            snell_math::Transform::new(self.world_from_texture()).map(|map| *map.inverse_matrix());
         if inverse.is_none() {
             let owner = params.owner.clone();
             self.note(format!("{owner} in a flat space"), params.at, || {
-                format!("{owner}: the current transform is flat; the world was used as the texture's space")
+                format!(
+                    "{owner}: the current transform is flat; the world was used as the \
+                    texture's space"
+                )
             });
         }
         inverse.map_or(IDENTITY, rows)
@@ -290,26 +317,37 @@ impl Builder<'_> {
     fn mapping(&mut self, params: &Params) -> Result<Mapping, Fault> {
         let get = |name: &str, default| finite(params, name, default);
         Ok(match params.string("mapping")?.unwrap_or("uv") {
-            "uv" => {
-                Mapping::upright([get("uscale", 1.0)?, get("vscale", 1.0)?], [get("udelta", 0.0)?, get("vdelta", 0.0)?])
+            "uv" => Mapping::upright(
+                [get("uscale", 1.0)?, get("vscale", 1.0)?],
+                [get("udelta", 0.0)?, get("vdelta", 0.0)?],
+            ),
+            "spherical" => {
+                Mapping::Spherical { texture_from_world: self.texture_from_world(params) }
             }
-            "spherical" => Mapping::Spherical { texture_from_world: self.texture_from_world(params) },
-            "cylindrical" => Mapping::Cylindrical { texture_from_world: self.texture_from_world(params) },
+            "cylindrical" => {
+                Mapping::Cylindrical { texture_from_world: self.texture_from_world(params) }
+            }
             "planar" => {
                 let world = self.texture_from_world(params);
-                let axis = |name: &str, default: Vec3, shift: f32| match params.directions(name)?[..] {
+                let axis = |name: &str, default: Vec3, shift: f32| match params.directions(name)?[..]
+                {
                     [] => Ok(planar(&world, default, shift)),
                     [axis] if axis.is_finite() => Ok(planar(&world, axis, shift)),
-                    _ => Err(params.fault(format!("{name} is not one vector"), "give three numbers")),
+                    _ => {
+                        Err(params.fault(format!("{name} is not one vector"), "give three numbers"))
+                    }
                 };
                 let (du, dv) = (get("udelta", 0.0)?, get("vdelta", 0.0)?);
-                Mapping::Planar { st_from_world: [axis("v1", Vec3::X, du)?, axis("v2", Vec3::Y, dv)?] }
+                Mapping::Planar {
+                    st_from_world: [axis("v1", Vec3::X, du)?, axis("v2", Vec3::Y, dv)?],
+                }
             }
             other => {
                 let what = quoted(other.as_bytes());
-                return Err(
-                    params.fault(format!("{what} is not a mapping"), "use uv, spherical, cylindrical or planar")
-                );
+                return Err(params.fault(
+                    format!("{what} is not a mapping"),
+                    "use uv, spherical, cylindrical or planar",
+                ));
             }
         })
     }
@@ -326,7 +364,9 @@ impl Builder<'_> {
             "black" => Wrap::Black,
             "clamp" => Wrap::Clamp,
             "octahedralsphere" => {
-                self.note("wrap", params.at, || "the wrap mode octahedralsphere became clamp".into());
+                self.note("wrap", params.at, || {
+                    "the wrap mode octahedralsphere became clamp".into()
+                });
                 Wrap::Clamp
             }
             other => {
@@ -334,8 +374,11 @@ impl Builder<'_> {
                 return Err(params.fault(problem, "use repeat, black or clamp"));
             }
         };
-        let filtering =
-            if params.string("filter")? == Some("point") { Filtering::Nearest } else { Filtering::Trilinear };
+        let filtering = if params.string("filter")? == Some("point") {
+            Filtering::Nearest
+        } else {
+            Filtering::Trilinear
+        };
         for name in ["maxanisotropy", "trilinear"] {
             params.get(name);
         }
@@ -355,7 +398,9 @@ impl Builder<'_> {
     /// An image, read once.
     pub(super) fn image(&mut self, name: &str, at: Spot) -> Result<ImageId, Fault> {
         let main = self.main;
-        self.images.image(&mut self.scene, main, name).map_err(|error| Fault::new(at, error.problem, error.remedy))
+        self.images
+            .image(&mut self.scene, main, name)
+            .map_err(|error| Fault::new(at, error.problem, error.remedy))
     }
 
     /// A parameter that may be a texture, a number or a colour.
@@ -374,7 +419,9 @@ impl Builder<'_> {
         if param.kind != Type::Texture {
             return Ok(Some(Rc::new(Pattern::Constant(self.color(param, Role::Factor)?))));
         }
-        let [texture] = param.strings() else { return Err(param.fault("one texture was expected", "name one")) };
+        let [texture] = param.strings() else {
+            return Err(param.fault("one texture was expected", "name one"));
+        };
         let table = if is_color { &self.patterns.colors } else { &self.patterns.scalars };
         if let Some(pattern) = table.get(texture) {
             return Ok(Some(pattern.clone()));
@@ -444,7 +491,8 @@ impl Builder<'_> {
             }
             Pattern::SolidCheckerboard([a, b], texture_from_world) => {
                 let (even, odd) = (part(self, a, is_color), part(self, b, is_color));
-                pattern::SolidCheckerboard { even, odd, texture_from_world: *texture_from_world }.into()
+                pattern::SolidCheckerboard { even, odd, texture_from_world: *texture_from_world }
+                    .into()
             }
             Pattern::DirectionMix([a, b], axis) => {
                 let (first, second) = (part(self, a, is_color), part(self, b, is_color));
@@ -457,7 +505,10 @@ impl Builder<'_> {
             Pattern::Whole(pattern) => pattern.clone().into(),
             Pattern::Map(of, function) => {
                 if let Some((factor, picture)) = of.as_picture() {
-                    return (Rgb::WHITE, Some(self.place_picture(picture, is_color, Some((factor, *function)))));
+                    return (
+                        Rgb::WHITE,
+                        Some(self.place_picture(picture, is_color, Some((factor, *function)))),
+                    );
                 }
                 let base = part(self, of, is_color);
                 match function.exponent {
@@ -469,8 +520,14 @@ impl Builder<'_> {
         (Rgb::WHITE, Some(self.scene.add_texture(texture)))
     }
 
-    /// The texture of a picture, but for its factor and inversion; with a function of its values times a factor, if there is one.
-    fn place_picture(&mut self, picture: &Picture, is_color: bool, function: Option<(Rgb, Function)>) -> TextureId {
+    /// The texture of a picture, but for its factor and inversion; with a function of its values
+    /// times a factor, if there is one.
+    fn place_picture(
+        &mut self,
+        picture: &Picture,
+        is_color: bool,
+        function: Option<(Rgb, Function)>,
+    ) -> TextureId {
         let (image, encoding) = self.copied(picture, is_color, function);
         let plain = ImageTexture {
             wrap: [picture.wrap; 2],
@@ -479,14 +536,21 @@ impl Builder<'_> {
         };
         if let Mapping::Uv { uv_transform: [s, [a, b, c]], .. } = picture.mapping {
             // The rows of a picture are counted downwards.
-            return self.scene.add_texture(ImageTexture { uv_transform: [s, [-a, -b, 1.0 - c]], ..plain });
+            return self
+                .scene
+                .add_texture(ImageTexture { uv_transform: [s, [-a, -b, 1.0 - c]], ..plain });
         }
         let texture = ColorParam::textured(Rgb::WHITE, Some(self.scene.add_texture(plain)));
         self.scene.add_texture(pattern::Projected { texture, mapping: picture.mapping.clone() })
     }
 
     /// The picture as it is, or a copy with the values that are meant.
-    fn copied(&mut self, picture: &Picture, is_color: bool, function: Option<(Rgb, Function)>) -> (ImageId, Encoding) {
+    fn copied(
+        &mut self,
+        picture: &Picture,
+        is_color: bool,
+        function: Option<(Rgb, Function)>,
+    ) -> (ImageId, Encoding) {
         let image = self.scene.images[picture.image.index()].clone();
         // A scalar is the mean of the channels, so colours become grey.
         let stays_color = is_color || image.channels <= 2;
@@ -494,7 +558,8 @@ impl Builder<'_> {
             return (picture.image, picture.encoding);
         }
         let is_srgb = picture.encoding == Encoding::Srgb;
-        let of = function.map(|(factor, f)| (f.apply as usize, factor.to_array().map(f32::to_bits)));
+        let of =
+            function.map(|(factor, f)| (f.apply as usize, factor.to_array().map(f32::to_bits)));
         let key = (picture.image, is_srgb, picture.gamma.map(f32::to_bits), is_color, of);
         if let Some(&known) = self.patterns.copies.get(&key) {
             return (known, Encoding::Linear);
@@ -502,22 +567,33 @@ impl Builder<'_> {
         self.patterns.copied += image.width as usize * image.height as usize;
         if self.patterns.copied > MAX_COPIED {
             self.note("copies", Spot::default(), || {
-                "too many pictures with powers or of grey: further ones were taken as they are".into()
+                "too many pictures with powers or of grey: further ones were taken as they are"
+                    .into()
             });
             return (picture.image, picture.encoding);
         }
         let channels = if is_color { 3 } else { 1 };
-        let mut values = Vec::with_capacity(image.width as usize * image.height as usize * channels as usize);
+        let mut values =
+            Vec::with_capacity(image.width as usize * image.height as usize * channels as usize);
         for (y, x) in (0..image.height).flat_map(|y| (0..image.width).map(move |x| (y, x))) {
             let [r, g, b, _] = image.rgba_as(x, y, picture.encoding);
-            let decoded = Rgb::new(r, g, b).map(|v| picture.gamma.map_or(v, |gamma| v.max(0.0).powf(gamma)));
-            let shown = |color: Rgb| function.map_or(color, |(factor, f)| (color * factor).map(f.apply));
+            let decoded =
+                Rgb::new(r, g, b).map(|v| picture.gamma.map_or(v, |gamma| v.max(0.0).powf(gamma)));
+            let shown =
+                |color: Rgb| function.map_or(color, |(factor, f)| (color * factor).map(f.apply));
             match is_color {
                 true => values.extend(shown(decoded).to_array()),
-                false => values.push(shown(Rgb::splat((decoded.r + decoded.g + decoded.b) / 3.0)).r),
+                false => {
+                    values.push(shown(Rgb::splat((decoded.r + decoded.g + decoded.b) / 3.0)).r)
+                }
             }
         }
-        let copy = self.scene.add_image(Arc::new(Image::from_f32(image.width, image.height, channels, values)));
+        let copy = self.scene.add_image(Arc::new(Image::from_f32(
+            image.width,
+            image.height,
+            channels,
+            values,
+        )));
         self.patterns.copies.insert(key, copy);
         (copy, Encoding::Linear)
     }
@@ -530,7 +606,11 @@ fn whole(pattern: impl Into<texture::Pattern>) -> Rc<Pattern> {
 /// A number that is finite.
 fn finite(params: &Params, name: &str, default: f64) -> Result<f32, Fault> {
     let value = params.float_or(name, default)? as f32;
-    if value.is_finite() { Ok(value) } else { Err(params.fault(format!("{name} is {value}"), "give a finite number")) }
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(params.fault(format!("{name} is {value}"), "give a finite number"))
+    }
 }
 
 /// How many octaves noise has, and how rough it is.
@@ -550,7 +630,8 @@ fn rows(map: DAffine3) -> Rows {
 /// The component of a point of a space along an axis, as a function of the point in the world.
 fn planar(texture_from_world: &Rows, axis: Vec3, shift: f32) -> [f64; 4] {
     let axis = axis.to_array().map(f64::from);
-    let mut row: [f64; 4] = std::array::from_fn(|i| (0..3).map(|k| axis[k] * texture_from_world[k][i]).sum());
+    let mut row: [f64; 4] =
+        std::array::from_fn(|i| (0..3).map(|k| axis[k] * texture_from_world[k][i]).sum());
     row[3] += f64::from(shift);
     row
 }
@@ -562,11 +643,16 @@ fn table(function: Function) -> Vec<Rgb> {
 }
 
 /// The encoding of a picture, and the exponent if it is a power.
-fn encoding(params: &Params, stored: Encoding, is_color: bool, is_v3: bool) -> Result<(Encoding, Option<f32>), Fault> {
+fn encoding(
+    params: &Params,
+    stored: Encoding,
+    is_color: bool,
+    is_v3: bool,
+) -> Result<(Encoding, Option<f32>), Fault> {
     // pbrt-v3: a flag, and only for 8-bit pictures; by default for colours only.
     if let Some(param) = params.get("gamma") {
-        let linear =
-            param.numbers() == [1.0] || matches!(param.values, super::params::Values::Bools(ref b) if b == &[false]);
+        let linear = param.numbers() == [1.0]
+            || matches!(param.values, super::params::Values::Bools(ref b) if b == &[false]);
         return Ok((if linear { Encoding::Linear } else { stored }, None));
     }
     match params.string("encoding")? {
@@ -574,12 +660,14 @@ fn encoding(params: &Params, stored: Encoding, is_color: bool, is_v3: bool) -> R
         None => Ok((stored, None)),
         Some("sRGB") => Ok((Encoding::Srgb, None)),
         Some("linear") => Ok((Encoding::Linear, None)),
-        Some(other) => match other.strip_prefix("gamma ").and_then(|g| g.trim().parse::<f32>().ok()) {
-            Some(gamma) if gamma > 0.0 => Ok((Encoding::Linear, Some(gamma))),
-            _ => {
-                let problem = format!("{} is not an encoding", quoted(other.as_bytes()));
-                Err(params.fault(problem, "use sRGB, linear or gamma and a number"))
+        Some(other) => {
+            match other.strip_prefix("gamma ").and_then(|g| g.trim().parse::<f32>().ok()) {
+                Some(gamma) if gamma > 0.0 => Ok((Encoding::Linear, Some(gamma))),
+                _ => {
+                    let problem = format!("{} is not an encoding", quoted(other.as_bytes()));
+                    Err(params.fault(problem, "use sRGB, linear or gamma and a number"))
+                }
             }
-        },
+        }
     }
 }

@@ -9,13 +9,19 @@ use snell_math::{DAffine3, DMat4, DVec3, Transform};
 pub fn read(directive: &str, lexer: &mut Lexer, at: Spot, state: &mut State) -> Result<(), Fault> {
     match directive {
         "Identity" => state.change_transform(|_| DAffine3::IDENTITY),
-        "Translate" => state.concatenate(DAffine3::from_translation(vector(lexer, "a translation")?)),
+        "Translate" => {
+            state.concatenate(DAffine3::from_translation(vector(lexer, "a translation")?))
+        }
         "Scale" => state.concatenate(DAffine3::from_scale(vector(lexer, "a scale")?)),
         "Rotate" => {
             let angle = lexer.expect_number("an angle in degrees")?;
             let axis = vector(lexer, "an axis")?;
             let Some(axis) = axis.try_normalize() else {
-                return Err(Fault::new(at, "the axis of the rotation is the zero vector", "give an axis"));
+                return Err(Fault::new(
+                    at,
+                    "the axis of the rotation is the zero vector",
+                    "give an axis",
+                ));
             };
             state.concatenate(DAffine3::from_axis_angle(axis, angle.to_radians()));
         }
@@ -30,21 +36,30 @@ pub fn read(directive: &str, lexer: &mut Lexer, at: Spot, state: &mut State) -> 
 }
 
 fn vector(lexer: &mut Lexer, what: &str) -> Result<DVec3, Fault> {
-    Ok(DVec3::new(lexer.expect_number(what)?, lexer.expect_number(what)?, lexer.expect_number(what)?))
+    Ok(DVec3::new(
+        lexer.expect_number(what)?,
+        lexer.expect_number(what)?,
+        lexer.expect_number(what)?,
+    ))
 }
 
-/// The map from the world to a camera at the first point that looks at the second, with an up vector.
+/// The map from the world to a camera at the first point that looks at the second, with an up
+/// vector.
 fn look_at(lexer: &mut Lexer, at: Spot) -> Result<DAffine3, Fault> {
     let (eye, target) = (vector(lexer, "the eye")?, vector(lexer, "the target")?);
     let up = vector(lexer, "the up vector")?;
     let towards = (target - eye).try_normalize();
-    let right = towards.and_then(|towards| Some((towards, up.try_normalize()?.cross(towards).try_normalize()?)));
+    let right = towards
+        .and_then(|towards| Some((towards, up.try_normalize()?.cross(towards).try_normalize()?)));
     let Some((towards, right)) = right else {
-        let problem = "LookAt has no direction: eye and target coincide, or the up vector points along the view";
+        let problem = "LookAt has no direction: eye and target coincide, or the up vector points \
+            along the view";
         return Err(Fault::new(at, problem, "choose another target or up vector"));
     };
-    let world_from_camera =
-        DAffine3::from_mat3_translation(snell_math::DMat3::from_cols(right, towards.cross(right), towards), eye);
+    let world_from_camera = DAffine3::from_mat3_translation(
+        snell_math::DMat3::from_cols(right, towards.cross(right), towards),
+        eye,
+    );
     Ok(world_from_camera.inverse())
 }
 
@@ -66,7 +81,11 @@ fn matrix(lexer: &mut Lexer, at: Spot) -> Result<DAffine3, Fault> {
         Some(map) => Ok(*map.matrix()),
         None => {
             let problem = "this matrix is singular or projective";
-            Err(Fault::new(at, problem, "use an invertible affine matrix, whose numbers 4, 8 and 12 are 0"))
+            Err(Fault::new(
+                at,
+                problem,
+                "use an invertible affine matrix, whose numbers 4, 8 and 12 are 0",
+            ))
         }
     }
 }

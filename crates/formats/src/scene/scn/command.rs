@@ -57,7 +57,11 @@ pub const NUMERIC_KEYWORDS: &[&str] = &[
 
 impl Builder {
     /// Reads the arguments of a command and does it.
-    pub fn read_command<'a>(&mut self, file: &mut File<'a>, keyword: &Token<'a>) -> Result<(), ReadError> {
+    pub fn read_command<'a>(
+        &mut self,
+        file: &mut File<'a>,
+        keyword: &Token<'a>,
+    ) -> Result<(), ReadError> {
         let text = keyword.text();
         let Some((_, usage)) = USAGES.iter().find(|(name, _)| *name == text) else {
             return Err(unknown(file, keyword));
@@ -106,7 +110,10 @@ impl Builder {
                 return Ok(());
             }
             "box" => {
-                let (a, b) = (file.tokens.vector("a corner of the box")?, file.tokens.vector("a corner of the box")?);
+                let (a, b) = (
+                    file.tokens.vector("a corner of the box")?,
+                    file.tokens.vector("a corner of the box")?,
+                );
                 // Any two opposite corners will do.
                 let shape = BoxShape { min: a.min(b), max: a.max(b) };
                 let geometry = self.shapes.shared(shape.into());
@@ -115,13 +122,17 @@ impl Builder {
             }
             "sphere" => {
                 let center = file.tokens.vector("the center of the sphere")?;
-                let Some(radius) = self.size(file, "the radius of the sphere")? else { return Ok(()) };
+                let Some(radius) = self.size(file, "the radius of the sphere")? else {
+                    return Ok(());
+                };
                 (DAffine3::from_translation(center), Sphere { radius }.into())
             }
             "circle" => {
                 let center = file.tokens.vector("the center of the circle")?;
                 let normal = file.tokens.direction("the normal of the circle")?;
-                let Some(radius) = self.size(file, "the radius of the circle")? else { return Ok(()) };
+                let Some(radius) = self.size(file, "the radius of the circle")? else {
+                    return Ok(());
+                };
                 let rotation = DQuat::from_rotation_arc(DVec3::Z, normal);
                 let place = DAffine3::from_rotation_translation(rotation, center);
                 (place, Disk { radius, inner_radius: 0.0 }.into())
@@ -163,9 +174,11 @@ impl Builder {
             return Ok(Some(size));
         }
         match token {
-            Some(token) if size < 0.0 => {
-                Err(file.tokens.error(&token, format!("{what} is negative ({size})"), "use a positive number"))
-            }
+            Some(token) if size < 0.0 => Err(file.tokens.error(
+                &token,
+                format!("{what} is negative ({size})"),
+                "use a positive number",
+            )),
             _ => {
                 self.scene.warn(format!("{what} is 0: nothing of it is visible"));
                 Ok(None)
@@ -180,7 +193,10 @@ fn unknown(file: &File, keyword: &Token) -> ReadError {
         "take it out: particle systems belong to another assignment".to_string()
     } else {
         let names: Vec<_> = USAGES.iter().map(|(name, _)| *name).collect();
-        format!("check the number of arguments of the command before it; the commands are {}", names.join(", "))
+        format!(
+            "check the number of arguments of the command before it; the commands are {}",
+            names.join(", ")
+        )
     };
     file.tokens.error(keyword, problem, remedy)
 }

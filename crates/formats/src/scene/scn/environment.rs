@@ -14,7 +14,8 @@ const DEFAULT_XFOV: f64 = 0.25;
 const DEFAULT_SIZE: [u32; 2] = [256, 256];
 
 impl Builder {
-    /// `camera`: the last one counts. The near and far distances were for the previewer; rays are not clipped.
+    /// `camera`: the last one counts. The near and far distances were for the previewer; rays are
+    /// not clipped.
     pub fn read_camera(&mut self, file: &mut File) -> Result<(), ReadError> {
         let eye = file.tokens.vector("the eye")?;
         let towards = file.tokens.direction("the view direction")?;
@@ -23,12 +24,15 @@ impl Builder {
         let xfov = file.tokens.number("the half-angle of view")?;
         if let (false, Some(token)) = (xfov > 0.0 && xfov < std::f64::consts::FRAC_PI_2, token) {
             let problem = format!("the half-angle of view is {xfov}");
-            let remedy = "use radians above 0 and below pi / 2 for half of the horizontal angle of view";
+            let remedy =
+                "use radians above 0 and below pi / 2 for half of the horizontal angle of view";
             return Err(file.tokens.error(&token, problem, remedy));
         }
         file.tokens.numbers::<2>("the near or far distance")?;
         let right = towards.cross(up).try_normalize().unwrap_or_else(|| {
-            self.scene.warn("the camera's up vector is parallel to its view direction; another one was chosen");
+            self.scene.warn(
+                "the camera's up vector is parallel to its view direction; another one was chosen",
+            );
             towards.any_orthonormal_vector()
         });
         self.camera = Some(camera(eye, towards, right.cross(towards), xfov));
@@ -52,20 +56,24 @@ impl Builder {
         let camera = self.camera.take().or_else(|| self.default_camera());
         self.scene.cameras.extend(camera);
         self.scene.settings.size = Some(DEFAULT_SIZE);
-        // The programs of the courses write clamped linear values; lights and materials were chosen to look right that way.
+        // The programs of the courses write clamped linear values; lights and materials were chosen
+        // to look right that way.
         self.scene.settings.raw_display = true;
-        // They evaluate the format's own formula: ambient, Phong's highlights, perfect mirrors, shadows of points.
+        // They evaluate the format's own formula: ambient, Phong's highlights, perfect mirrors,
+        // shadows of points.
         self.scene.settings.integrator = Some("whitted".into());
     }
 
-    /// A camera on the z axis of the scene's box, three half-diagonals away. None if the scene is empty.
+    /// A camera on the z axis of the scene's box, three half-diagonals away. None if the scene is
+    /// empty.
     fn default_camera(&self) -> Option<Camera> {
         let bounds = self.scene.bounds().ok()?.union(&self.line_bounds);
         let radius = bounds.size().length() / 2.0;
         let eye = bounds.center() + DVec3::Z * (3.0 * radius);
         // Far beyond this, distances overflow in single precision.
         let is_near = eye.abs().max_element() < 1e30;
-        (!bounds.is_empty() && radius > 0.0 && is_near).then(|| camera(eye, DVec3::NEG_Z, DVec3::Y, DEFAULT_XFOV))
+        (!bounds.is_empty() && radius > 0.0 && is_near)
+            .then(|| camera(eye, DVec3::NEG_Z, DVec3::Y, DEFAULT_XFOV))
     }
 }
 

@@ -55,7 +55,12 @@ impl<'a> File<'a> {
 
 impl Builder {
     /// Reads a file into `node`.
-    pub fn read_file(&mut self, input: &Input, node: NodeId, world_from_node: DAffine3) -> Result<(), ReadError> {
+    pub fn read_file(
+        &mut self,
+        input: &Input,
+        node: NodeId,
+        world_from_node: DAffine3,
+    ) -> Result<(), ReadError> {
         self.open_files.push(identity(Path::new(&input.name)));
         let mut file = File::new(input, node, world_from_node);
         while let Some(keyword) = file.tokens.take() {
@@ -68,7 +73,11 @@ impl Builder {
         }
         if let Some(begin) = &file.group.begin {
             let problem = "this `begin` has no `end`";
-            return Err(file.tokens.error(begin, problem, "close the group with `end`; is the file cut off?"));
+            return Err(file.tokens.error(
+                begin,
+                problem,
+                "close the group with `end`; is the file cut off?",
+            ));
         }
         self.close_group(&mut file);
         self.open_files.pop();
@@ -76,12 +85,17 @@ impl Builder {
     }
 
     /// `begin`
-    pub fn begin_group<'a>(&mut self, file: &mut File<'a>, begin: &Token<'a>) -> Result<(), ReadError> {
+    pub fn begin_group<'a>(
+        &mut self,
+        file: &mut File<'a>,
+        begin: &Token<'a>,
+    ) -> Result<(), ReadError> {
         self.descend(&file.tokens, begin)?;
         let material = self.material_argument(file)?;
         let first = file.tokens.peek();
         let matrix =
-            DMat4::from_cols_array(&file.tokens.numbers::<16>("an element of the group's matrix")?).transpose();
+            DMat4::from_cols_array(&file.tokens.numbers::<16>("an element of the group's matrix")?)
+                .transpose();
         let last = matrix.row(3);
         if last.truncate() != DVec3::ZERO || last.w == 0.0 {
             let problem = format!("the last row of the group's matrix is {last}, a projection");
@@ -92,11 +106,14 @@ impl Builder {
         let world_from_child = file.group.world_from_group * group_from_child;
         let mut node = Node { transform: group_from_child, ..Node::named("group") };
         node.material = material;
-        let is_solid = Transform::new(group_from_child).is_some() && Transform::new(world_from_child).is_some();
+        let is_solid = Transform::new(group_from_child).is_some()
+            && Transform::new(world_from_child).is_some();
         let node = if is_solid {
             self.scene.add_child(file.group.node, node)
         } else {
-            self.scene.warn("a group with a singular matrix is flat, has no surface to hit and is left out");
+            self.scene.warn(
+                "a group with a singular matrix is flat, has no surface to hit and is left out",
+            );
             // Stored without a parent: it may define materials, lights and a camera nevertheless.
             self.scene.add_node(node)
         };
@@ -137,11 +154,17 @@ impl Builder {
         known.copied().map(Some).ok_or_else(|| {
             let problem = match file.materials.len() {
                 0 => format!("material {number} is used, but this file has defined none so far"),
-                1 => format!("material {number} is used, but so far this file has defined only material 0"),
-                n => format!("material {number} is used, but so far this file has defined only 0 to {}", n - 1),
+                1 => format!(
+                    "material {number} is used, but so far this file has defined only material 0"
+                ),
+                n => format!(
+                    "material {number} is used, but so far this file has defined only 0 to {}",
+                    n - 1
+                ),
             };
             let place = token.map_or(Place::Whole, |t| file.tokens.place(&t));
-            let remedy = "define the material above its first use, or use -1 for the group's material";
+            let remedy =
+                "define the material above its first use, or use -1 for the group's material";
             file.tokens.input().error(place, problem, remedy)
         })
     }
@@ -158,7 +181,13 @@ impl Builder {
     }
 
     /// Adds a shape at a place of the innermost group.
-    pub fn add_shape(&mut self, file: &File, place: DAffine3, shape: AnyShape, material: Option<MaterialId>) {
+    pub fn add_shape(
+        &mut self,
+        file: &File,
+        place: DAffine3,
+        shape: AnyShape,
+        material: Option<MaterialId>,
+    ) {
         self.shapes.place(&mut self.scene, file.group.node, place, shape, material);
     }
 
@@ -168,7 +197,12 @@ impl Builder {
     }
 
     /// Adds a triangle in the coordinates of the innermost group.
-    pub fn add_triangle(&mut self, file: &mut File, corners: [DVec3; 3], material: Option<MaterialId>) {
+    pub fn add_triangle(
+        &mut self,
+        file: &mut File,
+        corners: [DVec3; 3],
+        material: Option<MaterialId>,
+    ) {
         let mesh = file.group.triangles.entry(material).or_default();
         let first = mesh.positions.len() as u32;
         mesh.positions.extend(corners.map(|p| p.as_vec3()));
@@ -199,14 +233,22 @@ impl Builder {
         }
         let (input, _) = self.open(file, &name)?;
         if ["jpg", "jpeg", "bmp", "ppm", "png"].contains(&input.extension().as_str()) {
-            let problem = format!("{} is a picture; height fields are not supported as meshes", name.quoted());
-            return Err(file.tokens.error(&name, problem, "convert the height field to a triangle mesh (.off, .ply)"));
+            let problem = format!(
+                "{} is a picture; height fields are not supported as meshes",
+                name.quoted()
+            );
+            return Err(file.tokens.error(
+                &name,
+                problem,
+                "convert the height field to a triangle mesh (.off, .ply)",
+            ));
         }
         let mut mesh = crate::mesh::read_mesh(&input)?;
         // One material for all of it, as the command says.
         mesh.material_slots.clear();
         mesh.colors.clear();
-        // In mesh files v grows upwards; on shapes, and therefore in the textures of these scenes, downwards.
+        // In mesh files v grows upwards; on shapes, and therefore in the textures of these scenes,
+        // downwards.
         for uv in &mut mesh.uvs[0] {
             uv.y = 1.0 - uv.y;
         }
@@ -215,7 +257,8 @@ impl Builder {
         Ok(mesh)
     }
 
-    /// Opens a file that this one names. Also gives the path that stands for the file, whichever way it was named.
+    /// Opens a file that this one names. Also gives the path that stands for the file, whichever
+    /// way it was named.
     pub fn open(&mut self, file: &File, name: &Token) -> Result<(Input, PathBuf), ReadError> {
         self.files += 1;
         let limit = file.tokens.input().options.limits.files;
@@ -225,9 +268,11 @@ impl Builder {
         }
         let path = identity(&named_path(file, name)?);
         let input = file.tokens.input().open_relative(&name.text()).map_err(|error| {
-            // Either about this file, which leads outside, or about the other one, which cannot be opened.
+            // Either about this file, which leads outside, or about the other one, which cannot be
+            // opened.
             let is_own = error.file == file.tokens.input().name;
-            let problem = if is_own { error.problem } else { format!("{}: {}", error.file, error.problem) };
+            let problem =
+                if is_own { error.problem } else { format!("{}: {}", error.file, error.problem) };
             file.tokens.error(name, problem, error.remedy)
         })?;
         Ok((input, path))

@@ -8,7 +8,8 @@ use snell_scene::Light;
 use snell_scene::light::{Attenuation, Directional, Disk, Point, Rectangle, Spot, SpotFalloff};
 use std::f32::consts::PI;
 
-/// The diffuse term of the assignments is `c kd cos`; with `kd / pi` for a BRDF the light must be pi times brighter.
+/// The diffuse term of the assignments is `c kd cos`; with `kd / pi` for a BRDF the light must be
+/// pi times brighter.
 fn irradiance(color: Rgb) -> Rgb {
     color * PI
 }
@@ -72,7 +73,8 @@ impl Builder {
         let emission = self.light_color(file)?;
         let center = file.tokens.vector("the position of the light")?;
         let first = file.tokens.peek();
-        let axes = [file.tokens.direction("the first axis")?, file.tokens.direction("the second axis")?];
+        let axes =
+            [file.tokens.direction("the first axis")?, file.tokens.direction("the second axis")?];
         if let (true, Some(first)) = (axes[0].cross(axes[1]).length_squared() < 1e-20, first) {
             let problem = "the axes of the light are parallel and span no rectangle";
             return Err(file.tokens.error(&first, problem, "use perpendicular axes"));

@@ -48,7 +48,8 @@ impl Builder {
             ior,
         };
         let name = format!("material {}", file.materials.len());
-        let material = Material { emits_on_both_sides: true, ..Material::new(name, phong).emitting(emission) };
+        let material =
+            Material { emits_on_both_sides: true, ..Material::new(name, phong).emitting(emission) };
         let id = self.add_material(material);
         file.materials.push(id);
         Ok(())

@@ -1,10 +1,13 @@
 //! Princeton `.scn` scenes, the language of the ray tracing assignments of COS 426 and COS 526.
 //!
-//! Whitespace-separated commands: a keyword and a fixed number of arguments. Where the two readers of these courses differ, the
-//! defaults are those of COS 426 and the checks and additional commands those of COS 526. What this reader does of its own:
+//! Whitespace-separated commands: a keyword and a fixed number of arguments. Where the two readers
+//! of these courses differ, the defaults are those of COS 426 and the checks and additional
+//! commands those of COS 526. What this reader does of its own:
 //!
-//! * Colours of lights are multiplied by pi: the assignments have no `1 / pi` in their diffuse term, Snell has.
-//! * `line` has no surface and is not drawn; a group with a singular matrix has none either and is left out. Both are warnings.
+//! * Colours of lights are multiplied by pi: the assignments have no `1 / pi` in their diffuse
+//!   term, Snell has.
+//! * `line` has no surface and is not drawn; a group with a singular matrix has none either and is
+//!   left out. Both are warnings.
 //! * Unclosed groups, cyclic includes and projective matrices are errors.
 
 mod command;
@@ -76,7 +79,9 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
 impl Builder {
     /// The grey material of what names none.
     fn default_material(&mut self) -> MaterialId {
-        *self.default_material.get_or_insert_with(|| self.scene.add_material(material::default_material()))
+        *self
+            .default_material
+            .get_or_insert_with(|| self.scene.add_material(material::default_material()))
     }
 
     fn add_material(&mut self, material: Material) -> MaterialId {
@@ -90,7 +95,11 @@ impl Builder {
         if self.commands <= limit {
             return Ok(());
         }
-        Err(tokens.error(token, format!("the scene has more than {limit} commands, the limit"), "split the scene"))
+        Err(tokens.error(
+            token,
+            format!("the scene has more than {limit} commands, the limit"),
+            "split the scene",
+        ))
     }
 
     /// Enters a group or file.
@@ -105,11 +114,14 @@ impl Builder {
     }
 }
 
-/// True if the text starts, after comments, with a command of this language that no other format has.
+/// True if the text starts, after comments, with a command of this language that no other format
+/// has.
 fn recognises(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
-    let mut lines = text.lines().map(str::trim_start).filter(|l| !l.is_empty() && !l.starts_with('#'));
+    let mut lines =
+        text.lines().map(str::trim_start).filter(|l| !l.is_empty() && !l.starts_with('#'));
     let mut words = lines.next().unwrap_or_default().split_whitespace();
-    let is_command = words.next().is_some_and(|keyword| command::NUMERIC_KEYWORDS.contains(&keyword));
+    let is_command =
+        words.next().is_some_and(|keyword| command::NUMERIC_KEYWORDS.contains(&keyword));
     is_command && words.next().is_none_or(|w| w.parse::<f64>().is_ok())
 }

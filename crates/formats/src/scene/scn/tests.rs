@@ -1,5 +1,7 @@
 use super::*;
-use crate::scene::testing::{self, data, error_of, files, geometries, meshes, read_in, read_text, summary};
+use crate::scene::testing::{
+    self, data, error_of, files, geometries, meshes, read_in, read_text, summary,
+};
 use snell_intersect::{AnyShape, Shape};
 use snell_math::{DVec3, Rgb};
 use snell_scene::light::{Directional, Disk, Point, Rectangle, Spot};
@@ -32,7 +34,9 @@ fn placed(scene: &Scene) -> Vec<(DVec3, DVec3, Option<MaterialId>)> {
         let world = world * node.transform;
         let material = node.material.or(material);
         for surface in &node.surfaces {
-            let placed = snell_math::Transform::new(world).expect("not singular").bounds(&surface.geometry.bounds());
+            let placed = snell_math::Transform::new(world)
+                .expect("not singular")
+                .bounds(&surface.geometry.bounds());
             let own = surface.materials.first().copied().flatten();
             all.push((placed.min, placed.max, own.or(material)));
         }
@@ -86,7 +90,8 @@ fn every_public_scene_loads_with_all_it_holds() {
 
 #[test]
 fn a_material_keeps_all_its_numbers() {
-    let scene = scene("material 1 2 3  4 5 6  7 8 9  10 11 12  13 14 15  16 17 0\nsphere 0  0 0 0 1");
+    let scene =
+        scene("material 1 2 3  4 5 6  7 8 9  10 11 12  13 14 15  16 17 0\nsphere 0  0 0 0 1");
     let phong = phong(&scene, MaterialId(0));
     assert_eq!(phong.ambient.factor, Rgb::new(1.0, 2.0, 3.0));
     assert_eq!(phong.diffuse.factor, Rgb::new(4.0, 5.0, 6.0));
@@ -126,9 +131,14 @@ fn solids_stand_centered_on_their_point() {
 fn a_cone_points_up() {
     let scene = scene("cone -1  0 0 0  1 2");
     let Geometry::Shape(cone) = &geometries(&scene)[0] else { panic!("expected a shape") };
-    // A ray through the axis of a cone at 3/4 of its height passes a quarter of the base's radius away from it.
-    let ray =
-        snell_math::DRay { origin: DVec3::new(-5.0, 0.5, 0.0), direction: DVec3::X, t_min: 0.0, t_max: f64::INFINITY };
+    // A ray through the axis of a cone at 3/4 of its height passes a quarter of the base's radius
+    // away from it.
+    let ray = snell_math::DRay {
+        origin: DVec3::new(-5.0, 0.5, 0.0),
+        direction: DVec3::X,
+        t_min: 0.0,
+        t_max: f64::INFINITY,
+    };
     let hit = cone.closest(&ray).expect("the ray meets the cone");
     assert!((hit.t - 4.75).abs() < 1e-12, "{}", hit.t);
 }
@@ -162,7 +172,10 @@ fn triangles_of_a_group_and_material_become_one_mesh() {
     let sizes: Vec<_> = meshes(&scene(&text)).iter().map(|m| m.indices.len()).collect();
     assert_eq!(sizes, [1, 1, 3], "the group, the default material, material 0");
     let mesh = &meshes(&scene(&tri(-1, 7)))[0];
-    assert_eq!(mesh.corners(0).map(|p| p.to_array()), [[7.0, 0.0, 0.0], [7.0, 1.0, 0.0], [7.0, 0.0, 1.0]]);
+    assert_eq!(
+        mesh.corners(0).map(|p| p.to_array()),
+        [[7.0, 0.0, 0.0], [7.0, 1.0, 0.0], [7.0, 0.0, 1.0]]
+    );
 }
 
 #[test]
@@ -176,7 +189,8 @@ fn transforms_nest_outer_first_and_matrices_are_row_by_row() {
 
 #[test]
 fn a_matrix_is_divided_by_its_last_element() {
-    let (min, max, _) = placed(&scene("begin -1  1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 2 sphere -1 0 0 0 1 end"))[0];
+    let (min, max, _) =
+        placed(&scene("begin -1  1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 2 sphere -1 0 0 0 1 end"))[0];
     assert_eq!((min.x, max.x), (-0.5, 0.5));
 }
 
@@ -188,7 +202,8 @@ fn a_group_passes_its_material_on_to_what_has_none() {
          begin -1 {IDENTITY} sphere -1 0 0 0 3 end end sphere -1 0 0 0 4"
     );
     let scene = scene(&text);
-    let mut by_radius: Vec<_> = placed(&scene).iter().map(|(_, max, m)| (max.x, m.expect("a material").0)).collect();
+    let mut by_radius: Vec<_> =
+        placed(&scene).iter().map(|(_, max, m)| (max.x, m.expect("a material").0)).collect();
     by_radius.sort_by(|a, b| a.0.total_cmp(&b.0));
     // The default material is stored when it is first needed, so it is the third.
     assert_eq!(by_radius, [(1.0, 1), (2.0, 0), (3.0, 1), (4.0, 2)]);
@@ -200,7 +215,9 @@ fn lights_and_camera_stand_in_the_world_whatever_group_is_open() {
                 point_light 1 1 1  1 2 3  0 0 1
                 camera 4 5 6  0 0 -2  0 3 1  .3  .1 9 end";
     let scene = scene(text);
-    assert!(matches!(scene.lights[0], Light::Point(Point { position, .. }) if position == DVec3::new(1.0, 2.0, 3.0)));
+    assert!(
+        matches!(scene.lights[0], Light::Point(Point { position, .. }) if position == DVec3::new(1.0, 2.0, 3.0))
+    );
     let camera = &scene.cameras[0];
     assert_eq!((camera.eye, camera.towards), (DVec3::new(4.0, 5.0, 6.0), DVec3::NEG_Z));
     assert_eq!(camera.up, DVec3::Y);
@@ -209,7 +226,10 @@ fn lights_and_camera_stand_in_the_world_whatever_group_is_open() {
 #[test]
 fn the_field_of_view_is_half_of_the_horizontal_angle() {
     let scene = scene("camera 0 0 0  0 0 -1  0 1 0  0.25  .1 9");
-    assert_eq!(scene.cameras[0].projection, Projection::Perspective { tan_half_fov: [Some(0.25f64.tan()), None] });
+    assert_eq!(
+        scene.cameras[0].projection,
+        Projection::Perspective { tan_half_fov: [Some(0.25f64.tan()), None] }
+    );
     assert_eq!(scene.settings.size, Some([256, 256]));
     assert!(scene.settings.raw_display);
     assert_eq!(scene.settings.integrator.as_deref(), Some("whitted"));
@@ -228,7 +248,10 @@ fn without_a_camera_the_scene_is_framed_from_the_front() {
     let camera = &scene.cameras[0];
     assert!(camera.eye.distance(DVec3::new(1.0, 1.0, 2.0 + 3.0 * radius)) < 1e-12);
     assert_eq!((camera.towards, camera.up), (DVec3::NEG_Z, DVec3::Y));
-    assert_eq!(camera.projection, Projection::Perspective { tan_half_fov: [Some(0.25f64.tan()), None] });
+    assert_eq!(
+        camera.projection,
+        Projection::Perspective { tan_half_fov: [Some(0.25f64.tan()), None] }
+    );
     assert!(self::scene("").cameras.is_empty(), "nothing to frame");
 }
 
@@ -236,8 +259,10 @@ fn without_a_camera_the_scene_is_framed_from_the_front() {
 fn without_lights_there_are_two_and_with_one_there_is_one() {
     let two = scene("sphere -1 0 0 0 1").lights;
     let pi = std::f32::consts::PI;
-    let expected = [(-DVec3::new(3.0, 4.0, 5.0), 1.0), (DVec3::new(3.0, 2.0, 3.0), 0.5)]
-        .map(|(d, c)| Directional { direction: d.normalize(), irradiance: Rgb::splat(c * pi) }.into());
+    let expected =
+        [(-DVec3::new(3.0, 4.0, 5.0), 1.0), (DVec3::new(3.0, 2.0, 3.0), 0.5)].map(|(d, c)| {
+            Directional { direction: d.normalize(), irradiance: Rgb::splat(c * pi) }.into()
+        });
     assert_eq!(two, expected);
     assert_eq!(scene("point_light 0 0 0  0 0 0  0 0 1").lights.len(), 1, "a black light counts");
 }
@@ -259,8 +284,14 @@ fn colors_of_lights_are_radiometric() {
         Directional { direction: DVec3::NEG_Y, irradiance: color }.into(),
         Spot { position: origin, direction: z, intensity: color, attenuation, falloff }.into(),
         Disk { position: origin, direction: z, radius: 0.5, emission: color, attenuation }.into(),
-        Rectangle { center: origin, axes: [DVec3::X, DVec3::Y], lengths: [4.0, 5.0], emission: color, attenuation }
-            .into(),
+        Rectangle {
+            center: origin,
+            axes: [DVec3::X, DVec3::Y],
+            lengths: [4.0, 5.0],
+            emission: color,
+            attenuation,
+        }
+        .into(),
     ];
     assert_eq!(scene.lights, expected);
 }
@@ -274,7 +305,9 @@ fn background_and_ambient_are_colors_as_they_stand() {
 
 #[test]
 fn a_singular_group_is_left_out_but_its_lights_are_not() {
-    let scene = scene("begin -1 1 0 0 0  0 0 0 0  0 0 1 0  0 0 0 1 sphere -1 0 0 0 1 dir_light 1 1 1 0 0 1 end");
+    let scene = scene(
+        "begin -1 1 0 0 0  0 0 0 0  0 0 1 0  0 0 0 1 sphere -1 0 0 0 1 dir_light 1 1 1 0 0 1 end",
+    );
     assert!(geometries(&scene).is_empty());
     assert_eq!((scene.lights.len(), scene.warnings.len()), (1, 1));
 }
@@ -290,18 +323,33 @@ fn lines_are_not_drawn_but_framed() {
 fn an_included_file_has_materials_of_its_own_in_the_current_group() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::create_dir(folder.path().join("parts")).expect("a folder");
-    let part = format!("{MATERIAL}sphere 0  0 0 0 1\nsphere -1  0 0 0 2\ninclude deeper.scn\nambient 1 2 3");
+    let part = format!(
+        "{MATERIAL}sphere 0  0 0 0 1\nsphere -1  0 0 0 2\ninclude deeper.scn\nambient 1 2 3"
+    );
     std::fs::write(folder.path().join("parts/part.scn"), part).expect("written");
-    std::fs::write(folder.path().join("parts/deeper.scn"), "dir_light 1 1 1  0 0 1").expect("written");
+    std::fs::write(folder.path().join("parts/deeper.scn"), "dir_light 1 1 1  0 0 1")
+        .expect("written");
     let text = format!(
-        "{MATERIAL}{MATERIAL}begin 1  1 0 0 5  0 1 0 0  0 0 1 0  0 0 0 1  include parts/part.scn end  sphere 1 0 0 0 3"
+        "{MATERIAL}{MATERIAL}begin 1  1 0 0 5  0 1 0 0  0 0 1 0  0 0 0 1  include parts/part.scn \
+            end  sphere 1 0 0 0 3"
     );
     let scene = read_in(&READER, folder.path(), &text).expect("the scene is well-formed");
-    let mut all: Vec<_> = placed(&scene).iter().map(|(min, max, m)| (min.x, max.x, m.expect("a material").0)).collect();
+    let mut all: Vec<_> = placed(&scene)
+        .iter()
+        .map(|(min, max, m)| (min.x, max.x, m.expect("a material").0))
+        .collect();
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
-    assert_eq!(all, [(-3.0, 3.0, 1), (3.0, 7.0, 3), (4.0, 6.0, 2)], "the default material is the fourth");
+    assert_eq!(
+        all,
+        [(-3.0, 3.0, 1), (3.0, 7.0, 3), (4.0, 6.0, 2)],
+        "the default material is the fourth"
+    );
     assert_eq!(scene.ambient, Rgb::new(1.0, 2.0, 3.0));
-    assert_eq!(scene.lights.len(), 1, "no default lights from an include that ends before the first light");
+    assert_eq!(
+        scene.lights.len(),
+        1,
+        "no default lights from an include that ends before the first light"
+    );
 }
 
 #[test]
@@ -309,9 +357,13 @@ fn a_file_that_includes_itself_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("a.scn"), "include b.scn").expect("written");
     std::fs::write(folder.path().join("b.scn"), "\n include a.scn").expect("written");
-    let error = crate::read_scene(&folder.path().join("a.scn"), &Default::default()).expect_err("a cycle").to_string();
+    let error = crate::read_scene(&folder.path().join("a.scn"), &Default::default())
+        .expect_err("a cycle")
+        .to_string();
     assert!(
-        error.ends_with("b.scn:2:10: the file includes itself by way of \"a.scn\"; take this include out"),
+        error.ends_with(
+            "b.scn:2:10: the file includes itself by way of \"a.scn\"; take this include out"
+        ),
         "{error}"
     );
 }
@@ -319,8 +371,10 @@ fn a_file_that_includes_itself_is_refused() {
 #[test]
 fn a_mesh_used_twice_is_stored_once() {
     let folder = tempfile::tempdir().expect("a folder");
-    std::fs::write(folder.path().join("t.off"), "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n").expect("written");
-    let scene = read_in(&READER, folder.path(), "mesh -1 t.off\nmesh -1 t.off").expect("the scene is well-formed");
+    std::fs::write(folder.path().join("t.off"), "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+        .expect("written");
+    let scene = read_in(&READER, folder.path(), "mesh -1 t.off\nmesh -1 t.off")
+        .expect("the scene is well-formed");
     let meshes = meshes(&scene);
     assert_eq!(meshes.len(), 2);
     assert!(Arc::ptr_eq(&meshes[0], &meshes[1]));
@@ -331,13 +385,18 @@ fn a_texture_multiplies_the_diffuse_color_and_is_read_once() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("t.ppm"), b"P6 1 1 255\n\xff\x80\x00").expect("written");
     let material = "material 0 0 0  .5 1 1  0 0 0  0 0 0  0 0 0  1 1 t.ppm\n";
-    let scene = read_in(&READER, folder.path(), &material.repeat(2)).expect("the scene is well-formed");
+    let scene =
+        read_in(&READER, folder.path(), &material.repeat(2)).expect("the scene is well-formed");
     assert_eq!((scene.textures.len(), scene.images.len()), (1, 1));
     for id in 0..2 {
         let diffuse = phong(&scene, MaterialId(id)).diffuse;
-        assert_eq!((diffuse.factor, diffuse.texture), (Rgb::new(0.5, 1.0, 1.0), Some(snell_scene::TextureId(0))));
+        assert_eq!(
+            (diffuse.factor, diffuse.texture),
+            (Rgb::new(0.5, 1.0, 1.0), Some(snell_scene::TextureId(0)))
+        );
     }
-    let missing = read_in(&READER, folder.path(), &material.replace("t.ppm", "none.ppm")).expect_err("no such file");
+    let missing = read_in(&READER, folder.path(), &material.replace("t.ppm", "none.ppm"))
+        .expect_err("no such file");
     assert!(missing.to_string().starts_with("test:1:50: "), "{missing}");
 }
 
@@ -356,15 +415,21 @@ fn textures_are_upright_on_meshes_as_on_shapes() {
 #[test]
 fn equal_shapes_are_stored_once() {
     let shapes = geometries(&scene("sphere -1  0 0 0 1\nsphere -1  5 0 0 1"));
-    let [Geometry::Shape(a), Geometry::Shape(b)] = &shapes[..] else { panic!("expected two shapes") };
+    let [Geometry::Shape(a), Geometry::Shape(b)] = &shapes[..] else {
+        panic!("expected two shapes")
+    };
     assert!(Arc::ptr_eq(a, b));
     assert!(matches!(**a, AnyShape::Sphere(_)));
 }
 
 #[test]
 fn comments_stand_only_where_a_command_could() {
-    assert_eq!(geometries(&scene("# sphere\n#sphere -1 0 0 0 1\nsphere -1 0 0 0 1 # a ball\n")).len(), 1);
-    insta::assert_snapshot!(error_of(&READER, "sphere -1 0 0\n # center\n 0 1"), @r##"test:2:2: "#" stands where the center of the sphere, a number, was expected; move the comment to where a command could start"##);
+    assert_eq!(
+        geometries(&scene("# sphere\n#sphere -1 0 0 0 1\nsphere -1 0 0 0 1 # a ball\n")).len(),
+        1
+    );
+    insta::assert_snapshot!(error_of(&READER, "sphere -1 0 0\n # center\n 0 \
+        1"), @r##"test:2:2: "#" stands where the center of the sphere, a number, was expected; move the comment to where a command could start"##);
 }
 
 #[test]
@@ -420,15 +485,28 @@ fn errors_name_the_place_and_the_way_out() {
 fn nesting_beyond_the_limit_is_refused() {
     let text = "begin -1 1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1\n".repeat(100_000);
     let error = error_of(&READER, &text);
-    assert!(error.starts_with("test:513:1: groups and includes are nested deeper than 512"), "{error}");
+    assert!(
+        error.starts_with("test:513:1: groups and includes are nested deeper than 512"),
+        "{error}"
+    );
 }
 
 #[test]
 fn the_language_is_recognised_by_its_first_command() {
-    for text in [MATERIAL, "# hi\n\n  camera 0 0 1 0 0 0", "sphere -1 0 0 0 1", "background\n.1 .1 .1"] {
+    for text in
+        [MATERIAL, "# hi\n\n  camera 0 0 1 0 0 0", "sphere -1 0 0 0 1", "background\n.1 .1 .1"]
+    {
         assert!((READER.recognises)(text.as_bytes()), "{text}");
     }
-    for text in ["", "v 1 2 3", "OFF 3 1 0", "Camera \"perspective\"", "material gold", "v\nfrom 1 2 3", "{}"] {
+    for text in [
+        "",
+        "v 1 2 3",
+        "OFF 3 1 0",
+        "Camera \"perspective\"",
+        "material gold",
+        "v\nfrom 1 2 3",
+        "{}",
+    ] {
         assert!(!(READER.recognises)(text.as_bytes()), "{text}");
     }
 }
@@ -436,8 +514,10 @@ fn the_language_is_recognised_by_its_first_command() {
 #[test]
 fn broken_files_end_in_errors() {
     let seed = format!(
-        "{MATERIAL}camera 0 0 5  0 0 -1  0 1 0  .25 .1 9\nbegin 0  1 0 0 1  0 2 0 0  0 0 1 0  0 0 0 1\n\
-         tri -1 0 0 0 1 0 0 0 1 0\ncone -1 0 0 0 1 2\ncircle 0 0 0 0 0 0 1 2\n# done\nend\nline -1 0 0 0 1 1 1\n\
+        "{MATERIAL}camera 0 0 5  0 0 -1  0 1 0  .25 .1 9\nbegin 0  1 0 0 1  0 2 0 0  0 0 1 0  0 0 \
+            0 1\n\
+         tri -1 0 0 0 1 0 0 0 1 0\ncone -1 0 0 0 1 2\ncircle 0 0 0 0 0 0 1 2\n# done\nend\nline -1 \
+         0 0 0 1 1 1\n\
          spot_light 1 1 1  0 0 0  0 0 3  1 2 3  .5 7\nmesh 0 x.off\n"
     );
     testing::read_broken_versions(&READER, seed.as_bytes(), Path::new("."));

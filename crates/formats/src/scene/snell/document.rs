@@ -11,8 +11,8 @@ use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::graph::MediumId;
 use snell_scene::medium::{ColorGrid, Medium, ScalarGrid};
 use snell_scene::{
-    Background, Camera, Encoding, Environment, Geometry, Image, Light, Material, MaterialId, Node, NodeId, Pixels,
-    Scene, SceneSettings, Surface, Texture,
+    Background, Camera, Encoding, Environment, Geometry, Image, Light, Material, MaterialId, Node,
+    NodeId, Pixels, Scene, SceneSettings, Surface, Texture,
 };
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -100,13 +100,17 @@ pub enum EnvironmentForm {
 
 /// A picture: its pixels, or a picture file.
 #[derive(Debug, Serialize, Deserialize)]
-#[serde(untagged, expecting = "a picture has width, height, channels, encoding and pixels, or encoded")]
+#[serde(
+    untagged,
+    expecting = "a picture has width, height, channels, encoding and pixels, or encoded"
+)]
 pub enum ImageForm {
     Pixels(PixelsForm),
     Encoded(EncodedForm),
 }
 
-/// The content of a picture file of any format that is read: what other programs can write without decoding it.
+/// The content of a picture file of any format that is read: what other programs can write without
+/// decoding it.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EncodedForm {
@@ -216,12 +220,19 @@ pub(super) fn affine(rows: &Rows) -> DAffine3 {
     DAffine3 { matrix3: DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) }
 }
 
-/// Refuses what would come back as something else: numbers that are not finite, and what a declaration keeps to itself.
-fn check<T: Serialize + DeserializeOwned + PartialEq>(what: &str, items: &[T]) -> Result<(), String> {
+/// Refuses what would come back as something else: numbers that are not finite, and what a
+/// declaration keeps to itself.
+fn check<T: Serialize + DeserializeOwned + PartialEq>(
+    what: &str,
+    items: &[T],
+) -> Result<(), String> {
     for (number, item) in items.iter().enumerate() {
         let again = serde_json::to_string(item).and_then(|text| serde_json::from_str::<T>(&text));
         if !again.is_ok_and(|again| again == *item) {
-            return Err(format!("{what} {number} holds what this format has no words for, such as an infinite number"));
+            return Err(format!(
+                "{what} {number} holds what this format has no words for, such as an infinite \
+                    number"
+            ));
         }
     }
     Ok(())
@@ -265,7 +276,10 @@ impl Document {
         let nodes = nodes.iter().map(|node| NodeForm::of(node, &mut meshes, &mut curves)).collect();
         let motion = motion.as_ref().map(|motion| MotionForm::of(motion, &mut meshes));
         if motion.as_ref().is_some_and(|motion| !motion.is_sayable()) {
-            return Err("the motion holds numbers that are not finite, for which this format has no words".into());
+            return Err(
+                "the motion holds numbers that are not finite, for which this format has no words"
+                    .into(),
+            );
         }
         Ok(Self {
             format: super::FORMAT.into(),
@@ -297,31 +311,43 @@ impl Document {
         let limits = &input.options.limits;
         let mut meshes = Vec::with_capacity(self.meshes.len());
         for (i, mesh) in self.meshes.into_iter().enumerate() {
-            meshes.push(Arc::new(mesh.mesh(limits).map_err(|(key, flaw)| (format!("/meshes/{i}/{key}"), flaw))?));
+            meshes.push(Arc::new(
+                mesh.mesh(limits).map_err(|(key, flaw)| (format!("/meshes/{i}/{key}"), flaw))?,
+            ));
         }
         let mut curves = Vec::with_capacity(self.curves.len());
         for (i, form) in self.curves.into_iter().enumerate() {
-            curves.push(Arc::new(form.curves(limits).map_err(|(key, flaw)| (format!("/curves/{i}/{key}"), flaw))?));
+            curves.push(Arc::new(
+                form.curves(limits).map_err(|(key, flaw)| (format!("/curves/{i}/{key}"), flaw))?,
+            ));
         }
         let mut images = Vec::with_capacity(self.images.len());
         for (i, image) in self.images.into_iter().enumerate() {
-            images.push(Arc::new(image.image(input).map_err(|flaw| (format!("/images/{i}"), flaw))?));
+            images
+                .push(Arc::new(image.image(input).map_err(|flaw| (format!("/images/{i}"), flaw))?));
         }
-        let errors = snell_scene::texture::errors(&self.textures, images.len()).into_iter().enumerate();
+        let errors =
+            snell_scene::texture::errors(&self.textures, images.len()).into_iter().enumerate();
         if let Some((i, error)) = errors.into_iter().find_map(|(i, error)| Some((i, error?))) {
             return Err((format!("/textures/{i}"), error.to_string()));
         }
         let mut nodes = Vec::with_capacity(self.nodes.len());
         for (i, node) in self.nodes.into_iter().enumerate() {
-            nodes.push(node.node(&meshes, &curves).map_err(|(key, flaw)| (format!("/nodes/{i}{key}"), flaw))?);
+            nodes.push(
+                node.node(&meshes, &curves)
+                    .map_err(|(key, flaw)| (format!("/nodes/{i}{key}"), flaw))?,
+            );
         }
         let things = [self.cameras.len(), self.lights.len()];
         let motion = self.motion.map(|form| form.motion(&nodes, &meshes, things)).transpose();
-        let motion = motion.map_err(|(place, flaw)| (format!("/motion{place}"), flaw))?.map(Arc::new);
+        let motion =
+            motion.map_err(|(place, flaw)| (format!("/motion{place}"), flaw))?.map(Arc::new);
         let mut media = self.media;
         add_grids(&mut media, self.grids, self.media_grids, limits)?;
         let environment = match self.environment {
-            Some(form) => Some(form.environment(input).map_err(|flaw| ("/environment".to_string(), flaw))?),
+            Some(form) => {
+                Some(form.environment(input).map_err(|flaw| ("/environment".to_string(), flaw))?)
+            }
             None => None,
         };
         let mut scene = Scene {
@@ -381,7 +407,10 @@ impl Grids {
         let mut add = |channel: fn(&Rgb) -> f32| {
             Self::add(&mut self.forms, grid.size(), grid.values().iter().map(channel).collect())
         };
-        *self.colors.entry(Arc::as_ptr(grid)).or_insert_with(|| [add(|c| c.r), add(|c| c.g), add(|c| c.b)])
+        *self
+            .colors
+            .entry(Arc::as_ptr(grid))
+            .or_insert_with(|| [add(|c| c.r), add(|c| c.g), add(|c| c.b)])
     }
 }
 
@@ -404,7 +433,12 @@ fn grids(media: &[Medium]) -> (Vec<GridForm>, Vec<MediumGrids>) {
 }
 
 /// Gives media their grids.
-fn add_grids(media: &mut [Medium], forms: Vec<GridForm>, uses: Vec<MediumGrids>, limits: &Limits) -> Result<(), Flaw> {
+fn add_grids(
+    media: &mut [Medium],
+    forms: Vec<GridForm>,
+    uses: Vec<MediumGrids>,
+    limits: &Limits,
+) -> Result<(), Flaw> {
     let mut grids = Vec::with_capacity(forms.len());
     for (i, GridForm { size, values }) in forms.into_iter().enumerate() {
         let found = values.0.len();
@@ -413,8 +447,9 @@ fn add_grids(media: &mut [Medium], forms: Vec<GridForm>, uses: Vec<MediumGrids>,
             return Err(flaw(format!("more values than the limit of {}", limits.elements)));
         }
         let grid = ScalarGrid::new(size, values.0);
-        let grid =
-            grid.ok_or_else(|| flaw(format!("{found} values for {} x {} x {} cells", size[0], size[1], size[2])))?;
+        let grid = grid.ok_or_else(|| {
+            flaw(format!("{found} values for {} x {} x {} cells", size[0], size[1], size[2]))
+        })?;
         grids.push(Arc::new(grid));
     }
     for (i, used) in uses.into_iter().enumerate() {
@@ -430,10 +465,16 @@ fn add_grids(media: &mut [Medium], forms: Vec<GridForm>, uses: Vec<MediumGrids>,
         };
         let color = |numbers: [u32; 3]| {
             let [r, g, b] = [get(numbers[0])?, get(numbers[1])?, get(numbers[2])?];
-            let colors = r.values().iter().zip(g.values()).zip(b.values()).map(|((r, g), b)| Rgb::new(*r, *g, *b));
+            let colors = r
+                .values()
+                .iter()
+                .zip(g.values())
+                .zip(b.values())
+                .map(|((r, g), b)| Rgb::new(*r, *g, *b));
             let are_alike = g.size() == r.size() && b.size() == r.size();
             let grid = are_alike.then(|| ColorGrid::new(r.size(), colors.collect())).flatten();
-            grid.map(Arc::new).ok_or_else(|| flaw("the grids of a tint are not of the same size".into()))
+            grid.map(Arc::new)
+                .ok_or_else(|| flaw("the grids of a tint are not of the same size".into()))
         };
         owner.density = get(used.density)?;
         owner.emission_scale = used.emission_scale.map(get).transpose()?;
@@ -489,7 +530,8 @@ impl CurvesForm {
             return Err(("points", format!("more elements than the limit of {}", limits.elements)));
         }
         let points = vectors("points", self.points, Vec4::from_array)?;
-        Curves::new(self.basis, points, self.strands.0).map_err(|error| ("strands", error.to_string()))
+        Curves::new(self.basis, points, self.strands.0)
+            .map_err(|error| ("strands", error.to_string()))
     }
 }
 
@@ -500,8 +542,12 @@ impl NodeForm {
             let form = SurfaceForm { mesh: None, shape: None, curves: None, materials };
             match &surface.geometry {
                 Geometry::Mesh(mesh) => SurfaceForm { mesh: Some(meshes.number(mesh)), ..form },
-                Geometry::Shape(shape) => SurfaceForm { shape: Some(AnyShape::clone(shape)), ..form },
-                Geometry::Curves(strands) => SurfaceForm { curves: Some(curves.number(strands)), ..form },
+                Geometry::Shape(shape) => {
+                    SurfaceForm { shape: Some(AnyShape::clone(shape)), ..form }
+                }
+                Geometry::Curves(strands) => {
+                    SurfaceForm { curves: Some(curves.number(strands)), ..form }
+                }
             }
         };
         Self {
@@ -520,11 +566,21 @@ impl NodeForm {
             let geometry = match (surface.mesh, surface.shape, surface.curves) {
                 (Some(number), None, None) => match meshes.get(number as usize) {
                     Some(mesh) => Geometry::Mesh(mesh.clone()),
-                    None => return Err(flaw(format!("mesh is {number}, but there are {}", meshes.len()))),
+                    None => {
+                        return Err(flaw(format!(
+                            "mesh is {number}, but there are {}",
+                            meshes.len()
+                        )));
+                    }
                 },
                 (None, None, Some(number)) => match curves.get(number as usize) {
                     Some(curves) => Geometry::Curves(curves.clone()),
-                    None => return Err(flaw(format!("curves is {number}, but there are {}", curves.len()))),
+                    None => {
+                        return Err(flaw(format!(
+                            "curves is {number}, but there are {}",
+                            curves.len()
+                        )));
+                    }
                 },
                 (None, Some(shape), None) => {
                     shape.validate().map_err(|error| flaw(error.to_string()))?;
@@ -552,13 +608,17 @@ pub(super) fn vectors<const N: usize, T>(
     Err((key, format!("there are {} numbers, expected a multiple of {N}", numbers.0.len())))
 }
 
-pub(super) fn flat<const N: usize, T: Copy>(items: &[T], parts: impl Fn(T) -> [f32; N]) -> Numbers<f32> {
+pub(super) fn flat<const N: usize, T: Copy>(
+    items: &[T],
+    parts: impl Fn(T) -> [f32; N],
+) -> Numbers<f32> {
     Numbers(items.iter().flat_map(|&item| parts(item)).collect())
 }
 
 impl MeshForm {
     fn of(mesh: &TriangleMesh) -> Self {
-        let TriangleMesh { positions, indices, normals, tangents, uvs, colors, material_slots } = mesh;
+        let TriangleMesh { positions, indices, normals, tangents, uvs, colors, material_slots } =
+            mesh;
         Self {
             positions: flat(positions, |p: Vec3| p.to_array()),
             indices: Numbers(indices.as_flattened().to_vec()),
@@ -575,10 +635,16 @@ impl MeshForm {
         let (indices, rest) = self.indices.0.as_chunks::<3>();
         if !rest.is_empty() {
             let found = self.indices.0.len();
-            return Err(("indices", format!("there are {found} numbers, expected a multiple of 3")));
+            return Err((
+                "indices",
+                format!("there are {found} numbers, expected a multiple of 3"),
+            ));
         }
         if indices.len().max(self.positions.0.len() / 3) > limits.elements {
-            return Err(("positions", format!("more elements than the limit of {}", limits.elements)));
+            return Err((
+                "positions",
+                format!("more elements than the limit of {}", limits.elements),
+            ));
         }
         let mesh = TriangleMesh {
             positions: vectors("positions", self.positions, Vec3::from_array)?,
@@ -605,14 +671,21 @@ impl ImageForm {
             Pixels::U16(v) => PixelForm::U16(Numbers(v.clone())),
             Pixels::F32(v) => PixelForm::F32(Numbers(v.clone())),
         };
-        Self::Pixels(PixelsForm { width: *width, height: *height, channels: *channels, encoding: *encoding, pixels })
+        Self::Pixels(PixelsForm {
+            width: *width,
+            height: *height,
+            channels: *channels,
+            encoding: *encoding,
+            pixels,
+        })
     }
 
     fn image(self, input: &Input) -> Result<Image, String> {
         let PixelsForm { width, height, channels, encoding, pixels } = match self {
             Self::Pixels(form) => form,
             Self::Encoded(form) => {
-                return read_image(&input.part("the picture", form.encoded.0)).map_err(|error| error.problem);
+                return read_image(&input.part("the picture", form.encoded.0))
+                    .map_err(|error| error.problem);
             }
         };
         let (found, pixels) = match pixels {
@@ -624,7 +697,8 @@ impl ImageForm {
         if area == 0 || area > input.options.limits.image_pixels || !(1..=4).contains(&channels) {
             let most = input.options.limits.image_pixels;
             return Err(format!(
-                "{width} by {height} pixels of {channels} channels, expected 1 to {most} pixels of 1 to 4"
+                "{width} by {height} pixels of {channels} channels, expected 1 to {most} pixels of \
+                    1 to 4"
             ));
         }
         let expected = area * u64::from(channels);

@@ -1,8 +1,9 @@
 //! Snell's own scene files: the scene graph as it is, in JSON, without loss.
 //!
-//! The declarations of the scene graph are the format: materials, lights, cameras, textures and shapes are written as `serde` says, so what
-//! is declared is read and written. Meshes and images are tables of their own here, because several nodes may share one; their numbers are
-//! lists or, if they are many, base64 ([`numbers`]).
+//! The declarations of the scene graph are the format: materials, lights, cameras, textures and
+//! shapes are written as `serde` says, so what is declared is read and written. Meshes and images
+//! are tables of their own here, because several nodes may share one; their numbers are lists or,
+//! if they are many, base64 ([`numbers`]).
 
 mod document;
 mod motion;
@@ -39,7 +40,9 @@ const VERSION: u32 = 1;
 fn recognises(bytes: &[u8]) -> bool {
     let start = &bytes[..bytes.len().min(256)];
     let has = |key: &[u8]| start.windows(key.len()).any(|part| part == key);
-    start.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{') && has(b"\"format\"") && has(b"\"snell scene\"")
+    start.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{')
+        && has(b"\"format\"")
+        && has(b"\"snell scene\"")
 }
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
@@ -54,12 +57,13 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         return Err(input.error(Place::Json("/format".into()), problem, "give another file"));
     }
     if document.version == 0 || document.version > VERSION {
-        let problem = format!("version is {}, and this program reads 1 to {VERSION}", document.version);
+        let problem =
+            format!("version is {}, and this program reads 1 to {VERSION}", document.version);
         return Err(input.error(Place::Json("/version".into()), problem, "use a newer Snell"));
     }
-    document
-        .scene(input)
-        .map_err(|(place, problem)| input.error(Place::Json(place), problem, "write the scene again, or mend the file"))
+    document.scene(input).map_err(|(place, problem)| {
+        input.error(Place::Json(place), problem, "write the scene again, or mend the file")
+    })
 }
 
 /// The text of a scene; an error for what the format has no words for.

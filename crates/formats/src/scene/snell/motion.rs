@@ -8,8 +8,8 @@ use snell_math::glam::DQuat;
 use snell_math::{DVec3, Vec3};
 use snell_scene::graph::NodeId;
 use snell_scene::motion::{
-    AnimatedTransform, Channel, Clip, Curve, Deformed, InfluenceSet, Interpolation, Joint, Morph, MorphTarget, Motion,
-    Owner, ParameterTrack, Placement, Skin, Switch, Switched, Track,
+    AnimatedTransform, Channel, Clip, Curve, Deformed, InfluenceSet, Interpolation, Joint, Morph,
+    MorphTarget, Motion, Owner, ParameterTrack, Placement, Skin, Switch, Switched, Track,
 };
 use snell_scene::{Geometry, Node};
 use std::collections::HashMap;
@@ -185,7 +185,11 @@ impl MotionForm {
             rest: meshes.number(&d.rest),
             morph: d.morph.as_ref().map(MorphForm::of),
             skin: d.skin.as_ref().map(|(skin, _)| skin_number(skin)),
-            influences: d.skin.iter().flat_map(|(_, sets)| sets.iter().map(InfluenceForm::of)).collect(),
+            influences: d
+                .skin
+                .iter()
+                .flat_map(|(_, sets)| sets.iter().map(InfluenceForm::of))
+                .collect(),
         });
         let deformed = deformed.collect();
         Self {
@@ -195,7 +199,11 @@ impl MotionForm {
             deformed,
             cameras: motion.cameras.clone(),
             lights: motion.lights.clone(),
-            switches: motion.switches.iter().map(|s| SwitchForm { joints: s.joints.clone(), what: s.what }).collect(),
+            switches: motion
+                .switches
+                .iter()
+                .map(|s| SwitchForm { joints: s.joints.clone(), what: s.what })
+                .collect(),
         }
     }
 
@@ -209,8 +217,9 @@ impl MotionForm {
             PlacementForm::Matrix(map) => finite(map),
         });
         let channels = self.clips.iter().flat_map(|clip| &clip.channels);
-        let transforms =
-            channels.filter_map(|c| if let TrackForm::Transform(keys) = &c.track { Some(keys) } else { None });
+        let transforms = channels.filter_map(|c| {
+            if let TrackForm::Transform(keys) = &c.track { Some(keys) } else { None }
+        });
         let weights = self.deformed.iter().flat_map(|d| &d.morph).flat_map(|morph| &morph.weights);
         joints
             && transforms.flatten().all(|(_, map)| finite(map))
@@ -228,11 +237,13 @@ impl MotionForm {
         let count = self.joints.len();
         let mut joints = Vec::with_capacity(count);
         for (i, joint) in self.joints.into_iter().enumerate() {
-            joints.push(joint.joint(i, nodes.len()).map_err(|flaw| (format!("/joints/{i}"), flaw))?);
+            joints
+                .push(joint.joint(i, nodes.len()).map_err(|flaw| (format!("/joints/{i}"), flaw))?);
         }
         let mut clips = Vec::with_capacity(self.clips.len());
         for (i, clip) in self.clips.into_iter().enumerate() {
-            let clip = clip.clip(count).map_err(|(place, flaw)| (format!("/clips/{i}{place}"), flaw))?;
+            let clip =
+                clip.clip(count).map_err(|(place, flaw)| (format!("/clips/{i}{place}"), flaw))?;
             clips.push(clip);
         }
         let mut skins = Vec::with_capacity(self.skins.len());
@@ -244,7 +255,9 @@ impl MotionForm {
             let made = form.deformed(nodes, meshes, &skins, count);
             deformed.push(made.map_err(|flaw| (format!("/deformed/{i}"), flaw))?);
         }
-        for (what, carried, things) in [("cameras", &self.cameras, cameras), ("lights", &self.lights, lights)] {
+        for (what, carried, things) in
+            [("cameras", &self.cameras, cameras), ("lights", &self.lights, lights)]
+        {
             for (i, &(thing, joint)) in carried.iter().enumerate() {
                 let place = || format!("/{what}/{i}");
                 is_there(what, thing, things).map_err(|flaw| (place(), flaw))?;
@@ -275,7 +288,13 @@ impl JointForm {
             },
             Placement::Matrix(map) => PlacementForm::Matrix(rows(map)),
         };
-        Self { name: joint.name.clone(), parent: joint.parent, node: joint.node, rest, hidden: joint.hidden }
+        Self {
+            name: joint.name.clone(),
+            parent: joint.parent,
+            node: joint.node,
+            rest,
+            hidden: joint.hidden,
+        }
     }
 
     fn joint(self, number: usize, nodes: usize) -> Result<Joint, String> {
@@ -291,7 +310,13 @@ impl JointForm {
             },
             PlacementForm::Matrix(map) => Placement::Matrix(affine(&map)),
         };
-        Ok(Joint { name: self.name, parent: self.parent, rest, node: self.node, hidden: self.hidden })
+        Ok(Joint {
+            name: self.name,
+            parent: self.parent,
+            rest,
+            node: self.node,
+            hidden: self.hidden,
+        })
     }
 }
 
@@ -311,13 +336,20 @@ impl SwitchForm {
 
 impl ClipForm {
     fn of(clip: &Clip) -> Self {
-        let channels = clip.channels.iter().map(|c| ChannelForm { joint: c.joint, track: TrackForm::of(&c.track) });
+        let channels = clip
+            .channels
+            .iter()
+            .map(|c| ChannelForm { joint: c.joint, track: TrackForm::of(&c.track) });
         let parameters = clip.parameters.iter().map(|p| ParameterForm {
             owner: p.owner,
             path: p.path.clone(),
             curve: CurveForm::of(&p.curve),
         });
-        Self { name: clip.name.clone(), channels: channels.collect(), parameters: parameters.collect() }
+        Self {
+            name: clip.name.clone(),
+            channels: channels.collect(),
+            parameters: parameters.collect(),
+        }
     }
 
     fn clip(self, joints: usize) -> Result<Clip, Flaw> {
@@ -325,11 +357,15 @@ impl ClipForm {
         for (i, channel) in self.channels.into_iter().enumerate() {
             let place = |flaw| (format!("/channels/{i}"), flaw);
             is_there("joint", channel.joint as usize, joints).map_err(place)?;
-            channels.push(Channel { joint: channel.joint, track: channel.track.track().map_err(place)? });
+            channels.push(Channel {
+                joint: channel.joint,
+                track: channel.track.track().map_err(place)?,
+            });
         }
         let mut parameters = Vec::with_capacity(self.parameters.len());
         for (i, form) in self.parameters.into_iter().enumerate() {
-            let curve = form.curve.curve(None).map_err(|flaw| (format!("/parameters/{i}"), flaw))?;
+            let curve =
+                form.curve.curve(None).map_err(|flaw| (format!("/parameters/{i}"), flaw))?;
             parameters.push(ParameterTrack { owner: form.owner, path: form.path, curve });
         }
         Ok(Clip { name: self.name, channels, parameters })
@@ -343,7 +379,9 @@ impl TrackForm {
             Track::Rotation(curve) => Self::Rotation(CurveForm::of(curve)),
             Track::Scale(curve) => Self::Scale(CurveForm::of(curve)),
             Track::Weights(curve) => Self::Weights(CurveForm::of(curve)),
-            Track::Transform(map) => Self::Transform(map.keys().map(|(time, map)| (time, rows(&map))).collect()),
+            Track::Transform(map) => {
+                Self::Transform(map.keys().map(|(time, map)| (time, rows(&map))).collect())
+            }
             Track::Visible(curve) => Self::Visible(CurveForm::of(curve)),
         }
     }
@@ -384,7 +422,8 @@ impl CurveForm {
         if let Some(width) = width.filter(|&w| w != self.width) {
             return Err(format!("width is {}, expected {width}", self.width));
         }
-        Curve::new(self.times.0, self.values.0, self.width, interpolation).map_err(|error| error.to_string())
+        Curve::new(self.times.0, self.values.0, self.width, interpolation)
+            .map_err(|error| error.to_string())
     }
 }
 
@@ -392,9 +431,16 @@ impl SkinForm {
     fn skin(self, joints: usize) -> Result<Skin, String> {
         self.joints.iter().try_for_each(|&joint| is_there("joint", joint as usize, joints))?;
         if self.joints.len() != self.inverse_bind.len() {
-            return Err(format!("{} joints and {} inverse_bind", self.joints.len(), self.inverse_bind.len()));
+            return Err(format!(
+                "{} joints and {} inverse_bind",
+                self.joints.len(),
+                self.inverse_bind.len()
+            ));
         }
-        Ok(Skin { joints: self.joints, inverse_bind: self.inverse_bind.iter().map(affine).collect() })
+        Ok(Skin {
+            joints: self.joints,
+            inverse_bind: self.inverse_bind.iter().map(affine).collect(),
+        })
     }
 }
 
@@ -420,7 +466,10 @@ impl DeformedForm {
             Some(number) => {
                 is_there("skin", number as usize, skins.len())?;
                 let skin = skins[number as usize].clone();
-                let sets = self.influences.into_iter().map(|form| form.influences(vertices, skin.joints.len()));
+                let sets = self
+                    .influences
+                    .into_iter()
+                    .map(|form| form.influences(vertices, skin.joints.len()));
                 Some((skin.clone(), sets.collect::<Result<Vec<_>, _>>()?))
             }
             None => None,
@@ -443,7 +492,8 @@ impl MorphForm {
     fn morph(self, vertices: usize, joints: usize) -> Result<Morph, String> {
         is_there("joint", self.joint as usize, joints)?;
         let differences = |key, numbers: Numbers<f32>| {
-            let found = vectors(key, numbers, Vec3::from_array).map_err(|(key, flaw)| format!("{key}: {flaw}"))?;
+            let found = vectors(key, numbers, Vec3::from_array)
+                .map_err(|(key, flaw)| format!("{key}: {flaw}"))?;
             if found.is_empty() || found.len() == vertices {
                 return Ok(found);
             }
@@ -470,7 +520,9 @@ impl InfluenceForm {
         let (joint, weight) = (self.joints.0.as_chunks::<4>().0, self.weights.0.as_chunks::<4>().0);
         if self.joints.0.len() != 4 * vertices || self.weights.0.len() != 4 * vertices {
             let (joints, weights) = (self.joints.0.len(), self.weights.0.len());
-            return Err(format!("{joints} joints and {weights} weights, expected 4 of each for {vertices} vertices"));
+            return Err(format!(
+                "{joints} joints and {weights} weights, expected 4 of each for {vertices} vertices"
+            ));
         }
         let pairs = joint.as_flattened().iter().zip(weight.as_flattened());
         for (&joint, _) in pairs.filter(|(_, weight)| **weight > 0.0) {

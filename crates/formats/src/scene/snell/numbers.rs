@@ -1,4 +1,5 @@
-//! Many numbers in JSON: a list if they are few, else base64 of their little-endian bytes. Both are read, whatever their number.
+//! Many numbers in JSON: a list if they are few, else base64 of their little-endian bytes. Both are
+//! read, whatever their number.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -105,10 +106,13 @@ impl<'a, T: Number> Visitor<'a> for NumbersVisitor<T> {
     }
 
     fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
-        let bytes = STANDARD.decode(text).map_err(|error| E::custom(format!("broken base64: {error}")))?;
+        let bytes =
+            STANDARD.decode(text).map_err(|error| E::custom(format!("broken base64: {error}")))?;
         if bytes.len() % T::SIZE != 0 {
             let (found, size) = (bytes.len(), T::SIZE);
-            return Err(E::custom(format!("base64 of {found} bytes, expected a multiple of {size}")));
+            return Err(E::custom(format!(
+                "base64 of {found} bytes, expected a multiple of {size}"
+            )));
         }
         Ok(Numbers(bytes.chunks_exact(T::SIZE).map(T::get).collect()))
     }

@@ -16,7 +16,8 @@ fn written(scene: &Scene) -> Result<Vec<u8>, String> {
 }
 
 fn reread(bytes: Vec<u8>) -> Result<Scene, String> {
-    read_scene_bytes("test.snell", bytes, Path::new("."), &ReadOptions::default()).map_err(|e| e.to_string())
+    read_scene_bytes("test.snell", bytes, Path::new("."), &ReadOptions::default())
+        .map_err(|e| e.to_string())
 }
 
 /// Every value there is, as text; what is shared is compared by the file itself.
@@ -27,25 +28,39 @@ fn shown(scene: &Scene) -> String {
 /// One of every material and light, a texture, and a mesh that two nodes share.
 fn everything() -> Scene {
     let mut scene = Scene::new("everything");
-    let image = scene.add_image(Arc::new(Image::from_f32(9, 3, 3, (0..81).map(|i| i as f32 / 7.0).collect())));
+    let image = scene.add_image(Arc::new(Image::from_f32(
+        9,
+        3,
+        3,
+        (0..81).map(|i| i as f32 / 7.0).collect(),
+    )));
     scene.add_texture(ImageTexture::new(image, Encoding::Linear));
     for (i, kind) in MaterialKind::examples().into_iter().enumerate() {
-        let emission = ColorParam { texture: Some(TextureId(0)), ..ColorParam::constant(snell_math::Rgb::WHITE) };
+        let emission = ColorParam {
+            texture: Some(TextureId(0)),
+            ..ColorParam::constant(snell_math::Rgb::WHITE)
+        };
         scene.add_material(Material { emission, ..Material::new(format!("number {i}"), kind) });
     }
     scene.lights = Light::examples();
     scene.media = Medium::examples();
     scene.materials[0].interior = Some(Interior { medium: Some(MediumId(0)), priority: 2 });
     scene.medium = Some(MediumId(0));
-    let positions =
-        (0..99).map(|i| snell_math::Vec3::new(i as f32 / 3.0, 0.1 * i as f32, -1.0 / (i + 1) as f32)).collect();
+    let positions = (0..99)
+        .map(|i| snell_math::Vec3::new(i as f32 / 3.0, 0.1 * i as f32, -1.0 / (i + 1) as f32))
+        .collect();
     let indices = (0..33).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let mesh = Arc::new(snell_intersect::TriangleMesh { positions, indices, ..Default::default() });
     for i in 0..2 {
-        let transform = snell_math::DAffine3::from_translation(snell_math::DVec3::splat(f64::from(i) / 3.0));
-        let surface = Surface::with_material(Geometry::Mesh(mesh.clone()), snell_scene::MaterialId(i as u32));
+        let transform =
+            snell_math::DAffine3::from_translation(snell_math::DVec3::splat(f64::from(i) / 3.0));
+        let surface =
+            Surface::with_material(Geometry::Mesh(mesh.clone()), snell_scene::MaterialId(i as u32));
         let root = scene.root;
-        scene.add_child(root, Node { transform, surfaces: vec![surface], ..Node::named(format!("copy {i}")) });
+        scene.add_child(
+            root,
+            Node { transform, surfaces: vec![surface], ..Node::named(format!("copy {i}")) },
+        );
     }
     scene
 }
@@ -65,7 +80,8 @@ fn what_is_written_is_read_and_written_alike() {
 fn a_shared_mesh_is_written_once() {
     let bytes = written(&everything()).expect("it can be written");
     let again = reread(bytes).expect("it can be read");
-    let meshes: Vec<_> = again.nodes.iter().flat_map(|n| &n.surfaces).map(|s| &s.geometry).collect();
+    let meshes: Vec<_> =
+        again.nodes.iter().flat_map(|n| &n.surfaces).map(|s| &s.geometry).collect();
     let [Geometry::Mesh(a), Geometry::Mesh(b)] = meshes[..] else { panic!("two meshes") };
     assert!(Arc::ptr_eq(a, b));
 }
@@ -116,13 +132,17 @@ fn numbers_that_mean_nothing_are_told_and_light_is_brought_to_what_can_be() {
         change(&mut material);
         reread(file(&serde_json::to_string(&material).expect("it is JSON")).into_bytes())
     };
-    let scene = with(&|m| (m.emission.factor, m.alpha.factor) = (Rgb::new(3e38, -1.0, 5.0), 7.0)).expect("it is whole");
+    let scene = with(&|m| (m.emission.factor, m.alpha.factor) = (Rgb::new(3e38, -1.0, 5.0), 7.0))
+        .expect("it is whole");
     assert_eq!(scene.materials[0].emission.factor, Rgb::new(snell_scene::BRIGHTEST, 0.0, 5.0));
     assert_eq!((scene.cameras[0].towards, scene.cameras[0].up), (DVec3::Z, DVec3::Y));
     let told: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
-    for part in
-        ["\"lamp\") is 3e38", "below zero: -1", "alpha.factor: 7 is not", "camera 0 (\"c\"): focus_distance: -1"]
-    {
+    for part in [
+        "\"lamp\") is 3e38",
+        "below zero: -1",
+        "alpha.factor: 7 is not",
+        "camera 0 (\"c\"): focus_distance: -1",
+    ] {
         assert!(told.iter().any(|t| t.contains(part)), "{part}: {told:?}");
     }
     let map = snell_scene::material::NormalMap { texture: snell_scene::TextureId(9), scale: 1.0 };
@@ -132,13 +152,21 @@ fn numbers_that_mean_nothing_are_told_and_light_is_brought_to_what_can_be() {
 
 #[test]
 fn errors_say_where_and_what() {
-    let file = |rest: &str| format!("{{\"format\": \"snell scene\", \"version\": 1, \"root\": 0, {rest}}}");
+    let file = |rest: &str| {
+        format!("{{\"format\": \"snell scene\", \"version\": 1, \"root\": 0, {rest}}}")
+    };
     let cases = [
         (file("\"nodes\": [{\"child\": []}]"), "unknown field `child`"),
         (file("\"nodes\": [{\"children\": [7]}]"), "/nodes: node 0 (\"\") refers to child node 7"),
-        (file("\"nodes\": [{\"surfaces\": [{\"mesh\": 1}]}]"), "/nodes/0/surfaces/0: mesh is 1, but there are 0"),
+        (
+            file("\"nodes\": [{\"surfaces\": [{\"mesh\": 1}]}]"),
+            "/nodes/0/surfaces/0: mesh is 1, but there are 0",
+        ),
         (file("\"nodes\": [{\"surfaces\": [{}]}]"), "a surface is a mesh, a shape or curves"),
-        (file("\"nodes\": [{\"surfaces\": [{\"curves\": 2}]}]"), "/nodes/0/surfaces/0: curves is 2, but there are 0"),
+        (
+            file("\"nodes\": [{\"surfaces\": [{\"curves\": 2}]}]"),
+            "/nodes/0/surfaces/0: curves is 2, but there are 0",
+        ),
         (
             file("\"nodes\": [{}], \"curves\": [{\"points\": [0, 0, 0, 1], \"strands\": [1]}]"),
             "/curves/0/strands: strand 0 has 1 points, expected 4, 7, 10",
@@ -147,10 +175,14 @@ fn errors_say_where_and_what() {
             file("\"nodes\": [{}], \"meshes\": [{\"positions\": [1, 2], \"indices\": []}]"),
             "/meshes/0/positions: there are 2 numbers, expected a multiple of 3",
         ),
-        (file("\"nodes\": [{}], \"meshes\": [{\"positions\": \"!\", \"indices\": []}]"), "broken base64"),
+        (
+            file("\"nodes\": [{}], \"meshes\": [{\"positions\": \"!\", \"indices\": []}]"),
+            "broken base64",
+        ),
         (
             file(
-                "\"nodes\": [{}], \"images\": [{\"width\": 2, \"height\": 1, \"channels\": 1, \"encoding\": \"srgb\", \"pixels\": {\"u8\": [0]}}]",
+                "\"nodes\": [{}], \"images\": [{\"width\": 2, \"height\": 1, \"channels\": 1, \
+                    \"encoding\": \"srgb\", \"pixels\": {\"u8\": [0]}}]",
             ),
             "/images/0: there are 1 values, expected 2",
         ),
@@ -195,11 +227,13 @@ fn scenes_of_other_formats_are_kept_whole() {
             eprintln!("skipped: {file} is not there");
             continue;
         }
-        let scene = crate::read_scene(&path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let scene =
+            crate::read_scene(&path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
         let text = written(&scene).unwrap_or_else(|e| panic!("{file}: {e}"));
         let again = reread(text.clone()).unwrap_or_else(|e| panic!("{file}: {e}"));
         // Notes tell how another file was translated, and lists what else it has.
-        let without_notes = Scene { notes: Vec::new(), scenes: Vec::new(), variants: Vec::new(), ..scene };
+        let without_notes =
+            Scene { notes: Vec::new(), scenes: Vec::new(), variants: Vec::new(), ..scene };
         assert_eq!(shown(&again), shown(&without_notes), "{file}");
         assert!(written(&again).expect("it was written before") == text, "{file}");
     }
@@ -218,10 +252,12 @@ fn pictures_may_stand_there_as_files_have_them() {
     let numbers: Vec<_> = png.iter().map(u8::to_string).collect();
     let document = |encoded: &str| {
         format!(
-            "{{\"format\": \"snell scene\", \"version\": 1, \"root\": 0, \"nodes\": [{{}}], \"images\": [{{\"encoded\": {encoded}}}]}}"
+            "{{\"format\": \"snell scene\", \"version\": 1, \"root\": 0, \"nodes\": [{{}}], \
+                \"images\": [{{\"encoded\": {encoded}}}]}}"
         )
     };
-    let scene = reread(document(&format!("[{}]", numbers.join(","))).into_bytes()).expect("a picture");
+    let scene =
+        reread(document(&format!("[{}]", numbers.join(","))).into_bytes()).expect("a picture");
     assert_eq!(*scene.images[0], image);
     let error = reread(document("[1, 2, 3]").into_bytes()).expect_err("no picture");
     assert!(error.contains("/images/0"), "{error}");

@@ -22,7 +22,8 @@ impl Buffer {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let start = self.bytes.len();
         self.bytes.extend(bytes);
-        let mut view = json!({ "buffer": 0, "byteOffset": start, "byteLength": self.bytes.len() - start });
+        let mut view =
+            json!({ "buffer": 0, "byteOffset": start, "byteLength": self.bytes.len() - start });
         if let Some(target) = target {
             view["target"] = target.into();
         }
@@ -53,7 +54,9 @@ impl Buffer {
     pub fn vectors(&mut self, numbers: &[f32], kind: &str, width: usize) -> usize {
         let view = self.view(numbers.iter().flat_map(|x| x.to_le_bytes()), Some(VERTICES));
         let count = numbers.len() / width;
-        self.accessor(json!({ "bufferView": view, "componentType": FLOAT, "count": count, "type": kind }))
+        self.accessor(
+            json!({ "bufferView": view, "componentType": FLOAT, "count": count, "type": kind }),
+        )
     }
 
     /// Vertex numbers.

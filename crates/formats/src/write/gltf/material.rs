@@ -15,7 +15,9 @@ pub fn value(document: &mut Document, index: usize, material: &Material) -> Valu
     let mut surface = open_pbr(material, &who, document.output);
     let mut writer = Writer { document, who: &who, extensions: json!({}) };
     let emission = without_spectrum(material.emission, true);
-    let is_unlit = matches!(material.kind, MaterialKind::Black(_)) && material.is_emissive() && !material.illuminates;
+    let is_unlit = matches!(material.kind, MaterialKind::Black(_))
+        && material.is_emissive()
+        && !material.illuminates;
     if is_unlit {
         surface = OpenPbr { base_color: emission, ..OpenPbr::default() };
         writer.extension("KHR_materials_unlit", json!({}));
@@ -118,7 +120,9 @@ impl Writer<'_, '_, '_> {
         // In glTF the base colour is the tint of what goes through.
         if surface.transmission_weight.factor > 0.0 {
             let mut tint = without_spectrum(surface.transmission_tint, false);
-            if surface.transmission_depth.factor <= 0.0 && surface.transmission_color.texture.is_none() {
+            if surface.transmission_depth.factor <= 0.0
+                && surface.transmission_color.texture.is_none()
+            {
                 tint.factor = tint.factor * surface.transmission_color.factor;
             }
             if surface.transmission_weight.factor < 1.0 && tint != base {
@@ -166,7 +170,10 @@ impl Writer<'_, '_, '_> {
         }
         let (mut color, strength) = color_and_strength(emission.factor);
         if strength > 1.0 {
-            self.extension("KHR_materials_emissive_strength", json!({ "emissiveStrength": strength }));
+            self.extension(
+                "KHR_materials_emissive_strength",
+                json!({ "emissiveStrength": strength }),
+            );
         } else {
             color = color.map(|c| c * strength);
         }
@@ -181,7 +188,9 @@ impl Writer<'_, '_, '_> {
         if surface.specular_ior.factor != 1.5 {
             self.extension("KHR_materials_ior", json!({ "ior": surface.specular_ior.factor }));
         }
-        if surface.specular_weight != ScalarParam::constant(1.0) || !is_white(&surface.specular_color) {
+        if surface.specular_weight != ScalarParam::constant(1.0)
+            || !is_white(&surface.specular_color)
+        {
             let mut specular = json!({});
             self.scalar(&mut specular, "specular", &surface.specular_weight, 3);
             self.color(&mut specular, "specularColor", &surface.specular_color);
@@ -196,8 +205,10 @@ impl Writer<'_, '_, '_> {
         self.coat(surface);
         if surface.fuzz_weight.factor > 0.0 {
             let mut sheen = json!({});
-            let color =
-                ColorParam { factor: surface.fuzz_color.factor * surface.fuzz_weight.factor, ..surface.fuzz_color };
+            let color = ColorParam {
+                factor: surface.fuzz_color.factor * surface.fuzz_weight.factor,
+                ..surface.fuzz_color
+            };
             self.color(&mut sheen, "sheenColor", &color);
             self.scalar(&mut sheen, "sheenRoughness", &surface.fuzz_roughness, 3);
             self.extension("KHR_materials_sheen", sheen);
@@ -230,7 +241,10 @@ impl Writer<'_, '_, '_> {
             coat["clearcoatNormalTexture"] = self.normal_map(map);
         }
         self.extension("KHR_materials_clearcoat", coat);
-        if surface.coat_ior.factor != 1.5 || surface.coat_darkening.factor != 0.0 || !is_white(&surface.coat_color) {
+        if surface.coat_ior.factor != 1.5
+            || surface.coat_darkening.factor != 0.0
+            || !is_white(&surface.coat_color)
+        {
             self.lose("the coat is colourless, of index 1.5, and does not darken what is under it");
         }
     }
@@ -274,7 +288,8 @@ impl Writer<'_, '_, '_> {
     }
 }
 
-/// Roughness and anisotropy of OpenPBR, which keeps the mean square of the two widths, as those of glTF, which stretches one of them.
+/// Roughness and anisotropy of OpenPBR, which keeps the mean square of the two widths, as those of
+/// glTF, which stretches one of them.
 fn stretched(roughness: f32, anisotropy: f32) -> (f32, f32) {
     if anisotropy <= 0.0 {
         return (roughness.clamp(0.0, 1.0), 0.0);

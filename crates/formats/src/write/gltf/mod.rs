@@ -1,6 +1,7 @@
 //! Writes glTF 2.0: `.glb` in one file, `.gltf` with a buffer and pictures beside it.
 //!
-//! A node that several nodes share is written once for each of them, because glTF has trees; its meshes are shared.
+//! A node that several nodes share is written once for each of them, because glTF has trees; its
+//! meshes are shared.
 
 mod buffer;
 mod material;
@@ -20,7 +21,8 @@ use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
 /// The writer of glTF files.
-pub const WRITER: SceneWriter = SceneWriter { name: "gltf", extensions: &["glb", "gltf"], knows: |_| false, write };
+pub const WRITER: SceneWriter =
+    SceneWriter { name: "gltf", extensions: &["glb", "gltf"], knows: |_| false, write };
 
 /// The parts of a document as they grow.
 struct Document<'a, 'o> {
@@ -69,7 +71,8 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     }
     let root = document.tree();
     let mut top = vec![root];
-    let (cameras, lights) = (stage::cameras(&mut document, &mut top), stage::lights(&mut document, &mut top));
+    let (cameras, lights) =
+        (stage::cameras(&mut document, &mut top), stage::lights(&mut document, &mut top));
     let json = document.json(&top, cameras, lights, is_binary);
     let buffer = std::mem::take(&mut document.buffer.bytes);
     let text = serde_json::to_vec(&json).map_err(|error| error.to_string())?;
@@ -91,7 +94,8 @@ fn check_expansion(scene: &Scene, output: &Output) -> Result<(), String> {
     let remedy = "write a format with instances of nodes: .snell or .pbrt";
     if count > MAX_PLACED {
         return Err(format!(
-            "it is {count} nodes and surfaces, instances counted each, and the limit is {MAX_PLACED}; {remedy}"
+            "it is {count} nodes and surfaces, instances counted each, and the limit is \
+                {MAX_PLACED}; {remedy}"
         ));
     }
     let what = format!("the scene as a tree of {count} nodes and surfaces");
@@ -106,8 +110,11 @@ fn container(mut json: Vec<u8>, mut buffer: Vec<u8>) -> Result<Vec<u8>, String> 
     json.resize(json.len().next_multiple_of(4), b' ');
     buffer.resize(buffer.len().next_multiple_of(4), 0);
     let length = 12 + 8 + json.len() + if buffer.is_empty() { 0 } else { 8 + buffer.len() };
-    let word =
-        |n: usize| u32::try_from(n).map(u32::to_le_bytes).map_err(|_| "more than 4 GiB, the limit of .glb files");
+    let word = |n: usize| {
+        u32::try_from(n)
+            .map(u32::to_le_bytes)
+            .map_err(|_| "more than 4 GiB, the limit of .glb files")
+    };
     let mut bytes = b"glTF\x02\0\0\0".to_vec();
     bytes.extend(word(length)?);
     for (kind, chunk) in [(b"JSON", json), (b"BIN\0", buffer)] {
@@ -121,7 +128,13 @@ fn container(mut json: Vec<u8>, mut buffer: Vec<u8>) -> Result<Vec<u8>, String> 
 }
 
 impl Document<'_, '_> {
-    fn json(&self, top: &[usize], cameras: Vec<Value>, lights: Vec<Value>, is_binary: bool) -> Value {
+    fn json(
+        &self,
+        top: &[usize],
+        cameras: Vec<Value>,
+        lights: Vec<Value>,
+        is_binary: bool,
+    ) -> Value {
         let mut json = json!({
             "asset": { "version": "2.0", "generator": concat!("Snell ", env!("CARGO_PKG_VERSION")) },
             "scene": 0,
@@ -188,7 +201,12 @@ impl Document<'_, '_> {
     }
 
     /// The number of the mesh of some surfaces, if there is anything to show.
-    fn mesh(&mut self, surfaces: &[Surface], inherited: Option<MaterialId>, name: &str) -> Option<usize> {
+    fn mesh(
+        &mut self,
+        surfaces: &[Surface],
+        inherited: Option<MaterialId>,
+        name: &str,
+    ) -> Option<usize> {
         let mut key = Vec::new();
         let mut shown = Vec::new();
         for surface in surfaces {
@@ -221,7 +239,9 @@ impl Document<'_, '_> {
                 let material = materials.get(usize::from(slot)).copied().flatten().or(inherited);
                 let indices = self.buffer.indices(&triangles);
                 let material = self.material_number(material);
-                primitives.push(json!({ "attributes": attributes, "indices": indices, "material": material }));
+                primitives.push(
+                    json!({ "attributes": attributes, "indices": indices, "material": material }),
+                );
             }
         }
         let mut value = json!({ "primitives": primitives });
@@ -236,13 +256,19 @@ impl Document<'_, '_> {
     fn tessellated(&mut self, shape: &Arc<AnyShape>) -> Option<Arc<TriangleMesh>> {
         note_shape(shape.name(), self.output);
         // The scene keeps the shapes, so addresses stay their own.
-        self.shapes.entry(Arc::as_ptr(shape)).or_insert_with(|| tessellate(shape).map(Arc::new)).clone()
+        self.shapes
+            .entry(Arc::as_ptr(shape))
+            .or_insert_with(|| tessellate(shape).map(Arc::new))
+            .clone()
     }
 
     /// The triangles of strands, made once.
     fn tubes(&mut self, curves: &Arc<Curves>) -> Option<Arc<TriangleMesh>> {
         let output = &mut *self.output;
-        self.tubes.entry(Arc::as_ptr(curves)).or_insert_with(|| tubes_of(curves, output).map(Arc::new)).clone()
+        self.tubes
+            .entry(Arc::as_ptr(curves))
+            .or_insert_with(|| tubes_of(curves, output).map(Arc::new))
+            .clone()
     }
 
     /// The accessors of a mesh's attributes, written once.
@@ -257,18 +283,25 @@ impl Document<'_, '_> {
             }
         };
         // The format wants unit vectors.
-        let unit = |n: &snell_math::Vec3| n.try_normalize().unwrap_or(snell_math::Vec3::Z).to_array();
+        let unit =
+            |n: &snell_math::Vec3| n.try_normalize().unwrap_or(snell_math::Vec3::Z).to_array();
         add("NORMAL", mesh.normals.iter().flat_map(unit).collect(), "VEC3", 3);
         add("TANGENT", mesh.tangents.iter().flat_map(|t| t.to_array()).collect(), "VEC4", 4);
         for (set, uvs) in mesh.uvs.iter().enumerate() {
-            add(&format!("TEXCOORD_{set}"), uvs.iter().flat_map(|uv| uv.to_array()).collect(), "VEC2", 2);
+            add(
+                &format!("TEXCOORD_{set}"),
+                uvs.iter().flat_map(|uv| uv.to_array()).collect(),
+                "VEC2",
+                2,
+            );
         }
         add("COLOR_0", mesh.colors.as_flattened().to_vec(), "VEC4", 4);
         self.attributes.insert(Arc::as_ptr(mesh), value.clone());
         value
     }
 
-    /// Surfaces without a material get the one they are rendered with: glTF's own default is another.
+    /// Surfaces without a material get the one they are rendered with: glTF's own default is
+    /// another.
     fn material_number(&mut self, material: Option<MaterialId>) -> usize {
         if let Some(id) = material {
             return id.index();
@@ -303,6 +336,11 @@ fn placed(map: &DAffine3) -> Value {
     }
     let column = |v: snell_math::DVec3, w: f64| [v.x, v.y, v.z, w];
     let m = &map.matrix3;
-    let columns = [column(m.x_axis, 0.0), column(m.y_axis, 0.0), column(m.z_axis, 0.0), column(map.translation, 1.0)];
+    let columns = [
+        column(m.x_axis, 0.0),
+        column(m.y_axis, 0.0),
+        column(m.z_axis, 0.0),
+        column(map.translation, 1.0),
+    ];
     json!({ "matrix": columns.as_flattened() })
 }

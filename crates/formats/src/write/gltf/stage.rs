@@ -11,11 +11,16 @@ pub fn cameras(document: &mut Document, top: &mut Vec<usize>) -> Vec<Value> {
     let scene = document.scene;
     let mut table = Vec::new();
     for (i, camera) in scene.cameras.iter().enumerate() {
-        let who = if camera.name.is_empty() { format!("camera {i}") } else { format!("camera \"{}\"", camera.name) };
+        let who = if camera.name.is_empty() {
+            format!("camera {i}")
+        } else {
+            format!("camera \"{}\"", camera.name)
+        };
         let size = camera.resolution.or(scene.settings.size).unwrap_or([4, 3]);
         let aspect = f64::from(size[0].max(1)) / f64::from(size[1].max(1));
         let Some(mut value) = projection(document, camera, aspect, &who) else {
-            let kind = if camera.projection == Projection::Panoramic { "panoramic" } else { "fisheye" };
+            let kind =
+                if camera.projection == Projection::Panoramic { "panoramic" } else { "fisheye" };
             document.output.lose(format!("{who}: a {kind} camera is left out"));
             continue;
         };
@@ -48,12 +53,15 @@ fn projection(document: &mut Document, camera: &Camera, aspect: f64, who: &str) 
             let y = match *tan_half_fov {
                 [_, Some(y)] => y,
                 [Some(x), None] => {
-                    document.output.lose(format!("{who}: its angle of view is that of the height now"));
+                    document
+                        .output
+                        .lose(format!("{who}: its angle of view is that of the height now"));
                     x / aspect
                 }
                 [None, None] => 1.0,
             };
-            let perspective = json!({ "yfov": 2.0 * y.atan(), "aspectRatio": aspect, "znear": near });
+            let perspective =
+                json!({ "yfov": 2.0 * y.atan(), "aspectRatio": aspect, "znear": near });
             Some(json!({ "type": "perspective", "perspective": perspective }))
         }
         Projection::Intrinsics(k) => {
@@ -86,7 +94,10 @@ pub fn lights(document: &mut Document, top: &mut Vec<usize>) -> Vec<Value> {
         };
         let z = -towards;
         let x = z.any_orthonormal_vector();
-        let mut node = placed(&DAffine3 { matrix3: DMat3::from_cols(x, z.cross(x), z), translation: position });
+        let mut node = placed(&DAffine3 {
+            matrix3: DMat3::from_cols(x, z.cross(x), z),
+            translation: position,
+        });
         node["extensions"] = json!({ "KHR_lights_punctual": { "light": table.len() } });
         document.extensions.insert("KHR_lights_punctual");
         top.push(document.nodes.len());
@@ -115,7 +126,9 @@ pub fn color_and_strength(color: Rgb) -> ([f32; 3], f32) {
 fn light_value(document: &mut Document, light: &Light, i: usize) -> Option<(Value, DVec3, DVec3)> {
     let mut fades = |attenuation: &Attenuation| {
         if *attenuation != Attenuation::INVERSE_SQUARE {
-            document.output.lose(format!("light {i}: it fades by the inverse square of the distance now"));
+            document
+                .output
+                .lose(format!("light {i}: it fades by the inverse square of the distance now"));
         }
     };
     let value = |kind: &str, color: Rgb| {
@@ -148,7 +161,8 @@ fn light_value(document: &mut Document, light: &Light, i: usize) -> Option<(Valu
             };
             let outer = outer.clamp(0.0, std::f64::consts::FRAC_PI_2);
             let mut spot = value("spot", *intensity);
-            spot["spot"] = json!({ "innerConeAngle": inner.clamp(0.0, outer), "outerConeAngle": outer });
+            spot["spot"] =
+                json!({ "innerConeAngle": inner.clamp(0.0, outer), "outerConeAngle": outer });
             Some((spot, *position, direction.try_normalize()?))
         }
         // A format knows its own lights, so a new kind of light is left out until this says how.

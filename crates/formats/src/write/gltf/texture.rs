@@ -1,4 +1,5 @@
-//! Textures. Which channel of a picture means what is fixed in glTF, so pictures are packed anew where they have it elsewhere.
+//! Textures. Which channel of a picture means what is fixed in glTF, so pictures are packed anew
+//! where they have it elsewhere.
 
 use super::Document;
 use crate::write::picture::{Pictures, encoded};
@@ -33,7 +34,8 @@ pub fn single(scalar: (TextureId, u8), channel: usize) -> Channels {
 }
 
 impl Document<'_, '_> {
-    /// What a material says of a texture with these channels; `is_color` if its colours are read as sRGB. `who` is for messages.
+    /// What a material says of a texture with these channels; `is_color` if its colours are read as
+    /// sRGB. `who` is for messages.
     pub fn texture_info(&mut self, channels: Channels, is_color: bool, who: &str) -> Value {
         let pictures = Pictures::new(self.scene);
         let mut sources = channels.iter().flatten().map(|(id, _)| pictures.texture(*id));
@@ -43,7 +45,9 @@ impl Document<'_, '_> {
                 == (texture.uv_set, texture.uv_transform, texture.wrap, texture.filtering)
         };
         if !sources.all(|t| is_placed_alike(&t)) {
-            self.output.lose(format!("{who}: textures that share a picture in glTF are all placed like the first"));
+            self.output.lose(format!(
+                "{who}: textures that share a picture in glTF are all placed like the first"
+            ));
         }
         let image = self.image_number(channels, is_color, who);
         let sampler = self.sampler(&texture);
@@ -89,8 +93,10 @@ impl Document<'_, '_> {
                 33071
             }
         });
-        let [min, mag] = if texture.filtering == Filtering::Nearest { [9728; 2] } else { [9987, 9729] };
-        let sampler = json!({ "wrapS": wrap[0], "wrapT": wrap[1], "minFilter": min, "magFilter": mag });
+        let [min, mag] =
+            if texture.filtering == Filtering::Nearest { [9728; 2] } else { [9987, 9729] };
+        let sampler =
+            json!({ "wrapS": wrap[0], "wrapT": wrap[1], "minFilter": min, "magFilter": mag });
         number_of(&mut self.textures.samplers, sampler)
     }
 
@@ -100,7 +106,8 @@ impl Document<'_, '_> {
         }
         let (image, exceeds) = packed(&Pictures::new(self.scene), channels, is_color);
         if exceeds {
-            self.output.lose(format!("{who}: a picture of floating-point numbers is cut to 0 to 1"));
+            self.output
+                .lose(format!("{who}: a picture of floating-point numbers is cut to 0 to 1"));
         }
         let (bytes, _) = encoded(&image);
         let number = self.textures.images.len();
@@ -122,17 +129,26 @@ fn number_of(list: &mut Vec<Value>, entry: Value) -> usize {
     })
 }
 
-/// A picture of integers with these channels, and whether values had to be cut. A stored picture is taken as it is if it serves.
+/// A picture of integers with these channels, and whether values had to be cut. A stored picture is
+/// taken as it is if it serves.
 fn packed(pictures: &Pictures, channels: Channels, is_color: bool) -> (Image, bool) {
     let encoding = if is_color { Encoding::Srgb } else { Encoding::Linear };
     let mut ids = channels.iter().flatten().map(|c| c.0);
     let first = ids.next().unwrap_or(TextureId(u32::MAX));
     let (texture, is_one) = (pictures.texture(first), ids.all(|id| id == first));
     let image = pictures.image(&texture);
-    let in_place = channels.iter().enumerate().all(|(i, c)| c.is_none_or(|(_, channel)| usize::from(channel & 3) == i));
+    let in_place = channels
+        .iter()
+        .enumerate()
+        .all(|(i, c)| c.is_none_or(|(_, channel)| usize::from(channel & 3) == i));
     // A picture with alpha means opacity where it is a colour.
     let says_more = is_color && channels[3].is_none() && matches!(image.channels, 2 | 4);
-    if is_one && in_place && texture.encoding == encoding && !says_more && !matches!(image.pixels, Pixels::F32(_)) {
+    if is_one
+        && in_place
+        && texture.encoding == encoding
+        && !says_more
+        && !matches!(image.pixels, Pixels::F32(_))
+    {
         return ((*image).clone(), false);
     }
     let sources = channels.map(|c| c.map(|(id, channel)| (pictures.texture(id), channel & 3)));
@@ -150,7 +166,8 @@ fn packed(pictures: &Pictures, channels: Channels, is_color: bool) -> (Image, bo
                     values.push(1.0);
                     continue;
                 };
-                let at = |i: u32, of: u32, n: u32| (u64::from(i) * u64::from(of) / u64::from(n)) as u32;
+                let at =
+                    |i: u32, of: u32, n: u32| (u64::from(i) * u64::from(of) / u64::from(n)) as u32;
                 let (x, y) = (at(x, image.width, width), at(y, image.height, height));
                 let value = image.rgba_as(x, y, texture.encoding)[usize::from(*channel)];
                 exceeds |= !(-1e-6..=1.0 + 1e-6).contains(&value);

@@ -1,4 +1,5 @@
-//! Light from all directions. pbrt-v4 has its pictures on an equal-area octahedral square: latitude-longitude pictures are drawn anew.
+//! Light from all directions. pbrt-v4 has its pictures on an equal-area octahedral square:
+//! latitude-longitude pictures are drawn anew.
 
 use super::{File, rgb, transform};
 use crate::write::picture::encoded;
@@ -18,18 +19,24 @@ impl File<'_, '_> {
                 self.line(format!("LightSource \"infinite\" \"rgb L\" {}", rgb(*color)));
             }
             Some(Environment::Image { image, scale, world_from_environment }) => {
-                self.output.lose("the picture of the environment is drawn anew on a square, as pbrt has it");
+                self.output.lose(
+                    "the picture of the environment is drawn anew on a square, as pbrt has it",
+                );
                 let mut square = square_of(image);
                 if let snell_scene::Pixels::F32(values) = &mut square.pixels {
                     for pixel in values.chunks_exact_mut(3) {
-                        pixel.iter_mut().zip([scale.r, scale.g, scale.b]).for_each(|(v, s)| *v *= s);
+                        pixel
+                            .iter_mut()
+                            .zip([scale.r, scale.g, scale.b])
+                            .for_each(|(v, s)| *v *= s);
                     }
                 }
                 let name = self.output.file("environment.exr", encoded(&square).0);
                 let axes = world_from_environment.matrix3 * LIGHT_FROM_ENVIRONMENT.inverse();
                 let place = transform(&DAffine3::from_mat3(axes));
                 self.line(format!(
-                    "AttributeBegin\n  {place}\n  LightSource \"infinite\" \"string filename\" [ \"{name}\" ]\nAttributeEnd"
+                    "AttributeBegin\n  {place}\n  LightSource \"infinite\" \"string filename\" [ \
+                        \"{name}\" ]\nAttributeEnd"
                 ));
             }
         }
@@ -48,7 +55,8 @@ fn square_of(image: &Image) -> Image {
             let mut sum = [0.0f32; 3];
             for (dx, dy) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
                 let at = |i: u32, d: f64| (f64::from(i) + d) / f64::from(side);
-                let direction = LIGHT_FROM_ENVIRONMENT.inverse() * direction_of_square(at(x, dx), at(y, dy));
+                let direction =
+                    LIGHT_FROM_ENVIRONMENT.inverse() * direction_of_square(at(x, dx), at(y, dy));
                 let color = lookup(image, direction);
                 (0..3).for_each(|c| sum[c] += 0.25 * color[c]);
             }
@@ -59,20 +67,22 @@ fn square_of(image: &Image) -> Image {
     Image::from_f32(side, side, 3, values)
 }
 
-/// The unit direction of a point of the unit square, `+z` in its middle (Clarberg, Fast Equal-Area Mapping of the (Hemi)Sphere using
-/// SIMD, 2008).
+/// The unit direction of a point of the unit square, `+z` in its middle (Clarberg, Fast Equal-Area
+/// Mapping of the (Hemi)Sphere using SIMD, 2008).
 fn direction_of_square(u: f64, v: f64) -> DVec3 {
     let (u, v) = (2.0 * u - 1.0, 2.0 * v - 1.0);
     let distance = 1.0 - (u.abs() + v.abs());
     let radius = 1.0 - distance.abs();
-    let angle = if radius == 0.0 { FRAC_PI_4 } else { ((v.abs() - u.abs()) / radius + 1.0) * FRAC_PI_4 };
+    let angle =
+        if radius == 0.0 { FRAC_PI_4 } else { ((v.abs() - u.abs()) / radius + 1.0) * FRAC_PI_4 };
     let z = (1.0 - radius * radius).copysign(distance);
     let around = radius * (2.0 - radius * radius).max(0.0).sqrt();
     let (sin, cos) = angle.sin_cos();
     DVec3::new((cos * around).copysign(u), (sin * around).copysign(v), z)
 }
 
-/// Radiance of a latitude-longitude picture, bilinear: `+y` is the zenith, the middle `-z`, `+x` right of it.
+/// Radiance of a latitude-longitude picture, bilinear: `+y` is the zenith, the middle `-z`, `+x`
+/// right of it.
 fn lookup(image: &Image, d: DVec3) -> [f32; 3] {
     let (w, h) = (f64::from(image.width), f64::from(image.height));
     let x = (d.x.atan2(-d.z) / TAU + 0.5) * w - 0.5;
@@ -105,9 +115,15 @@ mod tests {
         let mut values = Vec::new();
         for y in 0..h {
             for x in 0..w {
-                let (theta, phi) =
-                    ((f64::from(y) + 0.5) / f64::from(h) * PI, ((f64::from(x) + 0.5) / f64::from(w) - 0.5) * TAU);
-                values.extend(of(DVec3::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos())));
+                let (theta, phi) = (
+                    (f64::from(y) + 0.5) / f64::from(h) * PI,
+                    ((f64::from(x) + 0.5) / f64::from(w) - 0.5) * TAU,
+                );
+                values.extend(of(DVec3::new(
+                    theta.sin() * phi.sin(),
+                    theta.cos(),
+                    -theta.sin() * phi.cos(),
+                )));
             }
         }
         let square = square_of(&Image::from_f32(w, h, 3, values));
@@ -117,9 +133,13 @@ mod tests {
                 let at = |i: u32| (f64::from(i) + 0.5) / f64::from(square.width);
                 let d = direction_of_square(at(x), at(y));
                 sum += d;
-                let (found, expected) = (square.rgba(x, y), of(LIGHT_FROM_ENVIRONMENT.inverse() * d));
+                let (found, expected) =
+                    (square.rgba(x, y), of(LIGHT_FROM_ENVIRONMENT.inverse() * d));
                 for c in 0..3 {
-                    assert!((found[c] - expected[c]).abs() < 0.03, "{d}: {found:?}, expected {expected:?}");
+                    assert!(
+                        (found[c] - expected[c]).abs() < 0.03,
+                        "{d}: {found:?}, expected {expected:?}"
+                    );
                 }
                 assert!((d.length() - 1.0).abs() < 1e-9);
             }

@@ -16,7 +16,8 @@ impl File<'_, '_> {
 
     fn check_attenuation(&mut self, i: usize, attenuation: &Attenuation) {
         if *attenuation != Attenuation::INVERSE_SQUARE {
-            self.output.lose(format!("light {i}: it fades by the inverse square of the distance now"));
+            self.output
+                .lose(format!("light {i}: it fades by the inverse square of the distance now"));
         }
     }
 
@@ -52,7 +53,8 @@ impl File<'_, '_> {
                     }
                 };
                 self.line(format!(
-                    "LightSource \"spot\" \"rgb I\" {} \"point3 from\" {} \"point3 to\" {} \"float coneangle\" [ {} ] \
+                    "LightSource \"spot\" \"rgb I\" {} \"point3 from\" {} \"point3 to\" {} \"float \
+                        coneangle\" [ {} ] \
                      \"float conedeltaangle\" [ {} ]",
                     rgb(*intensity),
                     point(*position),
@@ -61,13 +63,22 @@ impl File<'_, '_> {
                     (outer - inner).to_degrees()
                 ));
             }
-            Light::Disk(Disk { position, direction, radius, emission, attenuation }) if *radius > 0.0 => {
+            Light::Disk(Disk { position, direction, radius, emission, attenuation })
+                if *radius > 0.0 =>
+            {
                 self.check_attenuation(i, attenuation);
                 let x = direction.any_orthonormal_vector();
-                let place =
-                    DAffine3 { matrix3: DMat3::from_cols(x, direction.cross(x), *direction), translation: *position };
+                let place = DAffine3 {
+                    matrix3: DMat3::from_cols(x, direction.cross(x), *direction),
+                    translation: *position,
+                };
                 let radiance = *emission * (2.0 / (PI * radius * radius)) as f32;
-                self.panel(i, &place, radiance, &format!("Shape \"disk\" \"float radius\" [ {radius} ]"));
+                self.panel(
+                    i,
+                    &place,
+                    radiance,
+                    &format!("Shape \"disk\" \"float radius\" [ {radius} ]"),
+                );
             }
             Light::Rectangle(Rectangle { center, axes, lengths, emission, attenuation })
                 if lengths[0] * lengths[1] > 0.0 =>
@@ -85,12 +96,14 @@ impl File<'_, '_> {
                     .map(|p| format!("{} {} {}", p.x, p.y, p.z))
                     .collect();
                 let shape = format!(
-                    "Shape \"trianglemesh\" \"point3 P\" [ {} ] \"integer indices\" [ 0 1 2 0 2 3 ]",
+                    "Shape \"trianglemesh\" \"point3 P\" [ {} ] \"integer indices\" [ 0 1 2 0 2 3 \
+                        ]",
                     corners.join("  ")
                 );
                 self.panel(i, &place, radiance, &shape);
             }
-            // A format knows its own lights, so a new kind of light is left out until this says how.
+            // A format knows its own lights, so a new kind of light is left out until this says
+            // how.
             _ => self.output.lose(format!("light {i}: a {} light is left out", light.name())),
         }
     }
@@ -100,7 +113,8 @@ impl File<'_, '_> {
         self.output.lose(format!("light {i}: its surface is seen now"));
         let place = transform(place);
         self.line(format!(
-            "AttributeBegin\n  {place}\n  Material \"diffuse\" \"rgb reflectance\" [ 0 0 0 ]\n  AreaLightSource \"diffuse\" \"rgb L\" {}\n  {shape}\nAttributeEnd",
+            "AttributeBegin\n  {place}\n  Material \"diffuse\" \"rgb reflectance\" [ 0 0 0 ]\n  \
+                AreaLightSource \"diffuse\" \"rgb L\" {}\n  {shape}\nAttributeEnd",
             rgb(radiance)
         ));
     }

@@ -1,4 +1,5 @@
-//! Materials, with the emission, opacity and media that pbrt says of shapes instead, and media themselves.
+//! Materials, with the emission, opacity and media that pbrt says of shapes instead, and media
+//! themselves.
 
 use super::{File, quoted, rgb};
 use crate::write::material::{lose_shape, open_pbr, shown_name, without_spectrum};
@@ -6,7 +7,8 @@ use crate::write::picture::Baked;
 use snell_math::spectrum::Metal;
 use snell_math::{ColorMode, Rgb};
 use snell_scene::material::{
-    AlphaMode, ColorParam, ConductorSpectrum, Hair, HeightUnit, MaterialKind, MetallicRoughness, OpenPbr, ScalarParam,
+    AlphaMode, ColorParam, ConductorSpectrum, Hair, HeightUnit, MaterialKind, MetallicRoughness,
+    OpenPbr, ScalarParam,
 };
 use snell_scene::{Encoding, Material, MaterialId};
 
@@ -52,7 +54,11 @@ impl File<'_, '_> {
 
     fn make_material(&mut self, number: usize, material: &Material) -> Made {
         let who = shown_name(number, material);
-        let name = quoted(&format!("{}{}{number}", material.name, if material.name.is_empty() { "" } else { " " }));
+        let name = quoted(&format!(
+            "{}{}{number}",
+            material.name,
+            if material.name.is_empty() { "" } else { " " }
+        ));
         let mut made = Made::default();
         let body = self.body(material, &who);
         let normal_map = self.normal_map(material, &who);
@@ -71,28 +77,44 @@ impl File<'_, '_> {
     fn bump_map(&mut self, material: &Material, who: &str) -> String {
         let Some(map) = material.bump_map else { return String::new() };
         if map.unit != HeightUnit::Scene {
-            self.output.lose(format!("{who}: heights relative to the picture of its bumps are left out"));
+            self.output
+                .lose(format!("{who}: heights relative to the picture of its bumps are left out"));
             return String::new();
         }
         // Of pictures in colours the middle channel is nearest to the luminance.
         let channel = map.channel.unwrap_or(1);
         // The height apart from the picture, which may have few levels.
-        let heights = self.texture(map.texture, "float", Baked::Scaled { channel, factor: 1.0 }, who);
-        let scale = format!("\"float\" \"scale\" \"texture tex\" [ \"{heights}\" ] \"float scale\" [ {} ]", map.height);
+        let heights =
+            self.texture(map.texture, "float", Baked::Scaled { channel, factor: 1.0 }, who);
+        let scale = format!(
+            "\"float\" \"scale\" \"texture tex\" [ \"{heights}\" ] \"float scale\" [ {} ]",
+            map.height
+        );
         format!(" \"texture displacement\" [ \"{}\" ]", self.define(scale, None))
     }
 
     fn normal_map(&mut self, material: &Material, who: &str) -> String {
         let Some(map) = material.normal_map else { return String::new() };
         let texture = self.pictures.texture(map.texture);
-        if map.scale != 1.0 || texture.uv_transform != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] || texture.uv_set != 0 {
-            self.output.lose(format!("{who}: the scale and the placement of the normal map are left out"));
+        if map.scale != 1.0
+            || texture.uv_transform != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+            || texture.uv_set != 0
+        {
+            self.output
+                .lose(format!("{who}: the scale and the placement of the normal map are left out"));
         }
         let file = self.pictures.color(self.output, map.texture, Encoding::Linear);
         format!(" \"string normalmap\" [ {} ]", quoted(&file))
     }
 
-    fn add_media(&mut self, made: &mut Made, number: usize, material: &Material, body: &Body, who: &str) {
+    fn add_media(
+        &mut self,
+        made: &mut Made,
+        number: usize,
+        material: &Material,
+        body: &Body,
+        who: &str,
+    ) {
         let outside = self.scene.medium.map_or(String::new(), |id| format!("medium-{}", id.0));
         let inside = match material.interior {
             Some(interior) => {
@@ -107,7 +129,8 @@ impl File<'_, '_> {
             None if !body.absorption.is_black() => {
                 let name = format!("inside-{number}");
                 self.line(format!(
-                    "MakeNamedMedium \"{name}\" \"string type\" [ \"homogeneous\" ] \"rgb sigma_a\" {} \"rgb sigma_s\" [ 0 0 0 ]",
+                    "MakeNamedMedium \"{name}\" \"string type\" [ \"homogeneous\" ] \"rgb \
+                        sigma_a\" {} \"rgb sigma_s\" [ 0 0 0 ]",
                     rgb(body.absorption)
                 ));
                 Some(name)
@@ -136,7 +159,8 @@ impl File<'_, '_> {
         let both = if material.emits_on_both_sides { " \"bool twosided\" [ true ]" } else { "" };
         made.attributes.push(format!("AreaLightSource \"diffuse\" {light}{both}"));
         if !material.illuminates || material.emission_takes_vertex_color {
-            self.output.lose(format!("{who}: its emission lights other things, and has one colour"));
+            self.output
+                .lose(format!("{who}: its emission lights other things, and has one colour"));
         }
     }
 
@@ -149,7 +173,10 @@ impl File<'_, '_> {
         made.shape_parameters += &match material.alpha.texture {
             None => {
                 let alpha = material.alpha.factor;
-                format!(" \"float alpha\" [ {} ]", cutoff.map_or(alpha, |c| f32::from(u8::from(alpha >= c))))
+                format!(
+                    " \"float alpha\" [ {} ]",
+                    cutoff.map_or(alpha, |c| f32::from(u8::from(alpha >= c)))
+                )
             }
             Some((id, channel)) => {
                 let baked = match cutoff {
@@ -167,7 +194,9 @@ impl File<'_, '_> {
         lose_shape(&material.kind, who, self.output);
         let (tint, anisotropy) = match &material.kind {
             MaterialKind::Conductor(metal) => (metal.tint, metal.anisotropy.factor),
-            MaterialKind::CoatedConductor(coated) => (coated.conductor.tint, coated.conductor.anisotropy.factor),
+            MaterialKind::CoatedConductor(coated) => {
+                (coated.conductor.tint, coated.conductor.anisotropy.factor)
+            }
             MaterialKind::Plastic(plastic) => (plastic.specular, 0.0),
             _ => return,
         };
@@ -183,7 +212,9 @@ impl File<'_, '_> {
         let kind = |name: &str| format!("\"string type\" [ \"{name}\" ]");
         self.lose_details(material, who);
         match &material.kind {
-            MaterialKind::Black(_) => Body::new(format!("{} \"rgb reflectance\" [ 0 0 0 ]", kind("diffuse"))),
+            MaterialKind::Black(_) => {
+                Body::new(format!("{} \"rgb reflectance\" [ 0 0 0 ]", kind("diffuse")))
+            }
             MaterialKind::Diffuse(diffuse) => {
                 Body::new(kind("diffuse") + &self.color("reflectance", diffuse.reflectance, who))
             }
@@ -193,7 +224,9 @@ impl File<'_, '_> {
                     + &self.roughness("", coated.roughness, who)
                     + &format!(" \"float eta\" [ {} ]", coated.ior),
             ),
-            MaterialKind::Plastic(plastic) => self.coated(plastic.diffuse, plastic.ior, plastic.roughness, who),
+            MaterialKind::Plastic(plastic) => {
+                self.coated(plastic.diffuse, plastic.ior, plastic.roughness, who)
+            }
             MaterialKind::Conductor(conductor) => Body::new(
                 kind("conductor")
                     + &self.metal("", &conductor.spectrum, who)
@@ -237,20 +270,24 @@ impl File<'_, '_> {
         }
     }
 
-    /// The parameters of hair. In pbrt it has pigments, a colour or an absorption, but not two of them.
+    /// The parameters of hair. In pbrt it has pigments, a colour or an absorption, but not two of
+    /// them.
     fn hair(&mut self, hair: &Hair, who: &str) -> String {
         let plain = Hair::default();
         let is_dyed = hair.color != plain.color;
-        let is_pigmented = hair.eumelanin != plain.eumelanin || hair.pheomelanin != plain.pheomelanin;
+        let is_pigmented =
+            hair.eumelanin != plain.eumelanin || hair.pheomelanin != plain.pheomelanin;
         let mut text = match (is_dyed, is_pigmented, hair.sigma_a != plain.sigma_a) {
             (true, false, false) => self.color("reflectance", hair.color, who),
             (false, true, false) => {
-                self.scalar("eumelanin", hair.eumelanin, who) + &self.scalar("pheomelanin", hair.pheomelanin, who)
+                self.scalar("eumelanin", hair.eumelanin, who)
+                    + &self.scalar("pheomelanin", hair.pheomelanin, who)
             }
             (false, false, _) => self.color("sigma_a", hair.sigma_a, who),
             _ => {
-                self.output
-                    .lose(format!("{who}: pigments, dye and absorption became one absorption, without textures"));
+                self.output.lose(format!(
+                    "{who}: pigments, dye and absorption became one absorption, without textures"
+                ));
                 format!(" \"rgb sigma_a\" {}", rgb(hair.plain_absorption()))
             }
         };
@@ -265,7 +302,12 @@ impl File<'_, '_> {
         match scalar.texture {
             None => format!(" \"float {name}\" [ {} ]", scalar.factor),
             Some((id, channel)) => {
-                let texture = self.texture(id, "float", Baked::Scaled { channel, factor: scalar.factor }, who);
+                let texture = self.texture(
+                    id,
+                    "float",
+                    Baked::Scaled { channel, factor: scalar.factor },
+                    who,
+                );
                 format!(" \"texture {name}\" [ \"{texture}\" ]")
             }
         }
@@ -276,9 +318,13 @@ impl File<'_, '_> {
         let kind = |name: &str| format!("\"string type\" [ \"{name}\" ]");
         let mut base = without_spectrum(surface.base_color, false);
         base.factor = base.factor * surface.base_weight.factor;
-        let has_maps = surface.base_metalness.texture.is_some() || surface.transmission_weight.texture.is_some();
+        let has_maps = surface.base_metalness.texture.is_some()
+            || surface.transmission_weight.texture.is_some();
         let is_pure = |x: f32| x <= 0.0 || x >= 1.0;
-        if has_maps || !is_pure(surface.base_metalness.factor) || !is_pure(surface.transmission_weight.factor) {
+        if has_maps
+            || !is_pure(surface.base_metalness.factor)
+            || !is_pure(surface.transmission_weight.factor)
+        {
             self.output.lose(format!("{who}: a mixture became its largest part"));
         }
         if [&surface.fuzz_weight, &surface.thin_film_weight, &surface.specular_roughness_anisotropy]
@@ -287,7 +333,8 @@ impl File<'_, '_> {
         {
             self.output.lose(format!("{who}: fuzz, thin films and anisotropy are left out"));
         }
-        let (metal, clear) = (surface.base_metalness.factor >= 0.5, surface.transmission_weight.factor >= 0.5);
+        let (metal, clear) =
+            (surface.base_metalness.factor >= 0.5, surface.transmission_weight.factor >= 0.5);
         let has_coat = surface.coat_weight.factor >= 0.5;
         if has_coat && !metal {
             self.output.lose(format!("{who}: the coat is left out"));
@@ -303,7 +350,9 @@ impl File<'_, '_> {
         }
         if metal {
             let roughness = self.roughness("", surface.specular_roughness, who);
-            return Body::new(kind("conductor") + &self.color("reflectance", base, who) + &roughness);
+            return Body::new(
+                kind("conductor") + &self.color("reflectance", base, who) + &roughness,
+            );
         }
         if clear {
             return self.clear(surface, who);
@@ -321,7 +370,10 @@ impl File<'_, '_> {
         let eta = format!(" \"float eta\" [ {} ]", surface.specular_ior.factor);
         let depth = surface.transmission_depth.factor;
         let (color, tint) = (surface.transmission_color.factor, surface.transmission_tint.factor);
-        if tint != Rgb::WHITE || (depth <= 0.0 && color != Rgb::WHITE) || surface.transmission_tint.texture.is_some() {
+        if tint != Rgb::WHITE
+            || (depth <= 0.0 && color != Rgb::WHITE)
+            || surface.transmission_tint.texture.is_some()
+        {
             self.output.lose(format!("{who}: the tint of what goes through is left out"));
         }
         if surface.geometry_thin_walled {
@@ -344,7 +396,10 @@ impl File<'_, '_> {
         let color = match seen.texture {
             None => {
                 let Rgb { r, g, b } = without_spectrum(seen, false).factor;
-                format!(" \"rgb reflectance\" {}", rgb(Rgb::new(r, g, b).map(|c| Baked::under_coat(c, ior))))
+                format!(
+                    " \"rgb reflectance\" {}",
+                    rgb(Rgb::new(r, g, b).map(|c| Baked::under_coat(c, ior)))
+                )
             }
             Some(id) => {
                 let name = self.texture(id, "spectrum", body, who);
@@ -352,7 +407,9 @@ impl File<'_, '_> {
             }
         };
         let roughness = self.roughness("", roughness, who);
-        Body::new(format!("\"string type\" [ \"coateddiffuse\" ]{color}{roughness} \"float eta\" [ {ior} ]"))
+        Body::new(format!(
+            "\"string type\" [ \"coateddiffuse\" ]{color}{roughness} \"float eta\" [ {ior} ]"
+        ))
     }
 
     fn metal(&mut self, prefix: &str, spectrum: &ConductorSpectrum, who: &str) -> String {
@@ -368,7 +425,8 @@ impl File<'_, '_> {
     fn named_metal(&mut self, prefix: &str, metal: Metal, who: &str) -> String {
         let symbol = metal.symbol();
         if METALS.contains(&symbol) {
-            let table = |part: &str| format!(" \"spectrum {prefix}{part}\" [ \"metal-{symbol}-{part}\" ]");
+            let table =
+                |part: &str| format!(" \"spectrum {prefix}{part}\" [ \"metal-{symbol}-{part}\" ]");
             return table("eta") + &table("k");
         }
         self.output.lose(format!("{who}: the table of the metal became three numbers"));
@@ -391,14 +449,25 @@ impl File<'_, '_> {
     /// Roughness as the width of the distribution.
     fn roughness(&mut self, prefix: &str, roughness: ScalarParam, who: &str) -> String {
         let width = match roughness.texture {
-            None => format!("\"float {prefix}roughness\" [ {} ]", roughness.factor * roughness.factor),
-            Some((id, _)) if let Some((name, is_remapped)) = self.width(id, roughness.factor, prefix, who) => {
+            None => {
+                format!("\"float {prefix}roughness\" [ {} ]", roughness.factor * roughness.factor)
+            }
+            Some((id, _))
+                if let Some((name, is_remapped)) =
+                    self.width(id, roughness.factor, prefix, who) =>
+            {
                 return format!(
-                    " \"texture {prefix}roughness\" [ \"{name}\" ] \"bool remaproughness\" [ {is_remapped} ]"
+                    " \"texture {prefix}roughness\" [ \"{name}\" ] \"bool remaproughness\" [ \
+                        {is_remapped} ]"
                 );
             }
             Some((id, channel)) => {
-                let name = self.texture(id, "float", Baked::Squared { channel, factor: roughness.factor }, who);
+                let name = self.texture(
+                    id,
+                    "float",
+                    Baked::Squared { channel, factor: roughness.factor },
+                    who,
+                );
                 format!("\"texture {prefix}roughness\" [ \"{name}\" ]")
             }
         };
@@ -409,6 +478,10 @@ impl File<'_, '_> {
 
 /// True for a thin sheet of clear glass and nothing else.
 fn is_thin_glass(kind: &MetallicRoughness) -> bool {
-    let plain = MetallicRoughness { ior: kind.ior, transmission: 1.0.into(), ..MetallicRoughness::default() };
+    let plain = MetallicRoughness {
+        ior: kind.ior,
+        transmission: 1.0.into(),
+        ..MetallicRoughness::default()
+    };
     *kind == plain && kind.ior > 0.0
 }

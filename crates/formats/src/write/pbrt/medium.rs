@@ -11,7 +11,11 @@ const THIN: f32 = 1e-3;
 /// The directives that define a medium, if pbrt has it.
 pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<String> {
     let coefficients = |sigma_a: Rgb, sigma_s: Rgb, g: f32| {
-        format!("\"rgb sigma_a\" {} \"rgb sigma_s\" {} \"float g\" [ {g} ]", rgb(sigma_a), rgb(sigma_s))
+        format!(
+            "\"rgb sigma_a\" {} \"rgb sigma_s\" {} \"float g\" [ {g} ]",
+            rgb(sigma_a),
+            rgb(sigma_s)
+        )
     };
     // pbrt emits where it absorbs.
     let mut emission = |emission: Rgb, sigma_a: Rgb| {
@@ -25,8 +29,11 @@ pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<Str
         match emission.is_black() {
             true => String::new(),
             false => {
-                let le =
-                    Rgb::new(share(emission.r, sigma_a.r), share(emission.g, sigma_a.g), share(emission.b, sigma_a.b));
+                let le = Rgb::new(
+                    share(emission.r, sigma_a.r),
+                    share(emission.g, sigma_a.g),
+                    share(emission.b, sigma_a.b),
+                );
                 format!(" \"rgb Le\" {}", rgb(le))
             }
         }
@@ -38,7 +45,9 @@ pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<Str
             emission(m.emission, m.sigma_a)
         )),
         Medium::Grid(grid)
-            if [&grid.sigma_a_tint, &grid.sigma_s_tint, &grid.emission_tint].iter().any(|t| t.is_some()) =>
+            if [&grid.sigma_a_tint, &grid.sigma_s_tint, &grid.emission_tint]
+                .iter()
+                .any(|t| t.is_some()) =>
         {
             if grid.temperature.is_some() {
                 output.lose(format!("medium {number}: its temperature is left out"));
@@ -54,7 +63,8 @@ pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<Str
             let (densities, is_changed) = densities(grid);
             if is_changed {
                 output.lose(format!(
-                    "medium {number}: where it emits without being there, it absorbs a thousandth of its densest place, as pbrt \
+                    "medium {number}: where it emits without being there, it absorbs a thousandth \
+                        of its densest place, as pbrt \
                      emits where it absorbs"
                 ));
             }
@@ -64,8 +74,10 @@ pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<Str
                 format!(" \"float Lescale\" [ {} ]", joined(&values))
             });
             Some(format!(
-                "AttributeBegin\n  {}\n  MakeNamedMedium \"medium-{number}\" \"string type\" [ \"uniformgrid\" ] {}{light} \
-                 \"integer nx\" [ {nx} ] \"integer ny\" [ {ny} ] \"integer nz\" [ {nz} ] \"float density\" [ {} ]{}\nAttributeEnd\n",
+                "AttributeBegin\n  {}\n  MakeNamedMedium \"medium-{number}\" \"string type\" [ \
+                    \"uniformgrid\" ] {}{light} \
+                 \"integer nx\" [ {nx} ] \"integer ny\" [ {ny} ] \"integer nz\" [ {nz} ] \"float \
+                 density\" [ {} ]{}\nAttributeEnd\n",
                 transform(&grid.world_from_grid),
                 coefficients(grid.sigma_a, grid.sigma_s, grid.g),
                 joined(&densities),
@@ -75,7 +87,9 @@ pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<Str
         Medium::HeightFog(_) | Medium::Cloud(_) => {
             output.lose(format!("medium {number}: {} became clear air", medium.name()));
             let clear = coefficients(Rgb::BLACK, Rgb::BLACK, 0.0);
-            Some(format!("MakeNamedMedium \"medium-{number}\" \"string type\" [ \"homogeneous\" ] {clear}\n"))
+            Some(format!(
+                "MakeNamedMedium \"medium-{number}\" \"string type\" [ \"homogeneous\" ] {clear}\n"
+            ))
         }
     }
 }
@@ -90,7 +104,8 @@ fn colors(output: &mut Output, number: usize, grid: &Grid) -> String {
     for i in 0..size.iter().product::<usize>() {
         let (x, y, z) = (i % size[0], i / size[0] % size[1], i / size[0] / size[1]);
         let middle = DVec3::new(middle(x, size[0]), middle(y, size[1]), middle(z, size[2]));
-        let at = plain.properties(grid.world_from_grid.transform_point3(middle).as_vec3(), ColorMode::Rgb);
+        let at = plain
+            .properties(grid.world_from_grid.transform_point3(middle).as_vec3(), ColorMode::Rgb);
         absorbed.extend_from_slice(&at.sigma_a.0[..3]);
         scattered.extend_from_slice(&at.sigma_s.0[..3]);
         // pbrt emits where it absorbs.
@@ -102,11 +117,17 @@ fn colors(output: &mut Output, number: usize, grid: &Grid) -> String {
     if is_lost {
         output.lose(format!("medium {number}: emission where nothing is absorbed is left out"));
     }
-    let light = if grid.emission.is_black() { String::new() } else { format!(" \"rgb Le\" [ {} ]", joined(&emitted)) };
+    let light = if grid.emission.is_black() {
+        String::new()
+    } else {
+        format!(" \"rgb Le\" [ {} ]", joined(&emitted))
+    };
     let [nx, ny, nz] = size;
     format!(
-        "AttributeBegin\n  {}\n  MakeNamedMedium \"medium-{number}\" \"string type\" [ \"rgbgrid\" ] \"float g\" [ {} ] \
-         \"integer nx\" [ {nx} ] \"integer ny\" [ {ny} ] \"integer nz\" [ {nz} ] \"rgb sigma_a\" [ {} ] \"rgb sigma_s\" [ {} ]{light}\n\
+        "AttributeBegin\n  {}\n  MakeNamedMedium \"medium-{number}\" \"string type\" [ \"rgbgrid\" \
+            ] \"float g\" [ {} ] \
+         \"integer nx\" [ {nx} ] \"integer ny\" [ {ny} ] \"integer nz\" [ {nz} ] \"rgb sigma_a\" [ \
+         {} ] \"rgb sigma_s\" [ {} ]{light}\n\
          AttributeEnd\n",
         transform(&grid.world_from_grid),
         grid.g,
@@ -124,7 +145,9 @@ fn densities(grid: &Grid) -> (Vec<f32>, bool) {
     let highest = densities.iter().copied().fold(0.0, f32::max);
     let least = if highest > 0.0 { highest * THIN } else { THIN };
     let mut is_changed = false;
-    for (density, _) in densities.iter_mut().zip(scale.values()).filter(|(d, s)| **d < least && **s > 0.0) {
+    for (density, _) in
+        densities.iter_mut().zip(scale.values()).filter(|(d, s)| **d < least && **s > 0.0)
+    {
         (*density, is_changed) = (least, true);
     }
     (densities, is_changed)

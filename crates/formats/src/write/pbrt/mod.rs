@@ -1,7 +1,7 @@
 //! Writes pbrt-v4 scenes: text, with meshes as PLY and pictures beside it.
 //!
-//! pbrt's coordinates are left-handed. The camera's transform begins with a mirror, so that the numbers of the world are ours and the
-//! picture is not mirrored.
+//! pbrt's coordinates are left-handed. The camera's transform begins with a mirror, so that the
+//! numbers of the world are ours and the picture is not mirrored.
 
 mod environment;
 mod light;
@@ -23,16 +23,19 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 /// The writer of pbrt files.
-pub const WRITER: SceneWriter = SceneWriter { name: "pbrt", extensions: &["pbrt"], knows: texture::is_known, write };
+pub const WRITER: SceneWriter =
+    SceneWriter { name: "pbrt", extensions: &["pbrt"], knows: texture::is_known, write };
 
 /// Text of a surface at its place, in a buffer that grows.
 const BYTES_OF_SURFACE: u64 = 800;
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let surfaces = placed(scene)?;
-    let (what, count) = (format!("the scene as {} surfaces", surfaces.len()), surfaces.len() as u64);
+    let (what, count) =
+        (format!("the scene as {} surfaces", surfaces.len()), surfaces.len() as u64);
     let admitted = output.available.admit(&what, count * BYTES_OF_SURFACE);
-    admitted.map_err(|problem| format!("{problem}; write a format with instances of nodes: .snell"))?;
+    admitted
+        .map_err(|problem| format!("{problem}; write a format with instances of nodes: .snell"))?;
     if !scene.ambient.is_black() {
         output.lose("the ambient light of local illumination is left out");
     }
@@ -72,7 +75,8 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     Ok(())
 }
 
-/// The address of what a surface is made of, if that is much: what several surfaces have is written once.
+/// The address of what a surface is made of, if that is much: what several surfaces have is written
+/// once.
 fn shared(surface: &Placed) -> Option<*const ()> {
     match &surface.surface.geometry {
         Geometry::Mesh(mesh) => Some(Arc::as_ptr(mesh).cast()),
@@ -117,13 +121,17 @@ fn point(p: DVec3) -> String {
 fn transform(map: &DAffine3) -> String {
     let m = &map.matrix3;
     let columns = [(m.x_axis, 0), (m.y_axis, 0), (m.z_axis, 0), (map.translation, 1)];
-    let numbers: Vec<_> = columns.iter().map(|(v, w)| format!("{} {} {} {w}", v.x, v.y, v.z)).collect();
+    let numbers: Vec<_> =
+        columns.iter().map(|(v, w)| format!("{} {} {} {w}", v.x, v.y, v.z)).collect();
     format!("Transform [ {} ]", numbers.join("  "))
 }
 
 /// A string in quotes; what would end it is left out.
 fn quoted(text: &str) -> String {
-    let text: String = text.chars().map(|c| if c == '"' || c == '\\' || c.is_control() { '_' } else { c }).collect();
+    let text: String = text
+        .chars()
+        .map(|c| if c == '"' || c == '\\' || c.is_control() { '_' } else { c })
+        .collect();
     format!("\"{text}\"")
 }
 
@@ -170,7 +178,8 @@ impl File<'_, '_> {
         let name = match self.objects.get(&key) {
             Some(name) => name.clone(),
             None => {
-                let made: Vec<_> = slots.iter().map(|&(slot, id)| (slot, self.material(id))).collect();
+                let made: Vec<_> =
+                    slots.iter().map(|&(slot, id)| (slot, self.material(id))).collect();
                 let name = format!("object-{}", self.objects.len());
                 let parts = self.parts(surface, &made).unwrap_or_default();
                 _ = write!(self.text, "ObjectBegin \"{name}\"\n{parts}ObjectEnd\n");

@@ -12,7 +12,8 @@ use snell_scene::placed::Placed;
 use std::fmt::Write;
 use std::sync::Arc;
 
-/// Our round shapes stand around y and count longitude from z towards x; those of pbrt around z, from x towards y. Map to ours.
+/// Our round shapes stand around y and count longitude from z towards x; those of pbrt around z,
+/// from x towards y. Map to ours.
 fn turned() -> DAffine3 {
     DAffine3::from_mat3(DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X).transpose())
 }
@@ -25,7 +26,11 @@ impl File<'_, '_> {
             Geometry::Mesh(mesh) => {
                 for (slot, material) in made {
                     if let Some(name) = self.mesh_file(mesh, *slot, made.len() == 1) {
-                        self.part(&mut text, material, &format!("\"plymesh\" \"string filename\" [ \"{name}\" ]"));
+                        self.part(
+                            &mut text,
+                            material,
+                            &format!("\"plymesh\" \"string filename\" [ \"{name}\" ]"),
+                        );
                     }
                 }
             }
@@ -53,25 +58,36 @@ impl File<'_, '_> {
         match &**shape {
             AnyShape::Sphere(sphere) => {
                 _ = writeln!(text, "  Concat{}", transform(&turned()));
-                self.part(text, made, &format!("\"sphere\" \"float radius\" [ {} ]", sphere.radius));
+                self.part(
+                    text,
+                    made,
+                    &format!("\"sphere\" \"float radius\" [ {} ]", sphere.radius),
+                );
             }
             AnyShape::Disk(disk) => {
                 let inner = match disk.inner_radius {
                     0.0 => String::new(),
                     r => format!(" \"float innerradius\" [ {r} ]"),
                 };
-                self.part(text, made, &format!("\"disk\" \"float radius\" [ {} ]{inner}", disk.radius));
+                self.part(
+                    text,
+                    made,
+                    &format!("\"disk\" \"float radius\" [ {} ]{inner}", disk.radius),
+                );
             }
             AnyShape::Cylinder(cylinder) => {
                 _ = writeln!(text, "  Concat{}", transform(&turned()));
                 let (radius, top) = (cylinder.radius, cylinder.height * 0.5);
                 let side = format!(
-                    "\"cylinder\" \"float radius\" [ {radius} ] \"float zmin\" [ {} ] \"float zmax\" [ {top} ]",
+                    "\"cylinder\" \"float radius\" [ {radius} ] \"float zmin\" [ {} ] \"float \
+                        zmax\" [ {top} ]",
                     -top
                 );
                 self.part(text, made, &side);
                 if cylinder.caps {
-                    let cap = format!("\"disk\" \"float radius\" [ {radius} ] \"float height\" [ {top} ]");
+                    let cap = format!(
+                        "\"disk\" \"float radius\" [ {radius} ] \"float height\" [ {top} ]"
+                    );
                     self.part(text, made, &cap);
                     // The other end faces the other way.
                     _ = writeln!(text, "  Scale 1 -1 -1");
@@ -81,15 +97,23 @@ impl File<'_, '_> {
             _ => {
                 note_shape(shape.name(), self.output);
                 let made_of = self.shapes.entry(Arc::as_ptr(shape));
-                let Some(mesh) = made_of.or_insert_with(|| tessellate(shape).map(Arc::new)).clone() else { return };
+                let Some(mesh) = made_of.or_insert_with(|| tessellate(shape).map(Arc::new)).clone()
+                else {
+                    return;
+                };
                 if let Some(name) = self.mesh_file(&mesh, 0, true) {
-                    self.part(text, made, &format!("\"plymesh\" \"string filename\" [ \"{name}\" ]"));
+                    self.part(
+                        text,
+                        made,
+                        &format!("\"plymesh\" \"string filename\" [ \"{name}\" ]"),
+                    );
                 }
             }
         }
     }
 
-    /// Strands, a curve for each segment: in pbrt the width of a curve grows evenly from one end to the other.
+    /// Strands, a curve for each segment: in pbrt the width of a curve grows evenly from one end to
+    /// the other.
     fn curves(&mut self, text: &mut String, curves: &Curves, made: &Made) {
         for line in &made.attributes {
             _ = writeln!(text, "  {line}");
@@ -100,11 +124,13 @@ impl File<'_, '_> {
             let off = (b - (a + (d - a) / 3.0)).abs().max((c - (d + (a - d) / 3.0)).abs());
             uneven += u64::from(off > 1e-3 * a.max(d));
             let numbers: Vec<_> = controls.iter().map(|p| p.truncate().as_vec3()).collect();
-            let numbers: Vec<_> = numbers.iter().map(|p| format!("{} {} {}", p.x, p.y, p.z)).collect();
+            let numbers: Vec<_> =
+                numbers.iter().map(|p| format!("{} {} {}", p.x, p.y, p.z)).collect();
             let [width0, width1] = [a, d].map(|r| (2.0 * r) as f32);
             _ = writeln!(
                 text,
-                "  Shape \"curve\" \"string type\" \"cylinder\" \"point3 P\" [ {} ] \"float width0\" [ {width0} ] \
+                "  Shape \"curve\" \"string type\" \"cylinder\" \"point3 P\" [ {} ] \"float \
+                    width0\" [ {width0} ] \
                  \"float width1\" [ {width1} ]{}",
                 numbers.join("  "),
                 made.shape_parameters
@@ -112,10 +138,13 @@ impl File<'_, '_> {
         }
         let is_long = curves.strands().len() < curves.segment_count();
         if is_long {
-            self.output.lose("strands are written segment by segment: texture coordinates run along each");
+            self.output
+                .lose("strands are written segment by segment: texture coordinates run along each");
         }
         if uneven > 0 {
-            self.output.lose("radii of curves that do not change evenly along a segment became ones that do");
+            self.output.lose(
+                "radii of curves that do not change evenly along a segment became ones that do",
+            );
         }
     }
 
@@ -146,7 +175,8 @@ impl File<'_, '_> {
 fn part_of(mesh: &TriangleMesh, slot: u16) -> TriangleMesh {
     let mut number = vec![u32::MAX; mesh.positions.len()];
     let mut part = TriangleMesh::default();
-    for (triangle, _) in mesh.indices.iter().zip(&mesh.material_slots).filter(|(_, s)| **s == slot) {
+    for (triangle, _) in mesh.indices.iter().zip(&mesh.material_slots).filter(|(_, s)| **s == slot)
+    {
         part.indices.push(triangle.map(|i| {
             let i = i as usize;
             if number[i] == u32::MAX {

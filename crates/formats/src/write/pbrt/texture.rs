@@ -8,7 +8,8 @@ use snell_scene::texture::mapping::{IDENTITY, Rows};
 use snell_scene::texture::{Filtering, Mapping, Pattern, Wrap, errors, pattern};
 use snell_scene::{Encoding, Texture, TextureId};
 
-/// The roots that pbrt takes of a roughness: of a width, and of what becomes one by its own remapping.
+/// The roots that pbrt takes of a roughness: of a width, and of what becomes one by its own
+/// remapping.
 const ROOTS: [f32; 2] = [0.5, 0.25];
 
 /// True for patterns that pbrt has too. It takes roots of a roughness only.
@@ -37,8 +38,12 @@ impl Kind {
 impl File<'_, '_> {
     /// The name of a texture, defined the first time: colours (`spectrum`) or numbers (`float`).
     pub fn texture(&mut self, id: TextureId, kind: &str, baked: Baked, who: &str) -> String {
-        let is_sound = |id: TextureId| errors(&self.scene.textures, self.scene.images.len())[id.index()].is_none();
-        let Some(Texture::Pattern(_)) = self.scene.textures.get(id.index()).filter(|_| is_sound(id)) else {
+        let is_sound = |id: TextureId| {
+            errors(&self.scene.textures, self.scene.images.len())[id.index()].is_none()
+        };
+        let Some(Texture::Pattern(_)) =
+            self.scene.textures.get(id.index()).filter(|_| is_sound(id))
+        else {
             return self.picture(id, kind, baked, &Mapping::default(), who);
         };
         let kind = if kind == "float" { Kind::Number } else { Kind::Color };
@@ -51,22 +56,33 @@ impl File<'_, '_> {
             Baked::Scaled { factor, .. } => Rgb::splat(factor),
             Baked::Squared { factor, .. } => {
                 self.output.lose(format!(
-                    "{who}: a pattern as roughness is the square root of the width here, and the width in pbrt"
+                    "{who}: a pattern as roughness is the square root of the width here, and the \
+                        width in pbrt"
                 ));
                 Rgb::splat(factor)
             }
             Baked::Mask { .. } => {
-                self.output.lose(format!("{who}: a pattern as a mask is written without its threshold"));
+                self.output
+                    .lose(format!("{who}: a pattern as a mask is written without its threshold"));
                 Rgb::WHITE
             }
         };
         self.pattern(id, kind, factor, who)
     }
 
-    /// The texture of a width whose root, times a factor, is a pattern of roughness, and whether pbrt is to remap it.
-    pub fn width(&mut self, id: TextureId, factor: f32, prefix: &str, who: &str) -> Option<(String, bool)> {
+    /// The texture of a width whose root, times a factor, is a pattern of roughness, and whether
+    /// pbrt is to remap it.
+    pub fn width(
+        &mut self,
+        id: TextureId,
+        factor: f32,
+        prefix: &str,
+        who: &str,
+    ) -> Option<(String, bool)> {
         let scene = self.scene;
-        let Some(Texture::Pattern(Pattern::Power(power))) = scene.textures.get(id.index()) else { return None };
+        let Some(Texture::Pattern(Pattern::Power(power))) = scene.textures.get(id.index()) else {
+            return None;
+        };
         let (base, is_remapped) = (power.base.texture?, power.exponent == ROOTS[1]);
         // Materials with several layers have one remapping for all.
         if !ROOTS.contains(&power.exponent) || !prefix.is_empty() {
@@ -89,29 +105,49 @@ impl File<'_, '_> {
             }
             Pattern::SolidCheckerboard(p) => {
                 let parts = self.inputs(kind, factor, who, [("tex1", &p.even), ("tex2", &p.odd)]);
-                self.class(kind, "checkerboard", &format!("{parts} \"integer dimension\" [ 3 ]"), None, who)
+                self.class(
+                    kind,
+                    "checkerboard",
+                    &format!("{parts} \"integer dimension\" [ 3 ]"),
+                    None,
+                    who,
+                )
             }
             Pattern::Dots(p) => {
-                let parts = self.inputs(kind, factor, who, [("inside", &p.inside), ("outside", &p.outside)]);
+                let parts = self.inputs(
+                    kind,
+                    factor,
+                    who,
+                    [("inside", &p.inside), ("outside", &p.outside)],
+                );
                 self.class(kind, "dots", &parts, Some(&p.mapping), who)
             }
             Pattern::Bilerp(p) => {
                 let corners = [("v00", &p.v00), ("v01", &p.v01), ("v10", &p.v10), ("v11", &p.v11)];
                 if corners.iter().any(|(_, corner)| corner.texture.is_some()) {
-                    self.output
-                        .lose(format!("{who}: corners of a pattern that have textures are written without them"));
+                    self.output.lose(format!(
+                        "{who}: corners of a pattern that have textures are written without them"
+                    ));
                 }
-                let bare = corners.map(|(name, corner)| (name, ColorParam { texture: None, ..*corner }));
-                let parts = self.inputs(kind, factor, who, bare.each_ref().map(|(name, corner)| (*name, corner)));
+                let bare =
+                    corners.map(|(name, corner)| (name, ColorParam { texture: None, ..*corner }));
+                let parts = self.inputs(
+                    kind,
+                    factor,
+                    who,
+                    bare.each_ref().map(|(name, corner)| (*name, corner)),
+                );
                 self.class(kind, "bilerp", &parts, Some(&p.mapping), who)
             }
             Pattern::Mix(p) => {
-                let parts = self.inputs(kind, factor, who, [("tex1", &p.first), ("tex2", &p.second)]);
+                let parts =
+                    self.inputs(kind, factor, who, [("tex1", &p.first), ("tex2", &p.second)]);
                 let amount = self.input("amount", Kind::Number, Rgb::WHITE, &p.amount, who);
                 self.class(kind, "mix", &format!("{parts}{amount}"), None, who)
             }
             Pattern::DirectionMix(p) => {
-                let parts = self.inputs(kind, factor, who, [("tex1", &p.first), ("tex2", &p.second)]);
+                let parts =
+                    self.inputs(kind, factor, who, [("tex1", &p.first), ("tex2", &p.second)]);
                 let axis = format!(" \"vector dir\" [ {} {} {} ]", p.axis.x, p.axis.y, p.axis.z);
                 self.class(kind, "directionmix", &format!("{parts}{axis}"), None, who)
             }
@@ -123,23 +159,32 @@ impl File<'_, '_> {
             Pattern::Projected(p) => {
                 let (factor, child) = (factor * p.texture.factor, p.texture.texture);
                 return match child.map(|child| (child, scene.textures.get(child.index()))) {
-                    Some((child, Some(Texture::Image(_)))) => self.scaled_picture(child, kind, factor, &p.mapping, who),
+                    Some((child, Some(Texture::Image(_)))) => {
+                        self.scaled_picture(child, kind, factor, &p.mapping, who)
+                    }
                     _ => {
-                        self.output.lose(format!("{who}: the mapping of a pattern of a pattern is left out"));
-                        child.map_or_else(String::new, |child| self.pattern(child, kind, factor, who))
+                        self.output.lose(format!(
+                            "{who}: the mapping of a pattern of a pattern is left out"
+                        ));
+                        child.map_or_else(String::new, |child| {
+                            self.pattern(child, kind, factor, who)
+                        })
                     }
                 };
             }
             Pattern::Fbm(pattern::Fbm { octaves, roughness, .. })
             | Pattern::Wrinkled(pattern::Wrinkled { octaves, roughness, .. }) => {
-                let numbers = format!(" \"integer octaves\" [ {octaves} ] \"float roughness\" [ {roughness} ]");
+                let numbers = format!(
+                    " \"integer octaves\" [ {octaves} ] \"float roughness\" [ {roughness} ]"
+                );
                 return self.noise(kind, factor, pattern, &numbers);
             }
             Pattern::Windy(_) => return self.noise(kind, factor, pattern, ""),
             Pattern::Marble(p) => {
                 let pattern::Marble { octaves, roughness, scale, variation, .. } = p;
                 let numbers = format!(
-                    " \"integer octaves\" [ {octaves} ] \"float roughness\" [ {roughness} ] \"float scale\" [ {scale} ] \"float variation\" [ {variation} ]"
+                    " \"integer octaves\" [ {octaves} ] \"float roughness\" [ {roughness} ] \
+                        \"float scale\" [ {scale} ] \"float variation\" [ {variation} ]"
                 );
                 let text = format!("\"spectrum\" \"marble\"{numbers}");
                 let name = self.define(text, Some(&p.texture_from_world));
@@ -150,7 +195,8 @@ impl File<'_, '_> {
                     return name;
                 }
                 if factor.r != factor.g || factor.g != factor.b {
-                    self.output.lose(format!("{who}: the tint of marble is written as its brightness"));
+                    self.output
+                        .lose(format!("{who}: the tint of marble is written as its brightness"));
                 }
                 format!(
                     "\"spectrum\" \"scale\" \"texture tex\" [ \"{name}\" ] \"float scale\" [ {} ]",
@@ -158,7 +204,9 @@ impl File<'_, '_> {
                 )
             }
             Pattern::Power(p) => {
-                self.output.lose(format!("{who}: a root of a pattern is left out where it is no roughness"));
+                self.output.lose(format!(
+                    "{who}: a root of a pattern is left out where it is no roughness"
+                ));
                 let part = self.input("tex", kind, factor, &p.base, who);
                 self.class(kind, "scale", &part, None, who)
             }
@@ -187,14 +235,18 @@ impl File<'_, '_> {
         match kind {
             Kind::Number if factor == Rgb::WHITE => name,
             Kind::Number => self.define(
-                format!("\"float\" \"scale\" \"texture tex\" [ \"{name}\" ] \"float scale\" [ {} ]", factor.r),
+                format!(
+                    "\"float\" \"scale\" \"texture tex\" [ \"{name}\" ] \"float scale\" [ {} ]",
+                    factor.r
+                ),
                 None,
             ),
             // Noise is a number in pbrt: it becomes a colour as the amount of one.
             Kind::Color => {
                 let black = rgb(Rgb::BLACK);
                 let text = format!(
-                    "\"spectrum\" \"mix\" \"rgb tex1\" {black} \"rgb tex2\" {} \"texture amount\" [ \"{name}\" ]",
+                    "\"spectrum\" \"mix\" \"rgb tex1\" {black} \"rgb tex2\" {} \"texture amount\" \
+                        [ \"{name}\" ]",
                     rgb(factor)
                 );
                 self.define(text, None)
@@ -203,7 +255,14 @@ impl File<'_, '_> {
     }
 
     /// The class of a pattern and its parameters.
-    fn class(&mut self, kind: Kind, class: &str, parts: &str, mapping: Option<&Mapping>, who: &str) -> String {
+    fn class(
+        &mut self,
+        kind: Kind,
+        class: &str,
+        parts: &str,
+        mapping: Option<&Mapping>,
+        who: &str,
+    ) -> String {
         let mapping = mapping.map_or_else(String::new, |mapping| self.mapping(mapping, who));
         format!("\"{}\" \"{class}\"{parts}{mapping}", kind.name())
     }
@@ -219,20 +278,37 @@ impl File<'_, '_> {
     }
 
     /// A parameter of a pattern: a constant, or the name of a texture.
-    fn input(&mut self, name: &str, kind: Kind, factor: Rgb, part: &ColorParam, who: &str) -> String {
-        let own = part.spectrum.map_or(part.factor, |spectrum| part.factor * spectrum.reflectance_rgb());
+    fn input(
+        &mut self,
+        name: &str,
+        kind: Kind,
+        factor: Rgb,
+        part: &ColorParam,
+        who: &str,
+    ) -> String {
+        let own =
+            part.spectrum.map_or(part.factor, |spectrum| part.factor * spectrum.reflectance_rgb());
         let factor = factor * own;
         if kind == Kind::Number && (factor.r != factor.g || factor.g != factor.b) {
             self.output.lose(format!("{who}: a colour where pbrt has a number counts by its red"));
         }
         match (part.texture, kind) {
-            (Some(id), _) => format!(" \"texture {name}\" [ \"{}\" ]", self.pattern(id, kind, factor, who)),
+            (Some(id), _) => {
+                format!(" \"texture {name}\" [ \"{}\" ]", self.pattern(id, kind, factor, who))
+            }
             (None, Kind::Color) => format!(" \"rgb {name}\" {}", rgb(factor)),
             (None, Kind::Number) => format!(" \"float {name}\" [ {} ]", factor.r),
         }
     }
 
-    fn scaled_picture(&mut self, id: TextureId, kind: Kind, factor: Rgb, mapping: &Mapping, who: &str) -> String {
+    fn scaled_picture(
+        &mut self,
+        id: TextureId,
+        kind: Kind,
+        factor: Rgb,
+        mapping: &Mapping,
+        who: &str,
+    ) -> String {
         let baked = match kind {
             Kind::Color => Baked::Tinted(factor),
             Kind::Number => Baked::Scaled { channel: 0, factor: factor.r },
@@ -241,7 +317,14 @@ impl File<'_, '_> {
     }
 
     /// The name of a texture that is a picture, which stands beside the file.
-    fn picture(&mut self, id: TextureId, kind: &str, baked: Baked, mapping: &Mapping, who: &str) -> String {
+    fn picture(
+        &mut self,
+        id: TextureId,
+        kind: &str,
+        baked: Baked,
+        mapping: &Mapping,
+        who: &str,
+    ) -> String {
         let texture = self.pictures.texture(id);
         let file = self.pictures.baked(self.output, id, baked);
         let encoding = self.pictures.encoding_of_baked(id, baked);
@@ -250,7 +333,9 @@ impl File<'_, '_> {
             [Wrap::Clamp, Wrap::Clamp] => " \"string wrap\" [ \"clamp\" ]",
             [Wrap::Black, Wrap::Black] => " \"string wrap\" [ \"black\" ]",
             _ => {
-                self.output.lose(format!("{who}: a texture that is mirrored, or differs by direction, repeats"));
+                self.output.lose(format!(
+                    "{who}: a texture that is mirrored, or differs by direction, repeats"
+                ));
                 ""
             }
         };
@@ -259,7 +344,11 @@ impl File<'_, '_> {
             (false, Encoding::Srgb) => " \"string encoding\" [ \"sRGB\" ]",
             (false, Encoding::Linear) => " \"string encoding\" [ \"linear\" ]",
         };
-        let filter = if texture.filtering == Filtering::Nearest { " \"string filter\" [ \"point\" ]" } else { "" };
+        let filter = if texture.filtering == Filtering::Nearest {
+            " \"string filter\" [ \"point\" ]"
+        } else {
+            ""
+        };
         // The picture's rows are counted downwards, and pbrt's second coordinate upwards.
         let own = match (mapping, texture.uv_transform) {
             (Mapping::Uv { .. }, [s, [a, b, c]]) => {
@@ -267,7 +356,8 @@ impl File<'_, '_> {
             }
             (space, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]) => space.clone(),
             (space, _) => {
-                self.output.lose(format!("{who}: the placement of a projected picture is left out"));
+                self.output
+                    .lose(format!("{who}: the placement of a projected picture is left out"));
                 space.clone()
             }
         };
@@ -285,18 +375,24 @@ impl File<'_, '_> {
             Mapping::Uv { uv_set, uv_transform: [[a, b, c], [d, e, f]] } => {
                 if *b != 0.0 || *d != 0.0 || *uv_set != 0 {
                     self.output.lose(format!(
-                        "{who}: a turned texture, or one on the second coordinates, is placed otherwise"
+                        "{who}: a turned texture, or one on the second coordinates, is placed \
+                            otherwise"
                     ));
                 }
-                let numbers =
-                    [("uscale", *a, 1.0), ("vscale", -*e, 1.0), ("udelta", *c, 0.0), ("vdelta", *e + *f, 0.0)];
+                let numbers = [
+                    ("uscale", *a, 1.0),
+                    ("vscale", -*e, 1.0),
+                    ("udelta", *c, 0.0),
+                    ("vdelta", *e + *f, 0.0),
+                ];
                 let said = numbers.iter().filter(|(_, value, default)| value != default);
                 said.map(|(name, value, _)| format!(" \"float {name}\" [ {value} ]")).collect()
             }
             Mapping::Spherical { .. } => " \"string mapping\" [ \"spherical\" ]".into(),
             Mapping::Cylindrical { .. } => " \"string mapping\" [ \"cylindrical\" ]".into(),
             Mapping::Planar { st_from_world: [[a, b, c, d], [e, f, g, h]] } => format!(
-                " \"string mapping\" [ \"planar\" ] \"vector v1\" [ {a} {b} {c} ] \"vector v2\" [ {e} {f} {g} ] \"float udelta\" [ {d} ] \"float vdelta\" [ {h} ]"
+                " \"string mapping\" [ \"planar\" ] \"vector v1\" [ {a} {b} {c} ] \"vector v2\" [ \
+                    {e} {f} {g} ] \"float udelta\" [ {d} ] \"float vdelta\" [ {h} ]"
             ),
         }
     }
@@ -319,7 +415,9 @@ impl File<'_, '_> {
                 match Transform::new(map) {
                     Some(map) => {
                         let transform = super::transform(map.inverse_matrix());
-                        self.line(format!("AttributeBegin\n{transform}\n{statement}\nAttributeEnd"));
+                        self.line(format!(
+                            "AttributeBegin\n{transform}\n{statement}\nAttributeEnd"
+                        ));
                     }
                     None => {
                         self.output.lose("the flat space of a pattern is left out");
@@ -333,7 +431,8 @@ impl File<'_, '_> {
     }
 }
 
-/// The space that a mapping is in; that of the world for one that says the world's coordinates itself.
+/// The space that a mapping is in; that of the world for one that says the world's coordinates
+/// itself.
 fn space(mapping: &Mapping) -> Option<&Rows> {
     match mapping {
         Mapping::Uv { .. } => None,

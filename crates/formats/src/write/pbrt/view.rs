@@ -18,15 +18,21 @@ impl File<'_, '_> {
         }
         match camera {
             Some(camera) => self.camera(camera, size),
-            None => self.output.lose("the scene has no camera, and pbrt's own stands at the origin"),
+            None => {
+                self.output.lose("the scene has no camera, and pbrt's own stands at the origin")
+            }
         }
         if scene.cameras.len() > 1 {
             self.output.lose("all cameras but the first are left out");
         }
-        let iso = scene.settings.exposure.map(|stops| format!(" \"float iso\" [ {} ]", 100.0 * stops.exp2()));
+        let iso = scene
+            .settings
+            .exposure
+            .map(|stops| format!(" \"float iso\" [ {} ]", 100.0 * stops.exp2()));
         let picture = quoted(&format!("{}.exr", self.output.stem));
         self.line(format!(
-            "Film \"rgb\" \"integer xresolution\" [ {} ] \"integer yresolution\" [ {} ] \"string filename\" [ {picture} ]{}",
+            "Film \"rgb\" \"integer xresolution\" [ {} ] \"integer yresolution\" [ {} ] \"string \
+                filename\" [ {picture} ]{}",
             size[0],
             size[1],
             iso.unwrap_or_default()
@@ -35,7 +41,10 @@ impl File<'_, '_> {
         let sampler = scene.settings.sampler.as_deref().filter(is_known).unwrap_or("zsobol");
         if let Some(spp) = scene.settings.spp {
             if sampler == "stratified" {
-                self.line(format!("Sampler \"stratified\" \"integer xsamples\" [ {spp} ] \"integer ysamples\" [ 1 ]"));
+                self.line(format!(
+                    "Sampler \"stratified\" \"integer xsamples\" [ {spp} ] \"integer \
+                    ysamples\" [ 1 ]"
+                ));
             } else {
                 self.line(format!("Sampler \"{sampler}\" \"integer pixelsamples\" [ {spp} ]"));
             }
@@ -61,8 +70,9 @@ impl File<'_, '_> {
 
     fn camera(&mut self, camera: &Camera, size: [u32; 2]) {
         let [w, h] = size.map(|n| f64::from(n.max(1)));
-        let window =
-            |x: [f64; 2], y: [f64; 2]| format!("\"float screenwindow\" [ {} {} {} {} ]", x[0], x[1], y[0], y[1]);
+        let window = |x: [f64; 2], y: [f64; 2]| {
+            format!("\"float screenwindow\" [ {} {} {} {} ]", x[0], x[1], y[0], y[1])
+        };
         let both = |half: [Option<f64>; 2]| match half {
             [Some(x), Some(y)] => [x, y],
             [Some(x), None] => [x, x * h / w],
@@ -74,7 +84,10 @@ impl File<'_, '_> {
                 let [x, y] = both(*tan_half_fov);
                 let is_plain = (x * h / (y * w) - 1.0).abs() < 1e-9;
                 let least = x.min(y);
-                let fov = format!("\"perspective\" \"float fov\" [ {} ]", 2.0 * least.atan().to_degrees());
+                let fov = format!(
+                    "\"perspective\" \"float fov\" [ {} ]",
+                    2.0 * least.atan().to_degrees()
+                );
                 let (x, y) = (x / least, y / least);
                 if is_plain { fov } else { format!("{fov} {}", window([-x, x], [-y, y])) }
             }
@@ -91,7 +104,9 @@ impl File<'_, '_> {
                 let [x, y] = both(*half_size);
                 format!("\"orthographic\" {}", window([-x, x], [-y, y]))
             }
-            Projection::Panoramic => "\"spherical\" \"string mapping\" [ \"equirectangular\" ]".into(),
+            Projection::Panoramic => {
+                "\"spherical\" \"string mapping\" [ \"equirectangular\" ]".into()
+            }
             Projection::Fisheye { .. } => {
                 self.output.lose("a fisheye camera became a perspective one of 90 degrees");
                 "\"perspective\" \"float fov\" [ 90 ]".into()
@@ -101,17 +116,26 @@ impl File<'_, '_> {
             // The middle of the picture is -x in pbrt, and what is right of it -z.
             let axes = DMat3::from_cols(-camera.towards, camera.up, -camera.right());
             let world_from_camera = DAffine3 { matrix3: axes, translation: camera.eye };
-            let inverse = Transform::new(world_from_camera).map_or(world_from_camera, |t| *t.inverse_matrix());
+            let inverse = Transform::new(world_from_camera)
+                .map_or(world_from_camera, |t| *t.inverse_matrix());
             self.line(transform(&inverse));
         } else {
             self.line("Scale -1 1 1");
             let bare = |p: DVec3| point(p).trim_matches(['[', ']', ' ']).to_string();
             let target = camera.eye + camera.towards * camera.focus_distance.clamp(1e-6, 1e6);
-            self.line(format!("LookAt {}  {}  {}", bare(camera.eye), bare(target), bare(camera.up)));
+            self.line(format!(
+                "LookAt {}  {}  {}",
+                bare(camera.eye),
+                bare(target),
+                bare(camera.up)
+            ));
         }
         let lens = match camera.aperture_radius {
             r if r > 0.0 => {
-                format!(" \"float lensradius\" [ {r} ] \"float focaldistance\" [ {} ]", camera.focus_distance)
+                format!(
+                    " \"float lensradius\" [ {r} ] \"float focaldistance\" [ {} ]",
+                    camera.focus_distance
+                )
             }
             _ => String::new(),
         };

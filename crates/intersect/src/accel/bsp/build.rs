@@ -1,7 +1,8 @@
 //! From primitives to a BSP tree.
 //!
-//! The polygon of a triangle is the part of its plane within its box (grown by the margin of [`crate::accel::primitives`]), because
-//! that is where hits on it can be. Shapes, instances and small triangles whose box says as much take part with their box.
+//! The polygon of a triangle is the part of its plane within its box (grown by the margin of
+//! [`crate::accel::primitives`]), because that is where hits on it can be. Shapes, instances and
+//! small triangles whose box says as much take part with their box.
 
 use super::polygon::{parts_of_box, plane_in_box};
 use super::{ChildRef, Node};
@@ -12,7 +13,8 @@ use snell_math::{Bounds3d, DVec3};
 /// Sets up to this size are not divided.
 const LEAF: usize = 2;
 
-/// Larger sets are divided even if the sample promises nothing: it is easily wrong, and what comes below may pay.
+/// Larger sets are divided even if the sample promises nothing: it is easily wrong, and what comes
+/// below may pay.
 const MANY: usize = 8;
 
 /// Cost of testing a primitive, in steps from node to node.
@@ -169,7 +171,10 @@ impl Builder<'_> {
     /// The box of an item around the centre, with the margin.
     fn item_box(&self, item: &Item) -> Bounds3d {
         let margin = DVec3::splat(self.primitives.margin);
-        Bounds3d { min: item.min.as_dvec3() - self.center - margin, max: item.max.as_dvec3() - self.center + margin }
+        Bounds3d {
+            min: item.min.as_dvec3() - self.center - margin,
+            max: item.max.as_dvec3() - self.center + margin,
+        }
     }
 
     /// The plane of a triangle and a point on it.
@@ -179,10 +184,21 @@ impl Builder<'_> {
         Some((Plane { normal, offset: normal.dot(a) }, a))
     }
 
-    fn subtree(&self, set: Set, cell: &Bounds3d, depth: u32, allowance: usize, part: &mut Part) -> ChildRef {
+    fn subtree(
+        &self,
+        set: Set,
+        cell: &Bounds3d,
+        depth: u32,
+        allowance: usize,
+        part: &mut Part,
+    ) -> ChildRef {
         part.depth = part.depth.max(depth + 1);
         let n = set.fragments.len();
-        let divided = if n > LEAF && depth < self.max_depth { self.divide(&set, cell, allowance) } else { None };
+        let divided = if n > LEAF && depth < self.max_depth {
+            self.divide(&set, cell, allowance)
+        } else {
+            None
+        };
         let Some(Divided { plane, on, sides: [back, front] }) = divided else {
             let range = part.refer(set.fragments.iter().map(|f| f.id));
             part.leaves.push(range);
@@ -191,7 +207,8 @@ impl Builder<'_> {
         drop(set);
         let total = (back.fragments.len() + front.fragments.len()).max(1);
         let rest = allowance.saturating_sub(on.len());
-        let share = |set: &Set| (rest as u128 * set.fragments.len() as u128 / total as u128) as usize;
+        let share =
+            |set: &Set| (rest as u128 * set.fragments.len() as u128 / total as u128) as usize;
         let (share_back, share_front) = (share(&back), share(&front));
         let node = part.nodes.len();
         let on = part.refer(on.into_iter());
@@ -204,7 +221,10 @@ impl Builder<'_> {
                 let root = self.subtree(set, cell, depth + 1, share, &mut part);
                 (part, root)
             };
-            let (a, b) = rayon::join(|| tree(back, &cells[0], share_back), || tree(front, &cells[1], share_front));
+            let (a, b) = rayon::join(
+                || tree(back, &cells[0], share_back),
+                || tree(front, &cells[1], share_front),
+            );
             [part.append(a.0, a.1), part.append(b.0, b.1)]
         } else {
             [
@@ -216,10 +236,12 @@ impl Builder<'_> {
         ChildRef(node as u32)
     }
 
-    /// Divides a set by the best plane; `None` if a leaf is better, or the parts would be more than allowed.
+    /// Divides a set by the best plane; `None` if a leaf is better, or the parts would be more than
+    /// allowed.
     fn divide(&self, set: &Set, cell: &Bounds3d, allowance: usize) -> Option<Divided> {
         let plane = self.best_plane(set, cell)?;
-        let mut divided = Divided { plane, on: Vec::new(), sides: [Set::default(), Set::default()] };
+        let mut divided =
+            Divided { plane, on: Vec::new(), sides: [Set::default(), Set::default()] };
         for f in &set.fragments {
             let [back, front] = &mut divided.sides;
             match self.side(set, f, &plane) {
@@ -246,7 +268,8 @@ impl Builder<'_> {
         }
     }
 
-    /// The plane of least expected cost on a sample; `None` if none is expected to be better than a leaf.
+    /// The plane of least expected cost on a sample; `None` if none is expected to be better than a
+    /// leaf.
     fn best_plane(&self, set: &Set, cell: &Bounds3d) -> Option<Plane> {
         let n = set.fragments.len();
         let step = |wanted: usize| n.div_ceil(wanted.min(n));

@@ -1,10 +1,12 @@
-//! Binary space partition: planes that polygons lie on divide space, polygons are cut where a plane crosses them, and each node
-//! keeps the polygons on its plane (Fuchs, Kedem and Naylor, On visible surface generation by a priori tree structures, 1980).
+//! Binary space partition: planes that polygons lie on divide space, polygons are cut where a plane
+//! crosses them, and each node keeps the polygons on its plane (Fuchs, Kedem and Naylor, On visible
+//! surface generation by a priori tree structures, 1980).
 //!
-//! Auto-partitions, by the planes of polygons alone, can be bad: a convex mesh becomes a list. So the sides of the polygons' boxes
-//! serve as planes too where they divide better (Ize, Wald and Parker, Ray tracing with the BSP tree, 2008), and a set that no
-//! plane divides well stays together in a leaf. What is hit is always the whole triangle, by the exact test; the cut polygons only
-//! tell where to look.
+//! Auto-partitions, by the planes of polygons alone, can be bad: a convex mesh becomes a list. So
+//! the sides of the polygons' boxes serve as planes too where they divide better (Ize, Wald and
+//! Parker, Ray tracing with the BSP tree, 2008), and a set that no plane divides well stays
+//! together in a leaf. What is hit is always the whole triangle, by the exact test; the cut
+//! polygons only tell where to look.
 
 mod build;
 mod polygon;
@@ -78,10 +80,17 @@ impl BspTree {
         &self.references[first as usize..end as usize]
     }
 
-    /// The lecture's `ComputeBSPIntersection`, with a stack, and with its test of `t` put right: the near side is always visited up to
-    /// the plane (where the ray does not reach the plane, the near side is all there is); the polygons on the plane, and the far side,
-    /// if the plane is met within the interval.
-    fn search(&self, ray: &BoxRay, visitor: &mut dyn Visitor, stack: &mut Vec<Later>, work: &mut Work) -> bool {
+    /// The lecture's `ComputeBSPIntersection`, with a stack, and with its test of `t` put right:
+    /// the near side is always visited up to the plane (where the ray does not reach the plane, the
+    /// near side is all there is); the polygons on the plane, and the far side, if the plane is met
+    /// within the interval.
+    fn search(
+        &self,
+        ray: &BoxRay,
+        visitor: &mut dyn Visitor,
+        stack: &mut Vec<Later>,
+        work: &mut Work,
+    ) -> bool {
         let (start, end) = ray.span_of(&self.bounds);
         if start <= end {
             stack.push(Later::node(self.root.0, start, end));
@@ -107,21 +116,31 @@ impl BspTree {
                 continue;
             }
             let node = &self.nodes[at.index()];
-            let (low, high, goes_to_front) = ray_here.plane_crossing(&node.plane.normal, node.plane.offset);
+            let (low, high, goes_to_front) =
+                ray_here.plane_crossing(&node.plane.normal, node.plane.offset);
             work.node(visitor, || {
-                // As large as the stretch of the ray that is divided, where it is met, or nearest to that.
+                // As large as the stretch of the ray that is divided, where it is met, or nearest
+                // to that.
                 let middle = low * 0.5 + high * 0.5;
                 let at = if middle.is_finite() { middle.clamp(start, end) } else { start };
-                Place::plane(ray.at(at), node.plane.normal, ray.at(end).distance(ray.at(start)) * 0.5)
+                Place::plane(
+                    ray.at(at),
+                    node.plane.normal,
+                    ray.at(end).distance(ray.at(start)) * 0.5,
+                )
             });
             let side = usize::from(goes_to_front);
             let (ends_near, starts_far) = (end.min(high), start.max(low));
-            let near = (start <= ends_near).then(|| Later::node(node.children[1 - side].0, start, ends_near));
-            let far = (starts_far <= end).then(|| Later::node(node.children[side].0, starts_far, end));
+            let near = (start <= ends_near)
+                .then(|| Later::node(node.children[1 - side].0, start, ends_near));
+            let far =
+                (starts_far <= end).then(|| Later::node(node.children[side].0, starts_far, end));
             let has_polygons = node.on[0] < node.on[1] && starts_far <= ends_near;
-            let on = has_polygons.then_some(Later { level: ON_PLANE, ..Later::node(at.0, starts_far, ends_near) });
+            let on = has_polygons
+                .then_some(Later { level: ON_PLANE, ..Later::node(at.0, starts_far, ends_near) });
             // The last is the first to be visited.
-            let ordered = if self.front_to_back || goes_to_front { [far, on, near] } else { [near, on, far] };
+            let ordered =
+                if self.front_to_back || goes_to_front { [far, on, near] } else { [near, on, far] };
             stack.extend(ordered.into_iter().flatten());
         }
         false
@@ -168,7 +187,11 @@ mod tests {
         for i in 0..16 {
             let first = mesh.positions.len() as u32;
             let x = i as f32;
-            mesh.positions.extend([Vec3::new(x, -1.0, -1.0), Vec3::new(x, 3.0, -1.0), Vec3::new(x, -1.0, 3.0)]);
+            mesh.positions.extend([
+                Vec3::new(x, -1.0, -1.0),
+                Vec3::new(x, 3.0, -1.0),
+                Vec3::new(x, -1.0, 3.0),
+            ]);
             mesh.indices.push([first, first + 1, first + 2]);
         }
         let mut builder = WorldBuilder::default();
@@ -189,11 +212,19 @@ mod tests {
         for i in 0..15 {
             let x = i as f32 + 0.5;
             assert_eq!((hit(up(x, 0.0, 100.0)).t, hit(up(x, 0.0, 100.0)).primitive), (0.5, i + 1));
-            assert_eq!(hit(up(x, 0.0, 0.6)).primitive, i + 1, "most planes lie beyond the interval");
+            assert_eq!(
+                hit(up(x, 0.0, 0.6)).primitive,
+                i + 1,
+                "most planes lie beyond the interval"
+            );
             assert_eq!(hit(up(x, 0.0, 0.4)), Hit::MISS);
             let down = Ray::new(Vec3::new(x, 0.0, 0.0), -Vec3::X);
             assert_eq!((hit(down).t, hit(down).primitive), (0.5, i));
-            assert_eq!(hit(up(-10.0, 10.0 + x - 0.1, 10.0 + x + 0.9)).primitive, i + 1, "most lie before or beyond");
+            assert_eq!(
+                hit(up(-10.0, 10.0 + x - 0.1, 10.0 + x + 0.9)).primitive,
+                i + 1,
+                "most lie before or beyond"
+            );
             // Parallel to all the planes, between them and in one of them.
             assert_eq!(hit(Ray::new(Vec3::new(x, 0.0, 0.0), Vec3::Y)), Hit::MISS);
             assert_eq!(hit(Ray::new(Vec3::new(x - 0.5, -5.0, 0.0), Vec3::Y)), Hit::MISS);

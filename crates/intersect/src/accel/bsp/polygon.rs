@@ -7,7 +7,12 @@ use snell_math::{Bounds3d, DVec3};
 pub(super) fn plane_in_box(plane: &Plane, point: DVec3, b: &Bounds3d, out: &mut Vertices) {
     let (x, y) = plane.normal.any_orthonormal_pair();
     let r = b.size().length() * 2.0;
-    let mut polygon = vec![point - x * r - y * r, point + x * r - y * r, point + x * r + y * r, point - x * r + y * r];
+    let mut polygon = vec![
+        point - x * r - y * r,
+        point + x * r - y * r,
+        point + x * r + y * r,
+        point - x * r + y * r,
+    ];
     for axis in DVec3::AXES {
         for (side, sign) in [(b.min, 1.0), (b.max, -1.0)] {
             let mut part = Vec::with_capacity(8);
@@ -37,18 +42,20 @@ pub(super) fn parts_of_box(plane: &Plane, b: &Bounds3d) -> [BoxPart; 2] {
     [-1.0, 1.0].map(|sign| part_of_box(plane, b, sign))
 }
 
-/// One of them, from the parts of the six faces. The area of the cut is the size of the sum of the directed areas of all others.
+/// One of them, from the parts of the six faces. The area of the cut is the size of the sum of the
+/// directed areas of all others.
 fn part_of_box(plane: &Plane, b: &Bounds3d, sign: f64) -> BoxPart {
     let (mut area, mut directed, mut bounds) = (0.0, DVec3::ZERO, Bounds3d::EMPTY);
     let mut part = Vec::with_capacity(8);
     for axis in 0..3 {
         let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
         for (side, outwards) in [(b.min, -1.0), (b.max, 1.0)] {
-            let face = [(b.min, b.min), (b.max, b.min), (b.max, b.max), (b.min, b.max)].map(|(u, v)| {
-                let mut p = side;
-                (p[j], p[k]) = (u[j], v[k]);
-                p
-            });
+            let face =
+                [(b.min, b.min), (b.max, b.min), (b.max, b.max), (b.min, b.max)].map(|(u, v)| {
+                    let mut p = side;
+                    (p[j], p[k]) = (u[j], v[k]);
+                    p
+                });
             part.clear();
             plane.cut(&face, sign, &mut part);
             let size = area_of(&part);
@@ -57,7 +64,10 @@ fn part_of_box(plane: &Plane, b: &Bounds3d, sign: f64) -> BoxPart {
             bounds = part.iter().fold(bounds, |b, &p| b.with_point(p));
         }
     }
-    BoxPart { half_area: (area + directed.length()) * 0.5, bounds: if bounds.is_empty() { *b } else { bounds } }
+    BoxPart {
+        half_area: (area + directed.length()) * 0.5,
+        bounds: if bounds.is_empty() { *b } else { bounds },
+    }
 }
 
 /// The area of a convex polygon.
@@ -90,7 +100,8 @@ mod tests {
         let square = [DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y];
         for i in 0..100 {
             let turn = f64::from(i);
-            let plane = Plane { normal: DVec3::new(turn.cos(), turn.sin(), 0.1).normalize(), offset: 0.3 };
+            let plane =
+                Plane { normal: DVec3::new(turn.cos(), turn.sin(), 0.1).normalize(), offset: 0.3 };
             let (mut front, mut back) = (Vec::new(), Vec::new());
             plane.cut(&square, 1.0, &mut front);
             plane.cut(&square, -1.0, &mut back);
@@ -115,7 +126,11 @@ mod tests {
     fn sides_of_boxes_are_those_of_their_corners() {
         let b = Bounds3d { min: DVec3::new(-1.0, 0.0, 2.0), max: DVec3::new(1.0, 3.0, 2.5) };
         let corners: Vec<DVec3> = (0..8)
-            .map(|i| DVec3::from_array(std::array::from_fn(|a| if i >> a & 1 == 1 { b.max[a] } else { b.min[a] })))
+            .map(|i| {
+                DVec3::from_array(std::array::from_fn(|a| {
+                    if i >> a & 1 == 1 { b.max[a] } else { b.min[a] }
+                }))
+            })
             .collect();
         for i in 0..200 {
             let turn = f64::from(i);

@@ -1,8 +1,9 @@
 //! The binary tree that every builder makes, and how it is best gathered into 8-wide nodes.
 //!
-//! Each inner node knows, for 2 to 8 slots of a wide node given to its subtree, how many of them its first child should get so that
-//! the area of all wide nodes is least: the dynamic programme of Ylitie, Karras and Laine (Efficient Incoherent Ray Traversal on
-//! GPUs Through Compressed Wide BVHs, 2017, section 3.1). Leaves cost the same however they are gathered and do not count.
+//! Each inner node knows, for 2 to 8 slots of a wide node given to its subtree, how many of them
+//! its first child should get so that the area of all wide nodes is least: the dynamic programme of
+//! Ylitie, Karras and Laine (Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
+//! BVHs, 2017, section 3.1). Leaves cost the same however they are gathered and do not count.
 
 use crate::kernel::binning::Box8;
 use snell_math::{Bounds3, Vec3};
@@ -13,7 +14,8 @@ pub(super) type Costs = [f32; 8];
 /// Costs of a leaf.
 pub(super) const LEAF_COSTS: Costs = [0.0; 8];
 
-/// For 2 to 8 slots how many go to the first child, in 3 bits each; 0: the subtree is best a wide node of its own.
+/// For 2 to 8 slots how many go to the first child, in 3 bits each; 0: the subtree is best a wide
+/// node of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Choices(u32);
 
@@ -33,7 +35,8 @@ const SHARES: [[u32; 8]; 8] = {
 };
 
 impl Choices {
-    /// One slot for the first child, the others for the second. (With a bit more than [`Self::best`] has.)
+    /// One slot for the first child, the others for the second. (With a bit more than
+    /// [`Self::best`] has.)
     const ONE: Self = Self(0o1_111_111_100);
 
     /// How the slots are best shared.
@@ -45,10 +48,12 @@ impl Choices {
     /// Works out the best choices of an inner node, and its costs.
     #[inline]
     pub fn best(half_area: f32, first: &Costs, second: &Costs) -> (Self, Costs) {
-        // For 1 to 8 slots (lanes 0 to 7) the costs if the first child gets `k` of them; nothing can be had for less than one slot.
+        // For 1 to 8 slots (lanes 0 to 7) the costs if the first child gets `k` of them; nothing
+        // can be had for less than one slot.
         let mut seconds = [f32::INFINITY; 16];
         seconds[9..].copy_from_slice(&second[1..]);
-        let given = |k: usize| -> [f32; 8] { std::array::from_fn(|lane| first[k] + seconds[9 - k + lane]) };
+        let given =
+            |k: usize| -> [f32; 8] { std::array::from_fn(|lane| first[k] + seconds[9 - k + lane]) };
         let (mut least, mut shares) = (given(1), SHARES[1]);
         for (k, shares_of_k) in SHARES.iter().enumerate().skip(2) {
             let costs = given(k);
@@ -59,13 +64,15 @@ impl Choices {
             }
         }
         let mut choices = shares.iter().fold(0, |all, share| all | share);
-        // One slot: a wide node of its own. That, or any smaller number of slots, may be better for more slots too.
+        // One slot: a wide node of its own. That, or any smaller number of slots, may be better for
+        // more slots too.
         let mut costs = [f32::INFINITY; 8];
         costs[1] = half_area + least[7];
         for slots in 2..8 {
             let (more, fewer) = (least[slots - 1], costs[slots - 1]);
             costs[slots] = if more >= fewer { fewer } else { more };
-            // If a slot less is no worse, as with that; the second child may get one more than it needs.
+            // If a slot less is no worse, as with that; the second child may get one more than it
+            // needs.
             let field = 7 << (3 * slots);
             choices ^= (choices ^ (choices << 3)) & (field * u32::from(more >= fewer));
         }
@@ -141,7 +148,8 @@ impl PartBuilder {
         self.push(&Box8::EMPTY, first as u32, LEAF | count as u32);
     }
 
-    /// An inner node whose box [`Self::complete`] finds. What is pushed next is its first child; then comes [`Self::second_child`].
+    /// An inner node whose box [`Self::complete`] finds. What is pushed next is its first child;
+    /// then comes [`Self::second_child`].
     pub fn open_inner(&mut self) -> usize {
         self.push(&Box8::EMPTY, 0, 0);
         self.nodes.len() - 1
@@ -152,16 +160,18 @@ impl PartBuilder {
         self.nodes[of].link = self.nodes.len() as u32;
     }
 
-    /// Finds the boxes of all nodes, and the costs of the whole, from the boxes of leaves: `leaf` gets where the primitives of one start
-    /// and how many they are, the last leaf first.
+    /// Finds the boxes of all nodes, and the costs of the whole, from the boxes of leaves: `leaf`
+    /// gets where the primitives of one start and how many they are, the last leaf first.
     pub fn complete(&mut self, mut leaf: impl FnMut(usize, usize) -> Box8) -> (Box8, Costs) {
-        // Children come after their parents, so here before them: those of a node are the last two that wait.
+        // Children come after their parents, so here before them: those of a node are the last two
+        // that wait.
         let mut waiting: Vec<(Box8, Costs)> = Vec::with_capacity(64);
         for node in self.nodes.iter_mut().rev() {
             let (bounds, costs) = if node.kind & LEAF != 0 {
                 (leaf(node.link as usize, (node.kind & !LEAF) as usize), LEAF_COSTS)
             } else {
-                let [(a, first), (b, second)] = [waiting.pop(), waiting.pop()].map(Option::unwrap_or_default);
+                let [(a, first), (b, second)] =
+                    [waiting.pop(), waiting.pop()].map(Option::unwrap_or_default);
                 let bounds = a.union(&b);
                 let (choices, costs) = Choices::best(bounds.half_area(), &first, &second);
                 node.kind = choices.0;
@@ -199,17 +209,24 @@ pub(super) struct Inner<'a, P> {
 impl<'a, P> Tree<'a, P> {
     /// An inner node.
     pub fn inner(bounds: Box8, children: [Self; 2]) -> Self {
-        let (choices, costs) = Choices::best(bounds.half_area(), children[0].costs(), children[1].costs());
+        let (choices, costs) =
+            Choices::best(bounds.half_area(), children[0].costs(), children[1].costs());
         Self::Inner(Box::new(Inner { bounds, choices, costs, children }))
     }
 
-    /// The root of two trees, of which the first becomes one child of the wide node, and the second all others.
+    /// The root of two trees, of which the first becomes one child of the wide node, and the second
+    /// all others.
     pub fn beside(first: Self, second: Self) -> Self {
         let bounds = [&first, &second].map(|tree| tree.root().bounds());
         let all = bounds[0].union(&bounds[1]);
         let bounds = Box8::new(all.min, all.max);
         let choices = Choices::ONE;
-        Self::Inner(Box::new(Inner { bounds, choices, costs: LEAF_COSTS, children: [first, second] }))
+        Self::Inner(Box::new(Inner {
+            bounds,
+            choices,
+            costs: LEAF_COSTS,
+            children: [first, second],
+        }))
     }
 
     /// True for trees from [`Self::beside`].

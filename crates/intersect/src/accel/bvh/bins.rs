@@ -1,12 +1,12 @@
-//! Where to divide a set of primitives: the surface area heuristic over bins (Wald, On fast construction of SAH-based bounding
-//! volume hierarchies, 2007).
+//! Where to divide a set of primitives: the surface area heuristic over bins (Wald, On fast
+//! construction of SAH-based bounding volume hierarchies, 2007).
 
 use crate::kernel::binning::{BINS, BinPlane, Binning, Bins, Box8, Primitive, fill};
 use rayon::prelude::*;
 use snell_math::simd::Level;
 
-/// Sets at least this large are binned and partitioned by several threads, in pieces of [`CHUNK`]. The result is the same: minima,
-/// maxima and counts do not depend on the order.
+/// Sets at least this large are binned and partitioned by several threads, in pieces of [`CHUNK`].
+/// The result is the same: minima, maxima and counts do not depend on the order.
 pub(super) const PARALLEL: usize = 1 << 15;
 pub(super) const CHUNK: usize = 1 << 13;
 
@@ -30,7 +30,10 @@ impl Extent {
         if primitives.len() < PARALLEL {
             return of(primitives);
         }
-        let union = |a: Self, b: Self| Self { bounds: a.bounds.union(&b.bounds), centers: a.centers.union(&b.centers) };
+        let union = |a: Self, b: Self| Self {
+            bounds: a.bounds.union(&b.bounds),
+            centers: a.centers.union(&b.centers),
+        };
         primitives.par_chunks(CHUNK).map(of).reduce(|| Self::EMPTY, union)
     }
 }
@@ -108,7 +111,8 @@ fn cost(bounds: &Box8, count: u32) -> f32 {
     bounds.half_area() * blocks(count)
 }
 
-/// How many blocks of up to eight triangles a set will need. Large ones do not fill their blocks evenly anyway.
+/// How many blocks of up to eight triangles a set will need. Large ones do not fill their blocks
+/// evenly anyway.
 #[inline(always)]
 pub(super) fn blocks(count: u32) -> f32 {
     if count > 256 { count as f32 / 8.0 } else { count.div_ceil(8) as f32 }

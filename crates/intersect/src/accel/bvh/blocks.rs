@@ -3,7 +3,9 @@
 use super::cache::ids_exist;
 use super::storage::{Plain, Storage};
 use super::wide::Wide;
-use crate::kernel::compact::{BlocksAt, Line, MAX_ID, SPARE_LINES, ids_from, lines_from, lines_of, pack};
+use crate::kernel::compact::{
+    BlocksAt, Line, MAX_ID, SPARE_LINES, ids_from, lines_from, lines_of, pack,
+};
 use crate::kernel::node::ChildRef;
 use crate::kernel::triangle::TriangleBlock;
 use rayon::prelude::*;
@@ -53,9 +55,14 @@ impl Blocks {
 
     /// A block, unpacked into `room` if it has to be.
     #[inline(always)]
-    pub fn get<'a>(&'a self, number: usize, room: &'a mut MaybeUninit<TriangleBlock>) -> &'a TriangleBlock {
+    pub fn get<'a>(
+        &'a self,
+        number: usize,
+        room: &'a mut MaybeUninit<TriangleBlock>,
+    ) -> &'a TriangleBlock {
         self.check(number);
-        // SAFETY: it is there (whatever lines these are, those that are read with them are); portable code.
+        // SAFETY: it is there (whatever lines these are, those that are read with them are);
+        // portable code.
         unsafe { self.at().block::<Portable8>(number, room) }
     }
 
@@ -115,7 +122,8 @@ impl Blocks {
         }
     }
 
-    /// Lines from anywhere, if records follow each other to their end and name no triangles beyond so many.
+    /// Lines from anywhere, if records follow each other to their end and name no triangles beyond
+    /// so many.
     pub fn checked(lines: Storage<Line>, triangles: usize) -> Option<Self> {
         let blocks = Self::Compact(lines, 0);
         let (mut count, mut end) = (0, 0);
@@ -145,7 +153,8 @@ impl Blocks {
         }
     }
 
-    /// The same with each block changed by `change`, which returns its box; and these boxes, by the numbers of the blocks. `None` if one does not fit in its place.
+    /// The same with each block changed by `change`, which returns its box; and these boxes, by the
+    /// numbers of the blocks. `None` if one does not fit in its place.
     pub fn changed(
         &self,
         change: impl Fn(&mut TriangleBlock) -> Bounds3 + Send + Sync,
@@ -198,7 +207,9 @@ impl Wide {
             .collect();
         if end > ChildRef::MAX_BLOCKS || triangles > MAX_ID as usize {
             return Err(format!(
-                "a compact group needs {end} lines of memory for {triangles} triangles; the limits are {} and {MAX_ID}: spread it over several groups, or build it without `compact`",
+                "a compact group needs {end} lines of memory for {triangles} triangles; the limits \
+                    are {} and {MAX_ID}: spread it over several groups, or build it without \
+                    `compact`",
                 ChildRef::MAX_BLOCKS
             ));
         }
@@ -206,7 +217,8 @@ impl Wide {
         let mut pieces = Vec::new();
         let mut rest = &mut lines[..];
         for (blocks, counts) in blocks.chunks(PIECE).zip(counts.chunks(PIECE)) {
-            let (own, others) = rest.split_at_mut(counts.iter().map(|&count| usize::from(count)).sum());
+            let (own, others) =
+                rest.split_at_mut(counts.iter().map(|&count| usize::from(count)).sum());
             rest = others;
             pieces.push((blocks, counts, own));
         }

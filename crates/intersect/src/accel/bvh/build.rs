@@ -14,11 +14,16 @@ use crate::kernel::node::ChildRef;
 use snell_math::Bounds3;
 
 /// Builds the tree of one group. `boxes` are those of its objects, in order.
-pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOptions) -> Result<GroupTree, String> {
+pub(super) fn build_group(
+    list: &GroupList,
+    boxes: &[Bounds3],
+    options: &BvhOptions,
+) -> Result<GroupTree, String> {
     let count: usize = list.meshes.iter().map(|(_, mesh)| mesh.indices.len()).sum();
     if count > MAX_TRIANGLES || list.objects.len() > ChildRef::MAX_NODES {
         return Err(format!(
-            "a group holds {count} triangles and {} shapes and instances; the limits are {MAX_TRIANGLES} and {}: spread them over several groups",
+            "a group holds {count} triangles and {} shapes and instances; the limits are \
+                {MAX_TRIANGLES} and {}: spread them over several groups",
             list.objects.len(),
             ChildRef::MAX_NODES
         ));
@@ -50,7 +55,12 @@ pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOpti
     let folder = options.cache.as_deref().filter(|_| count >= cache::LEAST_TRIANGLES);
     let (Cached { wide, skipped }, cache) = match folder {
         None => (build()?, CacheUse::None),
-        Some(folder) => through_cache(&Entry::new(folder, list, boxes, options), count, list.objects.len(), build)?,
+        Some(folder) => through_cache(
+            &Entry::new(folder, list, boxes, options),
+            count,
+            list.objects.len(),
+            build,
+        )?,
     };
     let Wide { nodes, blocks, root, rest, depth } = wide;
     let objects = list.objects.clone();
@@ -88,10 +98,12 @@ fn through_cache(
     let path = entry.path.display();
     let usage = match (damage, entry.write(&built.wide, &built.skipped)) {
         (None, Ok(())) => CacheUse::Written,
-        (None, Err(e)) => CacheUse::Failed(format!("the structure could not be cached as {path}: {e}")),
-        (Some(damage), Ok(())) => {
-            CacheUse::Failed(format!("the cached structure {path} was not used and is replaced: {damage}"))
+        (None, Err(e)) => {
+            CacheUse::Failed(format!("the structure could not be cached as {path}: {e}"))
         }
+        (Some(damage), Ok(())) => CacheUse::Failed(format!(
+            "the cached structure {path} was not used and is replaced: {damage}"
+        )),
         (Some(damage), Err(e)) => CacheUse::Failed(format!(
             "the cached structure {path} was not used ({damage}) and could not be replaced: {e}"
         )),
@@ -130,10 +142,15 @@ fn build_wide(
     }
     let (rest, extent) = apart::divide(&mut primitives[..all], list);
     let mut large = primitives[rest..all].to_vec();
-    let splits = options.quality == Quality::High || waste::is_large(&primitives[..rest], triangles);
+    let splits =
+        options.quality == Quality::High || waste::is_large(&primitives[..rest], triangles);
     let medium = Medium { level: options.simd, has_objects };
     let tree = if splits {
-        High::new(options.simd, has_objects, triangles).build(&mut primitives[..rest + room], rest, extent)
+        High::new(options.simd, has_objects, triangles).build(
+            &mut primitives[..rest + room],
+            rest,
+            extent,
+        )
     } else {
         medium.build_within(&mut primitives[..rest], &extent)
     };

@@ -1,17 +1,19 @@
-//! Trees in files: a tree that was built once is read the next time, and a scene of a hundred million
-//! triangles starts sooner than its mesh is loaded.
+//! Trees in files: a tree that was built once is read the next time, and a scene of a hundred
+//! million triangles starts sooner than its mesh is loaded.
 //!
-//! A file is named by a hash of all that the tree follows from, so there is nothing to keep up to date; delete files
-//! to be rid of them. It holds a [header](header) and then the nodes, the blocks and the triangles left out, as they
-//! are in memory ([`body`]). It is written under another name and renamed when it is complete.
+//! A file is named by a hash of all that the tree follows from, so there is nothing to keep up to
+//! date; delete files to be rid of them. It holds a [header](header) and then the nodes, the blocks
+//! and the triangles left out, as they are in memory ([`body`]). It is written under another name
+//! and renamed when it is complete.
 //!
-//! What is read is copied into memory and checked there, so nothing that becomes of the file later changes a picture:
-//! the header, whose tree it is, the length, a checksum of each piece, and that every reference leads to something. A
-//! mapped file would have to be checked as well, and whoever shortens one ends the process that reads it.
+//! What is read is copied into memory and checked there, so nothing that becomes of the file later
+//! changes a picture: the header, whose tree it is, the length, a checksum of each piece, and that
+//! every reference leads to something. A mapped file would have to be checked as well, and whoever
+//! shortens one ends the process that reads it.
 //!
-//! Ten million triangles (493 MB, two cores of Zen 5, the file in the system's memory) start in 0.23 s of processor
-//! time, and are built in 5.5 s. Reading and checking take 0.06 s of it where huge
-//! pages are free; a mapped file took 0.02 s to look at and 0.025 s to check.
+//! Ten million triangles (493 MB, two cores of Zen 5, the file in the system's memory) start in
+//! 0.23 s of processor time, and are built in 5.5 s. Reading and checking take 0.06 s of it where
+//! huge pages are free; a mapped file took 0.02 s to look at and 0.025 s to check.
 
 mod body;
 mod header;
@@ -89,7 +91,8 @@ impl Entry {
         Ok(())
     }
 
-    /// There is no need to wait for the disk: what does not arrive there is found when the file is read.
+    /// There is no need to wait for the disk: what does not arrive there is found when the file is
+    /// read.
     fn write_to(&self, file: &mut File, wide: &Wide, skipped: &[u32]) -> Result<()> {
         let block_bytes = BLOCK_BYTES[usize::from(wide.blocks.is_compact())];
         let skipped: Vec<u8> = skipped.iter().flat_map(|id| id.to_ne_bytes()).collect();
@@ -113,10 +116,14 @@ impl Entry {
     pub fn read(&self, triangles: usize, objects: usize) -> Result<Option<Cached>> {
         let mut file = match open(&self.path) {
             Ok(file) => file,
-            Err(e) if matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => return Ok(None),
+            Err(e) if matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+                return Ok(None);
+            }
             Err(e) => return Err(e),
         };
-        let cut = |e: Error| if e.kind() == ErrorKind::UnexpectedEof { damaged("it ends too soon") } else { e };
+        let cut = |e: Error| {
+            if e.kind() == ErrorKind::UnexpectedEof { damaged("it ends too soon") } else { e }
+        };
         let mut page = [0; PAGE];
         file.read_exact(&mut page).map_err(cut)?;
         let header = Header::from_page(&page).map_err(damaged)?;
@@ -130,8 +137,14 @@ impl Entry {
         let mut skipped = vec![0; header.skipped as usize * 4];
         let count = header.blocks as usize;
         let mut read = |blocks: &mut [u8]| {
-            let checksum = body::read(&file, PAGE as u64, [nodes.bytes_mut(), blocks, &mut skipped]).map_err(cut)?;
-            if checksum == header.checksum { Ok(()) } else { Err(damaged("its contents are damaged")) }
+            let checksum =
+                body::read(&file, PAGE as u64, [nodes.bytes_mut(), blocks, &mut skipped])
+                    .map_err(cut)?;
+            if checksum == header.checksum {
+                Ok(())
+            } else {
+                Err(damaged("its contents are damaged"))
+            }
         };
         let blocks = if header.is_compact() {
             let mut lines = Storage::unset(count);
@@ -142,11 +155,17 @@ impl Entry {
             read(blocks.bytes_mut())?;
             Blocks::Plain(blocks)
         };
-        let skipped: Vec<u32> = skipped.as_chunks().0.iter().map(|&id| u32::from_ne_bytes(id)).collect();
+        let skipped: Vec<u32> =
+            skipped.as_chunks().0.iter().map(|&id| u32::from_ne_bytes(id)).collect();
         let (root, rest) = (ChildRef(header.root as u32), ChildRef(header.rest as u32));
         let wide = Wide { nodes, blocks, root, rest, depth: header.depth as usize };
-        let is_sound = is_sound(&wide, triangles, objects) && skipped.iter().all(|&id| (id as usize) < triangles);
-        if is_sound { Ok(Some(Cached { wide, skipped })) } else { Err(damaged("a reference leads nowhere")) }
+        let is_sound = is_sound(&wide, triangles, objects)
+            && skipped.iter().all(|&id| (id as usize) < triangles);
+        if is_sound {
+            Ok(Some(Cached { wide, skipped }))
+        } else {
+            Err(damaged("a reference leads nowhere"))
+        }
     }
 }
 
@@ -187,7 +206,8 @@ pub(super) fn ids_exist(ids: &[u32; 8], triangles: usize) -> bool {
     ids.iter().all(|&id| id == u32::MAX || (id as usize) < triangles)
 }
 
-/// True if every reference leads to something, children come after their parents, and no way down is longer than the depth says.
+/// True if every reference leads to something, children come after their parents, and no way down
+/// is longer than the depth says.
 fn is_sound(wide: &Wide, triangles: usize, objects: usize) -> bool {
     let leads_on = |child: ChildRef, from: usize| {
         if child == ChildRef::NONE {
@@ -196,7 +216,9 @@ fn is_sound(wide: &Wide, triangles: usize, objects: usize) -> bool {
             child.index() >= from && child.index() < wide.nodes.len()
         } else if child.is_triangles() {
             child.block() < wide.blocks.end()
-                && wide.blocks.ids(child.block())[..child.count() as usize].iter().all(|&id| (id as usize) < triangles)
+                && wide.blocks.ids(child.block())[..child.count() as usize]
+                    .iter()
+                    .all(|&id| (id as usize) < triangles)
         } else {
             child.0 >> 30 == 2 && child.index() < objects
         }
@@ -207,11 +229,15 @@ fn is_sound(wide: &Wide, triangles: usize, objects: usize) -> bool {
         Blocks::Compact(..) => true,
     };
     let is_first = |node: &WideNode| node.children[0] == wide.rest;
-    let rest_is_known =
-        wide.rest == wide.root || wide.root == ChildRef::node(0) && wide.nodes.first().is_some_and(is_first);
+    let rest_is_known = wide.rest == wide.root
+        || wide.root == ChildRef::node(0) && wide.nodes.first().is_some_and(is_first);
     if !rest_is_known
         || !leads_on(wide.root, 0)
-        || !wide.nodes.par_iter().enumerate().all(|(i, node)| node.children.iter().all(|&c| leads_on(c, i + 1)))
+        || !wide
+            .nodes
+            .par_iter()
+            .enumerate()
+            .all(|(i, node)| node.children.iter().all(|&c| leads_on(c, i + 1)))
         || !ids_exist
     {
         return false;

@@ -4,11 +4,18 @@ use crate::kernel::binning::Primitive;
 use crate::kernel::triangle::PLACE_TOLERANCE;
 use snell_math::{DVec3, Vec3};
 
-/// The boxes of both pieces of a piece of a triangle, divided at `plane` on an axis; `None` for a side that has nothing.
+/// The boxes of both pieces of a piece of a triangle, divided at `plane` on an axis; `None` for a
+/// side that has nothing.
 ///
-/// Each is the box around the part of the triangle on that side, grown by more than what the test of the triangle may be off by
-/// along it, and cut to the box of the piece: so a ray that hits the triangle meets the box of a piece around the place of the hit.
-pub(super) fn divided(piece: &Primitive, corners: &[Vec3; 3], axis: usize, plane: f32) -> [Option<Primitive>; 2] {
+/// Each is the box around the part of the triangle on that side, grown by more than what the test
+/// of the triangle may be off by along it, and cut to the box of the piece: so a ray that hits the
+/// triangle meets the box of a piece around the place of the hit.
+pub(super) fn divided(
+    piece: &Primitive,
+    corners: &[Vec3; 3],
+    axis: usize,
+    plane: f32,
+) -> [Option<Primitive>; 2] {
     let plane = f64::from(plane);
     let corners = corners.map(|p| p.as_dvec3());
     let mut low = [DVec3::INFINITY; 2];
@@ -33,12 +40,15 @@ pub(super) fn divided(piece: &Primitive, corners: &[Vec3; 3], axis: usize, plane
             add(1, p);
         }
     }
-    let all = corners[0].max(corners[1]).max(corners[2]) - corners[0].min(corners[1]).min(corners[2]);
+    let all =
+        corners[0].max(corners[1]).max(corners[2]) - corners[0].min(corners[1]).min(corners[2]);
     let margin = DVec3::splat(all.max_element() * (2.0 * PLACE_TOLERANCE));
     let bounds = piece.bounds().bounds();
     let of = |side: usize| {
-        let (mut low, mut high) =
-            ((low[side] - margin).as_vec3().max(bounds.min), (high[side] + margin).as_vec3().min(bounds.max));
+        let (mut low, mut high) = (
+            (low[side] - margin).as_vec3().max(bounds.min),
+            (high[side] + margin).as_vec3().min(bounds.max),
+        );
         if side == 0 {
             high[axis] = high[axis].min((plane + margin.x) as f32);
         } else {

@@ -1,5 +1,5 @@
-//! Fast quality: primitives are sorted along a space-filling curve, and sets are divided where its cells are (Lauterbach et al., Fast
-//! BVH Construction on GPUs, 2009).
+//! Fast quality: primitives are sorted along a space-filling curve, and sets are divided where its
+//! cells are (Lauterbach et al., Fast BVH Construction on GPUs, 2009).
 
 use super::binary::{PartBuilder, Tree};
 use super::medium::is_leaf;
@@ -15,8 +15,8 @@ use snell_math::{Vec3, Vec4};
 /// Sets up to a size between these become one part of the tree, built by one thread.
 const PART: std::ops::RangeInclusive<usize> = 512..=4096;
 
-/// The cell of a primitive's centre, in 33 bits, above its number in 31: so keys are all different, and their order is the same however
-/// they are sorted.
+/// The cell of a primitive's centre, in 33 bits, above its number in 31: so keys are all different,
+/// and their order is the same however they are sorted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(transparent)]
 pub(super) struct Key(u64);
@@ -78,7 +78,8 @@ pub(super) fn sorted(triangles: &Triangles, objects: &[Primitive]) -> Fast {
     let around = objects.iter().fold(triangles.centers(center2), |b, p| b.with_point(p.center2()));
     let grid = Grid::new(&around);
     let mut keys = Storage::unset(triangles.count() + objects.len());
-    let count = triangles.collect(&mut keys[..triangles.count()], |id, corners| grid.key(center2(corners), id));
+    let count = triangles
+        .collect(&mut keys[..triangles.count()], |id, corners| grid.key(center2(corners), id));
     for (i, p) in objects.iter().enumerate() {
         keys[count + i] = grid.key(p.center2(), (p.number() & !OBJECT) | OBJECT_BIT);
     }
@@ -96,10 +97,12 @@ fn digit(key: Key, pass: u32) -> usize {
     (key.0 >> (NUMBER_BITS + pass * DIGIT)) as usize & (DIGITS - 1)
 }
 
-/// Fewer keys than this (a megabyte: in the second cache) are sorted by one digit after the other, the lowest first.
+/// Fewer keys than this (a megabyte: in the second cache) are sorted by one digit after the other,
+/// the lowest first.
 const NEAR: usize = 1 << 17;
 
-/// Sorts the first `count` keys, whose numbers ascend. Many: first by their highest digit, in one pass of all threads, then each bucket by the others.
+/// Sorts the first `count` keys, whose numbers ascend. Many: first by their highest digit, in one
+/// pass of all threads, then each bucket by the others.
 fn sort(mut keys: Storage<Key>, count: usize) -> Storage<Key> {
     let input = &mut keys[..count];
     if count < 1 << 12 {
@@ -130,7 +133,8 @@ fn sort(mut keys: Storage<Key>, count: usize) -> Storage<Key> {
     output
 }
 
-/// One pass of a radix sort, a chunk for each thread at a time: keys of the same digit stay in order. Returns how many there are of each.
+/// One pass of a radix sort, a chunk for each thread at a time: keys of the same digit stay in
+/// order. Returns how many there are of each.
 fn sort_by(input: &[Key], output: &mut [Key], pass: u32, chunk: usize) -> Vec<usize> {
     let histogram = |keys: &[Key]| {
         let mut counts = vec![0u32; DIGITS];
@@ -139,7 +143,8 @@ fn sort_by(input: &[Key], output: &mut [Key], pass: u32, chunk: usize) -> Vec<us
     };
     let counts: Vec<Vec<u32>> = input.par_chunks(chunk).map(histogram).collect();
     // For each chunk its place in each bucket.
-    let mut places: Vec<Vec<std::slice::IterMut<Key>>> = counts.iter().map(|_| Vec::with_capacity(DIGITS)).collect();
+    let mut places: Vec<Vec<std::slice::IterMut<Key>>> =
+        counts.iter().map(|_| Vec::with_capacity(DIGITS)).collect();
     let mut rest = output;
     for b in 0..DIGITS {
         for (places, counts) in places.iter_mut().zip(&counts) {
@@ -188,15 +193,16 @@ fn sort_by_digit(from: &[Key], to: &mut [Key], pass: u32) {
     }
 }
 
-/// Of more triangles than this, corners are fetched ahead: meshes of a million are built 1.1 to 1.2 times as fast by it, but one of 69 thousand, which
-/// is in the second cache, 0.92 times.
+/// Of more triangles than this, corners are fetched ahead: meshes of a million are built 1.1 to 1.2
+/// times as fast by it, but one of 69 thousand, which is in the second cache, 0.92 times.
 const FETCHED: usize = 1 << 17;
 
 /// Small sets are divided so that their blocks will be full.
 const FULL: usize = 32;
 
-/// Where to divide sorted keys, at least two: between the halves of the smallest cell that holds all, or in the middle if they share
-/// one; small sets where it is nearest to that and needs no more blocks of eight than the whole.
+/// Where to divide sorted keys, at least two: between the halves of the smallest cell that holds
+/// all, or in the middle if they share one; small sets where it is nearest to that and needs no
+/// more blocks of eight than the whole.
 #[inline]
 fn middle(keys: &[Key]) -> usize {
     let n = keys.len();
@@ -268,12 +274,15 @@ pub(super) fn build<'a>(
             if id & OBJECT != 0 {
                 return boxes[(id & !OBJECT) as usize];
             }
-            let (block, rest) = std::mem::take(&mut blocks).split_last_mut().expect("as many as were counted");
+            let (block, rest) =
+                std::mem::take(&mut blocks).split_last_mut().expect("as many as were counted");
             blocks = rest;
             if fetches_ahead {
                 // The next leaves are before this one.
                 let ahead = |from: usize, to: usize| {
-                    let ids = set[first.saturating_sub(from)..first.saturating_sub(to)].iter().map(Numbered::id);
+                    let ids = set[first.saturating_sub(from)..first.saturating_sub(to)]
+                        .iter()
+                        .map(Numbered::id);
                     ids.filter(|id| id & OBJECT == 0)
                 };
                 ahead(24, 16).for_each(|id| triangles.fetch_indices(id));
@@ -288,7 +297,10 @@ pub(super) fn build<'a>(
     (assemble(&top, &mut built.into_iter()).0, blocks)
 }
 
-fn assemble<'a>(top: &Top, parts: &mut impl Iterator<Item = (Tree<'a, Key>, Box8)>) -> (Tree<'a, Key>, Box8) {
+fn assemble<'a>(
+    top: &Top,
+    parts: &mut impl Iterator<Item = (Tree<'a, Key>, Box8)>,
+) -> (Tree<'a, Key>, Box8) {
     match top {
         Top::Part => parts.next().expect("a part for each"),
         Top::Inner(children) => {
@@ -340,7 +352,8 @@ mod tests {
                 let mut keys = Storage::unset(n + 5);
                 for (i, key) in keys[..n].iter_mut().enumerate() {
                     let random = snell_math::rng::pcg4d([i as u32, 1, 2, 3]);
-                    let cell = (u64::from(random[0]) << 32 | u64::from(random[1])) & ((1 << bits) - 1);
+                    let cell =
+                        (u64::from(random[0]) << 32 | u64::from(random[1])) & ((1 << bits) - 1);
                     *key = Key(cell << NUMBER_BITS | i as u64);
                 }
                 let mut expected = keys[..n].to_vec();

@@ -1,9 +1,11 @@
-//! High quality: besides dividing the primitives of a set, its space may be divided, and triangles across the plane go to both sides with the
-//! box of what is there (Stich, Friedrich and Dietrich, Spatial Splits in Bounding Volume Hierarchies, 2009). Rooms with long slanted triangles are traced
-//! two to three times faster; in scans nothing changes.
+//! High quality: besides dividing the primitives of a set, its space may be divided, and triangles
+//! across the plane go to both sides with the box of what is there (Stich, Friedrich and Dietrich,
+//! Spatial Splits in Bounding Volume Hierarchies, 2009). Rooms with long slanted triangles are
+//! traced two to three times faster; in scans nothing changes.
 //!
-//! Each set has room for some pieces more than it has, which it shares among its parts by the area of their boxes (as in Fuetterling et al.,
-//! Parallel Spatial Splits in Bounding Volume Hierarchies, 2016): so memory and time are bounded, and parts are built in parallel in place.
+//! Each set has room for some pieces more than it has, which it shares among its parts by the area
+//! of their boxes (as in Fuetterling et al., Parallel Spatial Splits in Bounding Volume
+//! Hierarchies, 2016): so memory and time are bounded, and parts are built in parallel in place.
 
 use super::binary::{Costs, PartBuilder, Tree};
 use super::bins::{Extent, PARALLEL, best_plane, bins_of, blocks};
@@ -16,10 +18,12 @@ use rayon::join;
 use rayon::prelude::*;
 use snell_math::simd::Level;
 
-/// Sets are divided in space only where the parts would overlap by more than this share of the area of everything.
+/// Sets are divided in space only where the parts would overlap by more than this share of the area
+/// of everything.
 const LEAST_OVERLAP: f32 = 1e-5;
 
-/// And only where a random line through the set meets so many boxes of primitives on average: else there is little to gain.
+/// And only where a random line through the set meets so many boxes of primitives on average: else
+/// there is little to gain.
 const CROWDED: f64 = 4.0;
 
 /// Bins per axis of space.
@@ -59,8 +63,14 @@ impl<'a> High<'a> {
         Self { level, has_objects, triangles, area: 0.0 }
     }
 
-    /// Builds the tree of the first `len` (at least one) of `room`, which extend over this. The rest is room for pieces.
-    pub fn build(mut self, room: &mut [Primitive], len: usize, extent: Extent) -> Tree<'_, Primitive> {
+    /// Builds the tree of the first `len` (at least one) of `room`, which extend over this. The
+    /// rest is room for pieces.
+    pub fn build(
+        mut self,
+        room: &mut [Primitive],
+        len: usize,
+        extent: Extent,
+    ) -> Tree<'_, Primitive> {
         self.area = extent.bounds.half_area();
         let areas = areas(&room[..len]);
         self.subtree(Set { room, len, extent, areas, depth: 0 })
@@ -70,7 +80,8 @@ impl<'a> High<'a> {
         if set.len <= PART {
             let mut part = PartBuilder::new(set.room.len());
             let Set { room, len, extent, areas, depth } = set;
-            let costs = self.node(&mut part, 0, Set { room: &mut *room, len, extent, areas, depth });
+            let costs =
+                self.node(&mut part, 0, Set { room: &mut *room, len, extent, areas, depth });
             return part.finish(room, costs);
         }
         let bounds = set.extent.bounds;
@@ -87,7 +98,11 @@ impl<'a> High<'a> {
         }
         let bounds = set.extent.bounds;
         let (second, [a, b]) = self.divide(set);
-        part.inner(&bounds, |part| self.node(part, first, a), |part| self.node(part, first + second, b))
+        part.inner(
+            &bounds,
+            |part| self.node(part, first, a),
+            |part| self.node(part, first + second, b),
+        )
     }
 
     /// Divides a set of at least two. Also returns where the room of the second part starts.
@@ -95,8 +110,14 @@ impl<'a> High<'a> {
         let Set { room, len, extent, areas, depth } = set;
         let binning = Binning::new(&extent.centers);
         let may_divide = depth < MAX_COST_DEPTH;
-        let plane = if may_divide { best_plane(&bins_of(self.level, &binning, &room[..len])) } else { None };
-        let overlap = plane.map_or(extent.bounds.half_area(), |p| p.bounds[0].intersection(&p.bounds[1]).half_area());
+        let plane = if may_divide {
+            best_plane(&bins_of(self.level, &binning, &room[..len]))
+        } else {
+            None
+        };
+        let overlap = plane.map_or(extent.bounds.half_area(), |p| {
+            p.bounds[0].intersection(&p.bounds[1]).half_area()
+        });
         let is_crowded = areas > CROWDED * f64::from(extent.bounds.half_area());
         if may_divide && room.len() > len && is_crowded && overlap > LEAST_OVERLAP * self.area {
             let cost = plane.map_or(f32::INFINITY, |p| p.cost);
@@ -130,11 +151,18 @@ impl<'a> High<'a> {
         bins.best_plane(&slabs)
     }
 
-    /// Divides at a plane in space: afterwards the first part is in front, followed by the second. Returns how many both are, or `None` (and
-    /// nothing has changed) if there is no room, or a part would be empty or have all.
-    fn divide_space(self, room: &mut [Primitive], len: usize, plane: &SpacePlane) -> Option<(usize, usize)> {
+    /// Divides at a plane in space: afterwards the first part is in front, followed by the second.
+    /// Returns how many both are, or `None` (and nothing has changed) if there is no room, or a
+    /// part would be empty or have all.
+    fn divide_space(
+        self,
+        room: &mut [Primitive],
+        len: usize,
+        plane: &SpacePlane,
+    ) -> Option<(usize, usize)> {
         let SpacePlane { axis, at, counts, bounds, .. } = *plane;
-        let (mut first, mut second) = (Vec::with_capacity(counts[0]), Vec::with_capacity(counts[1]));
+        let (mut first, mut second) =
+            (Vec::with_capacity(counts[0]), Vec::with_capacity(counts[1]));
         let [a_area, b_area] = [bounds[0].half_area(), bounds[1].half_area()];
         let [a_count, b_count] = counts.map(|n| n as f32);
         let both = a_area * a_count + b_area * b_count;
@@ -145,16 +173,20 @@ impl<'a> High<'a> {
             } else if b.min[axis] >= at || p.id() & OBJECT != 0 {
                 second.push(*p);
             } else {
-                // A piece may be left whole if that costs less ("reference unsplitting", section 4.4).
-                let only_first = bounds[0].union(p.bounds()).half_area() * a_count + b_area * (b_count - 1.0);
-                let only_second = a_area * (a_count - 1.0) + bounds[1].union(p.bounds()).half_area() * b_count;
+                // A piece may be left whole if that costs less ("reference unsplitting", section
+                // 4.4).
+                let only_first =
+                    bounds[0].union(p.bounds()).half_area() * a_count + b_area * (b_count - 1.0);
+                let only_second =
+                    a_area * (a_count - 1.0) + bounds[1].union(p.bounds()).half_area() * b_count;
                 if only_first < both && only_first <= only_second {
                     first.push(*p);
                 } else if only_second < both {
                     second.push(*p);
                 } else {
                     let pieces = divided(p, &self.triangles.corners(p.id()), axis, at);
-                    // Each plane leaves something somewhere; if rounding says otherwise, nothing may be lost.
+                    // Each plane leaves something somewhere; if rounding says otherwise, nothing
+                    // may be lost.
                     if pieces[0].is_none() && pieces[1].is_none() {
                         first.push(*p);
                     }
@@ -173,8 +205,14 @@ impl<'a> High<'a> {
     }
 }
 
-/// Shares the room for two parts of `first` and `second` primitives that follow each other: what is left over by the area of their boxes.
-fn share(room: &mut [Primitive], first: usize, second: usize, depth: usize) -> (usize, [Set<'_>; 2]) {
+/// Shares the room for two parts of `first` and `second` primitives that follow each other: what is
+/// left over by the area of their boxes.
+fn share(
+    room: &mut [Primitive],
+    first: usize,
+    second: usize,
+    depth: usize,
+) -> (usize, [Set<'_>; 2]) {
     let free = room.len() - first - second;
     let (mut spare, mut sums) = (0, [0.0; 2]);
     if free > 0 {
@@ -191,7 +229,8 @@ fn share(room: &mut [Primitive], first: usize, second: usize, depth: usize) -> (
     (first + spare, [a, b])
 }
 
-/// The sum of half of the areas of the boxes: pieces of the same size, added in order, whatever the threads.
+/// The sum of half of the areas of the boxes: pieces of the same size, added in order, whatever the
+/// threads.
 fn areas(primitives: &[Primitive]) -> f64 {
     let of = |p: &[Primitive]| p.iter().map(|p| f64::from(p.bounds().half_area())).sum::<f64>();
     if primitives.len() < PARALLEL {
@@ -256,7 +295,8 @@ struct SpaceBins {
 }
 
 impl SpaceBins {
-    const EMPTY: Self = Self { boxes: [[Box8::EMPTY; BINS]; 3], begin: [[0; BINS]; 3], end: [[0; BINS]; 3] };
+    const EMPTY: Self =
+        Self { boxes: [[Box8::EMPTY; BINS]; 3], begin: [[0; BINS]; 3], end: [[0; BINS]; 3] };
 
     fn add(&mut self, p: &Primitive, slabs: &Slabs, triangles: &Triangles) {
         let b = p.bounds().bounds();
@@ -316,10 +356,13 @@ impl SpaceBins {
                 if count == 0 || right_count == 0 {
                     continue;
                 }
-                let cost = bounds.half_area() * blocks(count) + right_bounds.half_area() * blocks(right_count);
+                let cost = bounds.half_area() * blocks(count)
+                    + right_bounds.half_area() * blocks(right_count);
                 if best.is_none_or(|b| cost < b.cost) {
-                    let (bounds, counts) = ([bounds, right_bounds], [count as usize, right_count as usize]);
-                    best = Some(SpacePlane { axis, at: slabs.start(axis, i), bounds, counts, cost });
+                    let (bounds, counts) =
+                        ([bounds, right_bounds], [count as usize, right_count as usize]);
+                    best =
+                        Some(SpacePlane { axis, at: slabs.start(axis, i), bounds, counts, cost });
                 }
             }
         }

@@ -11,7 +11,8 @@ use snell_math::simd::Level;
 /// Sets up to this size become one part of the tree, built by one thread.
 pub(super) const PART: usize = 4096;
 
-/// Below this depth sets are halved instead of divided by cost, so that no tree is deeper than some 90 nodes.
+/// Below this depth sets are halved instead of divided by cost, so that no tree is deeper than some
+/// 90 nodes.
 pub(super) const MAX_COST_DEPTH: usize = 60;
 
 /// How to build.
@@ -31,11 +32,20 @@ impl Medium {
     }
 
     /// The same of primitives that extend over this.
-    pub fn build_within<'a>(self, primitives: &'a mut [Primitive], extent: &Extent) -> Tree<'a, Primitive> {
+    pub fn build_within<'a>(
+        self,
+        primitives: &'a mut [Primitive],
+        extent: &Extent,
+    ) -> Tree<'a, Primitive> {
         self.subtree(primitives, extent, 0)
     }
 
-    fn subtree<'a>(self, set: &'a mut [Primitive], extent: &Extent, depth: usize) -> Tree<'a, Primitive> {
+    fn subtree<'a>(
+        self,
+        set: &'a mut [Primitive],
+        extent: &Extent,
+        depth: usize,
+    ) -> Tree<'a, Primitive> {
         if set.len() <= PART {
             let mut part = PartBuilder::new(set.len());
             let costs = self.node(&mut part, 0, set, extent, depth);
@@ -43,12 +53,22 @@ impl Medium {
         }
         let (at, extents) = self.divide(set, extent, depth);
         let (a, b) = set.split_at_mut(at);
-        let (a, b) = join(|| self.subtree(a, &extents[0], depth + 1), || self.subtree(b, &extents[1], depth + 1));
+        let (a, b) = join(
+            || self.subtree(a, &extents[0], depth + 1),
+            || self.subtree(b, &extents[1], depth + 1),
+        );
         Tree::inner(extent.bounds, [a, b])
     }
 
     /// Builds a subtree within a part. `first` is where the set starts in the part.
-    fn node(self, part: &mut PartBuilder, first: usize, set: &mut [Primitive], extent: &Extent, depth: usize) -> Costs {
+    fn node(
+        self,
+        part: &mut PartBuilder,
+        first: usize,
+        set: &mut [Primitive],
+        extent: &Extent,
+        depth: usize,
+    ) -> Costs {
         if is_leaf(set, self.has_objects) {
             return part.leaf(&extent.bounds, first, set.len());
         }
@@ -61,10 +81,15 @@ impl Medium {
         )
     }
 
-    /// Reorders a set of at least two into two parts that are not empty. Returns the size of the first, and what both extend over.
+    /// Reorders a set of at least two into two parts that are not empty. Returns the size of the
+    /// first, and what both extend over.
     fn divide(self, set: &mut [Primitive], extent: &Extent, depth: usize) -> (usize, [Extent; 2]) {
         let binning = Binning::new(&extent.centers);
-        let plane = if depth < MAX_COST_DEPTH { best_plane(&bins_of(self.level, &binning, set)) } else { None };
+        let plane = if depth < MAX_COST_DEPTH {
+            best_plane(&bins_of(self.level, &binning, set))
+        } else {
+            None
+        };
         let Some(plane) = plane else {
             let middle = set.len() / 2;
             let (a, b) = set.split_at(middle);
@@ -94,7 +119,8 @@ mod tests {
 
     #[test]
     fn two_clusters_are_divided_between_them() {
-        let mut set: Vec<_> = (0..20).map(|i| at(if i % 2 == 0 { 0.0 } else { 50.0 } + i as f32 * 0.1, i)).collect();
+        let mut set: Vec<_> =
+            (0..20).map(|i| at(if i % 2 == 0 { 0.0 } else { 50.0 } + i as f32 * 0.1, i)).collect();
         let extent = Extent::of(&set);
         let (n, extents) = MEDIUM.divide(&mut set, &extent, 0);
         assert_eq!(n, 10);

@@ -7,8 +7,14 @@ use snell_math::Vec3;
 use snell_math::simd::Level;
 use std::cell::RefCell;
 
-/// Moves the primitives before the plane to the front. The order within the parts is arbitrary but always the same.
-pub(super) fn partition(level: Level, binning: &Binning, plane: BinPlane, primitives: &mut [Primitive]) -> Parts {
+/// Moves the primitives before the plane to the front. The order within the parts is arbitrary but
+/// always the same.
+pub(super) fn partition(
+    level: Level,
+    binning: &Binning,
+    plane: BinPlane,
+    primitives: &mut [Primitive],
+) -> Parts {
     let part = |piece: &mut [Primitive]| {
         SCRATCH.with_borrow_mut(|scratch| {
             if scratch.len() < piece.len() {
@@ -32,7 +38,8 @@ thread_local! {
     static SCRATCH: RefCell<Vec<Primitive>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Each piece is partitioned in itself: exchanges the second parts that lie before `first` with the first parts that lie behind it.
+/// Each piece is partitioned in itself: exchanges the second parts that lie before `first` with the
+/// first parts that lie behind it.
 fn exchange(primitives: &mut [Primitive], pieces: &[Parts], first: usize) {
     let (front, back) = primitives.split_at_mut(first);
     // Ranges of the front that belong to the second part, and of the back that belong to the first.
@@ -48,7 +55,8 @@ fn exchange(primitives: &mut [Primitive], pieces: &[Parts], first: usize) {
         }
     }
     let mut pairs = Vec::new();
-    let (mut a, mut b) = (ranges(front, &wrong_front).into_iter(), ranges(back, &wrong_back).into_iter());
+    let (mut a, mut b) =
+        (ranges(front, &wrong_front).into_iter(), ranges(back, &wrong_back).into_iter());
     let (mut x, mut y): (&mut [Primitive], &mut [Primitive]) = (&mut [], &mut []);
     loop {
         if x.is_empty() {
@@ -68,7 +76,10 @@ fn exchange(primitives: &mut [Primitive], pieces: &[Parts], first: usize) {
 }
 
 /// The parts of a slice at ascending disjoint ranges that are not empty.
-fn ranges<'a>(mut slice: &'a mut [Primitive], ranges: &[std::ops::Range<usize>]) -> Vec<&'a mut [Primitive]> {
+fn ranges<'a>(
+    mut slice: &'a mut [Primitive],
+    ranges: &[std::ops::Range<usize>],
+) -> Vec<&'a mut [Primitive]> {
     let mut start = 0;
     let mut parts = Vec::with_capacity(ranges.len());
     for range in ranges.iter().filter(|r| !r.is_empty()) {
@@ -90,8 +101,9 @@ mod tests {
         for n in [1, 2, 9, 1000, PARALLEL, PARALLEL + 3 * CHUNK + 17] {
             for bin in [0, 1, 5, 15, 16] {
                 let x = |i: u32| rng::to_unit(rng::hash32(i));
-                let set: Vec<_> =
-                    (0..n as u32).map(|i| Primitive::new(Vec3::splat(x(i)), Vec3::splat(x(i)), i)).collect();
+                let set: Vec<_> = (0..n as u32)
+                    .map(|i| Primitive::new(Vec3::splat(x(i)), Vec3::splat(x(i)), i))
+                    .collect();
                 let binning = Binning::new(&Box8::new(Vec3::ZERO, Vec3::splat(2.0)));
                 let run = |level| {
                     let mut set = set.clone();
@@ -101,8 +113,12 @@ mod tests {
                 let (same, best) = run(Level::best());
                 let ids = |set: &[Primitive]| set.iter().map(Numbered::id).collect::<Vec<_>>();
                 assert!(parts.first == same.first && ids(&set) == ids(&best));
-                let highest = |set: &[Primitive]| set.iter().map(|p| p.center2().y).fold(f32::NEG_INFINITY, f32::max);
-                let lowest = |set: &[Primitive]| set.iter().map(|p| p.center2().y).fold(f32::INFINITY, f32::min);
+                let highest = |set: &[Primitive]| {
+                    set.iter().map(|p| p.center2().y).fold(f32::NEG_INFINITY, f32::max)
+                };
+                let lowest = |set: &[Primitive]| {
+                    set.iter().map(|p| p.center2().y).fold(f32::INFINITY, f32::min)
+                };
                 let (a, b) = set.split_at(parts.first);
                 assert!(highest(a) <= lowest(b), "{n} {bin}");
                 assert_eq!(parts.centers[1].low().y, lowest(b));

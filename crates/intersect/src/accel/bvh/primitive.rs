@@ -9,7 +9,8 @@ use rayon::prelude::*;
 use snell_math::{Vec3, Vec4};
 use std::ops::Range;
 
-/// Something with the number of a triangle within its group, or with [`OBJECT`] and that of an object.
+/// Something with the number of a triangle within its group, or with [`OBJECT`] and that of an
+/// object.
 pub(super) trait Numbered: Copy + Send + Sync {
     fn id(&self) -> u32;
 }
@@ -87,7 +88,8 @@ impl<'a> Triangles<'a> {
         mesh.is_degenerate(triangle)
     }
 
-    /// About the box around the doubled centres (by `center2`) of all triangles: large numbers of them are only sampled.
+    /// About the box around the doubled centres (by `center2`) of all triangles: large numbers of
+    /// them are only sampled.
     pub fn centers(&self, center2: impl Fn([Vec3; 3]) -> Vec4 + Sync) -> Box8 {
         let stride = self.count() / SAMPLES + 1;
         let of_piece = |(mesh, range): (&TriangleMesh, Range<usize>)| {
@@ -98,19 +100,29 @@ impl<'a> Triangles<'a> {
         let mut pieces = Vec::new();
         for (_, mesh) in &self.list.meshes {
             // (Each begins where the samples of the one before would go on.)
-            pieces.extend(ranges(mesh.indices.len(), stride * SAMPLES_AT_ONCE).map(|range| (&**mesh, range)));
+            pieces.extend(
+                ranges(mesh.indices.len(), stride * SAMPLES_AT_ONCE).map(|range| (&**mesh, range)),
+            );
         }
         pieces.into_par_iter().map(of_piece).reduce(|| Box8::EMPTY, |a, b| a.union(&b))
     }
 
     /// The triangles that can never be hit.
     pub fn degenerate(&self) -> Vec<u32> {
-        (0..self.count() as u32).into_par_iter().with_min_len(CHUNK).filter(|&id| self.is_degenerate(id)).collect()
+        (0..self.count() as u32)
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .filter(|&id| self.is_degenerate(id))
+            .collect()
     }
 
-    /// Fills `to` in parallel with what `make` gives for each triangle that can be hit (number and corners), and returns how many
-    /// these are. They are at the front, in order.
-    pub fn collect<T: Copy + Send>(&self, to: &mut [T], make: impl Fn(u32, [Vec3; 3]) -> T + Sync) -> usize {
+    /// Fills `to` in parallel with what `make` gives for each triangle that can be hit (number and
+    /// corners), and returns how many these are. They are at the front, in order.
+    pub fn collect<T: Copy + Send>(
+        &self,
+        to: &mut [T],
+        make: impl Fn(u32, [Vec3; 3]) -> T + Sync,
+    ) -> usize {
         let chunk = chunk_of(self.count());
         let mut rest = &mut *to;
         let mut jobs = Vec::new();
@@ -149,7 +161,8 @@ const SAMPLES_AT_ONCE: usize = 1 << 11;
 pub(super) const CHUNK: usize = 1 << 14;
 const LEAST_CHUNK: usize = 1 << 11;
 
-/// Of so many triangles those that are handled at once by one thread: so few that all threads have about the same to do.
+/// Of so many triangles those that are handled at once by one thread: so few that all threads have
+/// about the same to do.
 fn chunk_of(count: usize) -> usize {
     (count / (8 * rayon::current_num_threads())).clamp(LEAST_CHUNK, CHUNK)
 }
@@ -172,8 +185,12 @@ fn close_gaps<T: Copy>(items: &mut [T], pieces: &[(usize, usize)]) -> usize {
     to
 }
 
-/// The boxes of all triangles that can be hit, and how many they are; there is room for `extra` more.
-pub(super) fn triangle_primitives(triangles: &Triangles, extra: usize) -> (Storage<Primitive>, usize) {
+/// The boxes of all triangles that can be hit, and how many they are; there is room for `extra`
+/// more.
+pub(super) fn triangle_primitives(
+    triangles: &Triangles,
+    extra: usize,
+) -> (Storage<Primitive>, usize) {
     let mut primitives = Storage::unset(triangles.count() + extra);
     let count = triangles.collect(&mut primitives[..triangles.count()], |id, corners| {
         let bounds = padded_bounds(&corners);

@@ -3,7 +3,8 @@
 /// How a hierarchy is built. All qualities give the same hits, bit for bit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Quality {
-    /// Along a space-filling curve: built several times faster, traced at perhaps three quarters of the rate.
+    /// Along a space-filling curve: built several times faster, traced at perhaps three quarters of
+    /// the rate.
     Fast,
     /// By the surface area heuristic; large slanted triangles are split beforehand where that pays.
     #[default]

@@ -1,5 +1,5 @@
-//! New boxes for a tree whose vertices have moved: the topology stays, so it is much faster than a build, and the slower to trace the
-//! more the vertices have moved among each other.
+//! New boxes for a tree whose vertices have moved: the topology stays, so it is much faster than a
+//! build, and the slower to trace the more the vertices have moved among each other.
 
 use super::primitive::Triangles;
 use super::{CacheUse, GroupTree};
@@ -14,11 +14,13 @@ use snell_math::{Bounds3, Bounds3d};
 const PARALLEL: usize = 512;
 
 impl GroupTree {
-    /// The tree for new positions of the same triangles and new boxes of the same objects (`bounds`, as for [`Self::build`]).
+    /// The tree for new positions of the same triangles and new boxes of the same objects
+    /// (`bounds`, as for [`Self::build`]).
     ///
-    /// `None` if it cannot be had this way and the tree must be built anew: the numbers of triangles, objects or unbounded objects differ,
-    /// a triangle that could not be hit before now can, or corners that were one are not any more and do not fit into a compact block. Triangles that no longer can be hit are taken out, until a later refit brings
-    /// them back.
+    /// `None` if it cannot be had this way and the tree must be built anew: the numbers of
+    /// triangles, objects or unbounded objects differ, a triangle that could not be hit before now
+    /// can, or corners that were one are not any more and do not fit into a compact block.
+    /// Triangles that no longer can be hit are taken out, until a later refit brings them back.
     pub fn refit(&self, list: &GroupList, bounds: &[Bounds3d]) -> Option<Self> {
         let mut first = 0;
         let same = |((_, mesh), m): (&(u32, std::sync::Arc<crate::TriangleMesh>), &(u32, u32))| {
@@ -40,10 +42,19 @@ impl GroupTree {
                 unbounded.push(id as u32);
             }
         }
-        let meshes: Vec<_> = self.meshes.iter().zip(&list.meshes).map(|(m, (geometry, _))| (m.0, *geometry)).collect();
+        let meshes: Vec<_> = self
+            .meshes
+            .iter()
+            .zip(&list.meshes)
+            .map(|(m, (geometry, _))| (m.0, *geometry))
+            .collect();
         let source = Triangles::new(list, &meshes);
         let appears = |id: &u32| !source.is_degenerate(*id);
-        if !alike || unbounded != self.unbounded || is_empty != self.empty || self.skipped.par_iter().any(appears) {
+        if !alike
+            || unbounded != self.unbounded
+            || is_empty != self.empty
+            || self.skipped.par_iter().any(appears)
+        {
             return None;
         }
         let (blocks, block_bounds) = self.blocks.changed(|block| refill(block, &source))?;
@@ -93,11 +104,13 @@ struct Refit<'a> {
 }
 
 impl Refit<'_> {
-    /// Refits the subtree whose nodes these are, of which the first has number `start`; returns its box.
+    /// Refits the subtree whose nodes these are, of which the first has number `start`; returns its
+    /// box.
     fn subtree(&self, nodes: &mut [WideNode], start: usize) -> Bounds3 {
         let size = nodes.len();
         let Some((node, mut rest)) = nodes.split_first_mut() else { return Bounds3::EMPTY };
-        // The nodes of each child that is a node, in order: those of a subtree are next to each other.
+        // The nodes of each child that is a node, in order: those of a subtree are next to each
+        // other.
         let mut children: [Option<(&mut [WideNode], usize)>; 8] = Default::default();
         let mut end = start + size;
         for slot in (0..8).rev().filter(|&slot| node.children[slot].is_node()) {
@@ -113,9 +126,15 @@ impl Refit<'_> {
         };
         let mut all = [Bounds3::EMPTY; 8];
         if size > PARALLEL {
-            all.par_iter_mut().zip(children).enumerate().for_each(|(slot, (b, child))| *b = refit((slot, child)));
+            all.par_iter_mut()
+                .zip(children)
+                .enumerate()
+                .for_each(|(slot, (b, child))| *b = refit((slot, child)));
         } else {
-            all.iter_mut().zip(children).enumerate().for_each(|(slot, (b, child))| *b = refit((slot, child)));
+            all.iter_mut()
+                .zip(children)
+                .enumerate()
+                .for_each(|(slot, (b, child))| *b = refit((slot, child)));
         }
         for (slot, b) in all.iter().enumerate() {
             node.set(slot, b, references[slot]);

@@ -1,8 +1,9 @@
 //! The memory of trees: large pieces come from the system in huge pages where it has them.
 //!
-//! Fresh pages are a good part of the cost of a build, and address translation one of walking large trees, so pieces of some size
-//! are mapped by themselves and the system is asked for huge pages. No memory is filled before several threads write their parts of it:
-//! it starts as zeros, which the system gives for nothing, or holds what was in a piece that was given back ([`spare`]).
+//! Fresh pages are a good part of the cost of a build, and address translation one of walking large
+//! trees, so pieces of some size are mapped by themselves and the system is asked for huge pages.
+//! No memory is filled before several threads write their parts of it: it starts as zeros, which
+//! the system gives for nothing, or holds what was in a piece that was given back ([`spare`]).
 
 use std::alloc::{Layout, alloc_zeroed, dealloc, handle_alloc_error};
 use std::fmt;
@@ -26,8 +27,9 @@ const MAPPED_BYTES: usize = if cfg!(miri) { 1 << 12 } else { 3 << 17 };
 /// Bytes of a huge page where the system has them, and if not, what memory is aligned to.
 const HUGE_PAGE: usize = 1 << 21;
 
-/// How many of these bytes are in huge pages, and some more if it is more: the end is in one if it fills half of it. So at most a megabyte is wasted,
-/// and no more than twice as many pages of the small kind are touched, a microsecond each on virtual machines.
+/// How many of these bytes are in huge pages, and some more if it is more: the end is in one if it
+/// fills half of it. So at most a megabyte is wasted, and no more than twice as many pages of the
+/// small kind are touched, a microsecond each on virtual machines.
 fn huge_bytes(bytes: usize) -> usize {
     (bytes.saturating_add(HUGE_PAGE / 2)) / HUGE_PAGE * HUGE_PAGE
 }
@@ -73,7 +75,12 @@ impl<T: Plain> Storage<T> {
         if layout.size() >= MAPPED_BYTES
             && let Some(piece) = Piece::unset(layout.size())
         {
-            return Self { start: piece.start.cast(), len, owner: Owner::Mapped(piece), values: PhantomData };
+            return Self {
+                start: piece.start.cast(),
+                len,
+                owner: Owner::Mapped(piece),
+                values: PhantomData,
+            };
         }
         let start = if layout.size() == 0 {
             NonNull::dangling()
@@ -102,7 +109,9 @@ impl<T> Drop for Storage<T> {
     fn drop(&mut self) {
         match std::mem::replace(&mut self.owner, Owner::Nobody) {
             // SAFETY: it was allocated with this layout; plain values need no drop.
-            Owner::Heap(layout) if layout.size() > 0 => unsafe { dealloc(self.start.as_ptr().cast(), layout) },
+            Owner::Heap(layout) if layout.size() > 0 => unsafe {
+                dealloc(self.start.as_ptr().cast(), layout)
+            },
             Owner::Mapped(piece) => piece.give_back(),
             Owner::Heap(_) | Owner::Nobody => {}
         }

@@ -19,7 +19,8 @@ fn vector(i: u32, k: u32, seed: u32) -> Vec3 {
     Vec3::new(signed(i, k, seed), signed(i, k + 1, seed), signed(i, k + 2, seed))
 }
 
-/// Triangles of all sizes and shapes, some of them coincident, flat along an axis, slivers, or degenerate.
+/// Triangles of all sizes and shapes, some of them coincident, flat along an axis, slivers, or
+/// degenerate.
 pub(in crate::accel::bvh) fn soup(n: u32, seed: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for i in 0..n {
@@ -28,7 +29,11 @@ pub(in crate::accel::bvh) fn soup(n: u32, seed: u32) -> TriangleMesh {
         let (a, b) = (vector(i, 4, seed) * size, vector(i, 7, seed) * size);
         let corners = match i % 7 {
             0 => [at, at + a * 20.0, at + a * 20.0 + b * 0.01],
-            1 => [at, Vec3::new(at.x, at.y + a.y, at.z + a.z), Vec3::new(at.x, at.y + b.y, at.z + b.z)],
+            1 => [
+                at,
+                Vec3::new(at.x, at.y + a.y, at.z + a.z),
+                Vec3::new(at.x, at.y + b.y, at.z + b.z),
+            ],
             2 if i % 3 == 0 => [at, at + a, at + a * 2.0],
             _ => [at, at + a, at + b],
         };
@@ -73,7 +78,9 @@ fn world_of(meshes: &[Arc<TriangleMesh>], options: &BuildOptions) -> World {
 
 /// Every quality, compact or not, and what to call it.
 fn ways() -> impl Iterator<Item = (BuildOptions, String)> {
-    let both = |quality| [false, true].map(|compact| BuildOptions { quality, compact, ..BuildOptions::default() });
+    let both = |quality| {
+        [false, true].map(|compact| BuildOptions { quality, compact, ..BuildOptions::default() })
+    };
     Quality::ALL.into_iter().flat_map(both).map(|options| {
         let name = format!("{:?}, compact: {}", options.quality, options.compact);
         (options, name)
@@ -95,13 +102,19 @@ fn assert_equal(world: &World, oracle: &World, rays: &[Ray], what: &str) {
         assert_eq!(bits(&hits[i]), bits(&first), "{what} {ray:?}");
         assert_eq!(blocked[i], first.is_hit(), "{what} {ray:?}");
         let all = world.all_one(ray, &AcceptAll);
-        assert_eq!(all.iter().map(bits).collect::<Vec<_>>(), expected.iter().map(bits).collect::<Vec<_>>(), "{what}");
+        assert_eq!(
+            all.iter().map(bits).collect::<Vec<_>>(),
+            expected.iter().map(bits).collect::<Vec<_>>(),
+            "{what}"
+        );
     }
 }
 
 #[test]
 fn every_quality_finds_what_is_there_at_every_scale() {
-    for (scale, offset) in [(1.0, 0.0), (1e-6, 0.0), (1e9, 0.0), (1.0, 1e5), (1e-20, 0.0), (1e18, 0.0)] {
+    for (scale, offset) in
+        [(1.0, 0.0), (1e-6, 0.0), (1e9, 0.0), (1.0, 1e5), (1e-20, 0.0), (1e18, 0.0)]
+    {
         for n in [1, 5, 9, 40, 700] {
             let mut mesh = soup(n, 3 + n);
             mesh.positions.iter_mut().for_each(|p| *p = *p * scale + Vec3::splat(offset));
@@ -110,7 +123,12 @@ fn every_quality_finds_what_is_there_at_every_scale() {
             let oracle = world_of(&meshes, &none());
             for (options, name) in ways() {
                 let world = world_of(&meshes, &options);
-                assert_equal(&world, &oracle, &rays, &format!("{name}, {n} triangles, {scale} {offset}"));
+                assert_equal(
+                    &world,
+                    &oracle,
+                    &rays,
+                    &format!("{name}, {n} triangles, {scale} {offset}"),
+                );
             }
         }
     }
@@ -159,7 +177,8 @@ fn trees_do_not_depend_on_threads_or_instructions() {
     let mesh = [Arc::new(soup(120_000, 1))];
     for quality in Quality::ALL {
         let tree = |threads: usize, simd: Level| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            let pool =
+                rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
             let options = BuildOptions { quality, simd, ..BuildOptions::default() };
             contents(&pool.install(|| world_of(&mesh, &options)))
         };
@@ -171,7 +190,10 @@ fn trees_do_not_depend_on_threads_or_instructions() {
 #[test]
 fn nodes_and_blocks_of_a_subtree_are_next_to_each_other() {
     for quality in Quality::ALL {
-        let world = world_of(&[Arc::new(soup(20_000, 1))], &BuildOptions { quality, ..BuildOptions::default() });
+        let world = world_of(
+            &[Arc::new(soup(20_000, 1))],
+            &BuildOptions { quality, ..BuildOptions::default() },
+        );
         let Structure::Bvh(forest) = &world.structure else { panic!("a tree") };
         let tree = &forest.trees[0];
         /// Checks a subtree; returns where its nodes and blocks end.
@@ -187,7 +209,11 @@ fn nodes_and_blocks_of_a_subtree_are_next_to_each_other() {
                 .filter(|c| **c != ChildRef::NONE)
                 .fold((next.0 + 1, next.1), |next, &c| visit(tree, c, next))
         }
-        assert_eq!(visit(tree, tree.root, (0, 0)), (tree.nodes.len(), tree.blocks.end()), "{quality:?}");
+        assert_eq!(
+            visit(tree, tree.root, (0, 0)),
+            (tree.nodes.len(), tree.blocks.end()),
+            "{quality:?}"
+        );
     }
 }
 
@@ -199,7 +225,8 @@ fn a_refitted_tree_finds_what_has_moved() {
         for (i, p) in mesh.positions.iter_mut().enumerate() {
             *p += vector(i as u32, 0, 6) * 0.3;
         }
-        // One triangle collapses (a compact block may have no room for its place); those that could not be hit still cannot.
+        // One triangle collapses (a compact block may have no room for its place); those that could
+        // not be hit still cannot.
         if !options.compact {
             mesh.positions[4] = mesh.positions[3];
         }
@@ -211,8 +238,11 @@ fn a_refitted_tree_finds_what_has_moved() {
             }
         }
         // On a floor that stands apart.
-        let floor = |y: f32| [[-900.0, y, -900.0], [900.0, y, -900.0], [900.0, y, 900.0], [-900.0, y, 900.0]];
-        let (before, after) = ([before, quads(&[floor(-20.0)])], [Arc::new(mesh), quads(&[floor(-5.0)])]);
+        let floor = |y: f32| {
+            [[-900.0, y, -900.0], [900.0, y, -900.0], [900.0, y, 900.0], [-900.0, y, 900.0]]
+        };
+        let (before, after) =
+            ([before, quads(&[floor(-20.0)])], [Arc::new(mesh), quads(&[floor(-5.0)])]);
         let mut world = world_of(&after, &options);
         let Structure::Bvh(old) = world_of(&before, &options).structure else { panic!("a tree") };
         assert_eq!(old.apart.is_some(), options.quality != Quality::Fast);
@@ -243,7 +273,9 @@ fn hills(side: u32) -> TriangleMesh {
     let squares = (0..side * side).map(|i| i + i / side);
     TriangleMesh {
         positions: (0..(side + 1) * (side + 1)).map(at).collect(),
-        indices: squares.flat_map(|i| [[i, i + 1, i + side + 1], [i + 1, i + side + 2, i + side + 1]]).collect(),
+        indices: squares
+            .flat_map(|i| [[i, i + 1, i + side + 1], [i + 1, i + side + 2, i + side + 1]])
+            .collect(),
         ..TriangleMesh::default()
     }
 }
@@ -257,21 +289,32 @@ fn a_compact_tree_of_a_mesh_is_smaller_and_finds_the_same() {
         .collect();
     for quality in Quality::ALL {
         for simd in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-            let [plain, compact] = [false, true]
-                .map(|compact| world_of(&mesh, &BuildOptions { quality, compact, simd, ..BuildOptions::default() }));
+            let [plain, compact] = [false, true].map(|compact| {
+                world_of(&mesh, &BuildOptions { quality, compact, simd, ..BuildOptions::default() })
+            });
             assert_equal(&compact, &plain, &rays, quality.name());
             for rays in [&rays, &seen] {
-                let [mut a, mut b] = [false, true].map(|is_hit| vec![(Hit::MISS, is_hit); rays.len()]);
+                let [mut a, mut b] =
+                    [false, true].map(|is_hit| vec![(Hit::MISS, is_hit); rays.len()]);
                 for (world, answers) in [(&plain, &mut a), (&compact, &mut b)] {
-                    let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+                    let (mut hits, mut blocked) =
+                        (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
                     world.closest(&rays[..], Grouping::Coherent, &AcceptAll, &mut hits);
                     world.occluded(&rays[..], Grouping::Coherent, &AcceptAll, &mut blocked);
-                    answers.iter_mut().zip(hits.into_iter().zip(blocked)).for_each(|(to, from)| *to = from);
+                    answers
+                        .iter_mut()
+                        .zip(hits.into_iter().zip(blocked))
+                        .for_each(|(to, from)| *to = from);
                 }
-                assert!(a.iter().zip(&b).all(|(a, b)| bits(&a.0) == bits(&b.0) && a.1 == b.1 && a.1 == a.0.is_hit()));
+                assert!(
+                    a.iter().zip(&b).all(|(a, b)| bits(&a.0) == bits(&b.0)
+                        && a.1 == b.1
+                        && a.1 == a.0.is_hit())
+                );
                 assert!(a.iter().filter(|(hit, _)| hit.is_hit()).count() > rays.len() / 5);
             }
-            let [a, b] = [&plain, &compact].map(|world| world.memory_bytes() as f64 / mesh[0].indices.len() as f64);
+            let [a, b] = [&plain, &compact]
+                .map(|world| world.memory_bytes() as f64 / mesh[0].indices.len() as f64);
             assert!(b < 0.75 * a && b < 38.0, "{a} and {b} bytes a triangle");
             assert_eq!(plain.stats().triangle_blocks, compact.stats().triangle_blocks);
         }
@@ -287,7 +330,10 @@ fn a_compact_tree_is_built_anew_where_corners_part() {
     // Each triangle gets corners of its own, first where they were.
     mesh.positions = mesh.indices.iter().flatten().map(|&i| mesh.positions[i as usize]).collect();
     mesh.indices = (0..mesh.indices.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    let list = |mesh: &TriangleMesh| GroupList { meshes: vec![(0, Arc::new(mesh.clone()))], ..GroupList::default() };
+    let list = |mesh: &TriangleMesh| GroupList {
+        meshes: vec![(0, Arc::new(mesh.clone()))],
+        ..GroupList::default()
+    };
     assert!(forest.trees[0].refit(&list(&mesh), &[]).is_some());
     mesh.positions.iter_mut().enumerate().for_each(|(i, p)| p.y += i as f32 * 1e-3);
     assert!(forest.trees[0].refit(&list(&mesh), &[]).is_none());
@@ -303,9 +349,15 @@ fn a_cached_tree_is_the_same_and_a_damaged_file_is_replaced() {
 fn check_cached(compact: bool) {
     let folder = tempfile::tempdir().expect("a folder");
     // With a floor that stands apart.
-    let corners = [[-900.0, -99.0, -900.0], [900.0, -99.0, -900.0], [900.0, -99.0, 900.0], [-900.0, -99.0, 900.0]];
+    let corners = [
+        [-900.0, -99.0, -900.0],
+        [900.0, -99.0, -900.0],
+        [900.0, -99.0, 900.0],
+        [-900.0, -99.0, 900.0],
+    ];
     let mesh = [Arc::new(soup(70_000, 8)), quads(&[corners])];
-    let options = BuildOptions { compact, cache: Some(folder.path().join("new")), ..BuildOptions::default() };
+    let options =
+        BuildOptions { compact, cache: Some(folder.path().join("new")), ..BuildOptions::default() };
     let cached = |world: &World| (world.stats().cached_groups, world.warnings().len());
     let built = world_of(&mesh, &options);
     assert_eq!(cached(&built), (0, 0));
@@ -315,17 +367,23 @@ fn check_cached(compact: bool) {
     assert!(matches!(&found.structure, Structure::Bvh(forest) if forest.apart.is_some()));
     let rays = rays(&mesh[0], 300);
     assert_equal(&found, &world_of(&mesh, &none()), &rays, "cached");
-    let files: Vec<_> = std::fs::read_dir(folder.path().join("new")).expect("a folder").flatten().collect();
+    let files: Vec<_> =
+        std::fs::read_dir(folder.path().join("new")).expect("a folder").flatten().collect();
     assert_eq!(files.len(), 1, "nothing else is left there");
     let path = files[0].path();
     let whole = std::fs::read(&path).expect("a file");
     // Other contents and qualities have other names.
     let high = BuildOptions { quality: Quality::High, ..options.clone() };
     assert_eq!(cached(&world_of(&mesh, &high)), (0, 0));
-    assert_eq!(cached(&world_of(&mesh, &BuildOptions { compact: !compact, ..options.clone() })), (0, 0));
+    assert_eq!(
+        cached(&world_of(&mesh, &BuildOptions { compact: !compact, ..options.clone() })),
+        (0, 0)
+    );
     assert_eq!(cached(&world_of(&[Arc::new(soup(70_000, 9))], &options)), (0, 0));
-    let mut damages: Vec<Vec<u8>> = vec![Vec::new(), whole[..100].to_vec(), whole[..whole.len() - 1].to_vec()];
-    // In the header, in a box and the references of a node, and in the corners and numbers of blocks.
+    let mut damages: Vec<Vec<u8>> =
+        vec![Vec::new(), whole[..100].to_vec(), whole[..whole.len() - 1].to_vec()];
+    // In the header, in a box and the references of a node, and in the corners and numbers of
+    // blocks.
     let last = whole.len() - 4 * 1024;
     for place in [3, 40, 120, 4000, 4096 + 20, 4096 + 195, last - 333, last, last + 291] {
         let mut bytes = whole.clone();
@@ -344,7 +402,9 @@ fn check_cached(compact: bool) {
     std::fs::create_dir(&path).expect("a folder");
     let world = world_of(&mesh, &options);
     assert!(contents(&built) == contents(&world));
-    assert!(matches!(&world.warnings()[..], [warning] if warning.contains("could not be replaced")));
+    assert!(
+        matches!(&world.warnings()[..], [warning] if warning.contains("could not be replaced"))
+    );
     std::fs::remove_dir(&path).expect("a folder");
     std::fs::write(&path, whole).expect("written");
     let nowhere = BuildOptions { cache: Some(path.join("below a file")), ..options };

@@ -7,22 +7,30 @@ use rayon::prelude::*;
 /// Boxes of less than this share of the area of everything are not looked at.
 const LEAST_AREA: f32 = 1e-5;
 
-/// Boxes up to so many times the area of their triangle are as they should be: a slanted triangle has about three times.
+/// Boxes up to so many times the area of their triangle are as they should be: a slanted triangle
+/// has about three times.
 const USUAL: f32 = 5.0;
 
-/// Splits pay if a random line through everything meets so many boxes of large triangles in vain. (A tree over scans or terrain costs some 10
-/// to 40 steps; scans have a waste of about 0.1, the room of the examples some hundreds.)
+/// Splits pay if a random line through everything meets so many boxes of large triangles in vain.
+/// (A tree over scans or terrain costs some 10 to 40 steps; scans have a waste of about 0.1, the
+/// room of the examples some hundreds.)
 const LARGE: f64 = 4.0;
 
-/// True if large triangles fill so little of their boxes that splitting them makes up for the longer build.
+/// True if large triangles fill so little of their boxes that splitting them makes up for the
+/// longer build.
 pub(super) fn is_large(primitives: &[Primitive], triangles: &Triangles) -> bool {
     waste(primitives, triangles) > LARGE
 }
 
 /// How many boxes of large triangles a random line through everything meets in vain.
 fn waste(primitives: &[Primitive], triangles: &Triangles) -> f64 {
-    let bounds = |primitives: &[Primitive]| primitives.iter().fold(Box8::EMPTY, |b, p| b.union(p.bounds()));
-    let all = primitives.par_chunks(CHUNK).map(bounds).reduce(|| Box8::EMPTY, |a, b| a.union(&b)).half_area();
+    let bounds =
+        |primitives: &[Primitive]| primitives.iter().fold(Box8::EMPTY, |b, p| b.union(p.bounds()));
+    let all = primitives
+        .par_chunks(CHUNK)
+        .map(bounds)
+        .reduce(|| Box8::EMPTY, |a, b| a.union(&b))
+        .half_area();
     let of = |p: &Primitive| {
         let area = p.bounds().half_area();
         if p.id() & OBJECT != 0 || area < LEAST_AREA * all {

@@ -1,7 +1,8 @@
-//! From a binary tree to the 8-wide nodes and blocks of triangles that rays walk: first it is counted what each part needs, then
-//! all threads write, each into its own piece.
+//! From a binary tree to the 8-wide nodes and blocks of triangles that rays walk: first it is
+//! counted what each part needs, then all threads write, each into its own piece.
 //!
-//! Nodes and blocks are in preorder: those of a subtree are next to each other, and children come after their parents.
+//! Nodes and blocks are in preorder: those of a subtree are next to each other, and children come
+//! after their parents.
 
 use super::binary::{Cursor, PartCursor, Tree};
 use super::blocks::Blocks;
@@ -64,7 +65,8 @@ pub(super) fn write<P: Numbered>(
         .collect();
     if end.nodes > ChildRef::MAX_NODES || end.blocks > ChildRef::MAX_BLOCKS {
         return Err(format!(
-            "a group needs {} nodes and {} blocks of triangles; the limits are {} and {}: spread it over several groups",
+            "a group needs {} nodes and {} blocks of triangles; the limits are {} and {}: spread \
+                it over several groups",
             end.nodes,
             end.blocks,
             ChildRef::MAX_NODES,
@@ -85,7 +87,17 @@ pub(super) fn write<P: Numbered>(
         nodes_left = others;
         let (blocks, others) = blocks_left.split_at_mut(size.blocks);
         blocks_left = others;
-        jobs.push((step, Writer { triangles, write_blocks, nodes, blocks, start: *place, used: Place::default() }));
+        jobs.push((
+            step,
+            Writer {
+                triangles,
+                write_blocks,
+                nodes,
+                blocks,
+                start: *place,
+                used: Place::default(),
+            },
+        ));
     }
     let run = |(step, mut writer): (&Step<P>, Writer)| match step {
         Step::Piece(cursor) => writer.subtree(*cursor).1,
@@ -118,7 +130,8 @@ fn plan<'t, P>(cursor: Cursor<'t, P>, steps: &mut Vec<Step<'t, P>>) -> usize {
         return index;
     }
     steps.push(Step::Node(Vec::new()));
-    let children = cursor.wide_children().into_iter().map(|child| (child, plan(child, steps))).collect();
+    let children =
+        cursor.wide_children().into_iter().map(|child| (child, plan(child, steps))).collect();
     steps[index] = Step::Node(children);
     index
 }
@@ -128,16 +141,19 @@ fn count<P: Numbered>(cursor: PartCursor<P>) -> Place {
     if let Some(leaf) = cursor.leaf() {
         return Place { nodes: 0, blocks: usize::from(leaf[0].id() & OBJECT == 0) };
     }
-    cursor
-        .wide_children()
-        .iter()
-        .map(count)
-        .fold(Place { nodes: 1, blocks: 0 }, |a, b| Place { nodes: a.nodes + b.nodes, blocks: a.blocks + b.blocks })
+    cursor.wide_children().iter().map(count).fold(Place { nodes: 1, blocks: 0 }, |a, b| Place {
+        nodes: a.nodes + b.nodes,
+        blocks: a.blocks + b.blocks,
+    })
 }
 
 fn leaf_reference<P: Numbered>(leaf: &[P], block: usize) -> ChildRef {
     let id = leaf[0].id();
-    if id & OBJECT != 0 { ChildRef::object((id & !OBJECT) as usize) } else { ChildRef::triangles(block, leaf.len()) }
+    if id & OBJECT != 0 {
+        ChildRef::object((id & !OBJECT) as usize)
+    } else {
+        ChildRef::triangles(block, leaf.len())
+    }
 }
 
 /// Writes a subtree into its piece of the tree.
@@ -186,7 +202,11 @@ impl Writer<'_> {
 
 /// Fills the block of a leaf; returns the box around it.
 #[inline]
-pub(super) fn fill<P: Numbered>(block: &mut TriangleBlock, leaf: &[P], triangles: &Triangles) -> Bounds3 {
+pub(super) fn fill<P: Numbered>(
+    block: &mut TriangleBlock,
+    leaf: &[P],
+    triangles: &Triangles,
+) -> Bounds3 {
     let mut corners = [[Vec4::ZERO; 8]; 3];
     let mut ids = TriangleBlock::EMPTY.ids;
     for (lane, p) in leaf.iter().take(8).enumerate() {

@@ -1,4 +1,5 @@
-//! From primitives to grids: counting sort of the primitives into cells, then a grid for each crowded cell.
+//! From primitives to grids: counting sort of the primitives into cells, then a grid for each
+//! crowded cell.
 
 use super::{Cell, Grids, Level, MAX_LEVELS, PADDING};
 use crate::accel::AcceleratorOptions;
@@ -17,14 +18,15 @@ const MAX_VOLUME: u64 = 1 << 26;
 /// A cell with more primitives becomes a grid.
 const CROWDED: usize = 24;
 
-/// A grid that would hold this many times its primitives separates too little: within another it is not made, and the outermost
-/// gets fewer cells.
+/// A grid that would hold this many times its primitives separates too little: within another it is
+/// not made, and the outermost gets fewer cells.
 const GROWTH: usize = 6;
 const OUTER_GROWTH: u64 = 16;
 
 /// Builds the grids.
 pub(super) fn grids(primitives: &Primitives, options: &AcceleratorOptions) -> Grids {
-    let mut grids = Grids { levels: Vec::new(), cells: Vec::new(), references: Vec::new(), depth: 0 };
+    let mut grids =
+        Grids { levels: Vec::new(), cells: Vec::new(), references: Vec::new(), depth: 0 };
     if !primitives.items.is_empty() {
         let builder = Builder { primitives, nested: options.nested_grids };
         let bounds = primitives.bounds.into();
@@ -45,13 +47,15 @@ fn along_longest(bounds: &Bounds3d, n: u32) -> [u32; 3] {
     size.to_array().map(|s| cells_of(s * per_length))
 }
 
-/// Some cells per primitive, cubes as nearly as can be. Sides that are flat get one layer of cells and do not count.
+/// Some cells per primitive, cubes as nearly as can be. Sides that are flat get one layer of cells
+/// and do not count.
 fn by_density(bounds: &Bounds3d, count: usize, density: f64) -> [u32; 3] {
     let size = bounds.size();
     let longest = size.max_element();
     let sides: Vec<f64> = size.to_array().into_iter().filter(|&s| s > longest * 1e-3).collect();
     let volume: f64 = sides.iter().map(|s| s / longest).product();
-    let per_length = (density * count as f64 / volume).powf(1.0 / sides.len().max(1) as f64) / longest;
+    let per_length =
+        (density * count as f64 / volume).powf(1.0 / sides.len().max(1) as f64) / longest;
     size.to_array().map(|s| cells_of(s * per_length))
 }
 
@@ -74,7 +78,11 @@ fn level(bounds: &Bounds3d, cells: [u32; 3]) -> Level {
         cells,
         first: 0,
         // And more than the planes of boxes from here to the end of the numbers are rounded by.
-        padding: if shortest.is_finite() { shortest * PADDING + bounds.size().max_element() * 1e-12 } else { 0.0 },
+        padding: if shortest.is_finite() {
+            shortest * PADDING + bounds.size().max_element() * 1e-12
+        } else {
+            0.0
+        },
     }
 }
 
@@ -138,7 +146,9 @@ impl Builder<'_> {
                     let cell = (level.index(place) - level.first as usize) as u32;
                     if is_single {
                         call(cell, *item);
-                    } else if let Some(part) = self.primitives.clipped(item, &cell_box(level, place)) {
+                    } else if let Some(part) =
+                        self.primitives.clipped(item, &cell_box(level, place))
+                    {
                         call(cell, part);
                     }
                 }
@@ -159,7 +169,8 @@ impl Builder<'_> {
         for count in &mut counts {
             (*count, sum) = (sum, sum + *count);
         }
-        let mut sorted = vec![Item { min: Default::default(), id: 0, max: Default::default() }; entries.len()];
+        let mut sorted =
+            vec![Item { min: Default::default(), id: 0, max: Default::default() }; entries.len()];
         for (cell, item) in entries {
             let at = &mut counts[cell as usize];
             sorted[*at as usize] = item;
@@ -177,7 +188,9 @@ impl Builder<'_> {
             }
         }
         // A crowded cell becomes a grid if that separates its primitives.
-        let inner = |&(number, items): &(usize, &[Item])| self.inner(items, &level, number as u32, depth + 1);
+        let inner = |&(number, items): &(usize, &[Item])| {
+            self.inner(items, &level, number as u32, depth + 1)
+        };
         let inner: Vec<Option<Grids>> = if sorted.len() < PARALLEL {
             crowded.iter().map(inner).collect()
         } else {
@@ -207,7 +220,8 @@ impl Builder<'_> {
         if entries.len() > items.len() * GROWTH {
             return None;
         }
-        let mut grids = Grids { levels: Vec::new(), cells: Vec::new(), references: Vec::new(), depth };
+        let mut grids =
+            Grids { levels: Vec::new(), cells: Vec::new(), references: Vec::new(), depth };
         self.add_entries(entries, level, depth, &mut grids);
         Some(grids)
     }
@@ -240,7 +254,10 @@ fn add_references(items: &[Item], grids: &mut Grids) -> Cell {
 fn append(grids: &mut Grids, inner: Grids) -> Cell {
     let (levels, cells, references) =
         (grids.levels.len() as u32, grids.cells.len() as u32, grids.references.len() as u32);
-    let moved = |c: Cell| Cell { first: c.first + if c.count == Cell::GRID { levels } else { references }, ..c };
+    let moved = |c: Cell| Cell {
+        first: c.first + if c.count == Cell::GRID { levels } else { references },
+        ..c
+    };
     grids.levels.extend(inner.levels.into_iter().map(|l| Level { first: l.first + cells, ..l }));
     grids.cells.extend(inner.cells.into_iter().map(moved));
     grids.references.extend(inner.references);
@@ -254,7 +271,9 @@ mod tests {
 
     #[test]
     fn flat_and_degenerate_boxes_get_layers_of_cells() {
-        let of = |x, y, z, n| by_density(&Bounds3d { min: DVec3::ZERO, max: DVec3::new(x, y, z) }, n, 1.0);
+        let of = |x, y, z, n| {
+            by_density(&Bounds3d { min: DVec3::ZERO, max: DVec3::new(x, y, z) }, n, 1.0)
+        };
         assert_eq!(of(1.0, 1.0, 1.0, 1000), [10, 10, 10]);
         assert_eq!(of(1.0, 1.0, 0.0, 100), [10, 10, 1]);
         assert_eq!(of(4.0, 0.0, 0.0, 100), [100, 1, 1]);

@@ -1,7 +1,9 @@
-//! From cell to cell along the ray (Amanatides and Woo, A fast voxel traversal algorithm for ray tracing, 1987).
+//! From cell to cell along the ray (Amanatides and Woo, A fast voxel traversal algorithm for ray
+//! tracing, 1987).
 //!
-//! The walk follows the line itself; primitives are entered in all cells within a padding. For a ray thicker than that, from far
-//! away, each step also takes in the cells beside the piece of the line in the current cell, as far as the ray is thick.
+//! The walk follows the line itself; primitives are entered in all cells within a padding. For a
+//! ray thicker than that, from far away, each step also takes in the cells beside the piece of the
+//! line in the current cell, as far as the ray is thick.
 
 use super::{Cell, Grids, Level, PADDING};
 use crate::accel::box_ray::BoxRay;
@@ -10,9 +12,17 @@ use crate::query::journey::Place;
 use snell_math::Bounds3d;
 
 /// Walks through a grid and those within. True if the search is over.
-pub(super) fn walk(grids: &Grids, number: u32, ray: &BoxRay, visitor: &mut dyn Visitor, work: &mut Work) -> bool {
+pub(super) fn walk(
+    grids: &Grids,
+    number: u32,
+    ray: &BoxRay,
+    visitor: &mut dyn Visitor,
+    work: &mut Work,
+) -> bool {
     let level = &grids.levels[number as usize];
-    work.node(visitor, || Place::of_box(&Bounds3d { min: level.low.into(), max: level.high.into() }));
+    work.node(visitor, || {
+        Place::of_box(&Bounds3d { min: level.low.into(), max: level.high.into() })
+    });
     let (start, end) = ray.span(level.low, level.high);
     if start > end {
         return false;
@@ -55,13 +65,16 @@ fn visit(
 ) -> bool {
     let cell = grids.cells[level.index(place)];
     work.cell(visitor, || {
-        let side = |up: u32| std::array::from_fn::<_, 3, _>(|axis| level.plane(axis, place[axis] + up));
+        let side =
+            |up: u32| std::array::from_fn::<_, 3, _>(|axis| level.plane(axis, place[axis] + up));
         Place::of_box(&Bounds3d { min: side(0).into(), max: side(1).into() })
     });
     match cell.count {
         0 => false,
         Cell::GRID => walk(grids, cell.first, ray, visitor, work),
-        count => visitor.test(&grids.references[cell.first as usize..(cell.first + count) as usize]),
+        count => {
+            visitor.test(&grids.references[cell.first as usize..(cell.first + count) as usize])
+        }
     }
 }
 
@@ -76,11 +89,13 @@ fn visit_range(
     work: &mut Work,
 ) -> bool {
     (low[2]..=high[2]).any(|z| {
-        (low[1]..=high[1]).any(|y| (low[0]..=high[0]).any(|x| visit(grids, level, [x, y, z], ray, visitor, work)))
+        (low[1]..=high[1])
+            .any(|y| (low[0]..=high[0]).any(|x| visit(grids, level, [x, y, z], ray, visitor, work)))
     })
 }
 
-/// The cells within the width of the ray between two of its points. All, if one of them is infinitely far.
+/// The cells within the width of the ray between two of its points. All, if one of them is
+/// infinitely far.
 fn around(level: &Level, ray: &BoxRay, start: f64, end: f64) -> [[u32; 3]; 2] {
     if !(start.is_finite() && end.is_finite()) {
         return [[0; 3], level.cells.map(|n| n - 1)];
@@ -149,7 +164,8 @@ impl Steps {
     fn step(&mut self, axis: usize, at: f64) {
         self.start = at.max(self.start);
         self.left[axis] -= 1;
-        self.place[axis] = if self.is_down[axis] { self.place[axis] - 1 } else { self.place[axis] + 1 };
+        self.place[axis] =
+            if self.is_down[axis] { self.place[axis] - 1 } else { self.place[axis] + 1 };
         self.next[axis] = if self.left[axis] > 0 { at + self.delta[axis] } else { f64::INFINITY };
     }
 }

@@ -51,7 +51,8 @@ pub(super) fn tree(primitives: &Primitives) -> Part {
     let n = primitives.items.len();
     let max_depth = 8 + (1.3 * (n.max(1) as f64).log2()) as u32;
     let mut part = Part::default();
-    let cell = Cell { bounds: primitives.bounds, depth: 0, bad: 0, allowance: n.saturating_mul(GROWTH) };
+    let cell =
+        Cell { bounds: primitives.bounds, depth: 0, bad: 0, allowance: n.saturating_mul(GROWTH) };
     Builder { primitives, max_depth }.add(primitives.items.clone(), cell, &mut part);
     part
 }
@@ -114,7 +115,11 @@ impl Builder<'_> {
         if items.len() < 2 || cell.depth >= self.max_depth {
             return None;
         }
-        let plane = if items.len() > EXACT { binned(items, &cell.bounds) } else { swept(items, &cell.bounds) }?;
+        let plane = if items.len() > EXACT {
+            binned(items, &cell.bounds)
+        } else {
+            swept(items, &cell.bounds)
+        }?;
         let leaf_cost = TEST_COST * items.len() as f64;
         let is_bad = plane.cost >= leaf_cost;
         let bad = if is_bad { cell.bad + 1 } else { 0 };
@@ -127,14 +132,17 @@ impl Builder<'_> {
         ];
         let sides = self.sides(items, plane, bounds);
         let total = sides[0].len() + sides[1].len();
-        if total > cell.allowance || (sides[0].len() == items.len() && sides[1].len() == items.len()) {
+        if total > cell.allowance
+            || (sides[0].len() == items.len() && sides[1].len() == items.len())
+        {
             return None;
         }
         let child = |i: usize| Cell {
             bounds: bounds[i],
             depth: cell.depth + 1,
             bad,
-            allowance: (cell.allowance as u128 * sides[i].len() as u128 / total.max(1) as u128) as usize,
+            allowance: (cell.allowance as u128 * sides[i].len() as u128 / total.max(1) as u128)
+                as usize,
         };
         let cells = [child(0), child(1)];
         Some((plane, sides, cells))

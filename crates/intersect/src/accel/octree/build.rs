@@ -24,7 +24,8 @@ impl Part {
     /// Adds another piece and returns its root as seen from here.
     fn append(&mut self, other: Self, root: Node) -> Node {
         let (nodes, references) = (self.nodes.len() as u32, self.references.len() as u32);
-        let moved = |n: Node| Node { first: n.first + if n.is_leaf() { references } else { nodes }, ..n };
+        let moved =
+            |n: Node| Node { first: n.first + if n.is_leaf() { references } else { nodes }, ..n };
         self.nodes.extend(other.nodes.into_iter().map(moved));
         self.references.extend(other.references);
         self.depth = self.depth.max(other.depth);
@@ -43,7 +44,11 @@ pub(super) fn octree(primitives: &Primitives, options: &AcceleratorOptions) -> O
     let mut part = Part { nodes: vec![Node::EMPTY], ..Part::default() };
     if n > 0 {
         let cell = Cell { place: [0; 3], level: 0, allowance: n.saturating_mul(GROWTH) };
-        part.nodes[0] = Builder { primitives, space, padding }.subtree(primitives.items.clone(), cell, &mut part);
+        part.nodes[0] = Builder { primitives, space, padding }.subtree(
+            primitives.items.clone(),
+            cell,
+            &mut part,
+        );
     }
     Octree {
         space: Space { depth: part.depth, ..space },
@@ -78,7 +83,11 @@ impl Cell {
 
 impl Builder<'_> {
     fn subtree(&self, items: Vec<Item>, cell: Cell, part: &mut Part) -> Node {
-        let divided = if items.len() > LEAF && cell.level < MAX_LEVEL { self.divide(&items, cell) } else { None };
+        let divided = if items.len() > LEAF && cell.level < MAX_LEVEL {
+            self.divide(&items, cell)
+        } else {
+            None
+        };
         let Some(children) = divided else {
             part.depth = part.depth.max(cell.level);
             let first = part.references.len() as u32;
@@ -107,7 +116,8 @@ impl Builder<'_> {
         Node { first: first as u32, count: Node::INNER }
     }
 
-    /// What lies in each octant; `None` if a division separates nothing, or takes more references than allowed.
+    /// What lies in each octant; `None` if a division separates nothing, or takes more references
+    /// than allowed.
     fn divide(&self, items: &[Item], cell: Cell) -> Option<[(Vec<Item>, Cell); 8]> {
         let around = DVec3::splat(self.padding);
         let cells: [Cell; 8] = std::array::from_fn(|octant| cell.child(octant));
@@ -123,13 +133,16 @@ impl Builder<'_> {
             }
         }
         let total: usize = children.iter().map(Vec::len).sum();
-        // As many in each child as before: the primitives meet in a point, say, and smaller cells would not part them.
-        if total > cell.allowance || children.iter().filter(|c| c.len() == items.len()).count() > 3 {
+        // As many in each child as before: the primitives meet in a point, say, and smaller cells
+        // would not part them.
+        if total > cell.allowance || children.iter().filter(|c| c.len() == items.len()).count() > 3
+        {
             return None;
         }
         let mut octant = 0;
         Some(children.map(|items| {
-            let allowance = (cell.allowance as u128 * items.len() as u128 / total.max(1) as u128) as usize;
+            let allowance =
+                (cell.allowance as u128 * items.len() as u128 / total.max(1) as u128) as usize;
             octant += 1;
             (items, Cell { allowance, ..cells[octant - 1] })
         }))

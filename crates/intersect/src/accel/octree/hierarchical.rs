@@ -1,6 +1,7 @@
-//! From the root down: the ray's parameters at the three planes of a node along each axis give those of all eight children
-//! (Revelles, Ureña and Lastra, An efficient parametric algorithm for octree traversal, 2000), which are then visited front to
-//! back. The planes are as thick as the ray, so children may overlap.
+//! From the root down: the ray's parameters at the three planes of a node along each axis give
+//! those of all eight children (Revelles, Ureña and Lastra, An efficient parametric algorithm for
+//! octree traversal, 2000), which are then visited front to back. The planes are as thick as the
+//! ray, so children may overlap.
 
 use super::{Node, Octree};
 use crate::accel::box_ray::BoxRay;
@@ -29,7 +30,13 @@ pub(super) fn walk(tree: &Octree, ray: &BoxRay, visitor: &mut dyn Visitor) -> bo
     walk_with_stack(visitor, |visitor, stack, work| search(tree, ray, visitor, stack, work))
 }
 
-fn search(tree: &Octree, ray: &BoxRay, visitor: &mut dyn Visitor, stack: &mut Vec<Later>, work: &mut Work) -> bool {
+fn search(
+    tree: &Octree,
+    ray: &BoxRay,
+    visitor: &mut dyn Visitor,
+    stack: &mut Vec<Later>,
+    work: &mut Work,
+) -> bool {
     let high = std::array::from_fn(|axis| tree.space.plane(axis, 1, 0));
     let (start, end) = ray.span(tree.space.low, high);
     if start <= end {
@@ -58,7 +65,9 @@ fn search(tree: &Octree, ray: &BoxRay, visitor: &mut dyn Visitor, stack: &mut Ve
 fn push_children(tree: &Octree, ray: &BoxRay, node: Node, parent: &Later, stack: &mut Vec<Later>) {
     // By axis and half: where the ray is there.
     let halves: [[(f64, f64); 2]; 3] = std::array::from_fn(|axis| {
-        let plane = |up: u32| ray.crossing(axis, tree.space.plane(axis, parent.cell[axis] * 2 + up, parent.level + 1));
+        let plane = |up: u32| {
+            ray.crossing(axis, tree.space.plane(axis, parent.cell[axis] * 2 + up, parent.level + 1))
+        };
         let [low, middle, high] = [plane(0), plane(1), plane(2)];
         if ray.is_down(axis) {
             [(middle.0, low.1), (high.0, middle.1)]
@@ -67,7 +76,11 @@ fn push_children(tree: &Octree, ray: &BoxRay, node: Node, parent: &Later, stack:
         }
     });
     // With these bits turned over, every octant comes before all that it can hide.
-    let down = if tree.front_to_back { (0..3).map(|axis| usize::from(ray.is_down(axis)) << axis).sum() } else { 0 };
+    let down = if tree.front_to_back {
+        (0..3).map(|axis| usize::from(ray.is_down(axis)) << axis).sum()
+    } else {
+        0
+    };
     for i in (0..8usize).rev() {
         let octant = i ^ down;
         let child = tree.nodes[node.first as usize + octant];
@@ -81,8 +94,15 @@ fn push_children(tree: &Octree, ray: &BoxRay, node: Node, parent: &Later, stack:
             (start, end) = (start.max(half.0), end.min(half.1));
         }
         if start <= end {
-            let cell = std::array::from_fn(|axis| parent.cell[axis] * 2 + (octant >> axis & 1) as u32);
-            stack.push(Later { start, end, node: node.first + octant as u32, level: parent.level + 1, cell });
+            let cell =
+                std::array::from_fn(|axis| parent.cell[axis] * 2 + (octant >> axis & 1) as u32);
+            stack.push(Later {
+                start,
+                end,
+                node: node.first + octant as u32,
+                level: parent.level + 1,
+                cell,
+            });
         }
     }
 }

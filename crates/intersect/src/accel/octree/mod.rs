@@ -1,7 +1,9 @@
-//! Octrees: box-shaped cells, halved along all axes at once where primitives are many. Two ways to walk through them, as in the
-//! lecture: from each cell to its neighbour ([`neighbours`]), or from the root down ([`hierarchical`]).
+//! Octrees: box-shaped cells, halved along all axes at once where primitives are many. Two ways to
+//! walk through them, as in the lecture: from each cell to its neighbour ([`neighbours`]), or from
+//! the root down ([`hierarchical`]).
 //!
-//! Cells are not stored: their boxes follow from their level and their place among the cells of that level.
+//! Cells are not stored: their boxes follow from their level and their place among the cells of
+//! that level.
 
 mod build;
 mod hierarchical;
@@ -14,7 +16,8 @@ use snell_math::Bounds3d;
 /// The deepest level; the root has level 0.
 const MAX_LEVEL: u32 = 16;
 
-/// The root is larger than its contents by this, relative to the longest side, so that all that is as thick as a ray lies inside.
+/// The root is larger than its contents by this, relative to the longest side, so that all that is
+/// as thick as a ray lies inside.
 const PADDING: f64 = 2e-5;
 
 /// Eight bytes: the first of eight children, or the references of a leaf.
@@ -35,7 +38,8 @@ impl Node {
     }
 }
 
-/// The tree, for both ways to walk. Child `x + 2y + 4z` of a node lies on the upper side along the axes whose bit is set.
+/// The tree, for both ways to walk. Child `x + 2y + 4z` of a node lies on the upper side along the
+/// axes whose bit is set.
 #[derive(Debug)]
 struct Octree {
     /// Node 0 is the root.
@@ -57,7 +61,8 @@ struct Space {
 }
 
 impl Space {
-    /// The coordinate of a plane between cells: their number at a level. The same bits at every level.
+    /// The coordinate of a plane between cells: their number at a level. The same bits at every
+    /// level.
     #[inline(always)]
     fn plane(&self, axis: usize, number: u32, level: u32) -> f64 {
         let place = u64::from(number) << (MAX_LEVEL - level);
@@ -66,18 +71,26 @@ impl Space {
 
     /// The box of a cell.
     fn cell(&self, cell: [u32; 3], level: u32) -> Bounds3d {
-        let side = |up: u32| std::array::from_fn::<_, 3, _>(|axis| self.plane(axis, cell[axis] + up, level));
+        let side = |up: u32| {
+            std::array::from_fn::<_, 3, _>(|axis| self.plane(axis, cell[axis] + up, level))
+        };
         Bounds3d { min: side(0).into(), max: side(1).into() }
     }
 }
 
 /// One walked from cell to cell.
-pub(super) fn build_neighbours(primitives: &Primitives, options: &AcceleratorOptions) -> Box<dyn Accelerator> {
+pub(super) fn build_neighbours(
+    primitives: &Primitives,
+    options: &AcceleratorOptions,
+) -> Box<dyn Accelerator> {
     Box::new(neighbours::ByNeighbours(build::octree(primitives, options)))
 }
 
 /// One walked from the root down.
-pub(super) fn build_hierarchical(primitives: &Primitives, options: &AcceleratorOptions) -> Box<dyn Accelerator> {
+pub(super) fn build_hierarchical(
+    primitives: &Primitives,
+    options: &AcceleratorOptions,
+) -> Box<dyn Accelerator> {
     Box::new(hierarchical::Hierarchical(build::octree(primitives, options)))
 }
 

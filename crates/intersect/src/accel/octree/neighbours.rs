@@ -1,10 +1,11 @@
-//! From each cell to its neighbour. Cells are named by whole numbers, the place of a point at the deepest level; where the ray
-//! leaves a cell, the place beyond is known, and the cell that holds it is found from the lowest ancestor that both share, which
-//! the highest bit in which the places differ tells (Frisken and Perry, Simple and efficient traversal methods for quadtrees and
+//! From each cell to its neighbour. Cells are named by whole numbers, the place of a point at the
+//! deepest level; where the ray leaves a cell, the place beyond is known, and the cell that holds
+//! it is found from the lowest ancestor that both share, which the highest bit in which the places
+//! differ tells (Frisken and Perry, Simple and efficient traversal methods for quadtrees and
 //! octrees, 2002).
 //!
-//! The walk follows the line itself; primitives are entered in all cells within a padding, which is wider than rays from nearby.
-//! Rays from farther away go from the root down.
+//! The walk follows the line itself; primitives are entered in all cells within a padding, which is
+//! wider than rays from nearby. Rays from farther away go from the root down.
 
 use super::hierarchical;
 use super::{MAX_LEVEL, Octree};
@@ -62,18 +63,28 @@ impl<'a> Walk<'a> {
     /// At the place where the ray enters the tree.
     fn new(tree: &'a Octree, ray: &'a BoxRay, start: f64) -> Self {
         let scale = tree.space.size.map(|s| f64::from(PLACES) / s);
-        let mut walk = Self { tree, ray, scale, path: [0; MAX_LEVEL as usize + 1], level: 0, place: [0; 3] };
-        walk.place = std::array::from_fn(|axis| walk.place_at(axis, start).clamp(0.0, f64::from(PLACES - 1)) as u32);
+        let mut walk =
+            Self { tree, ray, scale, path: [0; MAX_LEVEL as usize + 1], level: 0, place: [0; 3] };
+        walk.place = std::array::from_fn(|axis| {
+            walk.place_at(axis, start).clamp(0.0, f64::from(PLACES - 1)) as u32
+        });
         walk
     }
 
     /// The place of the ray along an axis, not yet rounded.
     #[inline(always)]
     fn place_at(&self, axis: usize, t: f64) -> f64 {
-        (self.ray.origin[axis] + self.ray.direction[axis] * t - self.tree.space.low[axis]) * self.scale[axis]
+        (self.ray.origin[axis] + self.ray.direction[axis] * t - self.tree.space.low[axis])
+            * self.scale[axis]
     }
 
-    fn run(&mut self, mut start: f64, end: f64, visitor: &mut dyn Visitor, work: &mut Work) -> bool {
+    fn run(
+        &mut self,
+        mut start: f64,
+        end: f64,
+        visitor: &mut dyn Visitor,
+        work: &mut Work,
+    ) -> bool {
         loop {
             self.descend(visitor, work);
             let leaf = self.tree.nodes[self.path[self.level as usize] as usize];
@@ -131,7 +142,8 @@ impl<'a> Walk<'a> {
         first
     }
 
-    /// Moves the place into the next cell along the axis, and up to the node that holds both. False at the end of the tree.
+    /// Moves the place into the next cell along the axis, and up to the node that holds both. False
+    /// at the end of the tree.
     #[inline(always)]
     fn step(&mut self, axis: usize, t: f64) -> bool {
         let shift = MAX_LEVEL - self.level;
@@ -141,7 +153,11 @@ impl<'a> Walk<'a> {
         self.place = std::array::from_fn(|i| {
             self.place_at(i, t).clamp(f64::from(corner[i]), f64::from(corner[i] + size - 1)) as u32
         });
-        let next = if self.ray.is_down(axis) { i64::from(corner[axis]) - 1 } else { i64::from(corner[axis] + size) };
+        let next = if self.ray.is_down(axis) {
+            i64::from(corner[axis]) - 1
+        } else {
+            i64::from(corner[axis] + size)
+        };
         if !(0..i64::from(PLACES)).contains(&next) {
             return false;
         }

@@ -28,7 +28,11 @@ impl Random {
     }
 
     pub(super) fn point(&mut self, extent: f32) -> Vec3 {
-        Vec3::new(self.range(-extent, extent), self.range(-extent, extent), self.range(-extent, extent))
+        Vec3::new(
+            self.range(-extent, extent),
+            self.range(-extent, extent),
+            self.range(-extent, extent),
+        )
     }
 
     pub(super) fn direction(&mut self) -> Vec3 {
@@ -37,7 +41,14 @@ impl Random {
 }
 
 fn bits(hit: &Hit) -> [u32; 6] {
-    [hit.t.to_bits(), hit.uv.x.to_bits(), hit.uv.y.to_bits(), hit.instance, hit.geometry, hit.primitive]
+    [
+        hit.t.to_bits(),
+        hit.uv.x.to_bits(),
+        hit.uv.y.to_bits(),
+        hit.instance,
+        hit.geometry,
+        hit.primitive,
+    ]
 }
 
 /// The same world with every structure and at every SIMD level; the oracle first.
@@ -61,8 +72,10 @@ fn worlds(fill: impl Fn(&mut WorldBuilder)) -> Vec<World> {
 /// All worlds answer alike, one by one and in batches; returns how many rays hit.
 fn agree(worlds: &[World], rays: &[Ray], times: &[f32]) -> usize {
     let queries = Rays::new(rays).with_times(times);
-    let expected: Vec<_> = (0..rays.len()).map(|i| worlds[0].closest_one(queries.get(i), &AcceptAll)).collect();
-    let all: Vec<_> = (0..rays.len()).map(|i| worlds[0].all_one(queries.get(i), &AcceptAll)).collect();
+    let expected: Vec<_> =
+        (0..rays.len()).map(|i| worlds[0].closest_one(queries.get(i), &AcceptAll)).collect();
+    let all: Vec<_> =
+        (0..rays.len()).map(|i| worlds[0].all_one(queries.get(i), &AcceptAll)).collect();
     for world in worlds {
         let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
         world.closest(queries, Grouping::None, &AcceptAll, &mut hits);

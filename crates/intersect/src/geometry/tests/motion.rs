@@ -22,7 +22,8 @@ fn world(fill: impl FnOnce(&mut WorldBuilder)) -> World {
     builder.build(&BuildOptions::default()).expect("a world")
 }
 
-/// A closed mesh around the origin, dented differently at each of three keys; a ray from the centre crosses it once at any time.
+/// A closed mesh around the origin, dented differently at each of three keys; a ray from the centre
+/// crosses it once at any time.
 fn breathing(random: &mut Random) -> MovingMesh {
     let mut first = sphere_mesh(Vec3::ZERO, 1.0, 16, 32);
     let rest = first.positions.clone();
@@ -74,7 +75,8 @@ fn corners_that_are_not_finite_or_together_take_their_triangles_out() {
     let mut later = positions;
     later[3].x = f32::NAN;
     later[4].y = -1.0;
-    let mesh = MovingMesh::new(first, vec![MeshKey { positions: later, normals: Vec::new() }]).expect("valid");
+    let mesh = MovingMesh::new(first, vec![MeshKey { positions: later, normals: Vec::new() }])
+        .expect("valid");
     let mesh = Arc::new(mesh);
     let all = worlds(|b| {
         b.add_moving_mesh(WorldBuilder::ROOT, mesh.clone());
@@ -85,8 +87,9 @@ fn corners_that_are_not_finite_or_together_take_their_triangles_out() {
     let hit = |time| all[1].closest_one(at(&below, time), &AcceptAll);
     assert_eq!((hit(0.0), hit(1.0).primitive), (Hit::MISS, 2));
     let mut random = Random(3);
-    let rays: Vec<_> =
-        (0..400).map(|_| Ray::new(Vec3::new(random.unit(), random.range(-1.0, 1.0), 1.0), -Vec3::Z)).collect();
+    let rays: Vec<_> = (0..400)
+        .map(|_| Ray::new(Vec3::new(random.unit(), random.range(-1.0, 1.0), 1.0), -Vec3::Z))
+        .collect();
     let times: Vec<_> = (0..400).map(|i| [0.0, 0.3, 1.0, f32::NAN][i % 4]).collect();
     assert!(agree(&all, &rays, &times) > 100);
     let still = mesh.at(0.5);
@@ -94,13 +97,17 @@ fn corners_that_are_not_finite_or_together_take_their_triangles_out() {
 }
 
 fn turned(angle: f64, offset: DVec3) -> Transform {
-    let matrix3 =
-        DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), angle) * DMat3::from_diagonal(DVec3::new(1.0, -0.5, 1.5));
+    let matrix3 = DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), angle)
+        * DMat3::from_diagonal(DVec3::new(1.0, -0.5, 1.5));
     Transform::new(DAffine3 { matrix3, translation: offset }).expect("invertible")
 }
 
 fn keys() -> Vec<Transform> {
-    vec![turned(0.0, DVec3::ZERO), turned(0.7, DVec3::X * 2.0), turned(1.5, DVec3::new(1.0, 2.0, -0.5))]
+    vec![
+        turned(0.0, DVec3::ZERO),
+        turned(0.7, DVec3::X * 2.0),
+        turned(1.5, DVec3::new(1.0, 2.0, -0.5)),
+    ]
 }
 
 #[test]
@@ -109,7 +116,10 @@ fn a_moving_instance_is_hit_where_it_is_at_that_time() {
     let place = |keys: &[Transform], b: &mut WorldBuilder| {
         let child = b.add_group();
         b.add_mesh(child, mesh.clone());
-        b.add(WorldBuilder::ROOT, Instance { later: keys[1..].to_vec(), ..Instance::new(child, keys[0]) });
+        b.add(
+            WorldBuilder::ROOT,
+            Instance { later: keys[1..].to_vec(), ..Instance::new(child, keys[0]) },
+        );
     };
     let moving = world(|b| place(&keys(), b));
     let mut random = Random(5);
@@ -122,13 +132,15 @@ fn a_moving_instance_is_hit_where_it_is_at_that_time() {
             b.add_mesh(WorldBuilder::ROOT, Arc::new(mesh.transformed(&now)));
         });
         for _ in 0..40 {
-            let (from, to) = (random.point(5.0), now.point(random.direction().as_dvec3() * 0.8).as_vec3());
+            let (from, to) =
+                (random.point(5.0), now.point(random.direction().as_dvec3() * 0.8).as_vec3());
             let ray = Ray::new(from, to - from);
             let hit = moving.closest_one(at(&ray, time), &AcceptAll);
             assert_eq!(bits(&hit), bits(&still.closest_one(&ray, &AcceptAll)));
             let other = moved.closest_one(&ray, &AcceptAll);
             assert!(hit.is_hit() && (hit.t - other.t).abs() < 1e-4, "{hit:?} {other:?}");
-            let (s, expected) = (moving.interaction(at(&ray, time), &hit), still.interaction(&ray, &hit));
+            let (s, expected) =
+                (moving.interaction(at(&ray, time), &hit), still.interaction(&ray, &hit));
             assert_eq!(s, expected);
             assert!((s.position - ray.at(hit.t)).length() < 1e-5);
             let d = random.direction();
@@ -150,7 +162,10 @@ fn bounds_hold_everything_at_all_times() {
     let world = world(|b| {
         let child = b.add_group();
         b.add_moving_mesh(child, mesh.clone());
-        b.add(WorldBuilder::ROOT, Instance { later: keys()[1..].to_vec(), ..Instance::new(child, keys()[0]) });
+        b.add(
+            WorldBuilder::ROOT,
+            Instance { later: keys()[1..].to_vec(), ..Instance::new(child, keys()[0]) },
+        );
     });
     let bounds = world.bounds();
     let outer = Bounds3d { min: bounds.min - 1e-9, max: bounds.max + 1e-9 };
@@ -172,17 +187,25 @@ fn every_structure_level_and_batch_agrees_about_what_moves() {
         b.add_mesh(inner, Arc::new(mesh.at(0.3)));
         sets::everything(b);
         b.add(outer, Instance { later: keys(), ..Instance::new(inner, turned(0.2, DVec3::Y)) });
-        b.add(outer, Instance { later: vec![half_turn], ..Instance::new(inner, turned(0.0, DVec3::ZERO)) });
-        b.add(WorldBuilder::ROOT, Instance { later: keys(), ..Instance::new(outer, turned(0.3, DVec3::Z)) });
+        b.add(
+            outer,
+            Instance { later: vec![half_turn], ..Instance::new(inner, turned(0.0, DVec3::ZERO)) },
+        );
+        b.add(
+            WorldBuilder::ROOT,
+            Instance { later: keys(), ..Instance::new(outer, turned(0.3, DVec3::Z)) },
+        );
     });
     let rays: Vec<_> = (0..500)
         .map(|i| {
             let (from, to) = (random.point(5.0), random.point(2.0));
-            let direction = if i % 7 == 0 { [Vec3::X, -Vec3::Y, Vec3::Z][i % 3] } else { to - from };
+            let direction =
+                if i % 7 == 0 { [Vec3::X, -Vec3::Y, Vec3::Z][i % 3] } else { to - from };
             Ray::new(from, direction)
         })
         .collect();
-    let times: Vec<_> = (0..500).map(|i| if i % 5 == 0 { 0.5 } else { random.range(-0.1, 1.1) }).collect();
+    let times: Vec<_> =
+        (0..500).map(|i| if i % 5 == 0 { 0.5 } else { random.range(-0.1, 1.1) }).collect();
     assert!(agree(&all, &rays, &times) > 250);
 }
 
@@ -193,7 +216,10 @@ fn the_nearest_point_of_what_moves_is_that_at_time_0() {
     let moving = worlds(|b| {
         let child = b.add_group();
         b.add_moving_mesh(child, mesh.clone());
-        b.add(WorldBuilder::ROOT, Instance { later: keys()[1..].to_vec(), ..Instance::new(child, keys()[0]) });
+        b.add(
+            WorldBuilder::ROOT,
+            Instance { later: keys()[1..].to_vec(), ..Instance::new(child, keys()[0]) },
+        );
     });
     let still = world(|b| {
         let child = b.add_group();

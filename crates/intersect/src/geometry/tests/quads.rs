@@ -12,13 +12,20 @@ use std::sync::Arc;
 fn cube() -> Arc<QuadMesh> {
     let side = |bit: usize, i: usize| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
     let positions = (0..8).map(|i| Vec3::new(side(0, i), side(1, i), side(2, i))).collect();
-    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    Arc::new(QuadMesh::new(TriangleMesh { positions, ..TriangleMesh::default() }, &quads).expect("valid"))
+    let quads =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    Arc::new(
+        QuadMesh::new(TriangleMesh { positions, ..TriangleMesh::default() }, &quads)
+            .expect("valid"),
+    )
 }
 
 fn on_quad(quads: &QuadMesh, quad: u32, uv: Vec2) -> Vec3 {
     let [a, b, c, d] = quads.quad(quad as usize).map(|v| quads.triangles().positions[v as usize]);
-    a * ((1.0 - uv.x) * (1.0 - uv.y)) + b * (uv.x * (1.0 - uv.y)) + c * (uv.x * uv.y) + d * ((1.0 - uv.x) * uv.y)
+    a * ((1.0 - uv.x) * (1.0 - uv.y))
+        + b * (uv.x * (1.0 - uv.y))
+        + c * (uv.x * uv.y)
+        + d * ((1.0 - uv.x) * uv.y)
 }
 
 #[test]
@@ -28,16 +35,22 @@ fn a_hit_names_its_quad_and_the_place_in_it() {
         b.add_quads(WorldBuilder::ROOT, cube.clone());
     });
     let mut random = Random(1);
-    let mut rays: Vec<_> = (0..2000).map(|_| Ray::new(random.point(0.9), random.direction())).collect();
+    let mut rays: Vec<_> =
+        (0..2000).map(|_| Ray::new(random.point(0.9), random.direction())).collect();
     // Along the diagonals and edges too.
-    rays.extend((0..50).map(|_| Ray::new(Vec3::ZERO, random.point(3.0).round())).filter(Ray::is_valid));
+    rays.extend(
+        (0..50).map(|_| Ray::new(Vec3::ZERO, random.point(3.0).round())).filter(Ray::is_valid),
+    );
     agree(&worlds, &rays, &vec![0.0; rays.len()]);
     for ray in &rays {
         let all = worlds[1].all_one(ray, &AcceptAll);
         assert_eq!(all.len(), 1, "the cube is closed: {ray:?}");
         let hit = all[0];
         let p = ray.at(hit.t);
-        assert!(hit.primitive < 6 && (on_quad(&cube, hit.primitive, hit.uv) - p).length() < 1e-5, "{hit:?}");
+        assert!(
+            hit.primitive < 6 && (on_quad(&cube, hit.primitive, hit.uv) - p).length() < 1e-5,
+            "{hit:?}"
+        );
         let s = worlds[1].interaction(ray, &hit);
         assert!((s.position - p).length() < 1e-5);
         assert!((s.geometric_normal.dot(p) - 1.0).abs() < 1e-5, "outward: {s:?}");
@@ -49,7 +62,8 @@ fn a_quad_folded_onto_itself_has_one_answer() {
     // Both triangles cover the same place, but differ in uv.
     let positions = vec![Vec3::ZERO, Vec3::X, Vec3::new(0.1, 0.1, 0.0), Vec3::Y];
     let quads = Arc::new(
-        QuadMesh::new(TriangleMesh { positions, ..TriangleMesh::default() }, &[[0, 1, 2, 3]; 4]).expect("valid"),
+        QuadMesh::new(TriangleMesh { positions, ..TriangleMesh::default() }, &[[0, 1, 2, 3]; 4])
+            .expect("valid"),
     );
     let fill = |order: [usize; 2]| {
         let quads = quads.clone();
@@ -61,8 +75,9 @@ fn a_quad_folded_onto_itself_has_one_answer() {
     };
     let worlds = fill([0, 1]);
     let mut random = Random(2);
-    let rays: Vec<_> =
-        (0..300).map(|_| Ray::new(Vec3::new(random.unit(), random.unit(), 1.0), Vec3::new(0.0, 0.0, -1.0))).collect();
+    let rays: Vec<_> = (0..300)
+        .map(|_| Ray::new(Vec3::new(random.unit(), random.unit(), 1.0), Vec3::new(0.0, 0.0, -1.0)))
+        .collect();
     assert!(agree(&worlds, &rays, &vec![0.0; rays.len()]) > 100);
     let both = rays.iter().filter(|r| worlds[0].all_one(*r, &AcceptAll).len() == 16).count();
     assert!(both > 50, "{both}");
@@ -93,7 +108,10 @@ fn a_quad_with_two_equal_corners_is_a_triangle() {
             assert_eq!(hit.is_hit(), x + y < 1.0, "{quad:?} {x} {y}");
             if hit.is_hit() {
                 let s = worlds[1].interaction(&ray, &hit);
-                assert!((s.position - Vec3::new(x, y, 0.0)).length() < 1e-5, "{quad:?} {hit:?} {s:?}");
+                assert!(
+                    (s.position - Vec3::new(x, y, 0.0)).length() < 1e-5,
+                    "{quad:?} {hit:?} {s:?}"
+                );
                 assert_eq!(s.geometric_normal, Vec3::Z);
             }
         }
@@ -111,7 +129,10 @@ fn the_nearest_point_of_a_quad_names_the_quad_and_the_place_in_it() {
     for _ in 0..300 {
         let point = random.point(2.0);
         let found = worlds[0].nearest_point_one(point);
-        assert!(found.primitive < 6 && (on_quad(&cube, found.primitive, found.uv) - found.position).length() < 1e-5);
+        assert!(
+            found.primitive < 6
+                && (on_quad(&cube, found.primitive, found.uv) - found.position).length() < 1e-5
+        );
         for world in &worlds {
             assert_eq!(world.nearest_point_one(point), found);
         }

@@ -1,4 +1,5 @@
-//! Every kind of set against an oracle that knows nothing but centres and radii, and in worlds, where all structures must agree.
+//! Every kind of set against an oracle that knows nothing but centres and radii, and in worlds,
+//! where all structures must agree.
 
 use super::{Random, agree, worlds};
 use crate::geometry::{CubicCurves, CurveBasis, LinearCurves, PrimitiveHit, PrimitiveSet, Spheres};
@@ -14,7 +15,8 @@ struct Example {
     name: &'static str,
     set: Arc<dyn PrimitiveSet>,
     ball: Box<dyn Fn(usize, f64) -> (DVec3, f64)>,
-    /// How far hits may be off the surface, relative to the largest radius: everywhere, and all but at silhouettes.
+    /// How far hits may be off the surface, relative to the largest radius: everywhere, and all but
+    /// at silhouettes.
     accuracy: [f64; 2],
 }
 
@@ -24,7 +26,8 @@ fn parts(v: Vec4) -> (DVec3, f64) {
 
 fn examples() -> Vec<Example> {
     let mut random = Random(4);
-    let mut knot = |size: f32, radius: f32| random.point(size).extend(random.range(0.2, 1.0) * radius);
+    let mut knot =
+        |size: f32, radius: f32| random.point(size).extend(random.range(0.2, 1.0) * radius);
     let mut all = Vec::new();
     let spheres: Vec<_> = (0..40).map(|_| knot(2.0, 0.5)).collect();
     let copy = spheres.clone();
@@ -84,16 +87,23 @@ fn examples() -> Vec<Example> {
                         (-3.0 * u3 + 4.0 * u2 + u) / 2.0,
                         (u3 - u2) / 2.0,
                     ],
-                    CurveBasis::Hermite => {
-                        [2.0 * u3 - 3.0 * u2 + 1.0, u3 - 2.0 * u2 + u, -2.0 * u3 + 3.0 * u2, u3 - u2]
-                    }
+                    CurveBasis::Hermite => [
+                        2.0 * u3 - 3.0 * u2 + 1.0,
+                        u3 - 2.0 * u2 + u,
+                        -2.0 * u3 + 3.0 * u2,
+                        u3 - u2,
+                    ],
                 };
                 let points = if basis == CurveBasis::Hermite {
                     [p[at], t[at], p[at + 1], t[at + 1]]
                 } else {
                     [p[at], p[at + 1], p[at + 2], p[at + 3]]
                 };
-                let mean = points.iter().zip(weights).map(|(p, w)| p.as_dvec4() * w).sum::<snell_math::DVec4>();
+                let mean = points
+                    .iter()
+                    .zip(weights)
+                    .map(|(p, w)| p.as_dvec4() * w)
+                    .sum::<snell_math::DVec4>();
                 (mean.truncate(), mean.w)
             }),
             accuracy: [2.5e-3, 1e-9],
@@ -110,10 +120,15 @@ impl Example {
             (p - c).length() - r
         };
         const STEPS: usize = 400;
-        let best = (0..=STEPS).map(|i| at(i as f64 / STEPS as f64)).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
+        let best = (0..=STEPS)
+            .map(|i| at(i as f64 / STEPS as f64))
+            .enumerate()
+            .min_by(|a, b| a.1.total_cmp(&b.1));
         let (best, _) = best.expect("many");
-        let (mut low, mut high) =
-            (best.saturating_sub(1) as f64 / STEPS as f64, (best + 1).min(STEPS) as f64 / STEPS as f64);
+        let (mut low, mut high) = (
+            best.saturating_sub(1) as f64 / STEPS as f64,
+            (best + 1).min(STEPS) as f64 / STEPS as f64,
+        );
         for _ in 0..90 {
             let (a, b) = (low + (high - low) * 0.382, low + (high - low) * 0.618);
             if at(a) < at(b) { high = b } else { low = a }
@@ -145,7 +160,10 @@ fn ray_near(example: &Example, primitive: usize, random: &mut Random) -> DRay {
     let d = random.direction().as_dvec3();
     DRay {
         t_min: -1e9,
-        ..DRay::new(target - d * f64::from(random.range(-3.0, 9.0)), d * f64::from(random.range(0.1, 7.0)))
+        ..DRay::new(
+            target - d * f64::from(random.range(-3.0, 9.0)),
+            d * f64::from(random.range(0.1, 7.0)),
+        )
     }
 }
 
@@ -161,19 +179,32 @@ fn hits_lie_on_the_surface_and_between_them_the_ray_is_in_and_out_by_turns() {
             assert!(hits.len().is_multiple_of(2), "{}: {hits:?}", example.name);
             for hit in &hits {
                 let off = example.distance(primitive, ray.at(hit.t)).abs() / radius;
-                assert!(off <= example.accuracy[0], "{} {primitive}: off by {off}, {ray:?} {hit:?}", example.name);
+                assert!(
+                    off <= example.accuracy[0],
+                    "{} {primitive}: off by {off}, {ray:?} {hit:?}",
+                    example.name
+                );
                 doubtful += usize::from(off > example.accuracy[1]);
                 crossings += 1;
             }
             for (i, pair) in hits.windows(2).enumerate() {
-                let middle = example.distance(primitive, ray.at(0.5 * (pair[0].t + pair[1].t))) / radius;
+                let middle =
+                    example.distance(primitive, ray.at(0.5 * (pair[0].t + pair[1].t))) / radius;
                 let outside = i % 2 == 1;
-                assert!(if outside { middle > -2e-3 } else { middle < 2e-3 }, "{}: {i} {middle}", example.name);
+                assert!(
+                    if outside { middle > -2e-3 } else { middle < 2e-3 },
+                    "{}: {i} {middle}",
+                    example.name
+                );
             }
         }
         println!("{}: {crossings} crossings, {doubtful} less exact", example.name);
         assert!(crossings > 500, "{}: {crossings}", example.name);
-        assert!(doubtful * 50 <= crossings, "{}: {doubtful} of {crossings} are not exact", example.name);
+        assert!(
+            doubtful * 50 <= crossings,
+            "{}: {doubtful} of {crossings} are not exact",
+            example.name
+        );
     }
 }
 
@@ -193,7 +224,12 @@ fn a_ray_through_the_inside_is_never_missed() {
             let ray = DRay { t_min: -1e9, ..DRay::new(inside, d) };
             let hits = example.crossings(primitive, &ray);
             let before = hits.iter().filter(|h| h.t < 0.0).count();
-            assert!(before % 2 == 1, "{} {primitive}: {before} of {} before the inside", example.name, hits.len());
+            assert!(
+                before % 2 == 1,
+                "{} {primitive}: {before} of {} before the inside",
+                example.name,
+                hits.len()
+            );
         }
     }
 }
@@ -206,7 +242,11 @@ fn bounds_hold_every_ball() {
             for i in 0..=200 {
                 let (c, r) = (example.ball)(primitive, f64::from(i) / 200.0);
                 let r = (r - 1e-12).max(0.0);
-                assert!(bounds.contains(c - r) && bounds.contains(c + r), "{} {primitive} {i}", example.name);
+                assert!(
+                    bounds.contains(c - r) && bounds.contains(c + r),
+                    "{} {primitive} {i}",
+                    example.name
+                );
             }
         }
     }
@@ -223,13 +263,21 @@ fn the_surface_has_its_point_normal_and_tangents_where_the_ray_hit() {
                 let p = ray.at(hit.t);
                 let s = example.set.surface(primitive, p, hit.uv, 0.0);
                 let off = example.distance(primitive, s.position).abs() / radius;
-                assert!(off < 1e-9 || (example.accuracy[0] > 1e-4 && off < 5e-3), "{}: {off}", example.name);
+                assert!(
+                    off < 1e-9 || (example.accuracy[0] > 1e-4 && off < 5e-3),
+                    "{}: {off}",
+                    example.name
+                );
                 assert!((s.position - p).length() < 1e-2 * radius, "{}", example.name);
                 assert!((s.normal.length() - 1.0).abs() < 1e-12);
                 assert!(s.uv.cmpge(DVec2::ZERO).all() && s.uv.cmple(DVec2::ONE).all());
-                assert!(s.dpdu.dot(s.normal).abs() < 1e-9 * s.dpdu.length() && s.dpdv.dot(s.normal).abs() < 1e-9);
+                assert!(
+                    s.dpdu.dot(s.normal).abs() < 1e-9 * s.dpdu.length()
+                        && s.dpdv.dot(s.normal).abs() < 1e-9
+                );
                 assert!(s.dpdu.cross(s.dpdv).length() > 0.0, "{}", example.name);
-                // Outward: the distance grows along the normal, but for inner edges where two normals meet.
+                // Outward: the distance grows along the normal, but for inner edges where two
+                // normals meet.
                 let h = 1e-3 * radius;
                 let grows = example.distance(primitive, s.position + s.normal * h);
                 assert!(grows > -1e-3 * h, "{} {primitive}: {}", example.name, grows / h);
@@ -281,9 +329,11 @@ impl PrimitiveSet for Rogue {
     }
 
     fn closest(&self, i: usize, ray: &DRay, time: f32) -> Option<PrimitiveHit> {
-        // Any distance, from before the interval to far outside of the bounds; not a function of the interval.
+        // Any distance, from before the interval to far outside of the bounds; not a function of
+        // the interval.
         let bits = (ray.origin + ray.direction).to_array().map(|x| x.to_bits() as u32);
-        let t = f64::from(to_unit(pcg4d([bits[0], bits[1] ^ bits[2], i as u32, self.0])[0])) * 8.0 - 1.0;
+        let t = f64::from(to_unit(pcg4d([bits[0], bits[1] ^ bits[2], i as u32, self.0])[0])) * 8.0
+            - 1.0;
         let t = [t, f64::NAN, f64::INFINITY, ray.t_min, t][(i + bits[0] as usize) % 5];
         Some(PrimitiveHit { t, uv: Vec2::splat(time) })
     }
@@ -304,7 +354,8 @@ pub(super) fn everything(builder: &mut WorldBuilder) {
         builder.add_set(group, Arc::new(Spheres::default()));
     }
     for (angle, scale) in [(0.3, 1.0), (2.0, -0.7)] {
-        let turn = DMat3::from_rotation_y(angle) * DMat3::from_diagonal(DVec3::new(scale, 0.5, 1.0));
+        let turn =
+            DMat3::from_rotation_y(angle) * DMat3::from_diagonal(DVec3::new(scale, 0.5, 1.0));
         let map = DAffine3 { matrix3: turn, translation: DVec3::new(0.5, angle, 0.1) };
         builder.add_instance(WorldBuilder::ROOT, child, Transform::new(map).expect("invertible"));
     }
@@ -341,7 +392,8 @@ fn a_ray_that_leaves_a_set_does_not_find_it_where_it_starts() {
             let mut random = Random(6);
             let (mut hits, mut again) = (0, 0);
             for _ in 0..1500 {
-                let (from, primitive) = (random.point(5.0).as_dvec3(), random.unit() * example.set.len() as f32);
+                let (from, primitive) =
+                    (random.point(5.0).as_dvec3(), random.unit() * example.set.len() as f32);
                 let to = (example.ball)(primitive as usize, random.unit().into()).0;
                 let ray = Ray::new((from + offset).as_vec3(), (to - from).as_vec3());
                 let hit = world.closest_one(&ray, &AcceptAll);
@@ -353,8 +405,10 @@ fn a_ray_that_leaves_a_set_does_not_find_it_where_it_starts() {
                 let next = Ray::new(surface.ray_origin(d), d);
                 let found = world.all_one(&next, &AcceptAll);
                 let own = found.iter().filter(|h| h.primitive == hit.primitive);
-                let (radius, coarse) =
-                    (example.largest_radius(hit.primitive as usize) as f32, surface.position_error.max_element());
+                let (radius, coarse) = (
+                    example.largest_radius(hit.primitive as usize) as f32,
+                    surface.position_error.max_element(),
+                );
                 // Creases are near in earnest, but not at the very start.
                 let near = own.filter(|h| h.t < 1e-5 * radius + coarse).count();
                 let grazing = d.dot(surface.geometric_normal).abs() < 0.2;
@@ -372,9 +426,25 @@ fn primitives_that_make_no_sense_are_skipped_and_counted() {
     let good = Vec4::new(0.0, 0.0, 5.0, 1.0);
     let (nan, inf) = (f32::NAN, f32::INFINITY);
     let at = |x: f32, r: f32| Vec4::new(x, 0.0, 5.0, r);
-    let spheres = vec![good, at(nan, 1.0), at(inf, 1.0), at(0.0, nan), at(0.0, -1.0), at(0.0, 0.0), at(0.0, inf)];
-    let chain =
-        LinearCurves::chain(vec![good, good, at(nan, 1.0), good, at(1.0, -1.0), good, at(0.0, 0.0), at(1.0, 0.0)]);
+    let spheres = vec![
+        good,
+        at(nan, 1.0),
+        at(inf, 1.0),
+        at(0.0, nan),
+        at(0.0, -1.0),
+        at(0.0, 0.0),
+        at(0.0, inf),
+    ];
+    let chain = LinearCurves::chain(vec![
+        good,
+        good,
+        at(nan, 1.0),
+        good,
+        at(1.0, -1.0),
+        good,
+        at(0.0, 0.0),
+        at(1.0, 0.0),
+    ]);
     let mut linear = chain.clone();
     linear.segments.extend([7, 8, u32::MAX]);
     let cubic = |basis| {
@@ -390,7 +460,12 @@ fn primitives_that_make_no_sense_are_skipped_and_counted() {
             at(0.0, 0.0),
             at(0.0, 0.0),
         ]);
-        CubicCurves { basis, points, tangents: Vec::new(), segments: vec![0, 4, 5, 9, 10, u32::MAX] }
+        CubicCurves {
+            basis,
+            points,
+            tangents: Vec::new(),
+            segments: vec![0, 4, 5, 9, 10, u32::MAX],
+        }
     };
     let mut builder = WorldBuilder::default();
     builder.add_set(WorldBuilder::ROOT, Arc::new(Spheres { spheres, colors: vec![[0.5; 4]] }));
@@ -400,10 +475,16 @@ fn primitives_that_make_no_sense_are_skipped_and_counted() {
     builder.add_set(WorldBuilder::ROOT, Arc::new(cubic(CurveBasis::Hermite)));
     let world = builder.build(&BuildOptions::default()).expect("a world");
     // Of the chain, the segments 0 (a ball) and 5 (a cone with a point).
-    assert_eq!((world.stats().primitives, world.stats().skipped_primitives), (7 + 10 + 6 + 6, 6 + 8 + 5 + 6));
+    assert_eq!(
+        (world.stats().primitives, world.stats().skipped_primitives),
+        (7 + 10 + 6 + 6, 6 + 8 + 5 + 6)
+    );
     let ray = Ray::new(Vec3::ZERO, Vec3::Z);
     let all = world.all_one(&ray, &AcceptAll);
-    assert!(all.iter().all(|h| [(0, 0), (1, 0), (1, 5), (2, 0)].contains(&(h.geometry, h.primitive))), "{all:?}");
+    assert!(
+        all.iter().all(|h| [(0, 0), (1, 0), (1, 5), (2, 0)].contains(&(h.geometry, h.primitive))),
+        "{all:?}"
+    );
     assert_eq!(all.iter().filter(|h| h.t == 4.0).count(), 4);
     let hit = world.closest_one(&ray, &AcceptAll);
     assert_eq!((hit.geometry, world.interaction(&ray, &hit).color), (0, [0.5; 4]));
@@ -413,15 +494,24 @@ fn primitives_that_make_no_sense_are_skipped_and_counted() {
 fn extreme_rays_and_primitives_end_in_an_answer() {
     let special = [0.0, -0.0, 1e-45, 1e-30, 1.0, -1.0, 1e30, 3e38, f32::INFINITY, f32::NAN];
     let pick = |i: u32, k: u32| special[pcg4d([i, k, 1, 2])[0] as usize % special.len()];
-    let points: Vec<_> = (0..300).map(|i| Vec4::new(pick(i, 0), pick(i, 1), pick(i, 2), pick(i, 3).abs())).collect();
+    let points: Vec<_> =
+        (0..300).map(|i| Vec4::new(pick(i, 0), pick(i, 1), pick(i, 2), pick(i, 3).abs())).collect();
     let segments: Vec<u32> = (0..290).collect();
     let worlds = worlds(|builder| {
         let root = WorldBuilder::ROOT;
         builder.add_set(root, Arc::new(Spheres { spheres: points.clone(), colors: Vec::new() }));
-        builder.add_set(root, Arc::new(LinearCurves { points: points.clone(), segments: segments.clone() }));
-        for basis in [CurveBasis::Bezier, CurveBasis::BSpline, CurveBasis::CatmullRom, CurveBasis::Hermite] {
+        builder.add_set(
+            root,
+            Arc::new(LinearCurves { points: points.clone(), segments: segments.clone() }),
+        );
+        for basis in
+            [CurveBasis::Bezier, CurveBasis::BSpline, CurveBasis::CatmullRom, CurveBasis::Hermite]
+        {
             let (points, tangents) = (points.clone(), points.clone());
-            builder.add_set(root, Arc::new(CubicCurves { basis, points, tangents, segments: segments.clone() }));
+            builder.add_set(
+                root,
+                Arc::new(CubicCurves { basis, points, tangents, segments: segments.clone() }),
+            );
         }
     });
     let rays: Vec<_> = (0..1500u32)
@@ -437,7 +527,14 @@ fn extreme_rays_and_primitives_end_in_an_answer() {
         let hit = worlds[1].closest_one(ray, &AcceptAll);
         if hit.is_hit() {
             let s = worlds[1].interaction(ray, &hit);
-            let finite = [s.position, s.position_error, s.geometric_normal, s.shading_normal, s.dpdu, s.dpdv];
+            let finite = [
+                s.position,
+                s.position_error,
+                s.geometric_normal,
+                s.shading_normal,
+                s.dpdu,
+                s.dpdv,
+            ];
             assert!(finite.iter().all(|v| v.is_finite()), "{ray:?} {s:?}");
         }
     }

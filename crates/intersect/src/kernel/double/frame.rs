@@ -6,8 +6,8 @@ use crate::mesh::{DTriangleMesh, TriangleMesh};
 use snell_math::simd::Lanes8;
 use snell_math::{Bounds3d, DRay, DVec3, Vec3};
 
-/// Maps a group's coordinates to those of its tree, which are within -1 to 1: `(p - center) * scale`. Distances along rays are the
-/// same in both.
+/// Maps a group's coordinates to those of its tree, which are within -1 to 1:
+/// `(p - center) * scale`. Distances along rays are the same in both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Frame {
     pub center: DVec3,
@@ -17,7 +17,8 @@ pub(crate) struct Frame {
     pub slack: f32,
 }
 
-/// How far positions of the tree's coordinates may be off by the rounding of `f64`: of a box, and of a vertex.
+/// How far positions of the tree's coordinates may be off by the rounding of `f64`: of a box, and
+/// of a vertex.
 const DOUBLE_ROUNDING: f64 = 1.0 / (1u64 << 50) as f64;
 
 /// Rays that start farther away, or are faster or slower than `f32` can tell, see the whole tree.
@@ -33,9 +34,11 @@ impl Frame {
             return frame;
         }
         let center = bounds.center();
-        let radius = (bounds.max * 0.5 - bounds.min * 0.5).max_element().clamp(f64::MIN_POSITIVE, f64::MAX);
-        // The power of two that brings the radius to between a half and 1. Not beyond what `f64` can hold, and nothing smaller than
-        // the rounding of the group's own coordinates is made larger.
+        let radius =
+            (bounds.max * 0.5 - bounds.min * 0.5).max_element().clamp(f64::MIN_POSITIVE, f64::MAX);
+        // The power of two that brings the radius to between a half and 1. Not beyond what `f64`
+        // can hold, and nothing smaller than the rounding of the group's own coordinates is made
+        // larger.
         let exponent = (radius.to_bits() >> 52) as i32 - 1022;
         let scale = 2f64.powi((-exponent).clamp(-1000, 1000));
         Self { center, scale, ..frame }
@@ -58,7 +61,8 @@ impl Frame {
         DRay { origin: self.point(ray.origin), direction: ray.direction * self.scale, ..*ray }
     }
 
-    /// A box in the tree's coordinates, with room for rounding; infinite sides and empty boxes stay as they are.
+    /// A box in the tree's coordinates, with room for rounding; infinite sides and empty boxes stay
+    /// as they are.
     pub fn bounds(&self, b: &Bounds3d) -> Bounds3d {
         if b.is_empty() {
             return *b;
@@ -68,8 +72,9 @@ impl Frame {
         Bounds3d { min: min - margin(min), max: max + margin(max) }
     }
 
-    /// The shadow of a mesh of the group. Its triangles have the numbers of the mesh's; those that are degenerate stay so, and no
-    /// others become so. The slack grows to what the vertices are off by.
+    /// The shadow of a mesh of the group. Its triangles have the numbers of the mesh's; those that
+    /// are degenerate stay so, and no others become so. The slack grows to what the vertices are
+    /// off by.
     pub fn shadow(&mut self, mesh: &DTriangleMesh) -> TriangleMesh {
         let shadow_point = |p: &DVec3| self.point(*p).as_vec3();
         let mut positions: Vec<Vec3> = mesh.positions.iter().map(shadow_point).collect();
@@ -105,7 +110,8 @@ impl Frame {
         ordinary
     }
 
-    /// A ray in the coordinates of the group, as the kernels want it: with the tree's coordinates for boxes and filter.
+    /// A ray in the coordinates of the group, as the kernels want it: with the tree's coordinates
+    /// for boxes and filter.
     #[inline(always)]
     pub fn local_ray(&self, ray: &DRay) -> LocalRay {
         let DRay { origin: o, direction: d, .. } = self.ray(ray);

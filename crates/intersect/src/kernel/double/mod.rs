@@ -1,8 +1,9 @@
 //! Exact decisions in double precision, on trees in single precision.
 //!
-//! The tree of a group is built over a *shadow*: its triangles with vertices moved near the origin, scaled to about 1 and rounded
-//! to `f32` ([`frame::Frame`]). Boxes and the filter of triangles work on the shadow and allow for the rounding; the triangles
-//! that remain, one or two a ray, are decided on the `f64` vertices.
+//! The tree of a group is built over a *shadow*: its triangles with vertices moved near the origin,
+//! scaled to about 1 and rounded to `f32` ([`frame::Frame`]). Boxes and the filter of triangles
+//! work on the shadow and allow for the rounding; the triangles that remain, one or two a ray, are
+//! decided on the `f64` vertices.
 
 pub(crate) mod frame;
 pub(crate) mod plane;
@@ -23,8 +24,8 @@ use std::sync::Arc;
 pub(crate) struct DoubleData {
     /// Per group, how its tree's coordinates follow from its own.
     pub frames: Vec<Frame>,
-    /// Per geometry the corners of its triangles, side by side: most rays want one triangle of each leaf they reach, and so wait for
-    /// memory once. Empty for what is not a mesh.
+    /// Per geometry the corners of its triangles, side by side: most rays want one triangle of each
+    /// leaf they reach, and so wait for memory once. Empty for what is not a mesh.
     corners: Vec<Arc<[[DVec3; 3]]>>,
 }
 
@@ -37,7 +38,11 @@ impl DoubleData {
     ) -> Self {
         let corners = |(i, mesh): (usize, &Arc<DTriangleMesh>)| match known(i) {
             Some(data) => data.corners[i].clone(),
-            None => (0..mesh.indices.len()).into_par_iter().with_min_len(1 << 14).map(|i| mesh.corners(i)).collect(),
+            None => (0..mesh.indices.len())
+                .into_par_iter()
+                .with_min_len(1 << 14)
+                .map(|i| mesh.corners(i))
+                .collect(),
         };
         Self { frames, corners: meshes.iter().enumerate().map(corners).collect() }
     }

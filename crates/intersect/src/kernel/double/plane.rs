@@ -1,19 +1,23 @@
-//! Where a ray meets the plane of a triangle, as good as `f64` can say it: off by little more than one unit in the last place for
-//! the coordinates as given, however thin the triangle, however grazing the ray, however far away both are.
+//! Where a ray meets the plane of a triangle, as good as `f64` can say it: off by little more than
+//! one unit in the last place for the coordinates as given, however thin the triangle, however
+//! grazing the ray, however far away both are.
 //!
-//! With edges `e1`, `e2` and `r` from the ray's origin to a corner, `t = (e1 x e2) . r / (e1 x e2) . d`. Numbers of two parts are
-//! good enough unless nearly 50 bits cancel, and a bound of their error says when they are; then the two determinants are worked
-//! out exactly.
+//! With edges `e1`, `e2` and `r` from the ray's origin to a corner,
+//! `t = (e1 x e2) . r / (e1 x e2) . d`. Numbers of two parts are good enough unless nearly 50 bits
+//! cancel, and a bound of their error says when they are; then the two determinants are worked out
+//! exactly.
 
 use snell_math::exact::{DoubleDouble, Expansion, Number};
 use snell_math::{DRay, DVec3};
 
-/// Largest cancellation that numbers of two parts make up for. A determinant of theirs is off by at most `20 u^2 = 2^-101.6` of
-/// the sum of the sizes of its products (`u` is `2^-53`: products of exact differences `5 u^2`, their difference 3, the product
-/// with the third factor 5, two sums 6), so above this it is good to `2^-55`.
+/// Largest cancellation that numbers of two parts make up for. A determinant of theirs is off by at
+/// most `20 u^2 = 2^-101.6` of the sum of the sizes of its products (`u` is `2^-53`: products of
+/// exact differences `5 u^2`, their difference 3, the product with the third factor 5, two sums 6),
+/// so above this it is good to `2^-55`.
 pub(crate) const SURE: f64 = 1.0 / (1u64 << 46) as f64;
 
-/// Sums of products below this may have lost their last bits to underflow, if no factor is beyond [`LARGE`].
+/// Sums of products below this may have lost their last bits to underflow, if no factor is beyond
+/// [`LARGE`].
 pub(crate) const TINY: f64 = 1e-150;
 pub(crate) const LARGE: f64 = 1e60;
 
@@ -38,7 +42,11 @@ impl Estimate {
         let (height, speed) = (normal.dot(r), normal.dot(d));
         // The sizes of all products.
         let (e1, e2, r, d) = (e1.abs(), e2.abs(), r.abs(), d.abs());
-        let sizes = DVec3::new(e1.y * e2.z + e1.z * e2.y, e1.z * e2.x + e1.x * e2.z, e1.x * e2.y + e1.y * e2.x);
+        let sizes = DVec3::new(
+            e1.y * e2.z + e1.z * e2.y,
+            e1.z * e2.x + e1.x * e2.z,
+            e1.x * e2.y + e1.y * e2.x,
+        );
         let (heights, speeds) = (sizes.dot(r), sizes.dot(d));
         let in_range = heights > TINY && speeds > TINY && (r + d + e1 + e2).element_sum() < LARGE;
         // Most rays leave a surface, and find it behind their start.
@@ -51,7 +59,8 @@ impl Estimate {
         Some(Self { least_height: heights * SURE, least_speed })
     }
 
-    /// The ray parameter at which the line of the ray meets the plane. Infinite or NaN if they are parallel, or beyond what `f64` can hold.
+    /// The ray parameter at which the line of the ray meets the plane. Infinite or NaN if they are
+    /// parallel, or beyond what `f64` can hold.
     #[inline(always)]
     pub fn distance(self, ray: &DRay, corners: &[DVec3; 3]) -> f64 {
         precise_distance(ray, corners, self.least_height, self.least_speed)
@@ -62,12 +71,14 @@ impl Estimate {
 #[inline(always)]
 fn precise_distance(ray: &DRay, corners: &[DVec3; 3], least_height: f64, least_speed: f64) -> f64 {
     let corners_by_axis = [corners[0].to_array(), corners[1].to_array(), corners[2].to_array()];
-    let (height, speed) = determinants(&corners_by_axis, &ray.origin.to_array(), &ray.direction.to_array());
+    let (height, speed) =
+        determinants(&corners_by_axis, &ray.origin.to_array(), &ray.direction.to_array());
     let sure = height.high.abs() > least_height && speed.high.abs() > least_speed;
     if sure { height.divided_by(speed) } else { exact_plane_distance(ray, corners) }
 }
 
-/// The two determinants in numbers of two parts: of one ray and triangle, or of several side by side.
+/// The two determinants in numbers of two parts: of one ray and triangle, or of several side by
+/// side.
 #[inline(always)]
 pub(crate) fn determinants<T: Number>(
     [a, b, c]: &[[T; 3]; 3],
@@ -78,33 +89,48 @@ pub(crate) fn determinants<T: Number>(
     let normal = [minor(&e1, &e2, 1, 2), minor(&e1, &e2, 2, 0), minor(&e1, &e2, 0, 1)];
     let height = normal[0].times(r[0]).plus(normal[1].times(r[1])).plus(normal[2].times(r[2]));
     let [x, y, z] = *direction;
-    let speed = normal[0].times_plain(x).plus(normal[1].times_plain(y)).plus(normal[2].times_plain(z));
+    let speed =
+        normal[0].times_plain(x).plus(normal[1].times_plain(y)).plus(normal[2].times_plain(z));
     (height, speed)
 }
 
 /// A minor of the matrix of two edges.
 #[inline(always)]
-fn minor<T: Number>(p: &[DoubleDouble<T>; 3], q: &[DoubleDouble<T>; 3], i: usize, j: usize) -> DoubleDouble<T> {
+fn minor<T: Number>(
+    p: &[DoubleDouble<T>; 3],
+    q: &[DoubleDouble<T>; 3],
+    i: usize,
+    j: usize,
+) -> DoubleDouble<T> {
     p[i].times(q[j]).minus(p[j].times(q[i]))
 }
 
 #[inline(always)]
 fn differences<T: Number>(p: &[T; 3], q: &[T; 3]) -> [DoubleDouble<T>; 3] {
-    [DoubleDouble::difference(p[0], q[0]), DoubleDouble::difference(p[1], q[1]), DoubleDouble::difference(p[2], q[2])]
+    [
+        DoubleDouble::difference(p[0], q[0]),
+        DoubleDouble::difference(p[1], q[1]),
+        DoubleDouble::difference(p[2], q[2]),
+    ]
 }
 
 /// [`Estimate::distance`] without rounding before the quotient.
 ///
-/// Positions and the direction are first brought near 1 by powers of two, so that nothing overflows, and what underflows is far
-/// below everything else.
+/// Positions and the direction are first brought near 1 by powers of two, so that nothing
+/// overflows, and what underflows is far below everything else.
 #[cold]
 #[inline(never)]
 pub(super) fn exact_plane_distance(ray: &DRay, corners: &[DVec3; 3]) -> f64 {
     let largest = corners.iter().fold(ray.origin.abs(), |m, v| m.max(v.abs())).max_element();
     let (place, pace) = (exponent(largest), exponent(ray.direction.abs().max_element()));
     let [a, b, c] = corners.map(|v| v.to_array().map(|x| scaled(x, -place)));
-    let (o, d) = (ray.origin.to_array().map(|x| scaled(x, -place)), ray.direction.to_array().map(|x| scaled(x, -pace)));
-    let edge = |p: &[f64; 3]| -> [Expansion; 3] { std::array::from_fn(|i| Expansion::difference(p[i], a[i])) };
+    let (o, d) = (
+        ray.origin.to_array().map(|x| scaled(x, -place)),
+        ray.direction.to_array().map(|x| scaled(x, -pace)),
+    );
+    let edge = |p: &[f64; 3]| -> [Expansion; 3] {
+        std::array::from_fn(|i| Expansion::difference(p[i], a[i]))
+    };
     let (e1, e2) = (edge(&b), edge(&c));
     let (mut height, mut speed) = (Expansion::default(), Expansion::default());
     for k in 0..3 {

@@ -66,10 +66,13 @@ fn minus(a: &[BigInt; 3], b: &[BigInt; 3]) -> [BigInt; 3] {
 }
 
 fn determinant(a: &[BigInt; 3], b: &[BigInt; 3], c: &[BigInt; 3]) -> BigInt {
-    (0..3).map(|k| (&a[(k + 1) % 3] * &b[(k + 2) % 3] - &a[(k + 2) % 3] * &b[(k + 1) % 3]) * &c[k]).sum()
+    (0..3)
+        .map(|k| (&a[(k + 1) % 3] * &b[(k + 2) % 3] - &a[(k + 2) % 3] * &b[(k + 1) % 3]) * &c[k])
+        .sum()
 }
 
-/// The distance of the plane as a quotient of integers, and whether the line passes through the closed triangle.
+/// The distance of the plane as a quotient of integers, and whether the line passes through the
+/// closed triangle.
 fn exact(ray: &DRay, corners: &[DVec3; 3]) -> (BigInt, BigInt, bool) {
     let (o, d) = (fixed3(ray.origin), fixed3(ray.direction));
     let v = corners.map(|v| minus(&fixed3(v), &o));
@@ -110,7 +113,9 @@ fn aimed(random: &mut Random, kind: usize) -> (DRay, [DVec3; 3]) {
     let target = v[0] + (v[1] - v[0]) * a + (v[2] - v[0]) * b;
     let mut away = random.vector() * if distance == 0.0 { size } else { distance };
     if kind == 5 {
-        away = (v[1] - v[0]) * random.signed() + (v[2] - v[0]) * random.signed() + away * random.size(-17.0, -1.0);
+        away = (v[1] - v[0]) * random.signed()
+            + (v[2] - v[0]) * random.signed()
+            + away * random.size(-17.0, -1.0);
     }
     let origin = target + away;
     (DRay::new(origin, (target - origin) * random.size(-3.0, 3.0)), v)
@@ -130,7 +135,9 @@ fn distances_are_within_two_units_in_the_last_place_of_exact_arithmetic() {
             grazed += 1;
             continue;
         }
-        let plane = Estimate::of(&ray, &corners, f64::NEG_INFINITY).expect("a distance").distance(&ray, &corners);
+        let plane = Estimate::of(&ray, &corners, f64::NEG_INFINITY)
+            .expect("a distance")
+            .distance(&ray, &corners);
         let off = error(plane, &height, &speed);
         assert!(off <= 8, "{off} quarters of a unit: {ray:?} {corners:?}");
         if (hits + grazed) % 16 < 8 {
@@ -142,19 +149,28 @@ fn distances_are_within_two_units_in_the_last_place_of_exact_arithmetic() {
                 hits += 1;
                 kinds[kind] += 1;
                 worst = worst.max(off);
-                assert_eq!(t, plane, "the box moves no distance of a triangle that is met: {ray:?} {corners:?}");
+                assert_eq!(
+                    t, plane,
+                    "the box moves no distance of a triangle that is met: {ray:?} {corners:?}"
+                );
             }
             // Met on the drawing only, or off it only: by its rounding.
             _ => grazed += 1,
         }
     }
-    eprintln!("{hits} hits, {grazed} beside the triangle, largest error {} units", worst as f64 / 4.0);
+    eprintln!(
+        "{hits} hits, {grazed} beside the triangle, largest error {} units",
+        worst as f64 / 4.0
+    );
     assert!(kinds.iter().all(|&n| n > 5_000), "{kinds:?}");
     assert!(grazed < hits);
 }
 
 fn coordinate() -> impl Strategy<Value = f64> {
-    prop_oneof![-4i32..=4, -4i32..=4].prop_map(|i| f64::from(i) * 0.25).boxed().prop_union((-2.0f64..2.0).boxed())
+    prop_oneof![-4i32..=4, -4i32..=4]
+        .prop_map(|i| f64::from(i) * 0.25)
+        .boxed()
+        .prop_union((-2.0f64..2.0).boxed())
 }
 
 fn point() -> impl Strategy<Value = DVec3> {
@@ -162,7 +178,8 @@ fn point() -> impl Strategy<Value = DVec3> {
 }
 
 proptest! {
-    /// The ray may start far away, and the shadow may be of something much larger than the triangle.
+    /// The ray may start far away, and the shadow may be of something much larger than the
+    /// triangle.
     #[test]
     fn the_filter_never_drops_a_hit(
         v in [point(), point(), point()], o in point(), d in point(), far in -20i32..40, scale in -300i32..300, around in 0i32..30
@@ -230,8 +247,9 @@ proptest! {
             let angle = (i as f64 + phase) / n as f64 * std::f64::consts::TAU;
             middle + x * angle.cos() + y * angle.sin() + z * (phase - 0.5)
         }).collect();
-        // On the edges a ray may leave the fan only at its rim. What lies behind the origin does not count: the line of a ray
-        // from within a fan that opens towards it passes the other side, too.
+        // On the edges a ray may leave the fan only at its rim. What lies behind the origin does
+        // not count: the line of a ray from within a fan that opens towards it passes the other
+        // side, too.
         for target in rim.iter().map(|r| middle + (*r - middle) * (at * 0.9)).chain([middle]) {
             let ray = DRay::new(origin, target - origin);
             let count = (0..n)

@@ -30,7 +30,8 @@ impl Apart {
         if !tree.rest.is_node() || !is_divided && tree.unbounded.is_empty() {
             return None;
         }
-        // In the order of the nodes: what is below the root but not among the rest, which comes first, ends the tree.
+        // In the order of the nodes: what is below the root but not among the rest, which comes
+        // first, ends the tree.
         let mut around = vec![];
         if is_divided {
             around.extend((1..8).map(|slot| (root.children[slot], root.slot_bounds(slot))));
@@ -69,7 +70,9 @@ mod tests {
     use crate::query::rays::Rays;
     use crate::query::{AcceptAll, Grouping};
     use crate::shape::{AnyShape, Plane, Rectangle, Sphere};
-    use crate::world::tests::{Random, bits, build, check, default_world, dust, levels, soup, sphere_mesh};
+    use crate::world::tests::{
+        Random, bits, build, check, default_world, dust, levels, soup, sphere_mesh,
+    };
     use crate::world::{BuildOptions, GeometryId, Structure, World, WorldBuilder};
     use proptest::prelude::*;
     use snell_math::simd::Level;
@@ -88,8 +91,14 @@ mod tests {
         Rectangle,
     }
 
-    const GROUNDS: [Ground; 6] =
-        [Ground::Floor, Ground::FloorAndWall, Ground::Slope, Ground::Turned, Ground::Plane, Ground::Rectangle];
+    const GROUNDS: [Ground; 6] = [
+        Ground::Floor,
+        Ground::FloorAndWall,
+        Ground::Slope,
+        Ground::Turned,
+        Ground::Plane,
+        Ground::Rectangle,
+    ];
 
     fn add_ground(builder: &mut WorldBuilder, ground: Ground, level: f32, scale: f32) {
         let (size, level) = (24.0 * scale, level * scale);
@@ -100,7 +109,8 @@ mod tests {
             [24.0, level / scale, 24.0],
             [-24.0, level / scale, 24.0],
         ];
-        let wall = [[-24.0, -4.0, 20.0], [24.0, -4.0, 20.0], [24.0, 16.0, 20.0], [-24.0, 16.0, 20.0]];
+        let wall =
+            [[-24.0, -4.0, 20.0], [24.0, -4.0, 20.0], [24.0, 16.0, 20.0], [-24.0, 16.0, 20.0]];
         let turned = Transform::new(snell_math::DAffine3 {
             matrix3: DMat3::from_rotation_x(-std::f64::consts::FRAC_PI_2),
             translation: DVec3::new(0.0, level.into(), 0.0),
@@ -108,7 +118,9 @@ mod tests {
         .expect("invertible");
         match ground {
             Ground::Floor => drop(builder.add_mesh(WorldBuilder::ROOT, quads(&[quad(flat)]))),
-            Ground::FloorAndWall => drop(builder.add_mesh(WorldBuilder::ROOT, quads(&[quad(flat), quad(wall)]))),
+            Ground::FloorAndWall => {
+                drop(builder.add_mesh(WorldBuilder::ROOT, quads(&[quad(flat), quad(wall)])))
+            }
             Ground::Slope => {
                 let slope = flat.map(|[x, y, z]| [x, y + 0.25 * x - 0.125 * z, z]);
                 builder.add_mesh(WorldBuilder::ROOT, quads(&[quad(slope)]));
@@ -123,13 +135,23 @@ mod tests {
             }
             Ground::Rectangle => {
                 let half_size = DVec2::splat(size.into());
-                builder.add_shape(WorldBuilder::ROOT, Arc::new(AnyShape::from(Rectangle { half_size })), turned);
+                builder.add_shape(
+                    WorldBuilder::ROOT,
+                    Arc::new(AnyShape::from(Rectangle { half_size })),
+                    turned,
+                );
             }
         }
     }
 
     /// A heap on a ground, of triangles or of instances of a few.
-    fn heap(seed: u32, ground: Ground, level: f32, scale: f32, has_instances: bool) -> WorldBuilder {
+    fn heap(
+        seed: u32,
+        ground: Ground,
+        level: f32,
+        scale: f32,
+        has_instances: bool,
+    ) -> WorldBuilder {
         let mut random = Random(seed);
         let mut mesh = soup(&mut random, if has_instances { 12 } else { 150 });
         mesh.positions.iter_mut().for_each(|p| *p *= scale);
@@ -145,11 +167,19 @@ mod tests {
             builder.add_mesh(child, mesh);
             for _ in 0..80 {
                 let at = random.point(1.0) * scale;
-                builder.add_instance(WorldBuilder::ROOT, child, Transform::translation(at.as_dvec3()));
+                builder.add_instance(
+                    WorldBuilder::ROOT,
+                    child,
+                    Transform::translation(at.as_dvec3()),
+                );
             }
         } else {
             let sphere = Sphere { radius: f64::from(scale) };
-            builder.add_shape(WorldBuilder::ROOT, Arc::new(sphere), Transform::translation(DVec3::ZERO));
+            builder.add_shape(
+                WorldBuilder::ROOT,
+                Arc::new(sphere),
+                Transform::translation(DVec3::ZERO),
+            );
             builder.add_mesh(WorldBuilder::ROOT, mesh);
         }
         builder
@@ -228,7 +258,10 @@ mod tests {
             builder.build(&BuildOptions { quality, ..BuildOptions::default() }).expect("a world")
         };
         let floor = |builder: &mut WorldBuilder| add_ground(builder, Ground::Floor, -5.0, 1.0);
-        assert!(stands_apart(&world(&floor, Quality::Medium)) && stands_apart(&world(&floor, Quality::High)));
+        assert!(
+            stands_apart(&world(&floor, Quality::Medium))
+                && stands_apart(&world(&floor, Quality::High))
+        );
         assert!(!stands_apart(&world(&|_| {}, Quality::Medium)), "nothing is large");
         // Walls around everything.
         let walls = |builder: &mut WorldBuilder| {
@@ -252,7 +285,8 @@ mod tests {
         assert!(stands_apart(&world));
         let rays: Vec<Ray> = (0..100_000)
             .map(|i| {
-                let from = random.point(1.0) * Vec3::new(4.0, if i % 2 == 0 { 0.0 } else { 1.0 }, 4.0);
+                let from =
+                    random.point(1.0) * Vec3::new(4.0, if i % 2 == 0 { 0.0 } else { 1.0 }, 4.0);
                 Ray::new(from - Vec3::Y * 0.25, random.direction())
             })
             .collect();

@@ -1,18 +1,23 @@
 //! Sixteen rays, a lane each, and what is certain about them and all faces of a list.
 //!
-//! Everything is in `f32` but the distance of the start from a plane, unless that is across an axis: it has to tell whether a ray starts in front of the
-//! surface that it leaves.
-//! With `u = 2^-24`, `D` the most that any vertex is away from the start of the ray along any axis, `S` the largest component of the direction, and
-//! `s = |n d|` for the unit normal `n` (errors are relative to `D S / s`, which is at least `D / sqrt 3`):
+//! Everything is in `f32` but the distance of the start from a plane, unless that is across an
+//! axis: it has to tell whether a ray starts in front of the surface that it leaves. With
+//! `u = 2^-24`, `D` the most that any vertex is away from the start of the ray along any axis, `S`
+//! the largest component of the direction, and `s = |n d|` for the unit normal `n` (errors are
+//! relative to `D S / s`, which is at least `D / sqrt 3`):
 //!
-//! - `s` is off by less than `7 u S`, and lanes with `s` below [`LEAST_SLOPE`] of `S` are not decided here; so the distance `t` to the plane is off by `12.6 u D / s`.
-//! - The place where the ray meets the plane is off by 18 u in each coordinate; the distance from an edge, a product of two of these and numbers
-//!   that are rounded too, by 57.3 u.
-//! - Edges of parallelograms are off by up to 8 u, since opposite ones are taken for parallel ([`Outline`]).
-//! - The drawing of the exact test moves corners by `8.5 u D`. So what is drawn on one side of an edge is, by distance in the plane, on the other by less than
-//!   14.8 u; seen along an axis, distances are only shorter. It sums up to less than [`EDGE_ERROR`].
-//! - Hits are where the ray meets the plane, or nearer to the place that was drawn: within `8.5 u D / s`, and so within [`DISTANCE_ERROR`] of `t`, unless the
-//!   ray is as near to an edge as that.
+//! - `s` is off by less than `7 u S`, and lanes with `s` below [`LEAST_SLOPE`] of `S` are not
+//!   decided here; so the distance `t` to the plane is off by `12.6 u D / s`.
+//! - The place where the ray meets the plane is off by 18 u in each coordinate; the distance from
+//!   an edge, a product of two of these and numbers that are rounded too, by 57.3 u.
+//! - Edges of parallelograms are off by up to 8 u, since opposite ones are taken for parallel
+//!   ([`Outline`]).
+//! - The drawing of the exact test moves corners by `8.5 u D`. So what is drawn on one side of an
+//!   edge is, by distance in the plane, on the other by less than 14.8 u; seen along an axis,
+//!   distances are only shorter. It sums up to less than [`EDGE_ERROR`].
+//! - Hits are where the ray meets the plane, or nearer to the place that was drawn: within
+//!   `8.5 u D / s`, and so within [`DISTANCE_ERROR`] of `t`, unless the ray is as near to an edge
+//!   as that.
 
 use super::super::columns::ray_columns;
 use super::List;
@@ -33,11 +38,12 @@ const DISTANCE_ERROR: f32 = 32.0 * ROUNDING;
 /// At less than this a ray runs along a plane.
 const LEAST_SLOPE: f32 = 1.0 / 2048.0;
 
-/// Rays that run along a plane meet no face in it if they start farther away from it, relative to `D`.
+/// Rays that run along a plane meet no face in it if they start farther away from it, relative to
+/// `D`.
 const BESIDE: f32 = 4.0 * LEAST_SLOPE;
 
-/// For planes across an axis the sign is always certain. But what is left of the difference of two coordinates may vanish by division if they are less
-/// than this.
+/// For planes across an axis the sign is always certain. But what is left of the difference of two
+/// coordinates may vanish by division if they are less than this.
 pub(super) const LEAST_COORDINATE: f32 = 1e-22;
 
 /// Rays that start farther away, relative to the reach of the list, are left to the tree.
@@ -117,7 +123,8 @@ struct Meeting<W> {
     error: W,
     /// Where the ray meets the plane, in the coordinates of the face.
     place: [W; 2],
-    /// How far inside of the outline that is; less than any margin for rays of which this is not certain.
+    /// How far inside of the outline that is; less than any margin for rays of which this is not
+    /// certain.
     inside: W,
     margin: W,
     /// Rays of which it is not certain whether they meet the face at all.
@@ -125,11 +132,13 @@ struct Meeting<W> {
 }
 
 impl<D: Doubles16> Bundle<D> {
-    /// The rays that may meet a box, or come within the width of [`crate::accel::box_ray::BoxRay`] of it; only ordinary ones count.
+    /// The rays that may meet a box, or come within the width of [`crate::accel::box_ray::BoxRay`]
+    /// of it; only ordinary ones count.
     ///
-    /// The line misses it if an axis across it and an edge of the box tells them apart (Gottschalk, Lin and Manocha, OBBTree, 1996), the
-    /// ray if it starts beyond a side and goes away. Coordinates and products are off by less than `12 u` of the distance `D`, with
-    /// `u = 2^-24`, and the width is `17 u D`: the box is padded by `33 u D`.
+    /// The line misses it if an axis across it and an edge of the box tells them apart (Gottschalk,
+    /// Lin and Manocha, OBBTree, 1996), the ray if it starts beyond a side and goes away.
+    /// Coordinates and products are off by less than `12 u` of the distance `D`, with `u = 2^-24`,
+    /// and the width is `17 u D`: the box is padded by `33 u D`.
     ///
     /// # Safety
     /// The machine must have the instructions of `D`.
@@ -143,8 +152,13 @@ impl<D: Doubles16> Bundle<D> {
         unsafe {
             let splat = |value: f32| D::Singles::splat(value);
             let padding = self.far.mul(splat(BOX_PADDING));
-            let (mx, my, mz) = (px.sub(splat(middle.x)), py.sub(splat(middle.y)), pz.sub(splat(middle.z)));
-            let (hx, hy, hz) = (padding.add(splat(half.x)), padding.add(splat(half.y)), padding.add(splat(half.z)));
+            let (mx, my, mz) =
+                (px.sub(splat(middle.x)), py.sub(splat(middle.y)), pz.sub(splat(middle.z)));
+            let (hx, hy, hz) = (
+                padding.add(splat(half.x)),
+                padding.add(splat(half.y)),
+                padding.add(splat(half.z)),
+            );
             let (ax, ay, az) = (dx.abs(), dy.abs(), dz.abs());
             // What is too small for `f32` is not told apart.
             let least = splat(f32::MIN_POSITIVE);
@@ -168,7 +182,11 @@ impl<D: Doubles16> Bundle<D> {
         unsafe {
             let [x, y, z, t_min, dx, dy, dz, t_max] = ray_columns::<D::Singles>(rays);
             let splat = |value: f32| D::Singles::splat(value);
-            let (px, py, pz) = (x.sub(splat(list.center.x)), y.sub(splat(list.center.y)), z.sub(splat(list.center.z)));
+            let (px, py, pz) = (
+                x.sub(splat(list.center.x)),
+                y.sub(splat(list.center.y)),
+                z.sub(splat(list.center.z)),
+            );
             let size = dx.abs().max(dy.abs()).max(dz.abs());
             let distance = px.abs().max(py.abs()).max(pz.abs());
             // Zero if all are numbers. (What is not a number is below nothing.)
@@ -182,7 +200,8 @@ impl<D: Doubles16> Bundle<D> {
                 & size.le(splat(LARGEST))
                 & ((2 << (count - 1)) - 1);
             let tiny = x.abs().min(y.abs()).min(z.abs()).lt(splat(LEAST_COORDINATE));
-            let ordinary = if tiny & ordinary != 0 { ordinary & !vanishing([x, y, z]) } else { ordinary };
+            let ordinary =
+                if tiny & ordinary != 0 { ordinary & !vanishing([x, y, z]) } else { ordinary };
             let far = distance.add(splat(list.reach));
             Self {
                 origin: [x, y, z],
@@ -210,7 +229,13 @@ impl<D: Doubles16> Bundle<D> {
         // SAFETY: passed on to the caller.
         unsafe {
             let (zero, infinity) = (D::Singles::splat(0.0), D::Singles::splat(f32::INFINITY));
-            let mut nearest = Nearest { first: infinity, second: infinity, triangle: zero, sure: zero, doubtful: 0 };
+            let mut nearest = Nearest {
+                first: infinity,
+                second: infinity,
+                triangle: zero,
+                sure: zero,
+                doubtful: 0,
+            };
             let mut number = 0;
             for (axis, faces) in list.faces.iter().enumerate() {
                 let across = self.slope(self.direction[axis]);
@@ -278,9 +303,15 @@ impl<D: Doubles16> Bundle<D> {
     /// How the rays meet a face across an axis.
     ///
     /// # Safety
-    /// The machine must have the instructions of `D`; `axis` must be that of the face, and `slope` that along it.
+    /// The machine must have the instructions of `D`; `axis` must be that of the face, and `slope`
+    /// that along it.
     #[inline(always)]
-    unsafe fn meet_across(&self, face: &Face, axis: usize, slope: Slope<D::Singles>) -> Meeting<D::Singles> {
+    unsafe fn meet_across(
+        &self,
+        face: &Face,
+        axis: usize,
+        slope: Slope<D::Singles>,
+    ) -> Meeting<D::Singles> {
         // SAFETY: passed on to the caller.
         unsafe {
             let height = D::Singles::splat(face.level).sub(self.origin[axis]);
@@ -314,7 +345,10 @@ impl<D: Doubles16> Bundle<D> {
             if slope.along | near != 0 {
                 let is_beside = height.abs().le(self.far.mul(D::Singles::splat(BESIDE)));
                 let outside = meeting.inside.add(meeting.margin).lt(D::Singles::splat(0.0));
-                meeting.give_up(slope.along | near, (slope.along & is_beside) | (near & !slope.along & !outside));
+                meeting.give_up(
+                    slope.along | near,
+                    (slope.along & is_beside) | (near & !slope.along & !outside),
+                );
             }
             meeting
         }
@@ -336,18 +370,27 @@ impl<D: Doubles16> Bundle<D> {
         unsafe {
             let t = height.mul(slope.inverse);
             let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
-            let place =
-                [t.mul_add(self.direction[x], self.from_center[x]), t.mul_add(self.direction[y], self.from_center[y])];
+            let place = [
+                t.mul_add(self.direction[x], self.from_center[x]),
+                t.mul_add(self.direction[y], self.from_center[y]),
+            ];
             let inside = match &face.outline {
                 Outline::Strips([u, v], [half_u, half_v]) => {
                     let from_u = D::Singles::splat(*half_u).sub(distance(u, place).abs());
                     from_u.min(D::Singles::splat(*half_v).sub(distance(v, place).abs()))
                 }
-                Outline::Edges([a, b, c, d]) => {
-                    distance(a, place).min(distance(b, place)).min(distance(c, place).min(distance(d, place)))
-                }
+                Outline::Edges([a, b, c, d]) => distance(a, place)
+                    .min(distance(b, place))
+                    .min(distance(c, place).min(distance(d, place))),
             };
-            Meeting { t, error: slope.distance_error, place, inside, margin: slope.margin, doubtful: 0 }
+            Meeting {
+                t,
+                error: slope.distance_error,
+                place,
+                inside,
+                margin: slope.margin,
+                doubtful: 0,
+            }
         }
     }
 }
@@ -383,7 +426,8 @@ struct AnyFace<W> {
 }
 
 impl<W: Lanes16> AnyFace<W> {
-    /// Notes how rays of these intervals meet a face. (What is not a number counts as less than anything: it is the first operand of `max`.)
+    /// Notes how rays of these intervals meet a face. (What is not a number counts as less than
+    /// anything: it is the first operand of `max`.)
     #[inline(always)]
     fn note(&mut self, [t_min, t_max]: [W; 2], meeting: Meeting<W>) {
         let ahead = meeting.ahead(t_min);
@@ -406,7 +450,8 @@ impl<W: Lanes16> Nearest<W> {
         // SAFETY: passed on to the caller.
         unsafe {
             let zero = W::splat(0.0);
-            let (one, other) = (W::splat(f32::from_bits(number)), W::splat(f32::from_bits(number + 1)));
+            let (one, other) =
+                (W::splat(f32::from_bits(number)), W::splat(f32::from_bits(number + 1)));
             self.doubtful |= meeting.doubtful;
             let low = meeting.t.sub(meeting.error);
             let low = W::splat(f32::INFINITY).where_less(zero, meeting.ahead(t_min), low);
@@ -419,7 +464,8 @@ impl<W: Lanes16> Nearest<W> {
     }
 }
 
-/// The rays that start at a coordinate that is not zero, but so small that heights above planes may vanish.
+/// The rays that start at a coordinate that is not zero, but so small that heights above planes may
+/// vanish.
 ///
 /// # Safety
 /// The machine must have the instructions of `W`.
@@ -438,5 +484,7 @@ unsafe fn vanishing<W: Lanes16>([x, y, z]: [W; 3]) -> u32 {
 #[inline(always)]
 unsafe fn distance<W: Lanes16>(line: &Line, place: [W; 2]) -> W {
     // SAFETY: passed on to the caller.
-    unsafe { place[0].mul_add(W::splat(line[0]), place[1].mul_add(W::splat(line[1]), W::splat(line[2]))) }
+    unsafe {
+        place[0].mul_add(W::splat(line[0]), place[1].mul_add(W::splat(line[1]), W::splat(line[2])))
+    }
 }

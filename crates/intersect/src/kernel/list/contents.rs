@@ -18,13 +18,15 @@ const TRIANGLES_PER_OBJECT: usize = 2;
 /// Numbers from here on are those of objects.
 pub(super) const FIRST_OBJECT: usize = 2 * MAX_TRIANGLES;
 
-/// More than there are of triangles and objects: with a power of two, numbers below that need no check.
+/// More than there are of triangles and objects: with a power of two, numbers below that need no
+/// check.
 const NUMBERS: usize = 2 * FIRST_OBJECT;
 
 /// Lists of extraordinary size are left to the tree: nothing may overflow or vanish.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
 
-/// And so are those that are farther from the origin, relative to their size: there `f64` is not much better than `f32`.
+/// And so are those that are farther from the origin, relative to their size: there `f64` is not
+/// much better than `f32`.
 const FARTHEST: f64 = 65536.0;
 
 /// The contents of a small root group.
@@ -36,8 +38,9 @@ pub(crate) struct List {
     pub(super) reach: f32,
     /// By the axis along which they are seen.
     pub(super) faces: [Faces; 3],
-    /// Of each face, as they are numbered, the triangle on the positive side of its diagonal and the one on the other side. Then, from
-    /// [`FIRST_OBJECT`] on, those of objects that are hit in lanes, for their identity.
+    /// Of each face, as they are numbered, the triangle on the positive side of its diagonal and
+    /// the one on the other side. Then, from [`FIRST_OBJECT`] on, those of objects that are hit in
+    /// lanes, for their identity.
     pub(super) triangles: [Triangle; NUMBERS],
     pub(super) objects: Vec<ListObject>,
 }
@@ -46,8 +49,8 @@ pub(crate) struct List {
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(super) struct Triangle {
-    /// Its corners, then the least product of its normal with a direction whose largest component is 1, so that hits are where the plane is, then
-    /// geometry and primitive as bits.
+    /// Its corners, then the least product of its normal with a direction whose largest component
+    /// is 1, so that hits are where the plane is, then geometry and primitive as bits.
     pub numbers: [[f32; 8]; 2],
 }
 
@@ -62,8 +65,9 @@ pub(super) struct ListObject {
     pub shape: Option<ListShape>,
 }
 
-/// Inverse of the least slope at which [`Triangle`] promises that. The drawing is off by 8.5 units of `2^-24`, relative to the farthest vertex; so hits
-/// are within [`crate::kernel::triangle::PLACE_TOLERANCE`] at up to 98.
+/// Inverse of the least slope at which [`Triangle`] promises that. The drawing is off by 8.5 units
+/// of `2^-24`, relative to the farthest vertex; so hits are within
+/// [`crate::kernel::triangle::PLACE_TOLERANCE`] at up to 98.
 const STEEPEST: f64 = 64.0;
 
 impl Triangle {
@@ -118,7 +122,11 @@ impl Primitives {
 
     /// The unbounded objects of a group.
     fn unbounded_of(tree: &GroupTree) -> Self {
-        let objects = tree.unbounded.iter().map(|&number| ListObject::new(tree, number as usize, None)).collect();
+        let objects = tree
+            .unbounded
+            .iter()
+            .map(|&number| ListObject::new(tree, number as usize, None))
+            .collect();
         Self { triangles: Vec::new(), objects }
     }
 
@@ -129,7 +137,8 @@ impl Primitives {
             for lane in 0..child.count() as usize {
                 let (id, corners @ [a, b, c]) =
                     (tree.blocks.id(child.block(), lane), tree.blocks.corners(child.block(), lane));
-                // Pieces of a triangle are in several blocks; those in a point or on a side between two can not be hit.
+                // Pieces of a triangle are in several blocks; those in a point or on a side between
+                // two can not be hit.
                 let is_known = self.triangles.iter().any(|(known, _)| *known == id);
                 if !is_known && a != b && b != c && c != a {
                     self.triangles.push((id, corners));
@@ -160,7 +169,9 @@ impl List {
         let mut found = Primitives::unbounded_of(tree);
         found.add(tree, tree.root, None);
         for node in tree.nodes.iter() {
-            (0..8).for_each(|slot| found.add(tree, node.children[slot], Some(node.slot_bounds(slot))));
+            (0..8).for_each(|slot| {
+                found.add(tree, node.children[slot], Some(node.slot_bounds(slot)))
+            });
         }
         let slow = found.objects.iter().filter(|object| object.shape.is_none()).count();
         if found.is_empty() || found.triangles.len() < slow * TRIANGLES_PER_OBJECT {
@@ -169,8 +180,13 @@ impl List {
         Self::new(tree, found, Bounds3::EMPTY)
     }
 
-    /// The list of what is unbounded in a group and of what some leaves lead to, beside a tree with these bounds; `None` if it is not for lists.
-    pub(super) fn apart(tree: &GroupTree, leaves: &[(ChildRef, Bounds3)], rest: &Bounds3) -> Option<Box<Self>> {
+    /// The list of what is unbounded in a group and of what some leaves lead to, beside a tree with
+    /// these bounds; `None` if it is not for lists.
+    pub(super) fn apart(
+        tree: &GroupTree,
+        leaves: &[(ChildRef, Bounds3)],
+        rest: &Bounds3,
+    ) -> Option<Box<Self>> {
         let mut found = Primitives::unbounded_of(tree);
         leaves.iter().for_each(|&(leaf, bounds)| found.add(tree, leaf, Some(bounds)));
         Self::new(tree, found, *rest)
@@ -184,7 +200,10 @@ impl List {
         }
         let corners = triangles.iter().flat_map(|(_, corners)| corners.map(Vec3::from_array));
         let mut all = Bounds3::of(corners).union(&others);
-        objects.iter().filter_map(|object| object.bounds).for_each(|bounds| all = all.union(&bounds));
+        objects
+            .iter()
+            .filter_map(|object| object.bounds)
+            .for_each(|bounds| all = all.union(&bounds));
         let center = all.min * 0.5 + all.max * 0.5;
         let middle = center.as_dvec3();
         let reach = (all.max.as_dvec3() - middle).max(middle - all.min.as_dvec3()).max_element();

@@ -19,16 +19,22 @@ pub(super) struct Found {
     pub beyond: u32,
 }
 
-/// Tests sixteen rays, each with a triangle whose plane it meets ahead, and within whose outline or that of its neighbour in the plane it surely is. Hits
-/// are at less than `limit`. Those that are told no hit nor beyond are not decided.
+/// Tests sixteen rays, each with a triangle whose plane it meets ahead, and within whose outline or
+/// that of its neighbour in the plane it surely is. Hits are at less than `limit`. Those that are
+/// told no hit nor beyond are not decided.
 ///
 /// # Safety
 /// The machine must have the instructions of `D`.
 #[inline(always)]
-pub(super) unsafe fn test<D: Doubles16>(bundle: &Bundle<D>, triangles: &PerRay<&Triangle>, limit: D::Singles) -> Found {
+pub(super) unsafe fn test<D: Doubles16>(
+    bundle: &Bundle<D>,
+    triangles: &PerRay<&Triangle>,
+    limit: D::Singles,
+) -> Found {
     // SAFETY: passed on to the caller.
     unsafe {
-        let [ax, ay, az, bx, by, bz, cx, cy] = columns::<D::Singles>(half(triangles, 0, 0), half(triangles, 8, 0));
+        let [ax, ay, az, bx, by, bz, cx, cy] =
+            columns::<D::Singles>(half(triangles, 0, 0), half(triangles, 8, 0));
         let [cz, steep, ..] = columns::<D::Singles>(half(triangles, 0, 1), half(triangles, 8, 1));
         let (a, b, c) = ([ax, ay, az], [bx, by, bz], [cx, cy, cz]);
         let (o, d) = (bundle.origin, bundle.direction);
@@ -45,12 +51,15 @@ pub(super) unsafe fn test<D: Doubles16>(bundle: &Bundle<D>, triangles: &PerRay<&
         let along_y = dz.le(dy) & !along_x;
         let d = turned(d, along_x, along_y);
         let shear = [d[0].div(d[2]), d[1].div(d[2])];
-        let corners = [turned(a, along_x, along_y), turned(b, along_x, along_y), turned(c, along_x, along_y)];
-        let InDrawing { inside, b1, b2 } = InDrawing::<D>::new(corners, turned(o, along_x, along_y), shear);
+        let corners =
+            [turned(a, along_x, along_y), turned(b, along_x, along_y), turned(c, along_x, along_y)];
+        let InDrawing { inside, b1, b2 } =
+            InDrawing::<D>::new(corners, turned(o, along_x, along_y), shear);
 
         let sure = inside & is_steep & bundle.t_min.lt(t) & t.lt(limit);
         let hits = sure & t.lt(bundle.t_max);
-        let mut found = Found { t: [0.0; RAYS], b1: [0.0; RAYS], b2: [0.0; RAYS], hits, beyond: sure & !hits };
+        let mut found =
+            Found { t: [0.0; RAYS], b1: [0.0; RAYS], b2: [0.0; RAYS], hits, beyond: sure & !hits };
         t.store(&mut found.t);
         b1.rounded().store(&mut found.b1);
         b2.rounded().store(&mut found.b2);

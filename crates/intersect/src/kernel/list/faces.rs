@@ -5,11 +5,13 @@ use super::contents::{Corners, normal};
 use crate::kernel::ray::wide;
 use snell_math::DVec3;
 
-/// A face, ready to be tested against many rays. It is seen along one of the axes, in units of distance from its edges there.
+/// A face, ready to be tested against many rays. It is seen along one of the axes, in units of
+/// distance from its edges there.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(super) struct Face {
-    /// How far the plane is above a point: this plus the product of the point with `down`, the unit normal turned around.
+    /// How far the plane is above a point: this plus the product of the point with `down`, the unit
+    /// normal turned around.
     pub offset: f64,
     pub down: [f64; 3],
     /// The unit normal.
@@ -19,11 +21,13 @@ pub(super) struct Face {
     pub outline: Outline,
     /// Positive on the side of the first triangle.
     pub diagonal: Line,
-    /// The sign of a height is certain if it is more than these coefficients of the coordinates of the point, without their signs, and a constant.
+    /// The sign of a height is certain if it is more than these coefficients of the coordinates of
+    /// the point, without their signs, and a constant.
     pub near: [f32; 4],
 }
 
-/// Coefficients of the two coordinates seen from the centre of the list, and a constant: the distance from a line, which has a sign.
+/// Coefficients of the two coordinates seen from the centre of the list, and a constant: the
+/// distance from a line, which has a sign.
 pub(super) type Line = [f32; 3];
 
 /// Where a face is, in the coordinates that are seen.
@@ -54,25 +58,28 @@ pub(super) struct Shape {
     pub is_tilted: bool,
     /// Three or four, around the face.
     outline: Vec<DVec3>,
-    /// On both sides of the line between the first and the third corner of the outline, if it has four.
+    /// On both sides of the line between the first and the third corner of the outline, if it has
+    /// four.
     pub triangles: [usize; 2],
 }
 
-/// The normals of slivers, of less than this area relative to the square of the longest side, are not well known.
+/// The normals of slivers, of less than this area relative to the square of the longest side, are
+/// not well known.
 const LEAST_AREA: f64 = 1.0 / (1 << 20) as f64;
 
 /// Planes may be as far apart, relative to the size of numbers, and count as one.
 const SAME_PLANE: f64 = 1.0 / (1u64 << 44) as f64;
 
-/// Heights above tilted planes are off by less than this, relative to the products that they are made of, here and in the exact test together: some twenty
-/// roundings of `f64`, which is less than `2^-48` of them.
+/// Heights above tilted planes are off by less than this, relative to the products that they are
+/// made of, here and in the exact test together: some twenty roundings of `f64`, which is less than
+/// `2^-48` of them.
 const HEIGHT_ERROR: f64 = 1.0 / (1u64 << 44) as f64;
 
 /// And no less than that, so that nothing vanishes.
 const LEAST_HEIGHT: f64 = 1e-30;
 
-/// Edges are parallel if the coefficients of their lines differ by no more than this together, so that half of it, relative to the size of the list,
-/// is how far the distance from an edge is off.
+/// Edges are parallel if the coefficients of their lines differ by no more than this together, so
+/// that half of it, relative to the size of the list, is how far the distance from an edge is off.
 const PARALLEL: f64 = 1.0 / (1u64 << 20) as f64;
 
 /// The faces of some triangles; `None` if there are slivers.
@@ -80,7 +87,8 @@ pub(super) fn shapes(triangles: &[Corners]) -> Option<Vec<Shape>> {
     let mut shapes: Vec<Shape> = Vec::new();
     for (number, corners) in triangles.iter().enumerate() {
         let shape = Shape::of_triangle(corners, number)?;
-        let other = shapes.iter_mut().find_map(|other| other.with(&shape).map(|joined| (other, joined)));
+        let other =
+            shapes.iter_mut().find_map(|other| other.with(&shape).map(|joined| (other, joined)));
         match other {
             Some((other, joined)) => *other = joined,
             None => shapes.push(shape),
@@ -95,23 +103,34 @@ impl Shape {
         let [a, b, c] = outline;
         let longest = (b - a).abs().max((c - b).abs()).max((a - c).abs()).max_element();
         let area = normal(corners);
-        let axis = (0..3).fold(0, |best, i| if area[i].abs() > area[best].abs() { i } else { best });
+        let axis =
+            (0..3).fold(0, |best, i| if area[i].abs() > area[best].abs() { i } else { best });
         if area[axis].abs() <= longest * longest * LEAST_AREA {
             return None;
         }
         let level = corners[0][axis].abs();
-        let is_tilted = (0..3).any(|i| i != axis && area[i] != 0.0) || (level > 0.0 && level < LEAST_COORDINATE);
+        let is_tilted = (0..3).any(|i| i != axis && area[i] != 0.0)
+            || (level > 0.0 && level < LEAST_COORDINATE);
         let mut normal = area.normalize();
         if !is_tilted {
             normal[axis] = area[axis].signum();
         }
-        // Each component of the normal is a difference of two products, and off by the roundings of these.
+        // Each component of the normal is a difference of two products, and off by the roundings of
+        // these.
         let (u, v) = ((b - a).abs(), (c - a).abs());
-        let products = DVec3::new(u.y * v.z + u.z * v.y, u.z * v.x + u.x * v.z, u.x * v.y + u.y * v.x);
+        let products =
+            DVec3::new(u.y * v.z + u.z * v.y, u.z * v.x + u.x * v.z, u.x * v.y + u.y * v.x);
         let weights = products / area.length() * HEIGHT_ERROR;
         let constant = weights.dot(a.abs().max(b.abs()).max(c.abs())) + LEAST_HEIGHT;
         let near = [weights.x, weights.y, weights.z, constant];
-        Some(Self { axis, normal, near, is_tilted, outline: outline.to_vec(), triangles: [number; 2] })
+        Some(Self {
+            axis,
+            normal,
+            near,
+            is_tilted,
+            outline: outline.to_vec(),
+            triangles: [number; 2],
+        })
     }
 
     /// Both as one, if they are triangles in one plane, and form a convex quadrilateral.
@@ -165,7 +184,8 @@ impl Shape {
         [v[(self.axis + 1) % 3], v[(self.axis + 2) % 3]]
     }
 
-    /// The line through two corners as coefficients of a distance from it; the origin is at `center`.
+    /// The line through two corners as coefficients of a distance from it; the origin is at
+    /// `center`.
     fn line(&self, from: DVec3, to: DVec3, center: DVec3) -> [f64; 3] {
         let ([x, y], [dx, dy]) = (self.seen(from - center), self.seen(to - from));
         let scale = self.normal[self.axis].signum() / dx.hypot(dy);
@@ -176,7 +196,9 @@ impl Shape {
     /// Ready to be tested, in a list with this centre.
     pub fn face(&self, center: DVec3) -> Face {
         let n = self.outline.len();
-        let line = |from: usize, to: usize| self.line(self.outline[from % n], self.outline[to % n], center);
+        let line = |from: usize, to: usize| {
+            self.line(self.outline[from % n], self.outline[to % n], center)
+        };
         Face {
             offset: self.normal.dot(self.outline[0]),
             down: (-self.normal).to_array(),
@@ -193,11 +215,13 @@ impl Outline {
     /// Of four edges, of which the last is the first again if there are only three.
     fn new(edges: [[f64; 3]; 4], are_four: bool) -> Self {
         let [a, b, c, d] = edges;
-        let are_parallel = |a: [f64; 3], c: [f64; 3]| (a[0] + c[0]).abs() + (a[1] + c[1]).abs() <= PARALLEL;
+        let are_parallel =
+            |a: [f64; 3], c: [f64; 3]| (a[0] + c[0]).abs() + (a[1] + c[1]).abs() <= PARALLEL;
         if !are_four || !are_parallel(a, c) || !are_parallel(b, d) {
             return Self::Edges(edges.map(|line| line.map(|x| x as f32)));
         }
-        let midway = |a: [f64; 3], c: [f64; 3]| std::array::from_fn(|i| ((a[i] - c[i]) * 0.5) as f32);
+        let midway =
+            |a: [f64; 3], c: [f64; 3]| std::array::from_fn(|i| ((a[i] - c[i]) * 0.5) as f32);
         let half = |a: [f64; 3], c: [f64; 3]| ((a[2] + c[2]) * 0.5) as f32;
         Self::Strips([midway(a, c), midway(b, d)], [half(a, c), half(b, d)])
     }

@@ -1,8 +1,9 @@
 //! Spheres and flat shapes of a list: sixteen rays at a time against each.
 //!
-//! The same operations in `f64` in the same order as those of the shapes, so the same bits. Two things are left out, and change none: directions are not
-//! scaled by a power of two, for [`is_moderate`] sees to it that nothing overflows or vanishes; and the parameters in `f64` are not compared with the
-//! interval, for those in `f32` have to lie in it too.
+//! The same operations in `f64` in the same order as those of the shapes, so the same bits. Two
+//! things are left out, and change none: directions are not scaled by a power of two, for
+//! [`is_moderate`] sees to it that nothing overflows or vanishes; and the parameters in `f64` are
+//! not compared with the interval, for those in `f32` have to lie in it too.
 
 use super::super::meeting::dot;
 use super::bundle::Bundle;
@@ -37,8 +38,8 @@ enum Outline {
     Ring { inner: f64, outer: f64 },
 }
 
-/// True for zero and for sizes with which nothing overflows or vanishes here, ordinary rays given: what is not zero is more than
-/// `1e-91` and less than `1e44` in the coordinates of the shape.
+/// True for zero and for sizes with which nothing overflows or vanishes here, ordinary rays given:
+/// what is not zero is more than `1e-91` and less than `1e44` in the coordinates of the shape.
 fn is_moderate(x: f64) -> bool {
     x == 0.0 || (1e-30..1e30).contains(&x.abs())
 }
@@ -48,19 +49,29 @@ impl ListShape {
     pub fn of(object: &Object) -> Option<Self> {
         let Object::Shape { shape, geometry, shape_from_group } = object else { return None };
         let (kind, sizes) = match shape.to_any()? {
-            AnyShape::Sphere(sphere) => (Kind::Sphere { radius: sphere.radius }, [sphere.radius, 0.0]),
+            AnyShape::Sphere(sphere) => {
+                (Kind::Sphere { radius: sphere.radius }, [sphere.radius, 0.0])
+            }
             AnyShape::Rectangle(Rectangle { half_size }) => {
                 (Kind::Flat(Outline::Rectangle { half_size }), half_size.to_array())
             }
             AnyShape::Disk(disk) => {
-                let (inner, outer) = (disk.inner_radius * disk.inner_radius, disk.radius * disk.radius);
+                let (inner, outer) =
+                    (disk.inner_radius * disk.inner_radius, disk.radius * disk.radius);
                 (Kind::Flat(Outline::Ring { inner, outer }), [inner, outer])
             }
-            AnyShape::Plane(_) => (Kind::Flat(Outline::Rectangle { half_size: DVec2::INFINITY }), [0.0; 2]),
+            AnyShape::Plane(_) => {
+                (Kind::Flat(Outline::Rectangle { half_size: DVec2::INFINITY }), [0.0; 2])
+            }
             _ => return None,
         };
-        let is_moderate = shape_from_group.to_cols_array().iter().chain(&sizes).all(|&x| is_moderate(x));
-        is_moderate.then_some(Self { geometry: *geometry, kind, shape_from_group: *shape_from_group })
+        let is_moderate =
+            shape_from_group.to_cols_array().iter().chain(&sizes).all(|&x| is_moderate(x));
+        is_moderate.then_some(Self {
+            geometry: *geometry,
+            kind,
+            shape_from_group: *shape_from_group,
+        })
     }
 
     /// True if it lies in a plane.
@@ -69,8 +80,8 @@ impl ListShape {
         matches!(self.kind, Kind::Flat(_))
     }
 
-    /// Where rays meet the shape first in their intervals; infinite where they do not. Only those of some lanes are asked for, and only ordinary
-    /// rays are answered.
+    /// Where rays meet the shape first in their intervals; infinite where they do not. Only those
+    /// of some lanes are asked for, and only ordinary rays are answered.
     ///
     /// # Safety
     /// The machine must have the instructions of `D`.
@@ -90,7 +101,12 @@ impl ListShape {
     /// # Safety
     /// As [`Self::meet`].
     #[inline(always)]
-    unsafe fn meet_flat<D: Doubles16>(&self, bundle: &Bundle<D>, lanes: u32, outline: Outline) -> D::Singles {
+    unsafe fn meet_flat<D: Doubles16>(
+        &self,
+        bundle: &Bundle<D>,
+        lanes: u32,
+        outline: Outline,
+    ) -> D::Singles {
         // SAFETY: passed on to the caller.
         unsafe {
             let exact = D::splat(0.0).sub(self.origin(bundle, 2)).div(self.direction(bundle, 2));
@@ -118,12 +134,19 @@ impl ListShape {
     /// # Safety
     /// As [`Self::meet`].
     #[inline(always)]
-    unsafe fn meet_sphere<D: Doubles16>(&self, bundle: &Bundle<D>, lanes: u32, radius: f64) -> D::Singles {
+    unsafe fn meet_sphere<D: Doubles16>(
+        &self,
+        bundle: &Bundle<D>,
+        lanes: u32,
+        radius: f64,
+    ) -> D::Singles {
         // SAFETY: passed on to the caller.
         unsafe {
-            let (zero, radius, infinity) = (D::splat(0.0), D::splat(radius), D::Singles::splat(f32::INFINITY));
+            let (zero, radius, infinity) =
+                (D::splat(0.0), D::splat(radius), D::Singles::splat(f32::INFINITY));
             let o = [self.origin(bundle, 0), self.origin(bundle, 1), self.origin(bundle, 2)];
-            let d = [self.direction(bundle, 0), self.direction(bundle, 1), self.direction(bundle, 2)];
+            let d =
+                [self.direction(bundle, 0), self.direction(bundle, 1), self.direction(bundle, 2)];
             let a = dot(d, d);
             let moment = cross(o, d, zero);
             let (reach, distance) = (radius.mul(a.sqrt()), dot(moment, moment).sqrt());
@@ -151,7 +174,10 @@ impl ListShape {
     #[inline(always)]
     unsafe fn origin<D: Doubles16>(&self, bundle: &Bundle<D>, axis: usize) -> D {
         // SAFETY: passed on to the caller.
-        unsafe { self.product(bundle.exact_origin, axis).add(D::splat(self.shape_from_group.translation[axis])) }
+        unsafe {
+            self.product(bundle.exact_origin, axis)
+                .add(D::splat(self.shape_from_group.translation[axis]))
+        }
     }
 
     /// A coordinate of their directions.
@@ -172,7 +198,11 @@ impl ListShape {
         let map = &self.shape_from_group.matrix3;
         // SAFETY: passed on to the caller.
         unsafe {
-            let row = [D::splat(map.x_axis[axis]), D::splat(map.y_axis[axis]), D::splat(map.z_axis[axis])];
+            let row = [
+                D::splat(map.x_axis[axis]),
+                D::splat(map.y_axis[axis]),
+                D::splat(map.z_axis[axis]),
+            ];
             dot(row, v)
         }
     }
@@ -181,7 +211,11 @@ impl ListShape {
 /// As `accurate_cross` of shapes, but for the sign of zero.
 #[inline(always)]
 fn cross<D: Doubles16>(a: [D; 3], b: [D; 3], zero: D) -> [D; 3] {
-    [minor(a[1], b[2], a[2], b[1], zero), minor(a[2], b[0], a[0], b[2], zero), minor(a[0], b[1], a[1], b[0], zero)]
+    [
+        minor(a[1], b[2], a[2], b[1], zero),
+        minor(a[2], b[0], a[0], b[2], zero),
+        minor(a[0], b[1], a[1], b[0], zero),
+    ]
 }
 
 /// As [`snell_math::robust::difference_of_products`], but for the sign of zero.
@@ -219,7 +253,11 @@ mod tests {
     ///
     /// # Safety
     /// The machine must have the instructions of `D`.
-    unsafe fn meet<D: Doubles16>(list: &List, shape: &ListShape, rays: &[Ray]) -> (Vec<f32>, Vec<bool>) {
+    unsafe fn meet<D: Doubles16>(
+        list: &List,
+        shape: &ListShape,
+        rays: &[Ray],
+    ) -> (Vec<f32>, Vec<bool>) {
         let (mut all, mut ordinary) = (Vec::new(), Vec::new());
         for sixteen in rays.as_chunks::<RAYS>().0 {
             // SAFETY: passed on to the caller.
@@ -235,20 +273,28 @@ mod tests {
         (all, ordinary)
     }
 
-    fn meet_at(level: Level, list: &List, shape: &ListShape, rays: &[Ray]) -> (Vec<f32>, Vec<bool>) {
+    fn meet_at(
+        level: Level,
+        list: &List,
+        shape: &ListShape,
+        rays: &[Ray],
+    ) -> (Vec<f32>, Vec<bool>) {
         match level {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the caller has checked the level.
             Level::Avx512 => unsafe { meet::<snell_math::simd::Avx16Doubles>(list, shape, rays) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the caller has checked the level.
-            Level::Avx2 => unsafe { meet::<PairDoubles<snell_math::simd::Avx8>>(list, shape, rays) },
+            Level::Avx2 => unsafe {
+                meet::<PairDoubles<snell_math::simd::Avx8>>(list, shape, rays)
+            },
             // SAFETY: portable code.
             _ => unsafe { meet::<PairDoubles<Portable8>>(list, shape, rays) },
         }
     }
 
-    /// Rays at a shape, past it, along it, and from places on and in it: sizes are relative to that of the shape.
+    /// Rays at a shape, past it, along it, and from places on and in it: sizes are relative to that
+    /// of the shape.
     fn rays_about(shape: &AnyShape, placed: &Transform, size: f64, count: u32) -> Vec<Ray> {
         let ray = |i: u32| {
             let on = |k: u32| {
@@ -264,7 +310,10 @@ mod tests {
                 3 => (on(8).0, vector(i, 5) * size),
                 4 => (vector(i, 5) * 0.5 * size, target),
                 // Along the surface, and the edges of a flat one.
-                5 => (target - normal.any_orthonormal_vector() * size, target * (1.0 + 1e-7 * number(i, 6))),
+                5 => (
+                    target - normal.any_orthonormal_vector() * size,
+                    target * (1.0 + 1e-7 * number(i, 6)),
+                ),
                 6 => (target.with_z(0.0) - DVec3::X * size, target.with_z(0.0)),
                 _ => (outside, target.signum() * shape.bounds().max.min(DVec3::splat(size))),
             };
@@ -287,8 +336,10 @@ mod tests {
                 (1.0, DVec3::new(1.0, 3.0, -0.2), DVec3::new(0.5, -20.0, 3.0)),
                 (2.5, DVec3::new(40.0, 700.0, 900.0), DVec3::ZERO),
             ] {
-                let map = DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), turn) * DMat3::from_diagonal(stretch);
-                let placed = Transform::new(DAffine3::from_mat3_translation(map, offset * size)).expect("invertible");
+                let map = DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), turn)
+                    * DMat3::from_diagonal(stretch);
+                let placed = Transform::new(DAffine3::from_mat3_translation(map, offset * size))
+                    .expect("invertible");
                 let wide = (stretch.abs().max_element() * size * 2.0) as f32;
                 let at = (offset * size).as_vec3();
                 let corners = [[-wide, -wide], [wide, -wide], [wide, wide], [-wide, wide]];
@@ -309,12 +360,19 @@ mod tests {
                     let t = oracle.closest_one(&rays[i], &AcceptAll).t;
                     let at_end = [t * 0.9999, t.next_down(), t, t.next_up(), t * 1.0001][i % 5];
                     let ray = rays[i];
-                    rays.push(if i % 2 == 0 { ray.with_t_max(at_end) } else { Ray { t_min: at_end, ..ray } });
+                    rays.push(if i % 2 == 0 {
+                        ray.with_t_max(at_end)
+                    } else {
+                        Ray { t_min: at_end, ..ray }
+                    });
                 }
-                let expected: Vec<Hit> = rays.iter().map(|ray| oracle.closest_one(ray, &AcceptAll)).collect();
+                let expected: Vec<Hit> =
+                    rays.iter().map(|ray| oracle.closest_one(ray, &AcceptAll)).collect();
                 for level in levels() {
                     let (found, ordinary) = meet_at(level, list, lane_shape, &rays);
-                    for ((ray, hit), (t, is_ordinary)) in rays.iter().zip(&expected).zip(found.iter().zip(&ordinary)) {
+                    for ((ray, hit), (t, is_ordinary)) in
+                        rays.iter().zip(&expected).zip(found.iter().zip(&ordinary))
+                    {
                         if *is_ordinary {
                             assert_eq!(
                                 t.to_bits(),

@@ -24,7 +24,8 @@ pub(super) fn list_of(world: &World) -> Option<&List> {
 
 /// On the lattice of halves, so that rays meet vertices, edges and planes; or anywhere.
 fn point() -> impl Strategy<Value = Vec3> {
-    let halves = [-8i8..=8, -8i8..=8, -8i8..=8].prop_map(|p| Vec3::from_array(p.map(|x| f32::from(x) * 0.5)));
+    let halves = [-8i8..=8, -8i8..=8, -8i8..=8]
+        .prop_map(|p| Vec3::from_array(p.map(|x| f32::from(x) * 0.5)));
     prop_oneof![halves, [-4.0f32..4.0, -4.0f32..4.0, -4.0f32..4.0].prop_map(Vec3::from_array)]
 }
 
@@ -32,20 +33,24 @@ fn meshes() -> impl Strategy<Value = TriangleMesh> {
     let positions = proptest::collection::vec(lattice_point(), 3..30);
     let corners = proptest::collection::vec(proptest::array::uniform3(0u32..1000), 1..35);
     // Lists have no slivers.
-    (positions, corners, proptest::bool::weighted(0.1)).prop_map(|(positions, corners, with_slivers)| {
-        let n = positions.len() as u32;
-        let mut indices: Vec<[u32; 3]> = corners.iter().map(|t| t.map(|i| i % n)).collect();
-        let area = |[a, b, c]: [Vec3; 3]| (b - a).cross(c - a);
-        indices.retain(|t| with_slivers || area(t.map(|i| positions[i as usize])) != Vec3::ZERO);
-        indices.push([0, 1, 1]);
-        TriangleMesh { positions, indices, ..TriangleMesh::default() }
-    })
+    (positions, corners, proptest::bool::weighted(0.1)).prop_map(
+        |(positions, corners, with_slivers)| {
+            let n = positions.len() as u32;
+            let mut indices: Vec<[u32; 3]> = corners.iter().map(|t| t.map(|i| i % n)).collect();
+            let area = |[a, b, c]: [Vec3; 3]| (b - a).cross(c - a);
+            indices
+                .retain(|t| with_slivers || area(t.map(|i| positions[i as usize])) != Vec3::ZERO);
+            indices.push([0, 1, 1]);
+            TriangleMesh { positions, indices, ..TriangleMesh::default() }
+        },
+    )
 }
 
 /// A mesh of quads, each of two triangles.
 pub(crate) fn quads(corners: &[[[f32; 3]; 4]]) -> Arc<TriangleMesh> {
     let positions = corners.iter().flatten().map(|&v| Vec3::from_array(v)).collect();
-    let indices = (0..corners.len() as u32).flat_map(|i| [[0, 1, 2], [2, 3, 0]].map(|t| t.map(|v| v + 4 * i)));
+    let indices = (0..corners.len() as u32)
+        .flat_map(|i| [[0, 1, 2], [2, 3, 0]].map(|t| t.map(|v| v + 4 * i)));
     Arc::new(TriangleMesh { positions, indices: indices.collect(), ..TriangleMesh::default() })
 }
 
@@ -123,7 +128,8 @@ fn parallelograms_are_met_between_pairs_of_edges() {
     let are_strips = |corners: [[f32; 3]; 4]| {
         let world = world_of(quads(&[corners]), AcceleratorKind::Bvh, Level::Scalar);
         let list = list_of(&world).expect("a list");
-        let mut outlines = list.faces.iter().flat_map(|faces| faces.across.iter().chain(&faces.tilted));
+        let mut outlines =
+            list.faces.iter().flat_map(|faces| faces.across.iter().chain(&faces.tilted));
         let outline = outlines.next().map(|face| face.outline);
         matches!(outline, Some(Outline::Strips(..)))
     };
@@ -142,7 +148,8 @@ fn parallelograms_are_met_between_pairs_of_edges() {
 fn rays_at_tiny_coordinates_hit_what_the_oracle_hits() {
     let tiny = [0.0, -0.0, 1e-45, 1e-38, 1e-31, -1e-31, 1e-23, 1e-22, -2e-22, 1e-12];
     for level in tiny {
-        let square = [[-1.0, -1.0, level], [1.0, -1.0, level], [1.0, 1.0, level], [-1.0, 1.0, level]];
+        let square =
+            [[-1.0, -1.0, level], [1.0, -1.0, level], [1.0, 1.0, level], [-1.0, 1.0, level]];
         let wall = [[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]];
         let mut rays = Vec::new();
         for z in tiny {
@@ -195,8 +202,9 @@ fn room() -> Arc<TriangleMesh> {
 /// Rays from everywhere in the room, and from what they hit.
 fn rays_in_room(oracle: &World, count: u32) -> Vec<Ray> {
     let unit = |i: u32, k: u32| Vec3::from_slice(&rng::pcg4d([i, k, 0, 0]).map(rng::to_unit)[..3]);
-    let mut rays: Vec<Ray> =
-        (0..count).map(|i| Ray::new(Vec3::new(4.0, 3.0, 5.0) * unit(i, 0), (unit(i, 1) - 0.5).normalize())).collect();
+    let mut rays: Vec<Ray> = (0..count)
+        .map(|i| Ray::new(Vec3::new(4.0, 3.0, 5.0) * unit(i, 0), (unit(i, 1) - 0.5).normalize()))
+        .collect();
     for i in 0..count {
         let ray = rays[i as usize];
         let hit = oracle.closest_one(&ray, &AcceptAll);
@@ -217,7 +225,8 @@ fn nearly_all_rays_in_a_room_are_certain() {
     let mut unsure = 0;
     for rays in rays.as_chunks::<RAYS>().0 {
         // SAFETY: portable code.
-        let hits = unsafe { Hits::of(list, &Bundle::<PairDoubles<Portable8>>::new(list, rays, RAYS)) };
+        let hits =
+            unsafe { Hits::of(list, &Bundle::<PairDoubles<Portable8>>::new(list, rays, RAYS)) };
         unsure += hits.unsure.count_ones() as usize;
     }
     assert!(unsure * 100 < rays.len(), "{unsure} of {}", rays.len());
@@ -247,7 +256,11 @@ fn rays_among_shapes_in_a_room_hit_what_the_oracle_hits() {
                 builder.add_mesh(WorldBuilder::ROOT, room());
             }
             for i in 0..count {
-                let place = Transform::translation(DVec3::new(0.8 + 0.4 * f64::from(i), 0.6, 1.0 + f64::from(i % 3)));
+                let place = Transform::translation(DVec3::new(
+                    0.8 + 0.4 * f64::from(i),
+                    0.6,
+                    1.0 + f64::from(i % 3),
+                ));
                 let shape: AnyShape = match i % 5 {
                     1 => Rectangle { half_size: DVec2::new(0.5, 0.25) }.into(),
                     2 => Disk { radius: 0.5, inner_radius: 0.125 }.into(),
@@ -273,16 +286,21 @@ fn rays_among_shapes_in_a_room_hit_what_the_oracle_hits() {
 }
 
 fn strip(triangles: u32) -> WorldBuilder {
-    let positions = (0..triangles + 2).map(|i| Vec3::new(i as f32, (i & 1) as f32, (i % 7) as f32)).collect();
+    let positions =
+        (0..triangles + 2).map(|i| Vec3::new(i as f32, (i & 1) as f32, (i % 7) as f32)).collect();
     let indices = (0..triangles).map(|i| [i, i + 1, i + 2]).collect();
     let mut builder = WorldBuilder::default();
-    builder.add_mesh(WorldBuilder::ROOT, Arc::new(TriangleMesh { positions, indices, ..TriangleMesh::default() }));
+    builder.add_mesh(
+        WorldBuilder::ROOT,
+        Arc::new(TriangleMesh { positions, indices, ..TriangleMesh::default() }),
+    );
     builder
 }
 
 #[test]
 fn only_small_worlds_of_ordinary_size_have_lists() {
-    let has_list = |builder| list_of(&build(builder, AcceleratorKind::Bvh, Level::Scalar)).is_some();
+    let has_list =
+        |builder| list_of(&build(builder, AcceleratorKind::Bvh, Level::Scalar)).is_some();
     let with = |mut builder: WorldBuilder, shape: AnyShape, count: usize| {
         for i in 0..count {
             let place = Transform::translation(DVec3::new(i as f64, 0.0, 0.0));
@@ -292,11 +310,17 @@ fn only_small_worlds_of_ordinary_size_have_lists() {
     };
     // What is not tested in lanes must be little beside the rest.
     let cylinder = AnyShape::from(Cylinder { radius: 0.5, height: 1.0, caps: true });
-    assert!(has_list(with(strip(5), cylinder.clone(), 2)) && !has_list(with(strip(5), cylinder, 3)));
+    assert!(
+        has_list(with(strip(5), cylinder.clone(), 2)) && !has_list(with(strip(5), cylinder, 3))
+    );
     let with_spheres = |builder, count| with(builder, Sphere { radius: 1.0 }.into(), count);
-    assert!(has_list(with_spheres(WorldBuilder::default(), 2)) && has_list(with_spheres(strip(5), 3)));
+    assert!(
+        has_list(with_spheres(WorldBuilder::default(), 2)) && has_list(with_spheres(strip(5), 3))
+    );
     let most = super::contents::MAX_OBJECTS;
-    assert!(has_list(with_spheres(strip(40), most)) && !has_list(with_spheres(strip(40), most + 1)));
+    assert!(
+        has_list(with_spheres(strip(40), most)) && !has_list(with_spheres(strip(40), most + 1))
+    );
     assert!(has_list(strip(1)));
     assert!(has_list(strip(super::contents::MAX_TRIANGLES as u32)));
     assert!(!has_list(strip(super::contents::MAX_TRIANGLES as u32 + 1)));
@@ -347,7 +371,8 @@ fn equally_far_triangles_go_to_the_lowest_number() {
     }
     let world = build(builder, AcceleratorKind::Bvh, Level::best());
     assert!(list_of(&world).is_some());
-    let rays: Vec<Ray> = (0..20).map(|i| Ray::new(Vec3::new(0.05 * i as f32, 0.0, 0.0), Vec3::Z)).collect();
+    let rays: Vec<Ray> =
+        (0..20).map(|i| Ray::new(Vec3::new(0.05 * i as f32, 0.0, 0.0), Vec3::Z)).collect();
     let mut hits = vec![Hit::MISS; rays.len()];
     world.closest(&rays, Grouping::None, &AcceptAll, &mut hits);
     assert!(hits.iter().all(|hit| (hit.geometry, hit.primitive, hit.t) == (1, 0, 1.0)), "{hits:?}");
@@ -364,14 +389,18 @@ fn equally_far_shapes_go_to_the_lowest_number_too() {
                     builder.add_mesh(WorldBuilder::ROOT, quads(&[square; 3]));
                 } else {
                     // The second of three is nearer, by less than is seen in `f32`.
-                    let place = Transform::translation(DVec3::Z * if number == 2 { 1.0 - 1e-12 } else { 1.0 });
+                    let place = Transform::translation(
+                        DVec3::Z * if number == 2 { 1.0 - 1e-12 } else { 1.0 },
+                    );
                     let half_size = DVec2::new(0.5 + 0.25 * f64::from(number), 1.0);
                     builder.add_shape(WorldBuilder::ROOT, Arc::new(Rectangle { half_size }), place);
                 }
             }
             build(builder, accelerator, level)
         };
-        let rays: Vec<Ray> = (0..60).map(|i| Ray::new(Vec3::new(0.05 * i as f32 - 1.5, 0.3, 0.0), Vec3::Z)).collect();
+        let rays: Vec<Ray> = (0..60)
+            .map(|i| Ray::new(Vec3::new(0.05 * i as f32 - 1.5, 0.3, 0.0), Vec3::Z))
+            .collect();
         let oracle = make(AcceleratorKind::None, Level::Scalar);
         for level in levels() {
             let world = make(AcceleratorKind::Bvh, level);
@@ -385,8 +414,10 @@ fn equally_far_shapes_go_to_the_lowest_number_too() {
 fn batches_that_hit_little_are_answered_too() {
     let make = |accelerator| build(strip(40), accelerator, Level::best());
     let (world, oracle) = (make(AcceleratorKind::Bvh), make(AcceleratorKind::None));
-    let beside = |i: usize| Vec3::new((i % 40) as f32, if i.is_multiple_of(5) { 0.5 } else { 50.0 }, -9.0);
-    let rays: Vec<Ray> = (0..1000).map(|i| Ray::new(beside(i), Vec3::new(0.01, 0.0, 1.0))).collect();
+    let beside =
+        |i: usize| Vec3::new((i % 40) as f32, if i.is_multiple_of(5) { 0.5 } else { 50.0 }, -9.0);
+    let rays: Vec<Ray> =
+        (0..1000).map(|i| Ray::new(beside(i), Vec3::new(0.01, 0.0, 1.0))).collect();
     check(&world, &oracle, Rays::from(&rays), &AcceptAll).expect("the same hits");
     let hits = rays.iter().filter(|ray| oracle.closest_one(*ray, &AcceptAll).is_hit()).count();
     assert!(hits > 50 && hits < 400, "{hits}");
@@ -400,7 +431,10 @@ fn near(list: &List, rays: &[Ray], bounds: &Bounds3) -> Vec<bool> {
     };
     let (sixteens, rest) = rays.as_chunks();
     assert!(rest.is_empty());
-    sixteens.iter().flat_map(|rays| (0..RAYS).map(move |lane| of_sixteen(rays) >> lane & 1 == 1)).collect()
+    sixteens
+        .iter()
+        .flat_map(|rays| (0..RAYS).map(move |lane| of_sixteen(rays) >> lane & 1 == 1))
+        .collect()
 }
 
 #[test]
@@ -411,9 +445,12 @@ fn rays_that_meet_a_box_are_near_it_and_most_others_are_not() {
     let vector = |i: u32, k: u32| Vec3::new(number(i, k), number(i, k + 1), number(i, k + 2));
     let all = Bounds3 { min: list.center - list.reach, max: list.center + list.reach };
     let (mut met, mut told_apart, mut count) = (0, 0, 0);
-    for (box_number, flat) in
-        [(0, Vec3::ONE), (1, Vec3::new(1.0, 0.0, 1.0)), (2, Vec3::ZERO), (3, Vec3::new(1.0, 1.0, 1e-7))]
-    {
+    for (box_number, flat) in [
+        (0, Vec3::ONE),
+        (1, Vec3::new(1.0, 0.0, 1.0)),
+        (2, Vec3::ZERO),
+        (3, Vec3::new(1.0, 1.0, 1e-7)),
+    ] {
         let corner = vector(box_number, 90) * 0.5;
         let bounds = Bounds3 { min: corner, max: corner + Vec3::new(0.3, 0.2, 0.4) * flat };
         let rays: Vec<Ray> = (0..16_000)
@@ -422,10 +459,13 @@ fn rays_that_meet_a_box_are_near_it_and_most_others_are_not() {
                 let origin = vector(i, 0) * 0.9;
                 let at = bounds.min
                     + (bounds.max - bounds.min)
-                        * (vector(i, 3) * 0.5 + 0.5).map(|x| if i % 3 == 0 { x.round() } else { x });
+                        * (vector(i, 3) * 0.5 + 0.5)
+                            .map(|x| if i % 3 == 0 { x.round() } else { x });
                 let direction = match i % 4 {
                     0 => at - origin,
-                    1 => [Vec3::X, Vec3::NEG_Y, Vec3::Z][i as usize % 3] * Vec3::new(1.0, 1.0, -1.0),
+                    1 => {
+                        [Vec3::X, Vec3::NEG_Y, Vec3::Z][i as usize % 3] * Vec3::new(1.0, 1.0, -1.0)
+                    }
                     2 => (at - origin) * Vec3::new(1.0, 1.0, 1e-20),
                     _ => vector(i, 6),
                 };

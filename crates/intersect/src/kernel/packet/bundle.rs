@@ -1,12 +1,15 @@
 //! Sixteen rays as one bundle: what they have in common, and each of them in lanes.
 //!
-//! The bundle is described from a point, its *apex*: where the rays start if they share an origin, about where they end if they
-//! go to one point, and any point near their origins else. Along the axis on which the first ray is fastest, `z` counts the distance from the apex, growing away from
-//! it, and a ray is the line `x = slope z + offset` in each of the other two axes. With a shared origin all offsets are 0. No
-//! inverse direction appears, so rays that are parallel to an axis, or go both ways along it, are nothing special.
+//! The bundle is described from a point, its *apex*: where the rays start if they share an origin,
+//! about where they end if they go to one point, and any point near their origins else. Along the
+//! axis on which the first ray is fastest, `z` counts the distance from the apex, growing away from
+//! it, and a ray is the line `x = slope z + offset` in each of the other two axes. With a shared
+//! origin all offsets are 0. No inverse direction appears, so rays that are parallel to an axis, or
+//! go both ways along it, are nothing special.
 //!
-//! A box is missed by all if it lies outside of the four planes around the bundle (Reshetov, Soupikov and Hurley, Multi-Level Ray
-//! Tracing Algorithm, 2005, go down with the same kind of frustum). Everything here is conservative.
+//! A box is missed by all if it lies outside of the four planes around the bundle (Reshetov,
+//! Soupikov and Hurley, Multi-Level Ray Tracing Algorithm, 2005, go down with the same kind of
+//! frustum). Everything here is conservative.
 
 use super::super::meeting::doubles;
 use super::super::node::{CULL_PADDING, WideNode};
@@ -22,8 +25,8 @@ pub(super) const RAYS: usize = 16;
 /// One number per ray.
 pub(crate) type PerRay<T> = [T; RAYS];
 
-/// Relative padding of everything that follows from rounded coordinates, as [`super::super::node::BOX_PADDING`]: roundings
-/// of `f32` here, and of the drawing of triangles, come to less than half of it.
+/// Relative padding of everything that follows from rounded coordinates, as [`super::super::node::BOX_PADDING`]:
+/// roundings of `f32` here, and of the drawing of triangles, come to less than half of it.
 const PADDING: f32 = 1.0e-6;
 
 /// Coordinates and directions beyond this are left to the other kernels: here nothing may overflow.
@@ -67,7 +70,8 @@ pub(crate) struct Bundle {
     offset: [PerRay<f32>; 2],
     /// The vector product of slopes and offsets.
     across: PerRay<f32>,
-    /// Where each ray starts and ends on the z axis; it ends before it starts when nothing is wanted of it any more.
+    /// Where each ray starts and ends on the z axis; it ends before it starts when nothing is
+    /// wanted of it any more.
     near: PerRay<f32>,
     far: PerRay<f32>,
     /// `z` at `t = 0`, and how fast it changes with `t`, without sign.
@@ -86,11 +90,13 @@ pub(crate) struct Bundle {
     pub axes: [usize; 3],
     /// 1 if `z` grows along its axis, -1 if it falls.
     pub sign: f32,
-    /// For the order in which children are visited: as [`super::super::node::WideNode::order`] counts them.
+    /// For the order in which children are visited: as [`super::super::node::WideNode::order`]
+    /// counts them.
     pub octant: usize,
     /// All rays are drawn along the z axis of the bundle.
     pub is_aligned: bool,
-    /// Bound of all absolute errors of positions; 0 for a shared origin at which nothing was rounded.
+    /// Bound of all absolute errors of positions; 0 for a shared origin at which nothing was
+    /// rounded.
     margin: f32,
     /// Least and greatest of all rays.
     bundle_near: f32,
@@ -101,7 +107,8 @@ pub(crate) struct Bundle {
     high_offset: [f32; 2],
 }
 
-/// The axes of a bundle, by the sizes of a direction: the last is the largest, as in [`super::super::ray::LocalRay`].
+/// The axes of a bundle, by the sizes of a direction: the last is the largest, as in
+/// [`super::super::ray::LocalRay`].
 #[inline(always)]
 fn axes(d: [f32; 3]) -> [usize; 3] {
     if d[0] >= d[1] && d[0] >= d[2] {
@@ -123,7 +130,8 @@ pub(crate) struct Columns<W> {
     pub point: [f32; 3],
     /// Not negative.
     pub t_min: W,
-    /// The padded limits of the searches; negative for rays whose search is over, and lanes without a ray.
+    /// The padded limits of the searches; negative for rays whose search is over, and lanes without
+    /// a ray.
     pub cull: W,
 }
 
@@ -145,7 +153,14 @@ impl Bundle {
         drawn_origin: [[0.0; RAYS]; 3],
         lines: Lines::NONE,
         has_rays: false,
-        kind: Kind { apex: [0.0; 3], reversed: false, common: false, backward: false, rounded: false, slack: 0.0 },
+        kind: Kind {
+            apex: [0.0; 3],
+            reversed: false,
+            common: false,
+            backward: false,
+            rounded: false,
+            slack: 0.0,
+        },
         axes: [0; 3],
         sign: 1.0,
         octant: 0,
@@ -159,9 +174,10 @@ impl Bundle {
         high_offset: [0.0; 2],
     };
 
-    /// Works out the kind, the columns and everything else from rays in `f64` by axis, the least `t_min` and the padded limits of the searches, and the
-    /// apex and a point that triangles are seen from (neither is used with a shared origin), all in the coordinates of a group. False if these rays
-    /// do not make a bundle.
+    /// Works out the kind, the columns and everything else from rays in `f64` by axis, the least
+    /// `t_min` and the padded limits of the searches, and the apex and a point that triangles are
+    /// seen from (neither is used with a shared origin), all in the coordinates of a group. False
+    /// if these rays do not make a bundle.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
@@ -180,7 +196,8 @@ impl Bundle {
         unsafe {
             rays.store(&mut self.exact);
             let rays = P::rays_in_structure(data, group, rays);
-            let ([ox, oy, oz], direction) = (rounded3::<W>(rays.origin), rounded3::<W>(rays.direction));
+            let ([ox, oy, oz], direction) =
+                (rounded3::<W>(rays.origin), rounded3::<W>(rays.direction));
             ox.store(&mut self.drawn_origin[0]);
             oy.store(&mut self.drawn_origin[1]);
             oz.store(&mut self.drawn_origin[2]);
@@ -198,35 +215,60 @@ impl Bundle {
                 P::point_in_structure(data, group, point).as_vec3(),
             );
             if kind.common {
-                apex = Vec3::new(self.drawn_origin[0][0], self.drawn_origin[1][0], self.drawn_origin[2][0]);
+                apex = Vec3::new(
+                    self.drawn_origin[0][0],
+                    self.drawn_origin[1][0],
+                    self.drawn_origin[2][0],
+                );
                 point = apex;
             }
-            let kind = Kind { apex: apex.to_array(), rounded: true, slack: P::slack(data, group), ..*kind };
-            let (from_apex, from_point) =
-                if kind.common { ([zero; 3], [zero; 3]) } else { (rays.seen_from(apex), rays.seen_from(point)) };
+            let kind = Kind {
+                apex: apex.to_array(),
+                rounded: true,
+                slack: P::slack(data, group),
+                ..*kind
+            };
+            let (from_apex, from_point) = if kind.common {
+                ([zero; 3], [zero; 3])
+            } else {
+                (rays.seen_from(apex), rays.seen_from(point))
+            };
             let [dx, dy, dz] = &self.exact[1];
             let first = [dx[0] as f32, dy[0] as f32, dz[0] as f32];
             let point = point.to_array();
-            self.set_up::<W, P>(&Columns { from_apex, from_point, direction, point, t_min, cull }, first, kind)
+            self.set_up::<W, P>(
+                &Columns { from_apex, from_point, direction, point, t_min, cull },
+                first,
+                kind,
+            )
         }
     }
 
-    /// Works out everything else from the kind, `columns`, the direction of the first ray, `drawn_origin` by axis of the group if the rays do not share
-    /// their origin or anything was rounded, and `exact` if that was. False if these rays do not make a bundle.
+    /// Works out everything else from the kind, `columns`, the direction of the first ray,
+    /// `drawn_origin` by axis of the group if the rays do not share their origin or anything was
+    /// rounded, and `exact` if that was. False if these rays do not make a bundle.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn set_up<W: Lanes16, P: Rules>(&mut self, columns: &Columns<W>, first: [f32; 3], kind: Kind) -> bool {
-        // (What was just written is not read here, where it would have been written in other pieces.)
+    pub unsafe fn set_up<W: Lanes16, P: Rules>(
+        &mut self,
+        columns: &Columns<W>,
+        first: [f32; 3],
+        kind: Kind,
+    ) -> bool {
+        // (What was just written is not read here, where it would have been written in other
+        // pieces.)
         self.kind = kind;
         let directions = &columns.direction;
         let [x, y, z] = axes([first[0].abs(), first[1].abs(), first[2].abs()]);
         self.axes = [x, y, z];
-        let forward: f32 = if [first[0] < 0.0, first[1] < 0.0, first[2] < 0.0][z] { -1.0 } else { 1.0 };
+        let forward: f32 =
+            if [first[0] < 0.0, first[1] < 0.0, first[2] < 0.0][z] { -1.0 } else { 1.0 };
         let sign = if kind.reversed { -forward } else { forward };
         self.sign = sign;
-        // Quotients as in [`super::super::ray::LocalRay`], whose shears these are if triangles are drawn in `f32`.
+        // Quotients as in [`super::super::ray::LocalRay`], whose shears these are if triangles are
+        // drawn in `f32`.
         let is_drawn = kind.rounded && !P::TRIANGLES_ELSEWHERE;
         // SAFETY: passed on to the caller.
         unsafe {
@@ -243,10 +285,14 @@ impl Bundle {
                 [directions[x].div(speed), directions[y].div(speed)]
             };
             let slopes = [shear_x.mul(W::splat(sign)), shear_y.mul(W::splat(sign))];
-            let (low, high) = ([slopes[0].least(), slopes[1].least()], [slopes[0].greatest(), slopes[1].greatest()]);
+            let (low, high) = (
+                [slopes[0].least(), slopes[1].least()],
+                [slopes[0].greatest(), slopes[1].greatest()],
+            );
             let fine = along.least() > 1.0 / LARGEST
                 && along.greatest() < LARGEST
-                && (0..2).all(|i| low[i] >= -2.0 && high[i] <= 2.0 && high[i] - low[i] <= MAX_SPREAD)
+                && (0..2)
+                    .all(|i| low[i] >= -2.0 && high[i] <= 2.0 && high[i] - low[i] <= MAX_SPREAD)
                 && kind.apex.iter().all(|a| a.abs() < LARGEST);
             if !fine {
                 return false;
@@ -254,7 +300,8 @@ impl Bundle {
             slopes[0].store(&mut self.slope[0]);
             slopes[1].store(&mut self.slope[1]);
             along.store(&mut self.along);
-            // At slope 1 the choice of the axis is a tie, or decided by less than the rounding of the slope.
+            // At slope 1 the choice of the axis is a tie, or decided by less than the rounding of
+            // the slope.
             self.is_aligned = (0..2).all(|i| low[i] > -1.0 && high[i] < 1.0);
             self.margin = 0.0;
             self.lines.margin = 0.0;
@@ -290,7 +337,8 @@ impl Bundle {
             cull.store(&mut self.cull);
             let start = W::load(&self.start);
             let (early, end) = (columns.t_min.mul(along), self.ends(start, cull, along));
-            let (wide, narrow, margin) = (W::splat(1.0 + PADDING), W::splat(1.0 - PADDING), W::splat(self.margin));
+            let (wide, narrow, margin) =
+                (W::splat(1.0 + PADDING), W::splat(1.0 - PADDING), W::splat(self.margin));
             let (near, far) = if kind.reversed {
                 (end, start.sub(early).mul(wide).add(margin))
             } else {
@@ -351,7 +399,11 @@ impl Bundle {
                 return load3(&self.drawn_origin);
             }
             let ([x, y, z], apex) = (self.axes, &self.kind.apex);
-            [W::splat(*apex.get_unchecked(x)), W::splat(*apex.get_unchecked(y)), W::splat(*apex.get_unchecked(z))]
+            [
+                W::splat(*apex.get_unchecked(x)),
+                W::splat(*apex.get_unchecked(y)),
+                W::splat(*apex.get_unchecked(z)),
+            ]
         }
     }
 
@@ -365,16 +417,19 @@ impl Bundle {
         Vec3::from_array(point)
     }
 
-    /// True if both go the same way, described from and seen from the same points: then they may walk together.
+    /// True if both go the same way, described from and seen from the same points: then they may
+    /// walk together.
     #[inline(always)]
     pub fn is_like(&self, other: &Self) -> bool {
         let (a, b) = (&self.kind, &other.kind);
-        (a.apex, a.reversed, a.common, a.backward, a.rounded) == (b.apex, b.reversed, b.common, b.backward, b.rounded)
+        (a.apex, a.reversed, a.common, a.backward, a.rounded)
+            == (b.apex, b.reversed, b.common, b.backward, b.rounded)
             && (self.axes, self.sign, self.octant) == (other.axes, other.sign, other.octant)
             && self.lines.point == other.lines.point
     }
 
-    /// Takes the bounds of errors of another one if they are larger, so that both may be shown the same boxes and triangles.
+    /// Takes the bounds of errors of another one if they are larger, so that both may be shown the
+    /// same boxes and triangles.
     #[inline(always)]
     pub fn widen(&mut self, other: &Self) {
         self.margin = self.margin.max(other.margin);
@@ -399,7 +454,8 @@ impl Bundle {
             let start = from_z.mul(W::splat(self.sign));
             start.store(&mut self.start);
             let (slope_x, slope_y) = (W::load(&self.slope[0]), W::load(&self.slope[1]));
-            let (offset_x, offset_y) = (from_x.sub(slope_x.mul(start)), from_y.sub(slope_y.mul(start)));
+            let (offset_x, offset_y) =
+                (from_x.sub(slope_x.mul(start)), from_y.sub(slope_y.mul(start)));
             offset_x.store(&mut self.offset[0]);
             offset_y.store(&mut self.offset[1]);
             slope_y.mul(offset_x).sub(slope_x.mul(offset_y)).store(&mut self.across);
@@ -426,7 +482,8 @@ impl Bundle {
         }
     }
 
-    /// After some rays were tested: their new padded limits, and of which nothing more is wanted. [`Self::update_limits`] must follow.
+    /// After some rays were tested: their new padded limits, and of which nothing more is wanted.
+    /// [`Self::update_limits`] must follow.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
@@ -475,7 +532,8 @@ impl Bundle {
         }
     }
 
-    /// After sure hits of some rays that are not reversed, between two places of their [`Lines`] each. [`Self::update_limits`] must follow.
+    /// After sure hits of some rays that are not reversed, between two places of their [`Lines`]
+    /// each. [`Self::update_limits`] must follow.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
@@ -486,7 +544,10 @@ impl Bundle {
             low.store_where(rays, &mut self.lines.sure_end);
             high.store_where(rays, &mut self.lines.end);
             let length = high.sub(W::load(&self.lines.start)).mul(W::splat(1.0 + CULL_PADDING));
-            let far = W::load(&self.start).add(length).mul(W::splat(1.0 + PADDING)).add(W::splat(self.margin));
+            let far = W::load(&self.start)
+                .add(length)
+                .mul(W::splat(1.0 + PADDING))
+                .add(W::splat(self.margin));
             let far = far.min(W::load(&self.far));
             far.store_where(rays, &mut self.far);
         }
@@ -520,7 +581,10 @@ impl Bundle {
     pub fn slopes(&self) -> [[f32; 2]; 2] {
         let turn = self.sign * self.lines.forward * 0.5;
         let [low, high] = [self.low_slope, self.high_slope];
-        [[(low[0] + high[0]) * turn, (low[1] + high[1]) * turn], [(high[0] - low[0]) * 0.5, (high[1] - low[1]) * 0.5]]
+        [
+            [(low[0] + high[0]) * turn, (low[1] + high[1]) * turn],
+            [(high[0] - low[0]) * 0.5, (high[1] - low[1]) * 0.5],
+        ]
     }
 
     /// The boxes of the children of a node.
@@ -569,7 +633,8 @@ impl Bundle {
             let near = boxes.near.max(L::splat(self.bundle_near));
             let far = boxes.far.min(L::splat(self.bundle_far));
             // The last one is always a number.
-            let gap = self.gap(boxes, 0, near, far).max(self.gap(boxes, 1, near, far).max(near.sub(far)));
+            let gap =
+                self.gap(boxes, 0, near, far).max(self.gap(boxes, 1, near, far).max(near.sub(far)));
             gap.mul(L::splat(f32::MAX)).max(near)
         }
     }
@@ -602,7 +667,8 @@ impl Bundle {
         unsafe {
             let near = self.plane(node, up, z, slot) * self.sign - self.margin;
             let far = self.plane(node, up ^ 1, z, slot) * self.sign * (1.0 + PADDING) + self.margin;
-            let [x_sides, y_sides] = [self.padded_sides(node, x, slot), self.padded_sides(node, y, slot)];
+            let [x_sides, y_sides] =
+                [self.padded_sides(node, x, slot), self.padded_sides(node, y, slot)];
             let ([x, half_x], [y, half_y]) = (middle(x_sides), middle(y_sides));
             OneBox {
                 near: W::splat(near),
@@ -621,7 +687,10 @@ impl Bundle {
     #[inline(always)]
     unsafe fn plane(&self, node: &WideNode, side: usize, axis: usize, slot: usize) -> f32 {
         // SAFETY: passed on to the caller.
-        unsafe { node.bounds.get_unchecked(side).get_unchecked(axis)[slot & 7] - self.kind.apex.get_unchecked(axis) }
+        unsafe {
+            node.bounds.get_unchecked(side).get_unchecked(axis)[slot & 7]
+                - self.kind.apex.get_unchecked(axis)
+        }
     }
 
     /// The sides of a box on an axis, moved out.
@@ -631,7 +700,8 @@ impl Bundle {
     #[inline(always)]
     unsafe fn padded_sides(&self, node: &WideNode, axis: usize, slot: usize) -> [f32; 2] {
         // SAFETY: passed on to the caller.
-        let (low, high) = unsafe { (self.plane(node, 0, axis, slot), self.plane(node, 1, axis, slot)) };
+        let (low, high) =
+            unsafe { (self.plane(node, 0, axis, slot), self.plane(node, 1, axis, slot)) };
         [low - low.abs() * PADDING - self.margin, high + high.abs() * PADDING + self.margin]
     }
 
@@ -645,9 +715,12 @@ impl Bundle {
         unsafe {
             let near = one.near.max(W::load(&self.near));
             let far = one.far.min(W::load(&self.far));
-            // Seen along the axis of the bundle: how far the line is from the middle of the box (times the length of both slopes).
+            // Seen along the axis of the bundle: how far the line is from the middle of the box
+            // (times the length of both slopes).
             let (slope_x, slope_y) = (W::load(&self.slope[0]), W::load(&self.slope[1]));
-            let from_middle = W::load(&self.across).sub(slope_y.mul(one.middle[0])).add(slope_x.mul(one.middle[1]));
+            let from_middle = W::load(&self.across)
+                .sub(slope_y.mul(one.middle[0]))
+                .add(slope_x.mul(one.middle[1]));
             let reach = slope_y.abs().mul_add(one.half[0], slope_x.abs().mul(one.half[1]));
             let beside = from_middle.abs().sub(reach);
             // The last one is always a number.
@@ -670,8 +743,8 @@ impl Bundle {
     }
 }
 
-/// Boxes as bundles that are [alike](Bundle::is_like) see them from their apex: where they begin and end along the axis of the bundle, and on
-/// the other two axes.
+/// Boxes as bundles that are [alike](Bundle::is_like) see them from their apex: where they begin
+/// and end along the axis of the bundle, and on the other two axes.
 pub(crate) struct Boxes<L> {
     near: L,
     far: L,

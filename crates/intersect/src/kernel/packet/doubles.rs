@@ -1,7 +1,8 @@
 //! The exact test in double precision for four pairs of a ray and a triangle at once.
 //!
-//! The same operations in the same order as in [`crate::kernel::double::triangle::exact_hit`], so the same bits. What is rare there (edges
-//! that are met, rays in the plane of the triangle, numbers out of range) is not decided here but handed back.
+//! The same operations in the same order as in [`crate::kernel::double::triangle::exact_hit`], so
+//! the same bits. What is rare there (edges that are met, rays in the plane of the triangle,
+//! numbers out of range) is not decided here but handed back.
 
 use super::bundle::Bundle;
 use super::exact::{Found, Pairs, cross, dot, minus};
@@ -11,11 +12,12 @@ use crate::kernel::double::plane::{LARGE, ROUGH, SURE, TINY, determinants};
 use snell_math::DVec3;
 use snell_math::simd::Lanes4;
 
-/// Tests up to eight pairs, as [`super::exact::exact_hits`]. Unlike there, those that are not used are read, too: they must be of this tree, or those of
-/// [`Pairs::NONE`].
+/// Tests up to eight pairs, as [`super::exact::exact_hits`]. Unlike there, those that are not used
+/// are read, too: they must be of this tree, or those of [`Pairs::NONE`].
 ///
 /// # Safety
-/// The machine must have the instructions of `D`. All rays of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
+/// The machine must have the instructions of `D`. All rays of the bundle must be drawn along its z
+/// axis ([`Bundle::is_aligned`]).
 #[inline(always)]
 pub(crate) unsafe fn exact_hits<D: Lanes4>(
     data: &DoubleData,
@@ -40,7 +42,12 @@ pub(crate) unsafe fn exact_hits<D: Lanes4>(
 
 /// The corners of the triangle of a pair, as nine numbers.
 #[inline(always)]
-fn corners<'a>(data: &'a DoubleData, tree: &GroupTree, pairs: &Pairs, pair: usize) -> &'a [DVec3; 3] {
+fn corners<'a>(
+    data: &'a DoubleData,
+    tree: &GroupTree,
+    pairs: &Pairs,
+    pair: usize,
+) -> &'a [DVec3; 3] {
     let (block, lane) = pairs.place(pair);
     let (geometry, triangle) = tree.triangle(tree.blocks.id(block, lane));
     data.corners(geometry, triangle)
@@ -78,17 +85,24 @@ unsafe fn test<D: Lanes4>(
     // SAFETY: passed on to the caller; axes are below 3, and rows below 16.
     unsafe {
         let r = &pairs.rays;
-        let rows =
-            [r[from] as usize & 15, r[from + 1] as usize & 15, r[from + 2] as usize & 15, r[from + 3] as usize & 15];
+        let rows = [
+            r[from] as usize & 15,
+            r[from + 1] as usize & 15,
+            r[from + 2] as usize & 15,
+            r[from + 3] as usize & 15,
+        ];
         let (o, d) = (&bundle.rays.origin, &bundle.rays.direction);
-        let [ox, oy, oz, t_min] = D::load_columns([&o[rows[0]], &o[rows[1]], &o[rows[2]], &o[rows[3]]]);
+        let [ox, oy, oz, t_min] =
+            D::load_columns([&o[rows[0]], &o[rows[1]], &o[rows[2]], &o[rows[3]]]);
         let [dx, dy, dz, _] = D::load_columns([&d[rows[0]], &d[rows[1]], &d[rows[2]], &d[rows[3]]]);
         let ([x0, y0, z0, x1], [y1, z1, x2, y2], [.., z2]) =
             (columns::<D>(&corners, 0), columns::<D>(&corners, 4), columns::<D>(&corners, 5));
         let corners = [[x0, y0, z0], [x1, y1, z1], [x2, y2, z2]];
         let (origin, direction) = ([ox, oy, oz], [dx, dy, dz]);
-        let relative = [minus(corners[0], origin), minus(corners[1], origin), minus(corners[2], origin)];
-        // Most rays leave a surface, and find it behind their start: as in [`crate::kernel::double::plane::Estimate`].
+        let relative =
+            [minus(corners[0], origin), minus(corners[1], origin), minus(corners[2], origin)];
+        // Most rays leave a surface, and find it behind their start: as in
+        // [`crate::kernel::double::plane::Estimate`].
         let (e1, e2) = (minus(corners[1], corners[0]), minus(corners[2], corners[0]));
         let (normal, zero) = (cross(e1, e2), D::splat(0.0));
         let (height, speed) = (dot(normal, relative[0]), dot(normal, direction));
@@ -100,7 +114,8 @@ unsafe fn test<D: Lanes4>(
         ];
         let (heights, speeds) = (dot(sizes, r), dot(sizes, pace));
         let sum = add(add(add(r, pace), e1), e2);
-        let in_range = D::splat(TINY).lt(heights.min(speeds)) & sum[0].add(sum[1]).add(sum[2]).lt(D::splat(LARGE));
+        let in_range = D::splat(TINY).lt(heights.min(speeds))
+            & sum[0].add(sum[1]).add(sum[2]).lt(D::splat(LARGE));
         let error = heights.add(t_min.abs().mul(speeds)).mul(D::splat(ROUGH));
         let ahead = height.sub(t_min.mul(speed));
         let forward = zero.lt(speed);
@@ -133,7 +148,10 @@ unsafe fn test<D: Lanes4>(
             let infinite = D::splat(f64::INFINITY);
             let mut sure = in_range & heights.mul(D::splat(SURE)).lt(height.high.abs());
             sure &= speeds.mul(D::splat(SURE)).lt(speed.high.abs());
-            sure &= zero.lt(scale) & scale.lt(infinite) & t.abs().lt(infinite) & in_box(&relative, &direction, t);
+            sure &= zero.lt(scale)
+                & scale.lt(infinite)
+                & t.abs().lt(infinite)
+                & in_box(&relative, &direction, t);
             unsure |= hopeful & !sure;
             found.hits |= (hopeful & sure & t_min.lt(t)) << from;
             // Never minus zero.
@@ -145,7 +163,8 @@ unsafe fn test<D: Lanes4>(
     }
 }
 
-/// Where the point at `t` is in the box of the corners: as in [`crate::kernel::triangle::clamp_to_box`].
+/// Where the point at `t` is in the box of the corners: as in
+/// [`crate::kernel::triangle::clamp_to_box`].
 ///
 /// # Safety
 /// The machine must have the instructions of `D`.
@@ -153,15 +172,18 @@ unsafe fn test<D: Lanes4>(
 unsafe fn in_box<D: Lanes4>([r0, r1, r2]: &[[D; 3]; 3], direction: &[D; 3], t: D) -> u32 {
     // SAFETY: passed on to the caller.
     unsafe {
-        let low = [r0[0].min(r1[0]).min(r2[0]), r0[1].min(r1[1]).min(r2[1]), r0[2].min(r1[2]).min(r2[2])];
-        let high = [r0[0].max(r1[0]).max(r2[0]), r0[1].max(r1[1]).max(r2[1]), r0[2].max(r1[2]).max(r2[2])];
+        let low =
+            [r0[0].min(r1[0]).min(r2[0]), r0[1].min(r1[1]).min(r2[1]), r0[2].min(r1[2]).min(r2[2])];
+        let high =
+            [r0[0].max(r1[0]).max(r2[0]), r0[1].max(r1[1]).max(r2[1]), r0[2].max(r1[2]).max(r2[2])];
         let size = high[0].sub(low[0]).max(high[1].sub(low[1])).max(high[2].sub(low[2]));
         let padding = size.mul(D::splat(0.8e-6));
         let mut inside = 0xf;
         for axis in 0..3 {
             let point = direction[axis].mul(t);
             let margin = point.abs().mul(D::splat(1e-8));
-            inside &= low[axis].sub(padding).le(point.add(margin)) & point.sub(margin).le(high[axis].add(padding));
+            inside &= low[axis].sub(padding).le(point.add(margin))
+                & point.sub(margin).le(high[axis].add(padding));
         }
         inside
     }
@@ -175,12 +197,14 @@ unsafe fn in_box<D: Lanes4>([r0, r1, r2]: &[[D; 3]; 3], direction: &[D; 3], t: D
 unsafe fn draw<D: Lanes4>(relative: &[D; 3], [x, y, z]: &[usize; 3], shear: [D; 2]) -> [D; 2] {
     // SAFETY: passed on to the caller.
     unsafe {
-        let (x, y, z) = (relative.get_unchecked(*x), relative.get_unchecked(*y), *relative.get_unchecked(*z));
+        let (x, y, z) =
+            (relative.get_unchecked(*x), relative.get_unchecked(*y), *relative.get_unchecked(*z));
         [x.sub(shear[0].mul(z)), y.sub(shear[1].mul(z))]
     }
 }
 
-/// As the function of the same name of the exact test: the area, and where it is surely positive and surely negative.
+/// As the function of the same name of the exact test: the area, and where it is surely positive
+/// and surely negative.
 ///
 /// # Safety
 /// The machine must have the instructions of `D`.
@@ -189,7 +213,9 @@ unsafe fn edge<D: Lanes4>(p: [D; 2], q: [D; 2]) -> (D, u32, u32) {
     let (a, b) = (p[0].mul(q[1]), p[1].mul(q[0]));
     let value = a.sub(b);
     // SAFETY: passed on to the caller.
-    let bound = unsafe { a.abs().add(b.abs()).mul(D::splat(f64::EPSILON)).add(D::splat(f64::MIN_POSITIVE)) };
+    let bound = unsafe {
+        a.abs().add(b.abs()).mul(D::splat(f64::EPSILON)).add(D::splat(f64::MIN_POSITIVE))
+    };
     (value, bound.lt(value), value.lt(bound.negated()))
 }
 

@@ -1,19 +1,25 @@
 //! Where all rays of a bundle are in the drawing of one triangle, which decides what they hit.
 //!
-//! Areas of what is seen from one point ([`super::leaf`]) are off by the distance of a triangle times its length: too much for slivers. What a ray
-//! draws is small near that ray, and so are the errors.
+//! Areas of what is seen from one point ([`super::leaf`]) are off by the distance of a triangle
+//! times its length: too much for slivers. What a ray draws is small near that ray, and so are the
+//! errors.
 
 use super::super::triangle::{TriangleBlock, edge_error};
 use super::bundle::Bundle;
 use snell_math::simd::{Lanes8, Lanes16};
 
-/// The rays that are inside and outside of the drawing of a triangle, a bit for each; neither where single precision does not tell.
+/// The rays that are inside and outside of the drawing of a triangle, a bit for each; neither where
+/// single precision does not tell.
 ///
 /// # Safety
-/// The machine must have the instructions of `W`; the triangle must be below 8. All rays of the bundle must be drawn along its z axis
-/// ([`Bundle::is_aligned`]).
+/// The machine must have the instructions of `W`; the triangle must be below 8. All rays of the
+/// bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
 #[inline(always)]
-pub(super) unsafe fn sides<W: Lanes16>(block: &TriangleBlock, triangle: usize, bundle: &Bundle) -> [u32; 2] {
+pub(super) unsafe fn sides<W: Lanes16>(
+    block: &TriangleBlock,
+    triangle: usize,
+    bundle: &Bundle,
+) -> [u32; 2] {
     // SAFETY: passed on to the caller.
     unsafe {
         let sign = W::splat(bundle.sign);
@@ -27,7 +33,8 @@ pub(super) unsafe fn sides<W: Lanes16>(block: &TriangleBlock, triangle: usize, b
         let (pu, pv, pw) = (y1.mul(x2), y2.mul(x0), y0.mul(x1));
         let (u, v, w) = (x1.mul_sub(y2, pu), x2.mul_sub(y0, pv), x0.mul_sub(y1, pw));
         let error = W::splat(edge_error(W::Half::FUSED));
-        let bound = pu.abs().max(pv.abs()).max(pw.abs()).mul_add(error, W::splat(f32::MIN_POSITIVE));
+        let bound =
+            pu.abs().max(pv.abs()).max(pw.abs()).mul_add(error, W::splat(f32::MIN_POSITIVE));
         let (low, high, other) = (u.min(v).min(w), u.max(v).max(w), W::splat(0.0).sub(bound));
         // (Nothing overflows: bundles have no coordinates for that.)
         [bound.lt(low) | high.lt(other), low.lt(other) & bound.lt(high)]

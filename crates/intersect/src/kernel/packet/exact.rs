@@ -1,7 +1,8 @@
 //! The exact test for several pairs of a ray and a triangle at once.
 //!
-//! The same operations in the same order as in [`super::super::triangle::exact_hit`], so the same bits. What is rare there (ties, rays in
-//! the plane of the triangle, points outside of its box by rounding) is not decided here but handed back.
+//! The same operations in the same order as in [`super::super::triangle::exact_hit`], so the same
+//! bits. What is rare there (ties, rays in the plane of the triangle, points outside of its box by
+//! rounding) is not decided here but handed back.
 
 use super::super::compact::BlocksAt;
 use super::super::triangle::{PLACE_TOLERANCE, TriangleBlock};
@@ -13,7 +14,8 @@ use std::mem::MaybeUninit;
 /// Pairs that are tested together.
 pub(super) const PAIRS: usize = 8;
 
-/// Rays of a bundle, by their lanes, and triangles, by their places: eight times the number of the block and the lane there.
+/// Rays of a bundle, by their lanes, and triangles, by their places: eight times the number of the
+/// block and the lane there.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(crate) struct Pairs {
@@ -74,16 +76,27 @@ pub(crate) struct Found<R> {
 }
 
 impl<R: Real> Found<R> {
-    pub const NONE: Self = Self { t: [R::ZERO; PAIRS], b1: [R::ZERO; PAIRS], b2: [R::ZERO; PAIRS], hits: 0, unsure: 0 };
+    pub const NONE: Self = Self {
+        t: [R::ZERO; PAIRS],
+        b1: [R::ZERO; PAIRS],
+        b2: [R::ZERO; PAIRS],
+        hits: 0,
+        unsure: 0,
+    };
 }
 
 /// Tests up to eight pairs, at least one. Results of those that are not used mean nothing.
 ///
 /// # Safety
-/// The machine must have the instructions of `W`; the triangles must be of these blocks. All rays of the bundle must be drawn along its z
-/// axis ([`Bundle::is_aligned`]).
+/// The machine must have the instructions of `W`; the triangles must be of these blocks. All rays
+/// of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
 #[inline(always)]
-pub(crate) unsafe fn exact_hits<W: Lanes16>(blocks: BlocksAt, bundle: &Bundle, pairs: &Pairs, found: &mut Found<f32>) {
+pub(crate) unsafe fn exact_hits<W: Lanes16>(
+    blocks: BlocksAt,
+    bundle: &Bundle,
+    pairs: &Pairs,
+    found: &mut Found<f32>,
+) {
     // SAFETY: passed on to the caller.
     unsafe {
         let corners = corners::<W::Half>(blocks, pairs);
@@ -97,10 +110,12 @@ pub(crate) unsafe fn exact_hits<W: Lanes16>(blocks: BlocksAt, bundle: &Bundle, p
     }
 }
 
-/// The corners of the triangles. (Mostly these are in a few blocks, so it is a permutation or two for each row of a block, not a load for each number.)
+/// The corners of the triangles. (Mostly these are in a few blocks, so it is a permutation or two
+/// for each row of a block, not a load for each number.)
 ///
 /// # Safety
-/// The machine must have the instructions of `L`; there must be pairs, and their triangles must be of these blocks.
+/// The machine must have the instructions of `L`; there must be pairs, and their triangles must be
+/// of these blocks.
 #[inline(always)]
 unsafe fn corners<L: WideLanes>(blocks: BlocksAt, pairs: &Pairs) -> [[L; 3]; 3] {
     let (places, numbers) = (&pairs.triangles, pairs.triangles.map(|place| place >> 3));
@@ -137,9 +152,21 @@ unsafe fn rows<L: WideLanes>(block: &TriangleBlock, lanes: &[u32; PAIRS]) -> [[L
     // SAFETY: passed on to the caller.
     unsafe {
         [
-            [L::load_permuted(&a[0], lanes), L::load_permuted(&a[1], lanes), L::load_permuted(&a[2], lanes)],
-            [L::load_permuted(&b[0], lanes), L::load_permuted(&b[1], lanes), L::load_permuted(&b[2], lanes)],
-            [L::load_permuted(&c[0], lanes), L::load_permuted(&c[1], lanes), L::load_permuted(&c[2], lanes)],
+            [
+                L::load_permuted(&a[0], lanes),
+                L::load_permuted(&a[1], lanes),
+                L::load_permuted(&a[2], lanes),
+            ],
+            [
+                L::load_permuted(&b[0], lanes),
+                L::load_permuted(&b[1], lanes),
+                L::load_permuted(&b[2], lanes),
+            ],
+            [
+                L::load_permuted(&c[0], lanes),
+                L::load_permuted(&c[1], lanes),
+                L::load_permuted(&c[2], lanes),
+            ],
         ]
     }
 }
@@ -161,10 +188,17 @@ impl<L: WideLanes> Frame<L> {
             let [x, y, z] = bundle.axes;
             let sign = L::splat(bundle.sign);
             let rays = &pairs.rays;
-            let shear = [W::pick(&bundle.slope[0], rays).mul(sign), W::pick(&bundle.slope[1], rays).mul(sign)];
+            let shear = [
+                W::pick(&bundle.slope[0], rays).mul(sign),
+                W::pick(&bundle.slope[1], rays).mul(sign),
+            ];
             let origin = if bundle.kind.common {
                 let apex = &bundle.kind.apex;
-                [L::splat(*apex.get_unchecked(x)), L::splat(*apex.get_unchecked(y)), L::splat(*apex.get_unchecked(z))]
+                [
+                    L::splat(*apex.get_unchecked(x)),
+                    L::splat(*apex.get_unchecked(y)),
+                    L::splat(*apex.get_unchecked(z)),
+                ]
             } else {
                 let origin = &bundle.drawn_origin;
                 [W::pick(&origin[0], rays), W::pick(&origin[1], rays), W::pick(&origin[2], rays)]
@@ -193,7 +227,11 @@ impl<L: WideLanes> Frame<L> {
 /// # Safety
 /// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn rays_of<W: Lanes16>(bundle: &Bundle, pairs: &Pairs, first: usize) -> [[W::HalfDoubles; 3]; 2] {
+unsafe fn rays_of<W: Lanes16>(
+    bundle: &Bundle,
+    pairs: &Pairs,
+    first: usize,
+) -> [[W::HalfDoubles; 3]; 2] {
     let (exact, rays) = (&bundle.exact, &pairs.rays);
     // SAFETY: passed on to the caller; axes are below 3.
     unsafe {
@@ -208,8 +246,11 @@ unsafe fn rays_of<W: Lanes16>(bundle: &Bundle, pairs: &Pairs, first: usize) -> [
         ];
         if bundle.kind.common {
             let [x, y, z] = bundle.kind.apex;
-            let origin =
-                [W::HalfDoubles::splat(x.into()), W::HalfDoubles::splat(y.into()), W::HalfDoubles::splat(z.into())];
+            let origin = [
+                W::HalfDoubles::splat(x.into()),
+                W::HalfDoubles::splat(y.into()),
+                W::HalfDoubles::splat(z.into()),
+            ];
             return [origin, direction];
         }
         let mut origin = direction;
@@ -225,7 +266,11 @@ unsafe fn rays_of<W: Lanes16>(bundle: &Bundle, pairs: &Pairs, first: usize) -> [
 /// # Safety
 /// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn picked3<W: Lanes16>([x, y, z]: &[PerRay<f64>; 3], rays: &[u32; PAIRS], first: usize) -> [W::HalfDoubles; 3] {
+unsafe fn picked3<W: Lanes16>(
+    [x, y, z]: &[PerRay<f64>; 3],
+    rays: &[u32; PAIRS],
+    first: usize,
+) -> [W::HalfDoubles; 3] {
     // SAFETY: passed on to the caller.
     unsafe {
         [
@@ -239,7 +284,8 @@ unsafe fn picked3<W: Lanes16>([x, y, z]: &[PerRay<f64>; 3], rays: &[u32; PAIRS],
 /// Tests some of the pairs in double precision, as many as a register holds.
 ///
 /// # Safety
-/// The machine must have the instructions of `W`; `first` must be below 8, and a multiple of what a register holds.
+/// The machine must have the instructions of `W`; `first` must be below 8, and a multiple of what a
+/// register holds.
 #[inline(always)]
 unsafe fn test<W: Lanes16>(
     [a, b, c]: [&[W::Half; 2]; 3],
@@ -262,8 +308,11 @@ unsafe fn test<W: Lanes16>(
         if inside | unsure == 0 {
             return;
         }
-        let [c0, c1, c2] =
-            [exact3::<W>(&corners[0], first), exact3::<W>(&corners[1], first), exact3::<W>(&corners[2], first)];
+        let [c0, c1, c2] = [
+            exact3::<W>(&corners[0], first),
+            exact3::<W>(&corners[1], first),
+            exact3::<W>(&corners[2], first),
+        ];
         let [origin, direction] = rays_of::<W>(bundle, pairs, first);
         let t_min = W::HalfDoubles::of(W::pick(&bundle.t_min, &pairs.rays), first);
         let relative = [minus(c0, origin), minus(c1, origin), minus(c2, origin)];
@@ -277,20 +326,28 @@ unsafe fn test<W: Lanes16>(
         let scale = W::HalfDoubles::splat(1.0).div(w0.add(w1).add(w2));
         let (b1, b2) = (w1.mul(scale), w2.mul(scale));
         let [r0, r1, r2] = relative;
-        let low = [r0[0].min(r1[0]).min(r2[0]), r0[1].min(r1[1]).min(r2[1]), r0[2].min(r1[2]).min(r2[2])];
-        let high = [r0[0].max(r1[0]).max(r2[0]), r0[1].max(r1[1]).max(r2[1]), r0[2].max(r1[2]).max(r2[2])];
+        let low =
+            [r0[0].min(r1[0]).min(r2[0]), r0[1].min(r1[1]).min(r2[1]), r0[2].min(r1[2]).min(r2[2])];
+        let high =
+            [r0[0].max(r1[0]).max(r2[0]), r0[1].max(r1[1]).max(r2[1]), r0[2].max(r1[2]).max(r2[2])];
         let size = high[0].sub(low[0]).max(high[1].sub(low[1])).max(high[2].sub(low[2]));
         // Surely near the drawn place: without divisions, so a little stricter.
         let z = *bundle.axes.get_unchecked(2);
         let b0 = W::HalfDoubles::splat(1.0).sub(b1).sub(b2);
-        let place = r0.get_unchecked(z).mul(b0).add(r1.get_unchecked(z).mul(b1)).add(r2.get_unchecked(z).mul(b2));
-        let reach = place.abs().add(size).mul(W::HalfDoubles::splat(PLACE_TOLERANCE * (1.0 - 1e-9)));
+        let place = r0
+            .get_unchecked(z)
+            .mul(b0)
+            .add(r1.get_unchecked(z).mul(b1))
+            .add(r2.get_unchecked(z).mul(b2));
+        let reach =
+            place.abs().add(size).mul(W::HalfDoubles::splat(PLACE_TOLERANCE * (1.0 - 1e-9)));
         let mut in_place = place.sub(t.mul(*direction.get_unchecked(z))).abs().le(reach);
         let padding = size.mul(W::HalfDoubles::splat(0.8e-6));
         for axis in 0..3 {
             let point = direction[axis].mul(t);
             let margin = point.abs().mul(W::HalfDoubles::splat(1e-8));
-            in_place &= low[axis].sub(padding).le(point.add(margin)) & point.sub(margin).le(high[axis].add(padding));
+            in_place &= low[axis].sub(padding).le(point.add(margin))
+                & point.sub(margin).le(high[axis].add(padding));
         }
         unsure |= inside & beyond & !in_place;
         found.hits |= (inside & beyond & !unsure) << first;
@@ -318,10 +375,17 @@ unsafe fn exact2<W: Lanes16>(v: &[W::Half; 2], first: usize) -> [W::HalfDoubles;
 #[inline(always)]
 pub(super) unsafe fn exact3<W: Lanes16>(v: &[W::Half; 3], first: usize) -> [W::HalfDoubles; 3] {
     // SAFETY: passed on to the caller.
-    unsafe { [W::HalfDoubles::of(v[0], first), W::HalfDoubles::of(v[1], first), W::HalfDoubles::of(v[2], first)] }
+    unsafe {
+        [
+            W::HalfDoubles::of(v[0], first),
+            W::HalfDoubles::of(v[1], first),
+            W::HalfDoubles::of(v[2], first),
+        ]
+    }
 }
 
-/// As the function of the same name of the exact test: the area, and where it is surely positive and negative.
+/// As the function of the same name of the exact test: the area, and where it is surely positive
+/// and negative.
 #[inline(always)]
 fn edge<D: DoubleLanes>(p: [D; 2], q: [D; 2]) -> (D, [u32; 2]) {
     let (a, b) = (p[0].mul(q[1]), p[1].mul(q[0]));
@@ -335,7 +399,11 @@ pub(super) fn minus<D: DoubleLanes>(a: [D; 3], b: [D; 3]) -> [D; 3] {
 
 #[inline(always)]
 pub(super) fn cross<D: DoubleLanes>(a: [D; 3], b: [D; 3]) -> [D; 3] {
-    [a[1].mul(b[2]).sub(b[1].mul(a[2])), a[2].mul(b[0]).sub(b[2].mul(a[0])), a[0].mul(b[1]).sub(b[0].mul(a[1]))]
+    [
+        a[1].mul(b[2]).sub(b[1].mul(a[2])),
+        a[2].mul(b[0]).sub(b[2].mul(a[0])),
+        a[0].mul(b[1]).sub(b[0].mul(a[1])),
+    ]
 }
 
 #[inline(always)]

@@ -32,7 +32,11 @@ impl ExactRays {
 
     /// The same with other origins and directions, by axis.
     #[inline(always)]
-    pub fn write_columns<P: Rules>(&mut self, rays: &[P::Ray], [[ox, oy, oz], [dx, dy, dz]]: &ExactColumns) {
+    pub fn write_columns<P: Rules>(
+        &mut self,
+        rays: &[P::Ray],
+        [[ox, oy, oz], [dx, dy, dz]]: &ExactColumns,
+    ) {
         for lane in 0..RAYS {
             let [t_min, t_max] = P::interval(rays.get(lane).unwrap_or(&rays[0]));
             self.origin[lane] = [ox[lane], oy[lane], oz[lane], t_min.into()];
@@ -107,7 +111,8 @@ impl<W: Lanes16> LaneRays<W> {
         unsafe {
             let scale = W::Doubles::splat(scale);
             for axis in 0..3 {
-                image.origin[axis] = self.origin[axis].sub(W::Doubles::splat(center[axis])).mul(scale);
+                image.origin[axis] =
+                    self.origin[axis].sub(W::Doubles::splat(center[axis])).mul(scale);
                 image.direction[axis] = self.direction[axis].mul(scale);
             }
         }
@@ -121,13 +126,19 @@ impl<W: Lanes16> LaneRays<W> {
     #[inline(always)]
     pub unsafe fn mapped(&self, map: &DAffine3) -> Self {
         let DAffine3 { matrix3, translation } = map;
-        let [x, y, z] = [matrix3.x_axis.to_array(), matrix3.y_axis.to_array(), matrix3.z_axis.to_array()];
+        let [x, y, z] =
+            [matrix3.x_axis.to_array(), matrix3.y_axis.to_array(), matrix3.z_axis.to_array()];
         let (translation, mut image) = (translation.to_array(), *self);
         // SAFETY: passed on to the caller.
         unsafe {
             for axis in 0..3 {
-                let [x, y, z] = [W::Doubles::splat(x[axis]), W::Doubles::splat(y[axis]), W::Doubles::splat(z[axis])];
-                image.origin[axis] = dot([x, y, z], self.origin).add(W::Doubles::splat(translation[axis]));
+                let [x, y, z] = [
+                    W::Doubles::splat(x[axis]),
+                    W::Doubles::splat(y[axis]),
+                    W::Doubles::splat(z[axis]),
+                ];
+                image.origin[axis] =
+                    dot([x, y, z], self.origin).add(W::Doubles::splat(translation[axis]));
                 image.direction[axis] = dot([x, y, z], self.direction);
             }
         }

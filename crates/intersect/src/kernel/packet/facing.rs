@@ -24,7 +24,11 @@ impl<W: Lanes16> LineLanes<W> {
         unsafe {
             Self {
                 slope: [W::load(sx), W::load(sy)],
-                moment: if lines.apart { Some([W::load(mx), W::load(my), W::load(mz)]) } else { None },
+                moment: if lines.apart {
+                    Some([W::load(mx), W::load(my), W::load(mz)])
+                } else {
+                    None
+                },
                 begin: W::load(&lines.begin),
                 end: W::load(&lines.end),
             }
@@ -40,7 +44,11 @@ impl<W: Lanes16> LineLanes<W> {
         unsafe {
             Self {
                 slope: [both(sx, a, b), both(sy, a, b)],
-                moment: if lines.apart { Some([both(mx, a, b), both(my, a, b), both(mz, a, b)]) } else { None },
+                moment: if lines.apart {
+                    Some([both(mx, a, b), both(my, a, b), both(mz, a, b)])
+                } else {
+                    None
+                },
                 begin: both(&lines.begin, a, b),
                 end: both(&lines.end, a, b),
             }
@@ -108,7 +116,8 @@ impl<W: Lanes16> TriangleLanes<W> {
     #[inline(always)]
     pub fn areas(&self, lines: &LineLanes<W>, zero: W) -> Areas<W> {
         let sum = along(self.normal, lines.slope);
-        let (mut a1, mut a2) = (along(self.areas[0], lines.slope), along(self.areas[1], lines.slope));
+        let (mut a1, mut a2) =
+            (along(self.areas[0], lines.slope), along(self.areas[1], lines.slope));
         if let Some(moment) = lines.moment {
             // What the places of rays add.
             (a1, a2) = (a1.add(dot(self.edges[0], moment)), a2.add(dot(self.edges[1], moment)));
@@ -133,9 +142,16 @@ impl<W: Lanes16> TriangleLanes<W> {
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn missed_by(&self, areas: &Areas<W>, planes: &PlaneLanes<W>, lines: &LineLanes<W>) -> u32 {
+    unsafe fn missed_by(
+        &self,
+        areas: &Areas<W>,
+        planes: &PlaneLanes<W>,
+        lines: &LineLanes<W>,
+    ) -> u32 {
         // SAFETY: passed on to the caller.
-        unsafe { self.outside(areas) | lines.end.lt(self.nearest) | planes.behind(self, areas, lines) }
+        unsafe {
+            self.outside(areas) | lines.end.lt(self.nearest) | planes.behind(self, areas, lines)
+        }
     }
 
     /// Where lines surely pass by.
@@ -148,12 +164,18 @@ impl<W: Lanes16> TriangleLanes<W> {
         unsafe { areas.inside.add(self.bound).lt(W::splat(0.0)) }
     }
 
-    /// The rays that may hit a triangle where that may matter, and those that surely do within their intervals.
+    /// The rays that may hit a triangle where that may matter, and those that surely do within
+    /// their intervals.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn facing(&self, planes: &PlaneLanes<W>, lines: &LineLanes<W>, [sure_begin, sure_end]: [W; 2]) -> [u32; 2] {
+    unsafe fn facing(
+        &self,
+        planes: &PlaneLanes<W>,
+        lines: &LineLanes<W>,
+        [sure_begin, sure_end]: [W; 2],
+    ) -> [u32; 2] {
         // SAFETY: passed on to the caller.
         unsafe {
             let areas = self.areas(lines, W::splat(0.0));
@@ -171,13 +193,18 @@ impl<W: Lanes16> PlaneLanes<W> {
     /// Of a triangle, for all rays.
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`; the triangle must be below 8, and planes must have been wanted.
+    /// The machine must have the instructions of `W`; the triangle must be below 8, and planes must
+    /// have been wanted.
     #[inline(always)]
     pub unsafe fn one(seen: &SeenBlock, triangle: usize) -> Self {
         // SAFETY: passed on to the caller.
         unsafe {
             let Planes { height, error, upright } = seen.planes.assume_init_ref();
-            Self { height: of(height, triangle), error: of(error, triangle), upright: of(upright, triangle) }
+            Self {
+                height: of(height, triangle),
+                error: of(error, triangle),
+                upright: of(upright, triangle),
+            }
         }
     }
 
@@ -199,7 +226,12 @@ impl<W: Lanes16> PlaneLanes<W> {
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn behind(&self, of_triangle: &TriangleLanes<W>, areas: &Areas<W>, lines: &LineLanes<W>) -> u32 {
+    pub unsafe fn behind(
+        &self,
+        of_triangle: &TriangleLanes<W>,
+        areas: &Areas<W>,
+        lines: &LineLanes<W>,
+    ) -> u32 {
         let size = areas.sum.abs();
         // SAFETY: passed on to the caller.
         unsafe {
@@ -208,12 +240,18 @@ impl<W: Lanes16> PlaneLanes<W> {
         }
     }
 
-    /// Where lines meet planes along the axis, times the product of the normal and the direction, without its sign.
+    /// Where lines meet planes along the axis, times the product of the normal and the direction,
+    /// without its sign.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn distance(&self, of_triangle: &TriangleLanes<W>, areas: &Areas<W>, lines: &LineLanes<W>) -> W {
+    unsafe fn distance(
+        &self,
+        of_triangle: &TriangleLanes<W>,
+        areas: &Areas<W>,
+        lines: &LineLanes<W>,
+    ) -> W {
         let (mut height, [x, y, _]) = (self.height, of_triangle.normal);
         if let Some([mx, my, _]) = lines.moment {
             height = x.mul_add(my, height).sub(y.mul(mx));
@@ -234,7 +272,8 @@ pub(super) struct Facing {
 }
 
 impl SeenBlock {
-    /// Those of some triangles that any of some rays may meet where that may matter: without a branch on it, for many rays.
+    /// Those of some triangles that any of some rays may meet where that may matter: without a
+    /// branch on it, for many rays.
     ///
     /// # Safety
     /// As [`Self::facing`].
@@ -258,9 +297,15 @@ impl SeenBlock {
     /// What some rays may hit of some triangles, without a branch on it.
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`; the triangles must be below 8, and planes must have been wanted.
+    /// The machine must have the instructions of `W`; the triangles must be below 8, and planes
+    /// must have been wanted.
     #[inline(always)]
-    pub unsafe fn facing<W: Lanes16>(&self, lines: &Lines, rays: u32, mut triangles: u32) -> Facing {
+    pub unsafe fn facing<W: Lanes16>(
+        &self,
+        lines: &Lines,
+        rays: u32,
+        mut triangles: u32,
+    ) -> Facing {
         let mut facing = Facing { near: 0, sure: 0, rays: [[0; 2]; 8] };
         // SAFETY: passed on to the caller.
         unsafe {
@@ -270,7 +315,8 @@ impl SeenBlock {
                 let triangle = triangles.trailing_zeros();
                 triangles &= triangles - 1;
                 let i = triangle as usize & 7;
-                let [possible, sure] = TriangleLanes::one(self, i).facing(&PlaneLanes::one(self, i), &of_rays, limits);
+                let [possible, sure] =
+                    TriangleLanes::one(self, i).facing(&PlaneLanes::one(self, i), &of_rays, limits);
                 facing.rays[i] = [possible & rays, sure & rays];
                 facing.near |= u32::from(possible & rays != 0) << triangle;
                 facing.sure |= u32::from(sure & rays != 0) << triangle;
@@ -335,7 +381,12 @@ unsafe fn twice3<W: Lanes16>([x, y, z]: &[[f32; 8]; 3]) -> [W; 3] {
 #[inline(always)]
 unsafe fn both<W: Lanes16>(values: &PerRay<f32>, a: usize, b: usize) -> W {
     // SAFETY: passed on to the caller.
-    unsafe { W::from_halves(Lanes8::splat(*values.get_unchecked(a)), Lanes8::splat(*values.get_unchecked(b))) }
+    unsafe {
+        W::from_halves(
+            Lanes8::splat(*values.get_unchecked(a)),
+            Lanes8::splat(*values.get_unchecked(b)),
+        )
+    }
 }
 
 /// The product of a vector and directions.

@@ -1,9 +1,10 @@
 //! Which triangles of a block the rays of a bundle may hit, and which they surely hit, and where.
 //!
-//! Seen from about where the rays start, the signed area of a ray and an edge is the product of the ray's direction with a vector that belongs
-//! to the edge alone (Plücker coordinates; for a shared origin as in Benthin, Realtime Ray Tracing on Current CPU Architectures, 2006).
-//! So the vectors of the edges of eight triangles are worked out at once, and then each triangle meets all rays at once. Nothing that the exact
-//! test takes is dropped, and nothing is sure that it does not take.
+//! Seen from about where the rays start, the signed area of a ray and an edge is the product of the
+//! ray's direction with a vector that belongs to the edge alone (Plücker coordinates; for a shared
+//! origin as in Benthin, Realtime Ray Tracing on Current CPU Architectures, 2006). So the vectors
+//! of the edges of eight triangles are worked out at once, and then each triangle meets all rays at
+//! once. Nothing that the exact test takes is dropped, and nothing is sure that it does not take.
 
 use super::super::node::ChildRef;
 use super::super::triangle::TriangleBlock;
@@ -19,21 +20,27 @@ use std::mem::MaybeUninit;
 /// Half a unit in the last place of 1.
 pub(super) const ROUNDING: f32 = f32::EPSILON / 2.0;
 
-/// Bound of the errors of signed areas, relative to the distance of the triangle (from where it is seen and from where rays start) and the
-/// length of the longer of two of its edges, against the true ones and against those that the exact test draws.
+/// Bound of the errors of signed areas, relative to the distance of the triangle (from where it is
+/// seen and from where rays start) and the length of the longer of two of its edges, against the
+/// true ones and against those that the exact test draws.
 ///
-/// With unit `2^-24`, distances up to `R` and edges up to `L`: coordinates of `r` and `e` are off by 1 of `R` and `L`, so those of a product of
-/// both by 8 `RL`; slopes are 1.25 at most and off by 1, so the area is off by 50 `RL`, and by 60 for what the place of the ray adds; the third
-/// area, from the sum of all (off by 50 `LL`), by 160. The exact test draws vertices to 4.75 `R`. A drawn triangle around the ray has its
-/// corners, and edges, within 4.5 `L`, in both coordinates: its areas are off by 4.75 times 4 times 4.5, some 86 `RL`.
+/// With unit `2^-24`, distances up to `R` and edges up to `L`: coordinates of `r` and `e` are off
+/// by 1 of `R` and `L`, so those of a product of both by 8 `RL`; slopes are 1.25 at most and off by
+/// 1, so the area is off by 50 `RL`, and by 60 for what the place of the ray adds; the third area,
+/// from the sum of all (off by 50 `LL`), by 160. The exact test draws vertices to 4.75 `R`. A drawn
+/// triangle around the ray has its corners, and edges, within 4.5 `L`, in both coordinates: its
+/// areas are off by 4.75 times 4 times 4.5, some 86 `RL`.
 const AREA_ERROR: f32 = 320.0 * ROUNDING;
 
-/// The same for what vertices and rays may be off by ([`Lines::margin`]), by way of drawing and seeing.
+/// The same for what vertices and rays may be off by ([`Lines::margin`]), by way of drawing and
+/// seeing.
 const MARGIN_ERROR: f32 = 16.0;
 
-/// Areas of all edges are off by a bound each. Where their sum is ten times that, `z`, the mean of those of the corners weighted by areas, is
-/// off by less than ten times the bound, relative to that sum, of the depth of the triangle: three errors, each for a corner at most 1.3
-/// times the depth away, over a sum that is 0.7 of what it seems. (Inside, from a sum of six on: over half, for corners within the depth.)
+/// Areas of all edges are off by a bound each. Where their sum is ten times that, `z`, the mean of
+/// those of the corners weighted by areas, is off by less than ten times the bound, relative to
+/// that sum, of the depth of the triangle: three errors, each for a corner at most 1.3 times the
+/// depth away, over a sum that is 0.7 of what it seems. (Inside, from a sum of six on: over half,
+/// for corners within the depth.)
 const CLEAR: f32 = 10.0;
 
 /// What is to be known of a block besides areas.
@@ -74,8 +81,9 @@ struct Depths {
     other_error: [f32; 8],
 }
 
-/// A block of triangles seen from where all rays of a bundle start. Each ray costs two products an edge, so nothing is worth being shared by
-/// rays; and with nothing else to know, all of it stays in registers.
+/// A block of triangles seen from where all rays of a bundle start. Each ray costs two products an
+/// edge, so nothing is worth being shared by rays; and with nothing else to know, all of it stays
+/// in registers.
 #[derive(Clone, Copy)]
 pub(super) struct SharedOrigin<L> {
     /// Of all edges, by axis of the bundle.
@@ -94,10 +102,13 @@ impl<L: Lanes8> SharedOrigin<L> {
         // SAFETY: passed on to the caller.
         unsafe {
             let (forward, corners) = (L::splat(lines.forward), corners(block, axes));
-            let point = [L::splat(lines.point[0]), L::splat(lines.point[1]), L::splat(lines.point[2])];
+            let point =
+                [L::splat(lines.point[0]), L::splat(lines.point[1]), L::splat(lines.point[2])];
             let [v0, v1, v2] = corners;
-            let (r0, r1, r2) = (minus(v0, point, forward), minus(v1, point, forward), minus(v2, point, forward));
-            let (e0, e1, e2) = (minus(v2, v1, forward), minus(v0, v2, forward), minus(v1, v0, forward));
+            let (r0, r1, r2) =
+                (minus(v0, point, forward), minus(v1, point, forward), minus(v2, point, forward));
+            let (e0, e1, e2) =
+                (minus(v2, v1, forward), minus(v0, v2, forward), minus(v1, v0, forward));
             let length = size(e1).max(size(e2));
             // The first edge may be as long as both others.
             let length = length.add(length);
@@ -115,7 +126,9 @@ impl<L: Lanes8> SharedOrigin<L> {
     #[inline(always)]
     pub unsafe fn candidates(&self, lines: &Lines, ray: usize) -> u32 {
         // SAFETY: passed on to the caller.
-        let (sx, sy, zero) = unsafe { (L::splat(lines.slope[0][ray]), L::splat(lines.slope[1][ray]), L::splat(0.0)) };
+        let (sx, sy, zero) = unsafe {
+            (L::splat(lines.slope[0][ray]), L::splat(lines.slope[1][ray]), L::splat(0.0))
+        };
         // SAFETY: as above.
         let end = unsafe { L::splat(lines.end[ray]) };
         let [[ux, uy, uz], [vx, vy, vz], [wx, wy, wz]] = self.areas;
@@ -128,7 +141,8 @@ impl<L: Lanes8> SharedOrigin<L> {
     }
 }
 
-/// A leaf on the way of bundles that are seen from one point: what is known of its triangles is worked out once for all.
+/// A leaf on the way of bundles that are seen from one point: what is known of its triangles is
+/// worked out once for all.
 pub(super) struct Leaf<'t, W: Lanes16> {
     pub block: &'t TriangleBlock,
     /// Of its first triangle: eight times the number of the block.
@@ -144,7 +158,11 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
     /// # Safety
     /// The machine must have the instructions of `W`; `child` must be a block of the tree.
     #[inline(always)]
-    pub unsafe fn new(tree: &'t GroupTree, child: ChildRef, room: &'t mut MaybeUninit<TriangleBlock>) -> Self {
+    pub unsafe fn new(
+        tree: &'t GroupTree,
+        child: ChildRef,
+        room: &'t mut MaybeUninit<TriangleBlock>,
+    ) -> Self {
         // SAFETY: as promised by the caller.
         let block = unsafe { tree.blocks.at().block::<W::Half>(child.block(), room) };
         let (place, used) = (child.block() as u32 * 8, (2 << (child.count() - 1)) - 1);
@@ -154,13 +172,16 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
     /// Its triangles as all bundles see them that are seen from the same point as this one.
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`. The same must be wanted whenever this is called: nothing else is written.
+    /// The machine must have the instructions of `W`. The same must be wanted whenever this is
+    /// called: nothing else is written.
     #[inline(always)]
     pub unsafe fn seen<P: Rules>(&mut self, bundle: &Bundle, wanted: Wanted) -> &SeenBlock {
         if !self.is_seen {
             self.is_seen = true;
             // SAFETY: passed on to the caller; axes of bundles are below 3.
-            self.seen.write(unsafe { SeenBlock::new::<W, P>(self.block, &bundle.lines, bundle.axes, wanted) });
+            self.seen.write(unsafe {
+                SeenBlock::new::<W, P>(self.block, &bundle.lines, bundle.axes, wanted)
+            });
         }
         // SAFETY: written now or before.
         unsafe { self.seen.assume_init_ref() }
@@ -192,9 +213,21 @@ unsafe fn corners<L: Lanes8>(block: &TriangleBlock, [x, y, z]: [usize; 3]) -> [[
     // SAFETY: passed on to the caller.
     unsafe {
         [
-            [L::load(v0.get_unchecked(x)), L::load(v0.get_unchecked(y)), L::load(v0.get_unchecked(z))],
-            [L::load(v1.get_unchecked(x)), L::load(v1.get_unchecked(y)), L::load(v1.get_unchecked(z))],
-            [L::load(v2.get_unchecked(x)), L::load(v2.get_unchecked(y)), L::load(v2.get_unchecked(z))],
+            [
+                L::load(v0.get_unchecked(x)),
+                L::load(v0.get_unchecked(y)),
+                L::load(v0.get_unchecked(z)),
+            ],
+            [
+                L::load(v1.get_unchecked(x)),
+                L::load(v1.get_unchecked(y)),
+                L::load(v1.get_unchecked(z)),
+            ],
+            [
+                L::load(v2.get_unchecked(x)),
+                L::load(v2.get_unchecked(y)),
+                L::load(v2.get_unchecked(z)),
+            ],
         ]
     }
 }
@@ -227,7 +260,8 @@ unsafe fn other_error<L: Lanes8>(far: L, margin: f32) -> L {
     unsafe { far.mul(L::splat(32.0 * ROUNDING)).add(L::splat(margin * 8.0)) }
 }
 
-/// The nearest place where a hit of a triangle may be put whose nearest corner is at `low`: the box that hits are kept in is padded by less.
+/// The nearest place where a hit of a triangle may be put whose nearest corner is at `low`: the box
+/// that hits are kept in is padded by less.
 ///
 /// # Safety
 /// The machine must have the instructions of `L`.
@@ -263,10 +297,13 @@ impl SeenBlock {
         // SAFETY: passed on to the caller.
         unsafe {
             let [px, py, pz] = lines.point;
-            let (point, forward) =
-                ([W::Half::splat(px), W::Half::splat(py), W::Half::splat(pz)], W::Half::splat(lines.forward));
+            let (point, forward) = (
+                [W::Half::splat(px), W::Half::splat(py), W::Half::splat(pz)],
+                W::Half::splat(lines.forward),
+            );
             let [v0, v1, v2] = corners::<W::Half>(block, axes);
-            let (r0, r1, r2) = (minus(v0, point, forward), minus(v1, point, forward), minus(v2, point, forward));
+            let (r0, r1, r2) =
+                (minus(v0, point, forward), minus(v1, point, forward), minus(v2, point, forward));
             let (e1, e2) = (minus(v0, v2, forward), minus(v1, v0, forward));
             let (low, high) = (r0[2].min(r1[2]).min(r2[2]), r0[2].max(r1[2]).max(r2[2]));
             let sizes = [size(e1), size(e2)];
@@ -285,7 +322,14 @@ impl SeenBlock {
             let normal = cross(e1, e2);
             store3(normal, &mut to.normal);
             if wanted.planes {
-                let seen = SeenCorners::<W::Half> { corners: [v0, v1, v2], point, forward, first: r0, normal, sizes };
+                let seen = SeenCorners::<W::Half> {
+                    corners: [v0, v1, v2],
+                    point,
+                    forward,
+                    first: r0,
+                    normal,
+                    sizes,
+                };
                 seen.write::<W, P>(lines, &mut to.normal, &mut *to.planes.as_mut_ptr());
             }
             if wanted.depths {
@@ -303,11 +347,13 @@ impl SeenBlock {
         }
     }
 
-    /// Takes two of the rays, or the last one, and tells which triangles they may meet where that may matter, a bit for each, eight for the first
-    /// ray, then eight for the last: a quick look, worth it for few rays.
+    /// Takes two of the rays, or the last one, and tells which triangles they may meet where that
+    /// may matter, a bit for each, eight for the first ray, then eight for the last: a quick look,
+    /// worth it for few rays.
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`; there must be rays, all below 16, and planes that were wanted.
+    /// The machine must have the instructions of `W`; there must be rays, all below 16, and planes
+    /// that were wanted.
     #[inline(always)]
     pub unsafe fn near_two<W: Lanes16>(&self, lines: &Lines, rays: &mut u32) -> u32 {
         let (a, b) = (rays.trailing_zeros(), 31 - rays.leading_zeros());
@@ -321,7 +367,8 @@ impl SeenBlock {
         }
     }
 
-    /// The triangles that the rays of a bundle may be near, by the range of their slopes and places.
+    /// The triangles that the rays of a bundle may be near, by the range of their slopes and
+    /// places.
     ///
     /// # Safety
     /// The machine must have the instructions of `L`.
@@ -333,11 +380,16 @@ impl SeenBlock {
             let (middle, half) = ([L::splat(x), L::splat(y)], [L::splat(half_x), L::splat(half_y)]);
             let (normal, n1, n2): ([L; 3], [L; 3], [L; 3]) =
                 (load3(&self.normal), load3(&self.areas[0]), load3(&self.areas[1]));
-            let n0 =
-                [normal[0].sub(n1[0]).sub(n2[0]), normal[1].sub(n1[1]).sub(n2[1]), normal[2].sub(n1[2]).sub(n2[2])];
-            let (mut a0, mut a1, mut a2) = (range(n0, middle, half), range(n1, middle, half), range(n2, middle, half));
+            let n0 = [
+                normal[0].sub(n1[0]).sub(n2[0]),
+                normal[1].sub(n1[1]).sub(n2[1]),
+                normal[2].sub(n1[2]).sub(n2[2]),
+            ];
+            let (mut a0, mut a1, mut a2) =
+                (range(n0, middle, half), range(n1, middle, half), range(n2, middle, half));
             if bundle.lines.apart {
-                let [middle, half] = [splat3::<L>(&bundle.lines.moments[0]), splat3::<L>(&bundle.lines.moments[1])];
+                let [middle, half] =
+                    [splat3::<L>(&bundle.lines.moments[0]), splat3::<L>(&bundle.lines.moments[1])];
                 let (e1, e2): ([L; 3], [L; 3]) = (load3(&self.edges[0]), load3(&self.edges[1]));
                 // The first edge closes the triangle, and its area is what others leave of the sum.
                 let e0 = [e1[0].add(e2[0]), e1[1].add(e2[1]), e1[2].add(e2[2])];
@@ -355,15 +407,21 @@ impl SeenBlock {
     /// How some of the rays meet a triangle.
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`; the triangle must be below 8. Depths must have been wanted, and planes if rays do not share
-    /// their origin.
+    /// The machine must have the instructions of `W`; the triangle must be below 8. Depths must
+    /// have been wanted, and planes if rays do not share their origin.
     #[inline(always)]
-    pub unsafe fn meeting<W: Lanes16>(&self, lines: &Lines, triangle: usize, rays: u32) -> Meeting<W> {
+    pub unsafe fn meeting<W: Lanes16>(
+        &self,
+        lines: &Lines,
+        triangle: usize,
+        rays: u32,
+    ) -> Meeting<W> {
         // SAFETY: passed on to the caller.
         unsafe {
             let (i, zero) = (triangle, W::splat(0.0));
             let depths = self.depths.assume_init_ref();
-            let (of_triangle, of_rays) = (TriangleLanes::<W>::one(self, triangle), LineLanes::all(lines));
+            let (of_triangle, of_rays) =
+                (TriangleLanes::<W>::one(self, triangle), LineLanes::all(lines));
             let bound = of_triangle.bound;
             let areas = of_triangle.areas(&of_rays, zero);
             let too_far = of_rays.end.lt(of_triangle.nearest);
@@ -380,14 +438,16 @@ impl SeenBlock {
             let inverse = W::splat(1.0).div(sum);
             let [z0, z1, z2] = &depths.corners;
             let z = a1.mul_add(of(z1, i), a2.mul(of(z2, i))).mul_add(inverse, of(z0, i));
-            let error = of::<W>(&depths.error, i).mul_add(inverse.abs(), of(&depths.other_error, i));
+            let error =
+                of::<W>(&depths.error, i).mul_add(inverse.abs(), of(&depths.other_error, i));
             let (low, high) = (z.sub(error), z.add(error));
             let clear = of::<W>(&depths.clear, i).lt(size);
             let behind = high.lt(W::load(&lines.begin)) & clear;
             let surely_inside = bound.add(bound).lt(inside);
             let beyond = W::load(&lines.end).lt(low) & surely_inside;
             let possible = possible & !behind & !beyond;
-            let nearer = possible & W::load(&lines.sure_begin).lt(low) & high.lt(W::load(&lines.sure_end));
+            let nearer =
+                possible & W::load(&lines.sure_begin).lt(low) & high.lt(W::load(&lines.sure_end));
             Meeting { possible, sure: nearer & surely_inside, nearer: nearer & clear, low, high }
         }
     }
@@ -396,13 +456,22 @@ impl SeenBlock {
 /// The least and greatest product of a vector and directions of a range of slopes.
 #[inline(always)]
 fn range<L: Lanes8>([x, y, z]: [L; 3], middle: [L; 2], half: [L; 2]) -> [L; 2] {
-    let (at, reach) = (x.mul_add(middle[0], y.mul_add(middle[1], z)), x.abs().mul_add(half[0], y.abs().mul(half[1])));
+    let (at, reach) = (
+        x.mul_add(middle[0], y.mul_add(middle[1], z)),
+        x.abs().mul_add(half[0], y.abs().mul(half[1])),
+    );
     [at.sub(reach), at.add(reach)]
 }
 
 /// The range of areas after what the places of rays add, in either direction.
 #[inline(always)]
-fn moved<L: Lanes8>([low, high]: [L; 2], e: [L; 3], middle: [L; 3], half: [L; 3], sign: L) -> [L; 2] {
+fn moved<L: Lanes8>(
+    [low, high]: [L; 2],
+    e: [L; 3],
+    middle: [L; 3],
+    half: [L; 3],
+    sign: L,
+) -> [L; 2] {
     let at = e[0].mul_add(middle[0], e[1].mul_add(middle[1], e[2].mul(middle[2]))).mul(sign);
     let reach = e[0].abs().mul_add(half[0], e[1].abs().mul_add(half[1], e[2].abs().mul(half[2])));
     [low.add(at).sub(reach), high.add(at).add(reach)]
@@ -442,7 +511,11 @@ fn store3<L: Lanes8>(v: [L; 3], to: &mut [[f32; 8]; 3]) {
 
 #[inline(always)]
 fn cross<L: Lanes8>(a: [L; 3], b: [L; 3]) -> [L; 3] {
-    [a[1].mul(b[2]).sub(a[2].mul(b[1])), a[2].mul(b[0]).sub(a[0].mul(b[2])), a[0].mul(b[1]).sub(a[1].mul(b[0]))]
+    [
+        a[1].mul(b[2]).sub(a[2].mul(b[1])),
+        a[2].mul(b[0]).sub(a[0].mul(b[2])),
+        a[0].mul(b[1]).sub(a[1].mul(b[0])),
+    ]
 }
 
 /// The largest coordinate.

@@ -1,7 +1,8 @@
 //! The rays of a bundle as triangles see them: lines by the point where the first ray starts.
 //!
-//! Triangles are seen from there, not from the apex of the bundle, because every hit is decided by the distance from the start of its ray: a
-//! light far away, as the apex is, would make all errors as large as its distance. `z` grows along the rays.
+//! Triangles are seen from there, not from the apex of the bundle, because every hit is decided by
+//! the distance from the start of its ray: a light far away, as the apex is, would make all errors
+//! as large as its distance. `z` grows along the rays.
 
 use super::bundle::{Columns, Kind, PerRay, RAYS};
 use snell_math::simd::Lanes16;
@@ -9,7 +10,8 @@ use snell_math::simd::Lanes16;
 /// Roundings of a distance along the axis: a few.
 const ROUNDINGS: f32 = 8.0 * (f32::EPSILON / 2.0);
 
-/// How much nearer than its padded limit ([`super::super::node::padded`]) a ray surely ends, relative to its length: twice the padding.
+/// How much nearer than its padded limit ([`super::super::node::padded`]) a ray surely ends,
+/// relative to its length: twice the padding.
 const END_PADDING: f32 = 2.0e-4;
 
 /// No length needs to be larger, and coordinates are not ([`super::bundle`]).
@@ -28,8 +30,8 @@ pub(crate) struct Lines {
     /// The interval begins between these.
     pub begin: PerRay<f32>,
     pub sure_begin: PerRay<f32>,
-    /// What is nearer than `sure_end` is surely wanted, what is beyond `end` surely not: at first about the end of the interval, then about the
-    /// nearest hit.
+    /// What is nearer than `sure_end` is surely wanted, what is beyond `end` surely not: at first
+    /// about the end of the interval, then about the nearest hit.
     pub sure_end: PerRay<f32>,
     pub end: PerRay<f32>,
     /// Where rays start.
@@ -44,7 +46,8 @@ pub(crate) struct Lines {
     pub spread: f32,
     /// And how far from the plane of that point across the axis.
     pub latest: f32,
-    /// How far vertices may be from where they should be, seen from there, besides roundings that are relative to the distance.
+    /// How far vertices may be from where they should be, seen from there, besides roundings that
+    /// are relative to the distance.
     pub margin: f32,
     /// The rays do not share their origin.
     pub apart: bool,
@@ -98,7 +101,8 @@ impl Lines {
                 self.spread = from_x.abs().add(from_y.abs()).add(from_z.abs()).greatest();
                 start = from_z.mul(W::splat(self.forward));
                 let (at_x, at_y) = (from_x.sub(slope_x.mul(start)), from_y.sub(slope_y.mul(start)));
-                let moment = [at_y, W::splat(0.0).sub(at_x), at_x.mul(slope_y).sub(at_y.mul(slope_x))];
+                let moment =
+                    [at_y, W::splat(0.0).sub(at_x), at_x.mul(slope_y).sub(at_y.mul(slope_x))];
                 for (i, moment) in moment.into_iter().enumerate() {
                     moment.store(&mut self.moment[i]);
                     let (low, high) = (moment.least(), moment.greatest());
@@ -127,7 +131,8 @@ impl Lines {
     #[inline(always)]
     unsafe fn error<W: Lanes16>(&self, start: W, length: W) -> W {
         // SAFETY: passed on to the caller.
-        let (margin, roundings) = unsafe { (W::splat(self.margin + f32::MIN_POSITIVE), W::splat(ROUNDINGS)) };
+        let (margin, roundings) =
+            unsafe { (W::splat(self.margin + f32::MIN_POSITIVE), W::splat(ROUNDINGS)) };
         start.abs().add(length).mul(roundings).add(margin)
     }
 
@@ -141,7 +146,10 @@ impl Lines {
         unsafe {
             let (start, length) = (W::load(&self.start), length.min(W::splat(LONGEST)));
             let error = self.error(start, length);
-            [start.add(length.mul(W::splat(1.0 - END_PADDING))).sub(error), start.add(length).add(error)]
+            [
+                start.add(length.mul(W::splat(1.0 - END_PADDING))).sub(error),
+                start.add(length).add(error),
+            ]
         }
     }
 
@@ -154,7 +162,8 @@ impl Lines {
         // SAFETY: passed on to the caller.
         unsafe {
             let [sure_end, end] = self.ends(length);
-            let (sure_end, end) = (sure_end.min(W::load(&self.sure_end)), end.min(W::load(&self.end)));
+            let (sure_end, end) =
+                (sure_end.min(W::load(&self.sure_end)), end.min(W::load(&self.end)));
             sure_end.store_where(rays, &mut self.sure_end);
             end.store_where(rays, &mut self.end);
         }

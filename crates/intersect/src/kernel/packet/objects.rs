@@ -1,4 +1,5 @@
-//! What bundles do with shapes and instances: one ray after the other, but in instances they go on as bundles if they can.
+//! What bundles do with shapes and instances: one ray after the other, but in instances they go on
+//! as bundles if they can.
 
 use super::super::node::ChildRef;
 use super::super::traverse::{Stack, test_object};
@@ -36,10 +37,12 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
     }
 
-    /// Tests a shape or instance for some of the rays, one by one; notes their new padded limits, and returns whose searches are over.
+    /// Tests a shape or instance for some of the rays, one by one; notes their new padded limits,
+    /// and returns whose searches are over.
     ///
     /// # Safety
-    /// The machine must have the instructions of the entries; the stacks must have room for all below the group.
+    /// The machine must have the instructions of the entries; the stacks must have room for all
+    /// below the group.
     #[inline(never)]
     unsafe fn test_one_by_one(
         &mut self,
@@ -56,10 +59,21 @@ impl<G: Goal> Walker<'_, '_, G> {
             let lane = rays.trailing_zeros() as usize & (RAYS - 1);
             rays &= rays - 1;
             self.search(lane);
-            let (Some(search), ray) = (&mut self.searches[lane], bundle.rays.get(lane)) else { continue };
+            let (Some(search), ray) = (&mut self.searches[lane], bundle.rays.get(lane)) else {
+                continue;
+            };
             // SAFETY: as promised by the caller.
             let is_over = unsafe {
-                test_object(self.forest, group.tree, object, &ray, group.instance, search, stack, self.enter_single)
+                test_object(
+                    self.forest,
+                    group.tree,
+                    object,
+                    &ray,
+                    group.instance,
+                    search,
+                    stack,
+                    self.enter_single,
+                )
             };
             culls[lane] = search.cull();
             over |= u32::from(is_over) << lane;
@@ -80,7 +94,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         rays
     }
 
-    /// Makes a bundle of some of the rays in the coordinates of an instanced group; false if it is none.
+    /// Makes a bundle of some of the rays in the coordinates of an instanced group; false if it is
+    /// none.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
@@ -97,18 +112,27 @@ impl<G: Goal> Walker<'_, '_, G> {
         unsafe {
             let rays = bundle.lane_rays::<W>().mapped(child_from_group);
             let cull = W::splat(-1.0).replace(mask, W::load(&bundle.cull));
-            let mut points = [Vec3::from_array(bundle.kind.apex).as_dvec3(), bundle.point().as_dvec3()];
+            let mut points =
+                [Vec3::from_array(bundle.kind.apex).as_dvec3(), bundle.point().as_dvec3()];
             for point in &mut points {
-                *point = child_from_group.transform_point3(G::Precision::point_in_group(self.data, group, *point));
+                *point = child_from_group
+                    .transform_point3(G::Precision::point_in_group(self.data, group, *point));
             }
             let limits = [W::load(&bundle.t_min), cull];
-            below.set_up_exactly::<W, G::Precision>(rays, limits, self.data, child, points, &bundle.kind)
+            below.set_up_exactly::<W, G::Precision>(
+                rays,
+                limits,
+                self.data,
+                child,
+                points,
+                &bundle.kind,
+            )
         }
     }
 }
 
-/// Tests a shape or instance for some of the rays of some of the bundles: in an instance they go on as bundles if they can, together if they are
-/// alike there.
+/// Tests a shape or instance for some of the rays of some of the bundles: in an instance they go on
+/// as bundles if they can, together if they are alike there.
 ///
 /// # Safety
 /// As [`super::walk::WalkBundles`], in the group of the position.
@@ -142,13 +166,20 @@ pub(super) unsafe fn enter_object<W: Lanes16, G: Goal>(
                 wanted[number] = walker.visible(rays[number], *visible);
                 let (below, groups) = (&mut luggage.bundles[number], (position.group, *child));
                 if wanted[number].count_ones() as usize >= MIN_RAYS
-                    && walker.set_up_in_child::<W>(below, bundle, wanted[number], groups, child_from_group)
+                    && walker.set_up_in_child::<W>(
+                        below,
+                        bundle,
+                        wanted[number],
+                        groups,
+                        child_from_group,
+                    )
                 {
                     inside |= 1 << (8 * number);
                 }
             }
             members &= !inside;
-            let position = Position { group: *child, instance: group.instance + offset, ..*position };
+            let position =
+                Position { group: *child, instance: group.instance + offset, ..*position };
             while inside != 0 {
                 let alike = luggage.alike(inside);
                 inside &= !alike;

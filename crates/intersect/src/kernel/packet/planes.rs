@@ -1,7 +1,9 @@
-//! The planes of the triangles of a block, as a bundle sees them: whether a ray begins before or behind them.
+//! The planes of the triangles of a block, as a bundle sees them: whether a ray begins before or
+//! behind them.
 //!
-//! Areas say badly where a ray meets a sliver, since it is hardly wider than what they may be off by. Its plane says it well, for all triangles
-//! that rays begin near: what remains of the rounding is relative to how far the rays begin from the point that all is seen from.
+//! Areas say badly where a ray meets a sliver, since it is hardly wider than what they may be off
+//! by. Its plane says it well, for all triangles that rays begin near: what remains of the rounding
+//! is relative to how far the rays begin from the point that all is seen from.
 
 use super::exact::{cross, dot, exact3};
 use super::leaf::{ROUNDING, size};
@@ -9,8 +11,8 @@ use super::lines::Lines;
 use crate::precision::Rules;
 use snell_math::simd::{DoubleLanes, DoublesOf, Lanes8, Lanes16};
 
-/// Triangles are worked out in double precision if their normal is so many times smaller than the product of two edges: then differences of
-/// products have lost so much.
+/// Triangles are worked out in double precision if their normal is so many times smaller than the
+/// product of two edges: then differences of products have lost so much.
 const SLIVER: f32 = 8.0;
 
 /// Planes of eight triangles.
@@ -21,11 +23,14 @@ pub(super) struct Planes {
     pub height: [f32; 8],
     /// What [heights of rays](super::facing::TriangleLanes) may be off by, each times the normal.
     ///
-    /// With unit `u = 2^-24`, normals off by `dn`, rays that begin up to `s` from the point and `b` from where their lines cross it, and corners
-    /// up to `r` from there: the height of a corner is off by `3 r dn + 15 u r n`; the place of a line (`3 s` away at most) by `8 u s` on each
-    /// axis, so its height by `6 s dn + 16 u s n`; the product with a direction (of slopes up to 1.25) by `4 dn + 10 u n`, times `b`; the sums by
-    /// `u` of what they come to. Together that is less than `(r + s + b) (6 dn + 64 u n)`, where `dn` is `8 u` of the product of two edges, and
-    /// `n` up to twice that; or in double precision `u n` and less, and `r` only counts with the height itself.
+    /// With unit `u = 2^-24`, normals off by `dn`, rays that begin up to `s` from the point and `b`
+    /// from where their lines cross it, and corners up to `r` from there: the height of a corner is
+    /// off by `3 r dn + 15 u r n`; the place of a line (`3 s` away at most) by `8 u s` on each
+    /// axis, so its height by `6 s dn + 16 u s n`; the product with a direction (of slopes up to
+    /// 1.25) by `4 dn + 10 u n`, times `b`; the sums by `u` of what they come to. Together that is
+    /// less than `(r + s + b) (6 dn + 64 u n)`, where `dn` is `8 u` of the product of two edges,
+    /// and `n` up to twice that; or in double precision `u n` and less, and `r` only counts with
+    /// the height itself.
     pub error: [f32; 8],
     /// From where on the sign of its product with a direction is certain.
     pub upright: [f32; 8],
@@ -74,14 +79,17 @@ impl<L: Lanes8> SeenCorners<L> {
                 length = size([L::load(&normals[0]), L::load(&normals[1]), L::load(&normals[2])]);
                 let rest = product.mul(L::splat(2e-14)).add(L::splat(1e-44));
                 let of_height = L::load(&to.height).abs().mul(L::splat(8.0 * ROUNDING));
-                error = length.mul(near).mul_add(L::splat(64.0 * ROUNDING), rest.mul_add(reach, of_height));
+                error = length
+                    .mul(near)
+                    .mul_add(L::splat(64.0 * ROUNDING), rest.mul_add(reach, of_height));
                 upright = length.mul_add(L::splat(16.0 * ROUNDING), rest);
             }
             if lines.margin > 0.0 {
                 let margin = L::splat(lines.margin);
                 error = length.mul(margin).mul_add(L::splat(8.0), error);
                 if P::TRIANGLES_ELSEWHERE {
-                    // Corners are elsewhere, too, and edges: triangles that are met have them no longer than this.
+                    // Corners are elsewhere, too, and edges: triangles that are met have them no
+                    // longer than this.
                     let edge = self.sizes[0].max(self.sizes[1]).add(margin.mul(L::splat(8.0)));
                     let off = edge.mul(margin);
                     error = off.mul(reach).mul_add(L::splat(64.0), error);
@@ -98,13 +106,18 @@ impl<L: Lanes8> SeenCorners<L> {
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn write_exactly<W: Lanes16<Half = L>>(&self, normals: &mut [[f32; 8]; 3], to: &mut Planes) {
+    unsafe fn write_exactly<W: Lanes16<Half = L>>(
+        &self,
+        normals: &mut [[f32; 8]; 3],
+        to: &mut Planes,
+    ) {
         let mut from = 0;
         while from < 8 {
             // SAFETY: passed on to the caller.
             unsafe {
                 let [v0, v1, v2] = &self.corners;
-                let (v0, v1, v2) = (exact3::<W>(v0, from), exact3::<W>(v1, from), exact3::<W>(v2, from));
+                let (v0, v1, v2) =
+                    (exact3::<W>(v0, from), exact3::<W>(v1, from), exact3::<W>(v2, from));
                 let forward = W::HalfDoubles::of(self.forward, from);
                 let first = minus(v0, exact3::<W>(&self.point, from), forward);
                 let normal = cross(minus(v0, v2, forward), minus(v1, v0, forward));

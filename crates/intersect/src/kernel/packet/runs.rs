@@ -10,10 +10,12 @@ use crate::precision::{Double, Real, Rules, Single};
 use snell_math::simd::Lanes16;
 use snell_math::{DRay, Ray};
 
-/// How far apart the ends of runs that are described from one point may be, relative to the length of rays.
+/// How far apart the ends of runs that are described from one point may be, relative to the length
+/// of rays.
 const NEAR: f64 = 1.0 / 64.0;
 
-/// The ray by which a run is described: one of a run before, if both start at one point or end at about one, or else its own first.
+/// The ray by which a run is described: one of a run before, if both start at one point or end at
+/// about one, or else its own first.
 #[inline(always)]
 pub(super) fn anchor<'a, P: Rules>(before: &'a P::Ray, rays: &'a [P::Ray]) -> &'a P::Ray {
     let [a, b] = [P::exact(before), P::exact(&rays[0])];
@@ -28,13 +30,18 @@ pub(super) fn anchor<'a, P: Rules>(before: &'a P::Ray, rays: &'a [P::Ray]) -> &'
     if is_near && b.origin != c.origin { before } else { &rays[0] }
 }
 
-/// Makes a bundle of a run, described from where `anchor` starts or ends, and seen from where that starts; false if it is none. Lanes without
-/// a ray repeat the first one and want nothing.
+/// Makes a bundle of a run, described from where `anchor` starts or ends, and seen from where that
+/// starts; false if it is none. Lanes without a ray repeat the first one and want nothing.
 ///
 /// # Safety
 /// The machine must have the instructions of `W`.
 #[inline(always)]
-pub(crate) unsafe fn set_up<W: Lanes16>(bundle: &mut Bundle, rays: &[Ray], anchor: &Ray, backward: bool) -> bool {
+pub(crate) unsafe fn set_up<W: Lanes16>(
+    bundle: &mut Bundle,
+    rays: &[Ray],
+    anchor: &Ray,
+    backward: bool,
+) -> bool {
     if rays.len() < MIN_RAYS {
         return false;
     }
@@ -48,7 +55,8 @@ pub(crate) unsafe fn set_up<W: Lanes16>(bundle: &mut Bundle, rays: &[Ray], ancho
         }
     };
     bundle.has_rays = false;
-    // SAFETY: as promised by the caller. (In registers of one size: what was written in halves cannot be read as a whole for long.)
+    // SAFETY: as promised by the caller. (In registers of one size: what was written in halves
+    // cannot be read as a whole for long.)
     unsafe {
         let [ox, oy, oz, t_min, dx, dy, dz, t_max] = ray_columns::<W>(all);
         let zero = W::splat(0.0);
@@ -65,12 +73,20 @@ pub(crate) unsafe fn set_up<W: Lanes16>(bundle: &mut Bundle, rays: &[Ray], ancho
         let [x, y, z] = point;
         let from_point = [ox.sub(W::splat(x)), oy.sub(W::splat(y)), oz.sub(W::splat(z))];
         // (Differences of finite numbers are zero if these are equal.)
-        let common = from_point[0].abs().max(from_point[1].abs()).max(from_point[2].abs()).le(zero) == 0xffff;
+        let common = from_point[0].abs().max(from_point[1].abs()).max(from_point[2].abs()).le(zero)
+            == 0xffff;
         let reversed = !common && ends;
         // A little beyond the ends, so that all rays end before it.
         let end = anchor.origin + anchor.direction * (anchor.t_max * (1.0 + 1.0 / 1024.0));
         let apex = if reversed { end } else { anchor.origin }.to_array();
-        let kind = Kind { apex, reversed, common, backward: reversed && backward, rounded: false, slack: 0.0 };
+        let kind = Kind {
+            apex,
+            reversed,
+            common,
+            backward: reversed && backward,
+            rounded: false,
+            slack: 0.0,
+        };
         if !common {
             ox.store(&mut bundle.drawn_origin[0]);
             oy.store(&mut bundle.drawn_origin[1]);
@@ -79,9 +95,11 @@ pub(crate) unsafe fn set_up<W: Lanes16>(bundle: &mut Bundle, rays: &[Ray], ancho
         dx.store(&mut bundle.direction[0]);
         dy.store(&mut bundle.direction[1]);
         dz.store(&mut bundle.direction[2]);
-        let from_apex = [ox.sub(W::splat(apex[0])), oy.sub(W::splat(apex[1])), oz.sub(W::splat(apex[2]))];
+        let from_apex =
+            [ox.sub(W::splat(apex[0])), oy.sub(W::splat(apex[1])), oz.sub(W::splat(apex[2]))];
         let unused = 0xffff << rays.len() & 0xffff;
-        let cull = t_max.add(t_max.abs().mul(W::splat(CULL_PADDING))).replace(unused, W::splat(-1.0));
+        let cull =
+            t_max.add(t_max.abs().mul(W::splat(CULL_PADDING))).replace(unused, W::splat(-1.0));
         let direction = [dx, dy, dz];
         let columns = Columns { from_apex, from_point, direction, point, t_min, cull };
         bundle.set_up::<W, Single>(&columns, first.direction.to_array(), kind)
@@ -123,11 +141,25 @@ pub(crate) unsafe fn set_up_doubles<W: Lanes16>(
     // A little beyond the ends, so that all rays end before it.
     let end = first.origin + first.direction * (first.t_max * (1.0 + 1.0 / 1024.0));
     let apex = if reversed { end } else { first.origin };
-    let kind = Kind { apex: [0.0; 3], reversed, common, backward: reversed && backward, rounded: true, slack: 0.0 };
+    let kind = Kind {
+        apex: [0.0; 3],
+        reversed,
+        common,
+        backward: reversed && backward,
+        rounded: true,
+        slack: 0.0,
+    };
     // SAFETY: as promised by the caller.
     is_fine
         && unsafe {
             let (limits, points) = ([W::load(&t_min), W::load(&cull)], [apex, first.origin]);
-            bundle.set_up_exactly::<W, Double>(LaneRays::load(&exact), limits, data, 0, points, &kind)
+            bundle.set_up_exactly::<W, Double>(
+                LaneRays::load(&exact),
+                limits,
+                data,
+                0,
+                points,
+                &kind,
+            )
         }
 }

@@ -19,25 +19,28 @@ impl<R: Real> Sure<R> {
     pub const NONE: Self = Self { t: [R::ZERO; RAYS], b1: [R::ZERO; RAYS], b2: [R::ZERO; RAYS] };
 }
 
-/// Square of the inverse of the least slope, by the normal, of rays that are decided here. The drawing is off by 8.5 units of `2^-24`, relative to the
-/// farthest vertex; so hits are within [`super::super::triangle::PLACE_TOLERANCE`] at up to 98. (They are in the box of the triangle, since the ray
-/// surely passes through it, not only through what is drawn. Rounding of the origin is in the bound of that, so a triangle that is surely hit is large beside it.)
+/// Square of the inverse of the least slope, by the normal, of rays that are decided here. The
+/// drawing is off by 8.5 units of `2^-24`, relative to the farthest vertex; so hits are within
+/// [`super::super::triangle::PLACE_TOLERANCE`] at up to 98. (They are in the box of the triangle,
+/// since the ray surely passes through it, not only through what is drawn. Rounding of the origin
+/// is in the bound of that, so a triangle that is surely hit is large beside it.)
 const STEEPEST_SQUARE: f64 = 64.0 * 64.0;
 
 /// What became of rays: a bit for each.
 pub(crate) struct Decided {
     /// They hit.
     pub hits: u32,
-    /// They pass by the box of the triangle, so that their hit is not where they meet its plane: anywhere.
+    /// They pass by the box of the triangle, so that their hit is not where they meet its plane:
+    /// anywhere.
     pub moved: u32,
 }
 
-/// Tests the triangles that some of the rays surely hit, given by their places. Of `drawn` rays it is only known that they hit what is drawn, and not that
-/// they are in the box of the triangle.
+/// Tests the triangles that some of the rays surely hit, given by their places. Of `drawn` rays it
+/// is only known that they hit what is drawn, and not that they are in the box of the triangle.
 ///
 /// # Safety
-/// The machine must have the instructions of `W`; the triangles must be of these blocks. All rays of the bundle must be drawn along its z
-/// axis ([`Bundle::is_aligned`]).
+/// The machine must have the instructions of `W`; the triangles must be of these blocks. All rays
+/// of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
 #[inline(always)]
 pub(crate) unsafe fn test<W: Lanes16>(
     blocks: BlocksAt,
@@ -50,7 +53,8 @@ pub(crate) unsafe fn test<W: Lanes16>(
     unsafe {
         let corners = corners::<W>(blocks, rays, places);
         let LaneRays { origin, direction } = bundle.lane_rays::<W>();
-        let InPlane { normal: [nx, ny, nz], slope, t } = InPlane::<W::Doubles>::new(&corners, origin, direction);
+        let InPlane { normal: [nx, ny, nz], slope, t } =
+            InPlane::<W::Doubles>::new(&corners, origin, direction);
         let [first, second, third] =
             [turned(corners[0], bundle), turned(corners[1], bundle), turned(corners[2], bundle)];
         let speed = *direction.get_unchecked(bundle.axes[2]);
@@ -58,7 +62,8 @@ pub(crate) unsafe fn test<W: Lanes16>(
         let is_steep = square.lt(slope.mul(slope).mul(W::Doubles::splat(STEEPEST_SQUARE)));
         let sign = W::splat(bundle.sign);
         let shear = [W::load(&bundle.slope[0]).mul(sign), W::load(&bundle.slope[1]).mul(sign)];
-        let InDrawing { inside, b1, b2 } = InDrawing::<W::Doubles>::new([first, second, third], bundle.drawn(), shear);
+        let InDrawing { inside, b1, b2 } =
+            InDrawing::<W::Doubles>::new([first, second, third], bundle.drawn(), shear);
         let mut decided = rays & is_steep & inside;
         if bundle.kind.rounded {
             // What is drawn is off by the rounding of the origin, too.
@@ -76,12 +81,14 @@ pub(crate) unsafe fn test<W: Lanes16>(
         b1.rounded().store(&mut sure.b1);
         b2.rounded().store(&mut sure.b2);
         let drawn = rays & drawn;
-        let moved = if drawn == 0 { 0 } else { drawn & !in_box::<W>(&corners, &origin, &direction, t) };
+        let moved =
+            if drawn == 0 { 0 } else { drawn & !in_box::<W>(&corners, &origin, &direction, t) };
         Decided { hits: decided & !moved, moved }
     }
 }
 
-/// Where the points of rays at `t` are in the boxes of triangles, as [`super::super::triangle::clamp_to_box`] asks.
+/// Where the points of rays at `t` are in the boxes of triangles, as
+/// [`super::super::triangle::clamp_to_box`] asks.
 ///
 /// # Safety
 /// The machine must have the instructions of `W`.

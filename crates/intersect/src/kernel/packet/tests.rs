@@ -52,7 +52,12 @@ enum Kind {
 }
 
 fn kinds() -> impl Strategy<Value = Kind> {
-    prop_oneof![Just(Kind::FromPoint), Just(Kind::ToPoint), Just(Kind::Parallel), Just(Kind::Unlike)]
+    prop_oneof![
+        Just(Kind::FromPoint),
+        Just(Kind::ToPoint),
+        Just(Kind::Parallel),
+        Just(Kind::Unlike)
+    ]
 }
 
 /// Rays around the line between two points, as close as `width`.
@@ -245,23 +250,40 @@ proptest! {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-unsafe fn check_block_avx2(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray]) -> Result<(), TestCaseError> {
+unsafe fn check_block_avx2(
+    bundle: &Bundle,
+    block: &TriangleBlock,
+    rays: &[Ray],
+) -> Result<(), TestCaseError> {
     // SAFETY: as promised by the caller.
     unsafe { check_block::<Pair<snell_math::simd::Avx8>>(bundle, block, rays) }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,popcnt")]
-unsafe fn check_block_avx512(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray]) -> Result<(), TestCaseError> {
+unsafe fn check_block_avx512(
+    bundle: &Bundle,
+    block: &TriangleBlock,
+    rays: &[Ray],
+) -> Result<(), TestCaseError> {
     // SAFETY: as promised by the caller.
     unsafe { check_block::<snell_math::simd::Avx16>(bundle, block, rays) }
 }
 
 #[inline(always)]
-unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray]) -> Result<(), TestCaseError> {
+unsafe fn check_block<W: Lanes16>(
+    bundle: &Bundle,
+    block: &TriangleBlock,
+    rays: &[Ray],
+) -> Result<(), TestCaseError> {
     // SAFETY: as promised by the caller.
     let seen = unsafe {
-        SeenBlock::new::<W, Single>(block, &bundle.lines, bundle.axes, Wanted { planes: true, depths: true })
+        SeenBlock::new::<W, Single>(
+            block,
+            &bundle.lines,
+            bundle.axes,
+            Wanted { planes: true, depths: true },
+        )
     };
     let [_, _, axis] = bundle.axes;
     // SAFETY: as above.
@@ -291,20 +313,31 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
             let corners = block.corners(triangle);
             let expected = exact_hit(&LocalRay::new(&DRay::from(ray)), &corners, ray.t_min.into());
             let wanted = expected.filter(|(t, _)| *t as f32 > ray.t_min && (*t as f32) < ray.t_max);
-            let (possible, sure) = (meeting.possible >> lane & 1 == 1, meeting.sure >> lane & 1 == 1);
+            let (possible, sure) =
+                (meeting.possible >> lane & 1 == 1, meeting.sure >> lane & 1 == 1);
             prop_assert!(possible || wanted.is_none(), "{ray:?} {corners:?}");
             prop_assert!(wanted.is_some() || !sure, "{ray:?} {corners:?}");
-            prop_assert!(near_bundle >> triangle & 1 == 1 || wanted.is_none(), "{ray:?} {corners:?}");
+            prop_assert!(
+                near_bundle >> triangle & 1 == 1 || wanted.is_none(),
+                "{ray:?} {corners:?}"
+            );
             // SAFETY: as above.
-            let near = unsafe { seen.near_two::<W>(&bundle.lines, &mut (1 << lane | 1 << (lane / 2))) };
+            let near =
+                unsafe { seen.near_two::<W>(&bundle.lines, &mut (1 << lane | 1 << (lane / 2))) };
             // SAFETY: as above.
             let facing = unsafe { seen.facing::<W>(&bundle.lines, 1 << lane, 1 << triangle) };
             prop_assert!(facing.near != 0 || wanted.is_none(), "{ray:?} {corners:?}");
             prop_assert!(facing.sure == 0 || wanted.is_some(), "{ray:?} {corners:?}");
-            prop_assert_eq!(facing.rays[triangle], [facing.near, facing.sure].map(|of| of >> triangle << lane));
+            prop_assert_eq!(
+                facing.rays[triangle],
+                [facing.near, facing.sure].map(|of| of >> triangle << lane)
+            );
             // It is the last of the two, or both.
             let half = u32::from(lane > 0);
-            prop_assert!(near >> (8 * half) >> triangle & 1 == 1 || wanted.is_none(), "{ray:?} {corners:?}");
+            prop_assert!(
+                near >> (8 * half) >> triangle & 1 == 1 || wanted.is_none(),
+                "{ray:?} {corners:?}"
+            );
             if !bundle.lines.apart {
                 // SAFETY: as above.
                 let near = unsafe {
@@ -319,7 +352,8 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
             let mut is_drawn = false;
             if let Some((t, uv)) = line.filter(|_| inside >> lane & 1 == 1) {
                 let found = found.as_ref().expect("tested");
-                let is_moved = t != plane_distance(&ray.origin.as_dvec3(), &ray.direction.as_dvec3(), &corners);
+                let is_moved = t
+                    != plane_distance(&ray.origin.as_dvec3(), &ray.direction.as_dvec3(), &corners);
                 prop_assert!(!is_moved || found.hits >> lane & 1 == 0, "{ray:?} {corners:?}");
                 if found.hits >> lane & 1 == 1 {
                     let bits = [drawn.t[lane], drawn.b1[lane], drawn.b2[lane]].map(f32::to_bits);
@@ -330,14 +364,30 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
             }
             if let (Some((t, _)), true) = (expected, sure || is_drawn) {
                 let along = f64::from(ray.origin[axis]) + t * f64::from(ray.direction[axis]);
-                let z = (along - f64::from(bundle.lines.point[2])) * f64::from(bundle.lines.forward);
-                prop_assert!(f64::from(low[lane]) <= z && z <= f64::from(high[lane]), "{z} {low:?} {high:?} {ray:?}");
+                let z =
+                    (along - f64::from(bundle.lines.point[2])) * f64::from(bundle.lines.forward);
+                prop_assert!(
+                    f64::from(low[lane]) <= z && z <= f64::from(high[lane]),
+                    "{z} {low:?} {high:?} {ray:?}"
+                );
             }
             if bundle.is_aligned {
-                let pairs = Pairs { triangles: [triangle as u32; 8], rays: [lane as u32; 8], count: 8, waiting: 0 };
+                let pairs = Pairs {
+                    triangles: [triangle as u32; 8],
+                    rays: [lane as u32; 8],
+                    count: 8,
+                    waiting: 0,
+                };
                 let mut found = Found::NONE;
                 // SAFETY: as above.
-                unsafe { exact_hits::<W>(BlocksAt::blocks(std::slice::from_ref(block)), bundle, &pairs, &mut found) };
+                unsafe {
+                    exact_hits::<W>(
+                        BlocksAt::blocks(std::slice::from_ref(block)),
+                        bundle,
+                        &pairs,
+                        &mut found,
+                    )
+                };
                 prop_assert!([0, 0xff].contains(&found.unsure) && [0, 0xff].contains(&found.hits));
                 if found.unsure == 0 {
                     prop_assert_eq!(found.hits != 0, expected.is_some(), "{:?} {:?}", ray, corners);
@@ -357,7 +407,11 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
 }
 
 #[inline(always)]
-unsafe fn tested<W: Lanes16>(blocks: &[TriangleBlock], bundle: &Bundle, pairs: &Pairs) -> Found<f32> {
+unsafe fn tested<W: Lanes16>(
+    blocks: &[TriangleBlock],
+    bundle: &Bundle,
+    pairs: &Pairs,
+) -> Found<f32> {
     let mut found = Found::NONE;
     // SAFETY: passed on to the caller.
     unsafe { exact_hits::<W>(BlocksAt::blocks(blocks), bundle, pairs, &mut found) };
@@ -366,7 +420,11 @@ unsafe fn tested<W: Lanes16>(blocks: &[TriangleBlock], bundle: &Bundle, pairs: &
 
 /// Pairs of triangles of several blocks give what each gives alone.
 #[inline(always)]
-unsafe fn check_pairs<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: usize) -> Result<(), TestCaseError> {
+unsafe fn check_pairs<W: Lanes16>(
+    bundle: &Bundle,
+    block: &TriangleBlock,
+    rays: usize,
+) -> Result<(), TestCaseError> {
     let mut blocks = [*block; 3];
     for (turn, turned) in blocks.iter_mut().enumerate() {
         (0..8).for_each(|lane| turned.set((lane + 3 * turn) % 8, &block.corners(lane), 0));
@@ -384,9 +442,14 @@ unsafe fn check_pairs<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
             one.push(pairs.rays[i], pairs.triangles[i]);
             // SAFETY: as above.
             let alone = unsafe { tested::<W>(&blocks, bundle, &one) };
-            prop_assert_eq!([together.hits >> i & 1, together.unsure >> i & 1], [alone.hits & 1, alone.unsure & 1]);
+            prop_assert_eq!(
+                [together.hits >> i & 1, together.unsure >> i & 1],
+                [alone.hits & 1, alone.unsure & 1]
+            );
             if alone.hits & 1 == 1 {
-                let bits = |found: &Found<f32>, i: usize| [found.t[i], found.b1[i], found.b2[i]].map(f32::to_bits);
+                let bits = |found: &Found<f32>, i: usize| {
+                    [found.t[i], found.b1[i], found.b2[i]].map(f32::to_bits)
+                };
                 prop_assert_eq!(bits(&together, i), bits(&alone, 0));
             }
         }
@@ -402,11 +465,15 @@ fn long_boxes_beside_rays_are_not_met() {
     for kind in [Kind::FromPoint, Kind::ToPoint, Kind::Parallel] {
         assert!(is_bundle(&mut bundle, &rays(kind, 1, RAYS, from, to, 0.1)));
         let mut node = WideNode::EMPTY;
-        let column = |x: f32, y: f32| Bounds3 { min: Vec3::new(x, y, -10.0), max: Vec3::new(x + 0.5, y + 0.5, 10.0) };
+        let column = |x: f32, y: f32| Bounds3 {
+            min: Vec3::new(x, y, -10.0),
+            max: Vec3::new(x + 0.5, y + 0.5, 10.0),
+        };
         for (slot, (x, y)) in [(1.0, 3.5), (3.5, 1.0), (2.25, 2.25)].into_iter().enumerate() {
             node.set(slot, &column(x, y), ChildRef::node(0));
             // SAFETY: portable code.
-            let met = unsafe { bundle.rays_meeting(&bundle.one_box::<Pair<Portable8>>(&node, slot)) };
+            let met =
+                unsafe { bundle.rays_meeting(&bundle.one_box::<Pair<Portable8>>(&node, slot)) };
             assert_eq!(met, if x == y { 0xffff } else { 0 }, "{kind:?} {x} {y}");
         }
     }
@@ -416,7 +483,9 @@ fn long_boxes_beside_rays_are_not_met() {
 fn runs_with_a_common_point_are_bundles_and_others_are_not() {
     let mut bundle = Bundle::NONE;
     let (from, to) = (Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.5, -1.0, -2.0));
-    let mut kind_of = |rays: &[Ray]| is_bundle(&mut bundle, rays).then_some((bundle.kind.common, bundle.kind.reversed));
+    let mut kind_of = |rays: &[Ray]| {
+        is_bundle(&mut bundle, rays).then_some((bundle.kind.common, bundle.kind.reversed))
+    };
     assert_eq!(kind_of(&rays(Kind::FromPoint, 1, 16, from, to, 0.1)), Some((true, false)));
     assert_eq!(kind_of(&rays(Kind::ToPoint, 1, 16, from, to, 0.1)), Some((false, true)));
     assert_eq!(kind_of(&rays(Kind::Parallel, 1, 9, from, to, 0.1)), Some((false, false)));
@@ -443,7 +512,9 @@ fn bundles_agree_with_the_oracle_on_nested_instances_with_masks_and_rejections()
     }
     let make = |accelerator, simd| {
         let mut builder = nested_scene(5);
-        (0..builder.geometries.len() as u32).step_by(2).for_each(|g| builder.set_filtered(GeometryId(g)));
+        (0..builder.geometries.len() as u32)
+            .step_by(2)
+            .for_each(|g| builder.set_filtered(GeometryId(g)));
         builder.set_mask(GeometryId(1), 2);
         build(builder, accelerator, simd)
     };
@@ -454,7 +525,8 @@ fn bundles_agree_with_the_oracle_on_nested_instances_with_masks_and_rejections()
         let rays = rays(kind, seed, 50, vector(seed, 100) * 6.0, vector(seed, 101), 0.3);
         let masks: Vec<u32> = (0..50).map(|i| 1 + (i / 5) % 3).collect();
         for world in &worlds {
-            check(world, &oracle, Rays::new(&rays).with_masks(&masks), &Sieve).expect("the same hits");
+            check(world, &oracle, Rays::new(&rays).with_masks(&masks), &Sieve)
+                .expect("the same hits");
         }
     }
 }
@@ -463,7 +535,8 @@ fn bundles_agree_with_the_oracle_on_nested_instances_with_masks_and_rejections()
 #[test]
 fn instances_of_large_groups_leave_nothing_behind_for_small_ones() {
     let soup = |seed: u32, count: u32| {
-        let positions = (0..3 * count).map(|i| vector(seed, i / 3) + 0.3 * vector(seed ^ 1, i)).collect();
+        let positions =
+            (0..3 * count).map(|i| vector(seed, i / 3) + 0.3 * vector(seed ^ 1, i)).collect();
         let indices = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         Arc::new(TriangleMesh { positions, indices, ..TriangleMesh::default() })
     };
@@ -473,7 +546,8 @@ fn instances_of_large_groups_leave_nothing_behind_for_small_ones() {
         Arc::new(DTriangleMesh { positions, indices: mesh.indices.clone() })
     };
     let (double_large, double_small) = (double(&large), double(&small));
-    let places: Vec<_> = (0..8).map(|i| Transform::translation(vector(3, i).as_dvec3() * 3.0)).collect();
+    let places: Vec<_> =
+        (0..8).map(|i| Transform::translation(vector(3, i).as_dvec3() * 3.0)).collect();
     let make = |accelerator, simd| {
         let mut builder = WorldBuilder::default();
         for mesh in [&large, &small] {
@@ -519,8 +593,11 @@ fn rays_that_hit_the_drawing_of_a_triangle_beside_its_box_are_left_to_others() {
     let corners = [apex, apex + Vec3::X * size, apex + Vec3::Y * size];
     let mut block = TriangleBlock::EMPTY;
     block.set(0, &corners.map(|v| v.to_array()), 0);
-    let mesh =
-        Arc::new(TriangleMesh { positions: corners.to_vec(), indices: vec![[0, 1, 2]], ..TriangleMesh::default() });
+    let mesh = Arc::new(TriangleMesh {
+        positions: corners.to_vec(),
+        indices: vec![[0, 1, 2]],
+        ..TriangleMesh::default()
+    });
     let make = |accelerator, simd| {
         let mut builder = WorldBuilder::default();
         // (A second mesh, so that there is a tree with a node.)
@@ -537,7 +614,8 @@ fn rays_that_hit_the_drawing_of_a_triangle_beside_its_box_are_left_to_others() {
         // Along the edge on the left, in directions that are rounded.
         let direction = |i: u32| {
             let beside = f64::from(unit(seed, 3 * i) - 0.5) * 2e-4;
-            let point = apex.as_dvec3() + DVec3::new(beside, f64::from(unit(seed, 3 * i + 1) * 0.7 * size), 0.0);
+            let point = apex.as_dvec3()
+                + DVec3::new(beside, f64::from(unit(seed, 3 * i + 1) * 0.7 * size), 0.0);
             (point * (0.0005 + 0.0005 * f64::from(unit(seed, 3 * i + 2)))).as_vec3()
         };
         let rays: Vec<Ray> = (0..16).map(|i| Ray::new(Vec3::ZERO, direction(i))).collect();
@@ -569,7 +647,11 @@ fn locals_are_built_once_and_are_those_of_the_rays() {
 }
 
 /// Rays in lanes, by a map and by a frame.
-unsafe fn in_lanes<W: Lanes16>(rays: &ExactColumns, map: &DAffine3, frame: &Frame) -> [ExactColumns; 2] {
+unsafe fn in_lanes<W: Lanes16>(
+    rays: &ExactColumns,
+    map: &DAffine3,
+    frame: &Frame,
+) -> [ExactColumns; 2] {
     let mut images = [*rays; 2];
     // SAFETY: as promised by the caller.
     unsafe {
@@ -587,7 +669,8 @@ fn rays_in_lanes_are_mapped_to_the_bits_of_rays_one_by_one() {
         let row = |i: u32| third(vector(seed, i));
         let map = DAffine3::from_cols(row(100), row(101), row(102), row(103) * 1e3);
         let frame = Frame::of(&Bounds3d { min: row(104) - 5.0, max: row(105) + 7.0 });
-        let rays: Vec<DRay> = (0..16).map(|i| DRay::new(row(2 * i) * 1e4, row(2 * i + 1))).collect();
+        let rays: Vec<DRay> =
+            (0..16).map(|i| DRay::new(row(2 * i) * 1e4, row(2 * i + 1))).collect();
         let columns = |rays: &[DRay]| -> ExactColumns {
             let column = |of: &dyn Fn(&DRay) -> f64| std::array::from_fn(|i| of(&rays[i]));
             [

@@ -2,9 +2,10 @@
 
 use crate::query::search::Goal;
 
-/// Which way bundles to one point go, where any hit will do: from their starts (in a closed room the next wall is near) or from the
-/// point (towards the light, a rough surface is all that is in the way)? Now and then a few go each way, and the others as those that had
-/// less work. The way changes no answer.
+/// Which way bundles to one point go, where any hit will do: from their starts (in a closed room
+/// the next wall is near) or from the point (towards the light, a rough surface is all that is in
+/// the way)? Now and then a few go each way, and the others as those that had less work. The way
+/// changes no answer.
 #[derive(Default)]
 pub(super) struct Trial {
     turn: u32,
@@ -37,8 +38,9 @@ impl Trial {
     }
 }
 
-/// Whether triangles are small beside the bundles: then each ray meets another one, and it is better to take rays one by one than triangles. Now
-/// and then a few walks count how many triangles of a leaf a bundle is near, and the others follow them. It changes no answer.
+/// Whether triangles are small beside the bundles: then each ray meets another one, and it is
+/// better to take rays one by one than triangles. Now and then a few walks count how many triangles
+/// of a leaf a bundle is near, and the others follow them. It changes no answer.
 #[derive(Default)]
 pub(super) struct Detail {
     turn: u32,
@@ -51,15 +53,18 @@ impl Detail {
     const TRIALS: u32 = 8;
     /// Walks after which they are counted again.
     const PERIOD: u32 = 256;
-    /// So many triangles of eight, on average, are small. (In leaves of 7 to 12 rays a bunny of 280 thousand that fills the picture has 3.7, of 1.1 million
-    /// 6.7; a terrain of 4 million has 6.1, a field of small bunnies 7.5, a room of slivers 2.8.)
+    /// So many triangles of eight, on average, are small. (In leaves of 7 to 12 rays a bunny of 280
+    /// thousand that fills the picture has 3.7, of 1.1 million 6.7; a terrain of 4 million has 6.1,
+    /// a field of small bunnies 7.5, a room of slivers 2.8.)
     const SMALL: u32 = 5;
-    /// The same where any hit will do (in leaves of more than 4 rays the bunny has 4.0, a terrain 5.4, 1.1 million 7.2, instances 7.5, a room 1.1).
+    /// The same where any hit will do (in leaves of more than 4 rays the bunny has 4.0, a terrain
+    /// 5.4, 1.1 million 7.2, instances 7.5, a room 1.1).
     const SMALL_OF_ANY: u32 = 2;
 
     pub fn is_small<G: Goal>(&self) -> bool {
         let [leaves, near] = self.counted;
-        self.turn >= Self::TRIALS && near > if G::ANY { Self::SMALL_OF_ANY } else { Self::SMALL } * leaves
+        self.turn >= Self::TRIALS
+            && near > if G::ANY { Self::SMALL_OF_ANY } else { Self::SMALL } * leaves
     }
 
     /// Counts a walk, and what it has come to.
@@ -85,8 +90,15 @@ mod tests {
         for (near, expected) in [(4, false), (6, true)] {
             let mut detail = Detail::default();
             for turn in 0..2 * Detail::PERIOD {
-                assert_eq!(detail.is_small::<Closest<Single>>(), expected && turn % Detail::PERIOD >= Detail::TRIALS);
-                detail.count(if turn % Detail::PERIOD < Detail::TRIALS { [2, 2 * near] } else { [100, 100] });
+                assert_eq!(
+                    detail.is_small::<Closest<Single>>(),
+                    expected && turn % Detail::PERIOD >= Detail::TRIALS
+                );
+                detail.count(if turn % Detail::PERIOD < Detail::TRIALS {
+                    [2, 2 * near]
+                } else {
+                    [100, 100]
+                });
             }
         }
     }

@@ -1,4 +1,5 @@
-//! What bundles do with the triangles of leaves: some are surely missed, some surely hit, and the rest is tested exactly.
+//! What bundles do with the triangles of leaves: some are surely missed, some surely hit, and the
+//! rest is tested exactly.
 
 use super::super::node::padded;
 use super::super::ray::LocalRay;
@@ -15,8 +16,8 @@ use crate::query::search::{Goal, RealOf, Verdict};
 use snell_math::simd::Lanes16;
 use std::mem::MaybeUninit;
 
-/// So few rays are taken one by one, or two at a time, before the triangles that they are near; where any hit will do, so few by register of a
-/// vector of sixteen.
+/// So few rays are taken one by one, or two at a time, before the triangles that they are near;
+/// where any hit will do, so few by register of a vector of sixteen.
 const FEW_RAYS: u32 = 6;
 const FEW_RAYS_OF_ANY: u32 = 4;
 
@@ -24,11 +25,12 @@ const FEW_RAYS_OF_ANY: u32 = 4;
 const WAITING_PAIRS: usize = 6;
 
 impl<G: Goal> Walker<'_, '_, G> {
-    /// Only the nearest hit counts: if it is certain which that is, the exact test of others is saved.
+    /// Only the nearest hit counts: if it is certain which that is, the exact test of others is
+    /// saved.
     const PUTS_OFF: bool = G::NARROWS && G::WANTS_ONE;
 
-    /// Tests the triangles of a block for some of the rays. Where any hit will do, pairs may be left for later: most rays hit nothing, or surely
-    /// hit something else.
+    /// Tests the triangles of a block for some of the rays. Where any hit will do, pairs may be
+    /// left for later: most rays hit nothing, or surely hit something else.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`; `leaf` must be one of the group.
@@ -53,7 +55,13 @@ impl<G: Goal> Walker<'_, '_, G> {
                 self.find_pairs::<W>(group, leaf, bundle, rays, memory)
             };
             if memory.pairs.count != 0 && self.is_urgent::<W>(bundle, &memory.pairs) {
-                found |= self.test_pairs::<W>(group, bundle, &mut memory.pairs, &mut memory.locals, false);
+                found |= self.test_pairs::<W>(
+                    group,
+                    bundle,
+                    &mut memory.pairs,
+                    &mut memory.locals,
+                    false,
+                );
             }
             if found {
                 bundle.update_limits::<W>();
@@ -85,10 +93,13 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
         // As long as any other ray has hit nothing, the bundle goes on as before.
         // SAFETY: passed on to the caller.
-        !Self::PUTS_OFF || pairs.count > WAITING_PAIRS || unsafe { bundle.endless::<W>() } & !pairs.waiting == 0
+        !Self::PUTS_OFF
+            || pairs.count > WAITING_PAIRS
+            || unsafe { bundle.endless::<W>() } & !pairs.waiting == 0
     }
 
-    /// Finds what rays that share their origin may hit of a block. True if anything was tested, because there were many, and counted.
+    /// Finds what rays that share their origin may hit of a block. True if anything was tested,
+    /// because there were many, and counted.
     ///
     /// # Safety
     /// As [`Self::test_triangles`].
@@ -109,12 +120,23 @@ impl<G: Goal> Walker<'_, '_, G> {
             while rays != 0 {
                 let ray = rays.trailing_zeros();
                 rays &= rays - 1;
-                let mut triangles = seen.candidates(&bundle.lines, ray as usize & (RAYS - 1)) & used;
+                let mut triangles =
+                    seen.candidates(&bundle.lines, ray as usize & (RAYS - 1)) & used;
                 // Mostly there is one.
                 loop {
-                    memory.pairs.push_if(ray, place + (triangles.trailing_zeros() & 7), triangles != 0);
+                    memory.pairs.push_if(
+                        ray,
+                        place + (triangles.trailing_zeros() & 7),
+                        triangles != 0,
+                    );
                     if memory.pairs.is_full() {
-                        found |= self.test_pairs::<W>(group, bundle, &mut memory.pairs, &mut memory.locals, false);
+                        found |= self.test_pairs::<W>(
+                            group,
+                            bundle,
+                            &mut memory.pairs,
+                            &mut memory.locals,
+                            false,
+                        );
                     }
                     triangles &= triangles.wrapping_sub(1);
                     if triangles == 0 {
@@ -126,7 +148,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         found
     }
 
-    /// Finds what rays may hit of a block, and what they surely hit. True if anything counted already.
+    /// Finds what rays may hit of a block, and what they surely hit. True if anything counted
+    /// already.
     ///
     /// # Safety
     /// As [`Self::test_triangles`].
@@ -143,7 +166,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         // SAFETY: as promised by the caller.
         unsafe {
             let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
-            let seen = leaf.seen::<G::Precision>(bundle, Wanted { planes: bundle.lines.apart, depths: true });
+            let seen = leaf
+                .seen::<G::Precision>(bundle, Wanted { planes: bundle.lines.apart, depths: true });
             if rays.count_ones() <= self.few_rays::<W>() {
                 triangles &= near_few::<W>(seen, bundle, rays);
             } else {
@@ -161,14 +185,22 @@ impl<G: Goal> Walker<'_, '_, G> {
                 let (id, mut drawn) = (block.ids[triangle as usize & 7], 0);
                 if Self::PUTS_OFF && possible & !sure != 0 {
                     possible &= !(self.waiting & W::places_of(id, &self.put_off_ids));
-                    if !G::Precision::TRIANGLES_ELSEWHERE && possible & !sure != 0 && bundle.is_aligned {
-                        let [inside, outside] = drawing::sides::<W>(block, triangle as usize, bundle);
+                    if !G::Precision::TRIANGLES_ELSEWHERE
+                        && possible & !sure != 0
+                        && bundle.is_aligned
+                    {
+                        let [inside, outside] =
+                            drawing::sides::<W>(block, triangle as usize, bundle);
                         possible &= !outside;
                         drawn = nearer & possible & inside & !sure;
                     }
                 }
                 let hit = sure | drawn;
-                if hit != 0 && Self::PUTS_OFF && !bundle.kind.reversed && self.is_plain(group.tree.triangle(id).0) {
+                if hit != 0
+                    && Self::PUTS_OFF
+                    && !bundle.kind.reversed
+                    && self.is_plain(group.tree.triangle(id).0)
+                {
                     W::write_where(hit, place + triangle, &mut self.put_off);
                     W::write_where(hit, id, &mut self.put_off_ids);
                     self.waiting |= hit;
@@ -184,8 +216,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         found
     }
 
-    /// Where any hit will do: ends the searches of rays that surely hit something of a block, and finds what others may hit. True if anything
-    /// counted already.
+    /// Where any hit will do: ends the searches of rays that surely hit something of a block, and
+    /// finds what others may hit. True if anything counted already.
     ///
     /// # Safety
     /// As [`Self::test_triangles`].
@@ -215,7 +247,8 @@ impl<G: Goal> Walker<'_, '_, G> {
             if triangles == 0 {
                 return false;
             }
-            let Facing { mut near, mut sure, rays: facing } = seen.facing::<W>(&bundle.lines, rays, triangles);
+            let Facing { mut near, mut sure, rays: facing } =
+                seen.facing::<W>(&bundle.lines, rays, triangles);
             let mut hit = 0;
             while sure != 0 {
                 let triangle = sure.trailing_zeros() as usize & 7;
@@ -240,7 +273,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
     }
 
-    /// Adds pairs of some rays and a triangle. True if anything was tested, because there were many, and counted.
+    /// Adds pairs of some rays and a triangle. True if anything was tested, because there were
+    /// many, and counted.
     ///
     /// # Safety
     /// As [`Self::test_pairs`].
@@ -259,7 +293,15 @@ impl<G: Goal> Walker<'_, '_, G> {
             rays &= rays - 1;
             if memory.pairs.is_full() {
                 // SAFETY: as promised by the caller.
-                found |= unsafe { self.test_pairs::<W>(group, bundle, &mut memory.pairs, &mut memory.locals, false) };
+                found |= unsafe {
+                    self.test_pairs::<W>(
+                        group,
+                        bundle,
+                        &mut memory.pairs,
+                        &mut memory.locals,
+                        false,
+                    )
+                };
                 rays &= self.alive;
             }
         }
@@ -285,8 +327,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         unsafe { bundle.finish::<W>(rays) };
     }
 
-    /// Tests what was put off. If nothing comes after the `last` ones of the root group, what rays without a search hit is only noted; else
-    /// [`Bundle::update_limits`] must follow.
+    /// Tests what was put off. If nothing comes after the `last` ones of the root group, what rays
+    /// without a search hit is only noted; else [`Bundle::update_limits`] must follow.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`; what was put off must be in this group.
@@ -306,7 +348,13 @@ impl<G: Goal> Walker<'_, '_, G> {
             let mut outcome = Outcome::NONE;
             // SAFETY: as promised by the caller.
             let Decided { mut hits, moved } = unsafe {
-                G::Precision::sure_hits::<W>(group.tree, bundle, [rays, self.drawn], &self.put_off, &mut self.sure)
+                G::Precision::sure_hits::<W>(
+                    group.tree,
+                    bundle,
+                    [rays, self.drawn],
+                    &self.put_off,
+                    &mut self.sure,
+                )
             };
             rays &= !hits & !moved;
             self.given_up |= moved;
@@ -336,8 +384,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
     }
 
-    /// Offers the hits of pairs of rays and triangles, and forgets the pairs. True if there are any that count. If nothing comes after the
-    /// `last` ones, the bundle is left as it is.
+    /// Offers the hits of pairs of rays and triangles, and forgets the pairs. True if there are any
+    /// that count. If nothing comes after the `last` ones, the bundle is left as it is.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`; the triangles must be of the group.
@@ -359,7 +407,9 @@ impl<G: Goal> Walker<'_, '_, G> {
                 self.want_rays(bundle);
             }
             // SAFETY: as promised by the caller.
-            unsafe { G::Precision::exact_hits::<W>(self.data, group.tree, bundle, pairs, &mut self.found) };
+            unsafe {
+                G::Precision::exact_hits::<W>(self.data, group.tree, bundle, pairs, &mut self.found)
+            };
         }
         let (mut hits, mut unsure) = (self.found.hits & all, self.found.unsure & all);
         while hits != 0 {
@@ -396,7 +446,15 @@ impl<G: Goal> Walker<'_, '_, G> {
 
     /// Offers a hit of the triangle at a place.
     #[inline(always)]
-    fn offer(&mut self, group: Group, ray: usize, place: u32, t: RealOf<G>, b: [RealOf<G>; 2], outcome: &mut Outcome) {
+    fn offer(
+        &mut self,
+        group: Group,
+        ray: usize,
+        place: u32,
+        t: RealOf<G>,
+        b: [RealOf<G>; 2],
+        outcome: &mut Outcome,
+    ) {
         if (self.alive & !outcome.over) >> ray & 1 == 0 {
             return;
         }
@@ -404,7 +462,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         if !G::WANTS_ONE || self.begun >> ray & 1 == 1 || !self.is_plain(geometry) {
             let search = self.search(ray);
             if t <= search.goal.limit() {
-                let verdict = search.offer(G::Precision::found(t, b, [group.instance, geometry, primitive]));
+                let verdict =
+                    search.offer(G::Precision::found(t, b, [group.instance, geometry, primitive]));
                 outcome.note(ray, search.cull(), verdict == Verdict::Finished);
             }
             return;
@@ -417,7 +476,8 @@ impl<G: Goal> Walker<'_, '_, G> {
             return;
         }
         let hit = G::Precision::found(t, b, [group.instance, geometry, primitive]);
-        let hit = if self.options[geometry as usize].quads { G::Precision::quad_hit(&hit) } else { hit };
+        let hit =
+            if self.options[geometry as usize].quads { G::Precision::quad_hit(&hit) } else { hit };
         if t < limit || (is_met && G::Precision::is_before(&hit, nearest)) {
             *nearest = hit;
             self.met |= 1 << ray;
@@ -425,12 +485,18 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
     }
 
-    /// What follows from tests for the bundle. True if it does; if nothing comes after the `last` ones, the bundle is left as it is.
+    /// What follows from tests for the bundle. True if it does; if nothing comes after the `last`
+    /// ones, the bundle is left as it is.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn conclude<W: Lanes16>(&mut self, bundle: &mut Bundle, outcome: &Outcome, last: bool) -> bool {
+    unsafe fn conclude<W: Lanes16>(
+        &mut self,
+        bundle: &mut Bundle,
+        outcome: &Outcome,
+        last: bool,
+    ) -> bool {
         let Outcome { nearer, over, culls } = outcome;
         self.alive &= !over;
         let is_narrowed = !last && (*over != 0 || (G::NARROWS && *nearer != 0));

@@ -21,14 +21,15 @@ use std::sync::atomic::AtomicBool;
 /// Trees larger than this are fetched ahead.
 const PREFETCH_BYTES: usize = 2 << 20;
 
-/// In trees larger than this all leaves below a node are fetched with it, whether they are met or not: the bundles that come next will meet them.
+/// In trees larger than this all leaves below a node are fetched with it, whether they are met or
+/// not: the bundles that come next will meet them.
 const LEAVES_BYTES: usize = 32 << 20;
 
 /// Bundles that walk together at most.
 pub(super) const ROWS: usize = 4;
 
-/// Memory of the walks: what bundles put off, by distance, place (node times eight plus slot) and which bundles meet the node, and the
-/// stack of single rays.
+/// Memory of the walks: what bundles put off, by distance, place (node times eight plus slot) and
+/// which bundles meet the node, and the stack of single rays.
 pub(super) struct Stacks {
     pub(super) distances: Vec<f32>,
     pub(super) places: Vec<u32>,
@@ -43,7 +44,8 @@ pub(super) struct Stacks {
 }
 
 /// The walk of a level.
-pub(super) type WalkBundles<G> = unsafe fn(&mut Rows<'_, '_, '_, G>, Members, &mut Stacks, Position);
+pub(super) type WalkBundles<G> =
+    unsafe fn(&mut Rows<'_, '_, '_, G>, Members, &mut Stacks, Position);
 
 /// Some of the rows: the first bit of a byte for each.
 pub(super) type Members = u32;
@@ -106,25 +108,31 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     /// The rays of the run, and the number of the first.
     pub(super) rays: &'w [RayOf<G>],
     pub(super) first: usize,
-    /// Begun when something was found that must be asked about: rays that meet nothing, or plain triangles only, need none.
+    /// Begun when something was found that must be asked about: rays that meet nothing, or plain
+    /// triangles only, need none.
     pub(super) searches: PerRay<Option<Search<'s, G>>>,
     pub(super) begun: u32,
-    /// Rays without a search that met something that counts, and the nearest of that (anything where any hit will do).
+    /// Rays without a search that met something that counts, and the nearest of that (anything
+    /// where any hit will do).
     pub(super) met: u32,
     pub(super) nearest: PerRay<HitOf<G>>,
-    /// Begins the search of a ray, given by its number. (In place: what is returned would be copied as a whole after it was written in pieces.)
+    /// Begins the search of a ray, given by its number. (In place: what is returned would be copied
+    /// as a whole after it was written in pieces.)
     pub(super) begin: &'w dyn Fn(usize, &mut Option<Search<'s, G>>),
     /// Memory for what becomes of pairs.
     pub(super) found: Found<RealOf<G>>,
     /// The rays whose search is not over.
     pub(super) alive: u32,
-    /// The rays of the group that surely hit something, and the place of the nearest of that ([`Pairs`]): tested exactly in the end.
+    /// The rays of the group that surely hit something, and the place of the nearest of that
+    /// ([`Pairs`]): tested exactly in the end.
     pub(super) waiting: u32,
     pub(super) put_off: PerRay<u32>,
-    /// Which triangles these are (pieces of one may be in several leaves), and of which it is only known that their drawing is hit.
+    /// Which triangles these are (pieces of one may be in several leaves), and of which it is only
+    /// known that their drawing is hit.
     pub(super) put_off_ids: PerRay<u32>,
     pub(super) drawn: u32,
-    /// The rays that are left to others: something was put off that does not count where it seemed to.
+    /// The rays that are left to others: something was put off that does not count where it seemed
+    /// to.
     pub(super) given_up: u32,
     /// Rays without a search whose nearest hit is known: in `sure`, of what was put off.
     pub(super) known: u32,
@@ -153,8 +161,8 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// Prepares it for another bundle, perhaps in another group: places of triangles must not stay, since in double precision
-    /// what is not used is read, too.
+    /// Prepares it for another bundle, perhaps in another group: places of triangles must not stay,
+    /// since in double precision what is not used is read, too.
     #[inline(always)]
     pub(super) fn clear(&mut self) {
         self.pairs = Pairs::NONE;
@@ -171,13 +179,17 @@ pub(super) struct Luggage {
 impl Luggage {
     pub(super) fn new() -> Box<Self> {
         let memory = || Memory { pairs: Pairs::NONE, locals: Locals::new() };
-        Box::new(Self { bundles: [const { Bundle::NONE }; ROWS], memories: [memory(), memory(), memory(), memory()] })
+        Box::new(Self {
+            bundles: [const { Bundle::NONE }; ROWS],
+            memories: [memory(), memory(), memory(), memory()],
+        })
     }
 
     /// The first of some members, and those that may walk with it.
     #[inline(always)]
     pub(super) fn alike(&mut self, members: Members) -> Members {
-        let (first, mut rest, mut alike) = (first(members), members & (members - 1), members & members.wrapping_neg());
+        let (first, mut rest, mut alike) =
+            (first(members), members & (members - 1), members & members.wrapping_neg());
         while let Some(number) = next(&mut rest) {
             if let Ok([one, other]) = self.bundles.get_disjoint_mut([first, number])
                 && one.is_like(other)
@@ -212,10 +224,12 @@ impl Luggage {
     }
 }
 
-/// Walks one group with some of the bundles, which must be [alike](Bundle::is_like): each meets what it would meet alone, in the same order.
+/// Walks one group with some of the bundles, which must be [alike](Bundle::is_like): each meets
+/// what it would meet alone, in the same order.
 ///
 /// # Safety
-/// The machine must have the instructions of `W`; the stacks must have room for the group and all below it.
+/// The machine must have the instructions of `W`; the stacks must have room for the group and all
+/// below it.
 #[inline(always)]
 unsafe fn walk<W: Lanes16, G: Goal>(
     rows: &mut Rows<'_, '_, '_, G>,
@@ -270,11 +284,18 @@ unsafe fn descend<W: Lanes16, G: Goal>(
     let (mut far, mut fars) = limits(rows, members);
     let (mut node, mut meeting) = (tree.root.index(), members);
     while far > f32::NEG_INFINITY {
-        // SAFETY: the builder makes only references to nodes that exist; a walk holds at most 7 entries per level.
+        // SAFETY: the builder makes only references to nodes that exist; a walk holds at most 7
+        // entries per level.
         unsafe {
-            let pushed = push_children::<W, G>(tree, node, rows, [first as u32, meeting], far, stacks, top);
+            let pushed =
+                push_children::<W, G>(tree, node, rows, [first as u32, meeting], far, stacks, top);
             if fetches_leaves {
-                let leaves = tree.nodes.get_unchecked(node).children.into_iter().filter(|child| child.is_triangles());
+                let leaves = tree
+                    .nodes
+                    .get_unchecked(node)
+                    .children
+                    .into_iter()
+                    .filter(|child| child.is_triangles());
                 leaves.for_each(|leaf| fetch_ahead(tree, leaf));
             }
             if prefetch {
@@ -316,7 +337,9 @@ unsafe fn descend<W: Lanes16, G: Goal>(
             let mut rest = meeting;
             // SAFETY: places come from nodes that exist; `W` as promised by the caller.
             let one = unsafe {
-                rows[first].bundle.one_box::<W>(tree.nodes.get_unchecked(place as usize >> 3), place as usize & 7)
+                rows[first]
+                    .bundle
+                    .one_box::<W>(tree.nodes.get_unchecked(place as usize >> 3), place as usize & 7)
             };
             while rest != 0 {
                 let bit = rest.trailing_zeros();
@@ -399,11 +422,12 @@ fn within(distance: f32, fars: &[f32; ROWS]) -> u32 {
     bundles
 }
 
-/// Puts the children of a node that some of the bundles meet on the stack, the nearest on top, and returns how many they are.
+/// Puts the children of a node that some of the bundles meet on the stack, the nearest on top, and
+/// returns how many they are.
 ///
 /// # Safety
-/// The machine must have the instructions of `W`; the node must exist, the first bits of bytes of `meeting` must stand for bundles, and the
-/// stack must have room for eight entries from `top`.
+/// The machine must have the instructions of `W`; the node must exist, the first bits of bytes of
+/// `meeting` must stand for bundles, and the stack must have room for eight entries from `top`.
 #[inline(always)]
 unsafe fn push_children<W: Lanes16, G: Goal>(
     tree: &GroupTree,

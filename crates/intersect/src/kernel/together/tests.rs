@@ -69,7 +69,8 @@ fn leaves<L: Lanes8>(
     found
 }
 
-/// Lets rays set off, and looks at what is left to each. Returns how many are not at the root any more.
+/// Lets rays set off, and looks at what is left to each. Returns how many are not at the root any
+/// more.
 fn look<L: Lanes8>(world: &World, rays: &[Ray], set_off: SetOff<Closest<Single>>) -> usize {
     let Structure::Bvh(forest) = &world.structure else { panic!("the product's own structure") };
     let tree = &forest.trees[0];
@@ -99,7 +100,10 @@ fn look<L: Lanes8>(world: &World, rays: &[Ray], set_off: SetOff<Closest<Single>>
         }
         moved += 1;
         let (ray, interval) = (slot.place.ray(), slot.interval());
-        assert!(entries.windows(2).all(|pair| pair[0].0 >= pair[1].0), "the nearest is last: {entries:?}");
+        assert!(
+            entries.windows(2).all(|pair| pair[0].0 >= pair[1].0),
+            "the nearest is last: {entries:?}"
+        );
         let mut expected = leaves::<L>(tree, tree.root, ray, interval);
         for &(distance, child) in &entries {
             let below = leaves::<L>(tree, child, ray, interval);

@@ -37,7 +37,9 @@ impl HitFilter for Odd {
 fn all_count_closest_and_occluded_agree() {
     for seed in 0..3 {
         let mut builder = nested_scene(seed);
-        (0..builder.geometries.len() as u32).step_by(3).for_each(|g| builder.set_filtered(GeometryId(g)));
+        (0..builder.geometries.len() as u32)
+            .step_by(3)
+            .for_each(|g| builder.set_filtered(GeometryId(g)));
         let oracle = build(builder.clone(), AcceleratorKind::None, Level::Scalar);
         let world = default_world(builder);
         let rays = rays(seed, 700);
@@ -73,8 +75,10 @@ fn a_crossing_that_is_offered_again_counts_once_unless_it_is_a_shape() {
     builder.add_mesh(WorldBuilder::ROOT, Arc::new(sphere_mesh(Vec3::ZERO, 1.0, 4, 4)));
     builder.add_shape(WorldBuilder::ROOT, Arc::new(Sphere { radius: 1.0 }), Transform::IDENTITY);
     let world = default_world(builder);
-    let hit = |t: f32, geometry, primitive| Hit { t, uv: Vec2::ZERO, instance: 0, geometry, primitive };
-    // 20 triangles, each three times, and a shape crossed twice at one distance, again and again from far to near.
+    let hit =
+        |t: f32, geometry, primitive| Hit { t, uv: Vec2::ZERO, instance: 0, geometry, primitive };
+    // 20 triangles, each three times, and a shape crossed twice at one distance, again and again
+    // from far to near.
     let mut offers = Vec::new();
     for _ in 0..3 {
         offers.extend((0..20).rev().map(|i| hit(1.0 + (i / 2) as f32, 0, i)));
@@ -129,7 +133,10 @@ fn invalid_rays_are_counted_by_their_first_fault() {
         Ray { t_min: f32::NAN, ..good },
     ];
     let counts = Rays::new(&rays).count_invalid();
-    assert_eq!(counts, crate::InvalidRays { not_finite: 2, without_direction: 1, empty_interval: 2 });
+    assert_eq!(
+        counts,
+        crate::InvalidRays { not_finite: 2, without_direction: 1, empty_interval: 2 }
+    );
     assert_eq!(counts.total(), rays.iter().filter(|r| !r.is_valid()).count());
     let empty = default_world(WorldBuilder::default());
     assert_eq!(empty.all(&rays, &AcceptAll), AllHits { ray_splits: vec![0; 7], hits: vec![] });

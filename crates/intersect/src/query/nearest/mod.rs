@@ -1,8 +1,9 @@
 //! The point of the world nearest to a given one.
 //!
-//! Distances are those in the world, however geometry is scaled or sheared on its way there. Each is computed by one rule per point
-//! and primitive, in `f64`; boxes only skip what is surely farther; and equal distances go to the lowest (instance, geometry,
-//! primitive). So every structure gives the same bits. What moves counts as it is at time 0.
+//! Distances are those in the world, however geometry is scaled or sheared on its way there. Each
+//! is computed by one rule per point and primitive, in `f64`; boxes only skip what is surely
+//! farther; and equal distances go to the lowest (instance, geometry, primitive). So every
+//! structure gives the same bits. What moves counts as it is at time 0.
 
 mod place;
 mod points;
@@ -109,8 +110,9 @@ impl Default for NearestPoint {
 }
 
 impl World {
-    /// For each point the nearest point of any surface, from either side; [`NearestPoint::NONE`] where there is none within the
-    /// limit, the point is not finite, or the limit is negative or NaN.
+    /// For each point the nearest point of any surface, from either side; [`NearestPoint::NONE`]
+    /// where there is none within the limit, the point is not finite, or the limit is negative or
+    /// NaN.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -129,9 +131,9 @@ impl World {
         self.space().nearest(point.as_dvec3(), f64::INFINITY, u32::MAX, &mut Vec::new()).into()
     }
 
-    /// The nearest point of any surface, within `max_distance` and among what shares a bit with `mask`, to a point in double precision:
-    /// it is not rounded, and neither is the answer. (Meshes have the vertices they have, in single precision; [`crate::DWorld`] has
-    /// others.)
+    /// The nearest point of any surface, within `max_distance` and among what shares a bit with
+    /// `mask`, to a point in double precision: it is not rounded, and neither is the answer.
+    /// (Meshes have the vertices they have, in single precision; [`crate::DWorld`] has others.)
     pub fn nearest_point_at(&self, point: DVec3, max_distance: f64, mask: u32) -> DNearestPoint {
         self.space().nearest(point, max_distance, mask, &mut Vec::new())
     }
@@ -146,12 +148,17 @@ impl DWorld {
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn nearest_point<'a>(&self, points: impl Into<Points<'a, Double>>, nearest: &mut [DNearestPoint]) {
+    pub fn nearest_point<'a>(
+        &self,
+        points: impl Into<Points<'a, Double>>,
+        nearest: &mut [DNearestPoint],
+    ) {
         let points = points.into();
         points.check(nearest.len());
         let mut stack = Vec::new();
         for (i, answer) in nearest.iter_mut().enumerate() {
-            *answer = self.space().nearest(points.points[i], points.limit(i), points.mask, &mut stack);
+            *answer =
+                self.space().nearest(points.points[i], points.limit(i), points.mask, &mut stack);
         }
     }
 
@@ -174,7 +181,13 @@ pub(super) struct Space<'a> {
 }
 
 impl Space<'_> {
-    fn nearest(&self, point: DVec3, limit: f64, mask: u32, stack: &mut Vec<Entry>) -> DNearestPoint {
+    fn nearest(
+        &self,
+        point: DVec3,
+        limit: f64,
+        mask: u32,
+        stack: &mut Vec<Entry>,
+    ) -> DNearestPoint {
         if !is_answered(point, limit) {
             return DNearestPoint::NONE;
         }
@@ -184,7 +197,9 @@ impl Space<'_> {
         let place = Place::world(point);
         match &self.world.structure {
             Structure::None(lists) => search.list(&|group| &lists[group], 0, &place, 0),
-            Structure::Walked(structures) => search.list(&|group| structures.list(group), 0, &place, 0),
+            Structure::Walked(structures) => {
+                search.list(&|group| structures.list(group), 0, &place, 0)
+            }
             Structure::Bvh(forest) => search.tree(forest, 0, &place, 0),
         }
         search.best.result(options)
@@ -212,7 +227,13 @@ impl Best {
     fn within(distance: f64) -> Self {
         let squared = distance * distance;
         // Any ids are lower, so what lies exactly at the limit is taken.
-        Self { squared, limit: above(squared), ids: [Hit::NONE; 3], position: DVec3::ZERO, uv: DVec2::ZERO }
+        Self {
+            squared,
+            limit: above(squared),
+            ids: [Hit::NONE; 3],
+            position: DVec3::ZERO,
+            uv: DVec2::ZERO,
+        }
     }
 
     fn is_improved_by(&self, squared: f64, ids: [u32; 3]) -> bool {
@@ -277,9 +298,15 @@ impl Search<'_> {
     fn tree(&mut self, forest: &Forest, group: usize, place: &Place, instance: u32) {
         let tree: &GroupTree = &forest.trees[group];
         for &object in &tree.unbounded {
-            self.object(&tree.objects, object as usize, place, instance, |search, child, place, instance| {
-                search.tree(forest, child, place, instance);
-            });
+            self.object(
+                &tree.objects,
+                object as usize,
+                place,
+                instance,
+                |search, child, place, instance| {
+                    search.tree(forest, child, place, instance);
+                },
+            );
         }
         if tree.root == ChildRef::NONE {
             return;
@@ -298,22 +325,35 @@ impl Search<'_> {
                 let bounds = seen.node_bounds(node);
                 let first = self.stack.len();
                 let children = bounds.into_iter().zip(node.children);
-                self.stack.extend(children.filter(|c| c.1 != ChildRef::NONE && c.0 <= self.best.limit));
+                self.stack
+                    .extend(children.filter(|c| c.1 != ChildRef::NONE && c.0 <= self.best.limit));
                 self.stack[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
             } else if child.is_triangles() {
                 let mut room = MaybeUninit::uninit();
                 let block = tree.blocks.get(child.block(), &mut room);
                 self.triangles(tree, block, child.count() as usize, [place, seen], instance);
             } else {
-                self.object(&tree.objects, child.index(), place, instance, |search, child, place, instance| {
-                    search.tree(forest, child, place, instance);
-                });
+                self.object(
+                    &tree.objects,
+                    child.index(),
+                    place,
+                    instance,
+                    |search, child, place, instance| {
+                        search.tree(forest, child, place, instance);
+                    },
+                );
             }
         }
     }
 
     /// Looks at everything in a group; `lists` has what each group holds.
-    fn list<'l>(&mut self, lists: &impl Fn(usize) -> &'l GroupList, group: usize, place: &Place, instance: u32) {
+    fn list<'l>(
+        &mut self,
+        lists: &impl Fn(usize) -> &'l GroupList,
+        group: usize,
+        place: &Place,
+        instance: u32,
+    ) {
         let list = lists(group);
         for (geometry, mesh) in &list.meshes {
             for triangle in (0..mesh.indices.len()).filter(|&i| !mesh.is_degenerate(i)) {
@@ -322,9 +362,15 @@ impl Search<'_> {
             }
         }
         for object in 0..list.objects.len() {
-            self.object(&list.objects, object, place, instance, |search, child, place, instance| {
-                search.list(lists, child, place, instance);
-            });
+            self.object(
+                &list.objects,
+                object,
+                place,
+                instance,
+                |search, child, place, instance| {
+                    search.list(lists, child, place, instance);
+                },
+            );
         }
     }
 
@@ -341,7 +387,11 @@ impl Search<'_> {
         for (lane, bound) in bounds.into_iter().enumerate().take(count) {
             if bound <= self.best.limit {
                 let (geometry, primitive) = tree.triangle(block.ids[lane]);
-                self.triangle(|| block.corners(lane).map(Vec3::from_array), place, [instance, geometry, primitive]);
+                self.triangle(
+                    || block.corners(lane).map(Vec3::from_array),
+                    place,
+                    [instance, geometry, primitive],
+                );
             }
         }
     }
@@ -368,12 +418,18 @@ impl Search<'_> {
         enter: impl FnOnce(&mut Self, usize, &Place, u32),
     ) {
         match objects.get(number) {
-            ObjectRef::Primitive(bulk, primitive) => self.primitive(bulk, primitive, place, instance),
+            ObjectRef::Primitive(bulk, primitive) => {
+                self.primitive(bulk, primitive, place, instance)
+            }
             ObjectRef::Placed(Object::Shape { shape, geometry, shape_from_group }) => {
                 self.shape(shape.as_ref(), *geometry, shape_from_group, place, instance);
             }
             ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) => {
-                let place = if mask & self.mask == 0 { None } else { place.in_child(child_from_group.at_first()) };
+                let place = if mask & self.mask == 0 {
+                    None
+                } else {
+                    place.in_child(child_from_group.at_first())
+                };
                 if let Some(place) = place {
                     enter(self, *child, &place, instance + offset);
                 }
@@ -381,7 +437,14 @@ impl Search<'_> {
         }
     }
 
-    fn shape(&mut self, shape: &dyn Shape, geometry: u32, shape_from_group: &DAffine3, place: &Place, instance: u32) {
+    fn shape(
+        &mut self,
+        shape: &dyn Shape,
+        geometry: u32,
+        shape_from_group: &DAffine3,
+        place: &Place,
+        instance: u32,
+    ) {
         if !self.admits(geometry) {
             return;
         }
@@ -406,13 +469,21 @@ impl Search<'_> {
             BulkContents::MovingMesh(mesh) => {
                 let corners = mesh.first().corners(number);
                 let exists = !are_degenerate(&corners);
-                let nearest = || on_triangle(&place.metric, place.point, &corners.map(|p| p.as_dvec3()));
+                let nearest =
+                    || on_triangle(&place.metric, place.point, &corners.map(|p| p.as_dvec3()));
                 exists.then(nearest).map(|(position, uv)| (position, uv.as_vec2()))
             }
         };
-        if let Some((position, uv)) = found.filter(|found| !bounds.is_empty() && found.0.is_finite()) {
+        if let Some((position, uv)) =
+            found.filter(|found| !bounds.is_empty() && found.0.is_finite())
+        {
             let position = position.max(bounds.min).min(bounds.max);
-            self.offer(position - place.point, uv.as_dvec2(), &place.metric, [instance, bulk.geometry, primitive]);
+            self.offer(
+                position - place.point,
+                uv.as_dvec2(),
+                &place.metric,
+                [instance, bulk.geometry, primitive],
+            );
         }
     }
 
@@ -420,7 +491,8 @@ impl Search<'_> {
         self.options[geometry as usize].mask & self.mask != 0
     }
 
-    /// Takes a point if it is nearer than the best. `offset` is from the searched point, in coordinates measured by `metric`.
+    /// Takes a point if it is nearer than the best. `offset` is from the searched point, in
+    /// coordinates measured by `metric`.
     fn offer(&mut self, offset: DVec3, uv: DVec2, metric: &crate::shape::Metric, ids: [u32; 3]) {
         let in_world = *metric.linear() * offset;
         let squared = in_world.length_squared();

@@ -6,11 +6,12 @@ use crate::kernel::triangle::TriangleBlock;
 use crate::shape::Metric;
 use snell_math::{DAffine3, DMat3, DVec3};
 
-/// A point in the coordinates of a group. The `f64` point and the metric decide; the rest, in `f32`, only says which boxes are
-/// surely too far.
+/// A point in the coordinates of a group. The `f64` point and the metric decide; the rest, in
+/// `f32`, only says which boxes are surely too far.
 #[derive(Clone, Debug)]
 pub(super) struct Place {
-    /// The point. It is defined by mapping it down group by group, so it is the same with every structure.
+    /// The point. It is defined by mapping it down group by group, so it is the same with every
+    /// structure.
     pub point: DVec3,
     /// Lengths in the world of differences in the group.
     pub metric: Metric,
@@ -21,8 +22,8 @@ pub(super) struct Place {
     weights: [f32; 3],
 }
 
-/// Lower bounds of squared distances are lowered by this part: more than all roundings, in `f32` here and in `f64` of the distances
-/// that they are compared with.
+/// Lower bounds of squared distances are lowered by this part: more than all roundings, in `f32`
+/// here and in `f64` of the distances that they are compared with.
 const SLACK: f32 = 1.0 - 2e-6;
 
 /// Beyond this, distances along an axis count as this: its square does not overflow.
@@ -45,14 +46,19 @@ impl Place {
 
     /// As the boxes of the group see it, if they are in coordinates of their own.
     pub fn in_frame(&self, frame: &Frame) -> Self {
-        Self::new(frame.point(self.point), Metric::new(*self.metric.linear() * (1.0 / frame.scale)), frame.slack)
+        Self::new(
+            frame.point(self.point),
+            Metric::new(*self.metric.linear() * (1.0 / frame.scale)),
+            frame.slack,
+        )
     }
 
     /// Boxes may be off by `slack` along each axis.
     fn new(point: DVec3, metric: Metric, slack: f32) -> Self {
         let nearest = point.to_array().map(|x| (x as f32).clamp(f32::MIN, f32::MAX));
-        let rounded =
-            |i: usize, to: fn(f32) -> f32| if f64::from(nearest[i]) == point[i] { nearest[i] } else { to(nearest[i]) };
+        let rounded = |i: usize, to: fn(f32) -> f32| {
+            if f64::from(nearest[i]) == point[i] { nearest[i] } else { to(nearest[i]) }
+        };
         let weights = metric.axis_weights().to_array();
         Self {
             point,
@@ -63,7 +69,8 @@ impl Place {
         }
     }
 
-    /// The place in an instanced group; `None` if it overflows on the way, then nothing is found there.
+    /// The place in an instanced group; `None` if it overflows on the way, then nothing is found
+    /// there.
     pub fn in_child(&self, child_from_group: &DAffine3) -> Option<Self> {
         let point = child_from_group.transform_point3(self.point);
         point.is_finite().then(|| Self::new(point, self.metric_in_child(child_from_group), 0.0))

@@ -43,8 +43,11 @@ impl<P: Precision> Points<'_, P> {
 
     /// The points numbered `range`.
     pub fn slice(&self, range: std::ops::Range<usize>) -> Self {
-        let max_distances =
-            if self.max_distances.is_empty() { self.max_distances } else { &self.max_distances[range.clone()] };
+        let max_distances = if self.max_distances.is_empty() {
+            self.max_distances
+        } else {
+            &self.max_distances[range.clone()]
+        };
         Self { points: &self.points[range], max_distances, ..*self }
     }
 
@@ -58,7 +61,10 @@ impl<P: Precision> Points<'_, P> {
     /// Panics unless there are as many answers as points, and no limit or one per point.
     pub(super) fn check(&self, answers: usize) {
         assert_eq!(self.len(), answers, "one answer per point");
-        assert!(self.max_distances.is_empty() || self.max_distances.len() == self.len(), "one limit per point");
+        assert!(
+            self.max_distances.is_empty() || self.max_distances.len() == self.len(),
+            "one limit per point"
+        );
     }
 }
 

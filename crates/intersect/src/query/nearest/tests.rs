@@ -2,7 +2,9 @@ use super::*;
 use crate::accel::AcceleratorKind;
 use crate::query::AcceptAll;
 use crate::shape::{AnyShape, Plane, Sphere};
-use crate::world::tests::{Random, build, default_world, mesh_world, nested_scene, scaling, sphere_mesh};
+use crate::world::tests::{
+    Random, build, default_world, mesh_world, nested_scene, scaling, sphere_mesh,
+};
 use crate::world::{Geometry, GeometryId, WorldBuilder};
 use proptest::prelude::*;
 use snell_math::simd::Level;
@@ -10,7 +12,8 @@ use snell_math::{DMat3, Ray, Transform};
 use std::sync::Arc;
 
 fn bits(p: &NearestPoint) -> [u32; 9] {
-    let f = [p.distance, p.position.x, p.position.y, p.position.z, p.uv.x, p.uv.y].map(f32::to_bits);
+    let f =
+        [p.distance, p.position.x, p.position.y, p.position.z, p.uv.x, p.uv.y].map(f32::to_bits);
     [f[0], f[1], f[2], f[3], f[4], f[5], p.instance, p.geometry, p.primitive]
 }
 
@@ -27,9 +30,11 @@ fn the_tree_finds_what_looking_at_everything_finds_bit_for_bit() {
         let oracle = build(nested_scene(seed), AcceleratorKind::None, Level::Scalar);
         let world = default_world(nested_scene(seed));
         let points = points(seed * 77, 200);
-        let limits: Vec<f32> = (0..points.len()).map(|i| [f32::INFINITY, 0.3, 1.0][i % 3]).collect();
+        let limits: Vec<f32> =
+            (0..points.len()).map(|i| [f32::INFINITY, 0.3, 1.0][i % 3]).collect();
         let query = Points { max_distances: &limits, ..Points::new(&points) };
-        let (mut found, mut expected) = (vec![NearestPoint::NONE; 200], vec![NearestPoint::NONE; 200]);
+        let (mut found, mut expected) =
+            (vec![NearestPoint::NONE; 200], vec![NearestPoint::NONE; 200]);
         world.nearest_point(query, &mut found);
         oracle.nearest_point(query, &mut expected);
         for i in 0..points.len() {
@@ -55,7 +60,10 @@ fn no_ray_finds_anything_nearer_and_the_position_is_as_far_as_the_distance_says(
         for point in points(seed, 100) {
             let nearest = world.nearest_point_one(point);
             let slack = 1e-5 * (nearest.distance + point.length());
-            assert!((nearest.position.distance(point) - nearest.distance).abs() <= slack, "{point} {nearest:?}");
+            assert!(
+                (nearest.position.distance(point) - nearest.distance).abs() <= slack,
+                "{point} {nearest:?}"
+            );
             for _ in 0..30 {
                 let hit = world.closest_one(&Ray::new(point, random.direction()), &AcceptAll);
                 assert!(hit.t >= nearest.distance - slack, "{point} {nearest:?} {hit:?}");
@@ -74,7 +82,8 @@ fn no_ray_finds_anything_nearer_and_the_position_is_as_far_as_the_distance_says(
 #[test]
 fn a_stretched_sphere_is_measured_in_the_world() {
     let mut builder = WorldBuilder::default();
-    let stretched = Transform::new(DAffine3::from_scale(DVec3::new(10.0, 1.0, 1.0))).expect("invertible");
+    let stretched =
+        Transform::new(DAffine3::from_scale(DVec3::new(10.0, 1.0, 1.0))).expect("invertible");
     builder.add_shape(WorldBuilder::ROOT, Arc::new(Sphere { radius: 1.0 }), stretched);
     let world = default_world(builder);
     let nearest = world.nearest_point_one(Vec3::new(0.0, 3.0, 0.0));
@@ -138,14 +147,19 @@ fn masks_limits_and_unbounded_shapes_count() {
 #[test]
 fn bad_points_find_nothing_and_huge_distances_are_finite() {
     let world = default_world(nested_scene(1));
-    for bad in [Vec3::NAN, Vec3::new(0.0, f32::INFINITY, 0.0), Vec3::new(f32::NEG_INFINITY, f32::NAN, 0.0)] {
+    for bad in
+        [Vec3::NAN, Vec3::new(0.0, f32::INFINITY, 0.0), Vec3::new(f32::NEG_INFINITY, f32::NAN, 0.0)]
+    {
         assert_eq!(world.nearest_point_one(bad), NearestPoint::NONE);
     }
     let oracle = build(nested_scene(1), AcceleratorKind::None, Level::Scalar);
     for far in [1e15, 1e19, 1e30, f32::MAX] {
         for point in [Vec3::new(far, 0.0, 0.0), Vec3::splat(-far), Vec3::new(far, -far, 1.0)] {
             let nearest = world.nearest_point_one(point);
-            assert!(nearest.is_found() && nearest.distance.is_finite() && nearest.position.is_finite(), "{nearest:?}");
+            assert!(
+                nearest.is_found() && nearest.distance.is_finite() && nearest.position.is_finite(),
+                "{nearest:?}"
+            );
             assert_eq!(bits(&nearest), bits(&oracle.nearest_point_one(point)), "{point}");
         }
     }
@@ -159,7 +173,8 @@ fn every_shape_is_found_under_strong_shear_as_without_a_tree() {
         let mut builder = WorldBuilder::default();
         let size = shape.bounds().size().max_element();
         let unit = scaling(if size.is_finite() { 1.0 / size } else { 1.0 });
-        let shear = DMat3::from_cols(DVec3::X, DVec3::new(30.0, 1.0, 0.0), DVec3::new(-4.0, 20.0, 0.05));
+        let shear =
+            DMat3::from_cols(DVec3::X, DVec3::new(30.0, 1.0, 0.0), DVec3::new(-4.0, 20.0, 0.05));
         let shear = Transform::new(DAffine3::from_mat3(shear)).expect("invertible");
         let child = builder.add_group();
         builder.add_shape(child, Arc::new(shape), unit);
@@ -208,10 +223,16 @@ fn spheres_and_curves_in_bulk_are_found_as_without_a_tree_and_hold_what_is_insid
     use snell_math::Vec4;
     let mut random = Random(31);
     let point = |random: &mut Random| random.point(2.0).extend(random.range(0.05, 0.2));
-    let spheres = Spheres { spheres: (0..30).map(|_| point(&mut random)).collect(), colors: vec![] };
+    let spheres =
+        Spheres { spheres: (0..30).map(|_| point(&mut random)).collect(), colors: vec![] };
     let chain = LinearCurves::chain((0..30).map(|_| point(&mut random)).collect::<Vec<Vec4>>());
     let points: Vec<Vec4> = (0..24).map(|_| point(&mut random)).collect();
-    let curves = CubicCurves { basis: CurveBasis::BSpline, points, tangents: vec![], segments: (0..21).collect() };
+    let curves = CubicCurves {
+        basis: CurveBasis::BSpline,
+        points,
+        tangents: vec![],
+        segments: (0..21).collect(),
+    };
     let mut builder = WorldBuilder::default();
     let child = builder.add_group();
     builder.add_set(child, Arc::new(spheres));
@@ -244,8 +265,10 @@ fn spheres_and_curves_in_bulk_are_found_as_without_a_tree_and_hold_what_is_insid
 fn points_in_double_precision_find_what_rounded_ones_do_and_are_not_rounded() {
     let world = default_world(nested_scene(5));
     for point in points(31, 200) {
-        let (single, double) =
-            (world.nearest_point_one(point), world.nearest_point_at(point.as_dvec3(), 1e9, u32::MAX));
+        let (single, double) = (
+            world.nearest_point_one(point),
+            world.nearest_point_at(point.as_dvec3(), 1e9, u32::MAX),
+        );
         assert_eq!(
             (
                 double.distance as f32,
@@ -255,11 +278,22 @@ fn points_in_double_precision_find_what_rounded_ones_do_and_are_not_rounded() {
                 double.geometry,
                 double.primitive
             ),
-            (single.distance, single.position, single.uv, single.instance, single.geometry, single.primitive)
+            (
+                single.distance,
+                single.position,
+                single.uv,
+                single.instance,
+                single.geometry,
+                single.primitive
+            )
         );
     }
     let ball = |b: &mut WorldBuilder| {
-        b.add_shape(WorldBuilder::ROOT, Arc::new(Sphere { radius: 1.0 }), Transform::translation(DVec3::splat(1e6)));
+        b.add_shape(
+            WorldBuilder::ROOT,
+            Arc::new(Sphere { radius: 1.0 }),
+            Transform::translation(DVec3::splat(1e6)),
+        );
     };
     let mut builder = WorldBuilder::default();
     ball(&mut builder);

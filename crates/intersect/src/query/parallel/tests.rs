@@ -10,7 +10,8 @@ use std::sync::Arc;
 /// Compares pieces and threads with the world's own answers.
 fn check<W: Queries>(world: &W, rays: Rays<Of<W>>, limited: Points<Of<W>>, zero: DistanceOf<W>) {
     let (n, m, points) = (rays.len(), limited.len(), limited.points);
-    let (mut hits, mut blocked, mut counts) = (vec![HitOf::<W>::default(); n], vec![false; n], vec![0; n]);
+    let (mut hits, mut blocked, mut counts) =
+        (vec![HitOf::<W>::default(); n], vec![false; n], vec![0; n]);
     world.closest(rays, Grouping::None, &AcceptAll, &mut hits);
     world.occluded(rays, Grouping::None, &AcceptAll, &mut blocked);
     world.count(rays, &AcceptAll, &mut counts);
@@ -29,20 +30,27 @@ fn check<W: Queries>(world: &W, rays: Rays<Of<W>>, limited: Points<Of<W>>, zero:
         for piece in [1, 64, 500, usize::MAX] {
             let parallel = Parallel { world, piece: None, cancel: None }.with_piece(piece);
             pool.install(|| {
-                let (mut h, mut b, mut c) = (vec![HitOf::<W>::default(); n], vec![false; n], vec![0; n]);
+                let (mut h, mut b, mut c) =
+                    (vec![HitOf::<W>::default(); n], vec![false; n], vec![0; n]);
                 parallel.closest(rays, Grouping::None, &AcceptAll, &mut h)?;
                 parallel.occluded(rays, Grouping::Coherent, &AcceptAll, &mut b)?;
                 parallel.count(rays, &AcceptAll, &mut c)?;
                 assert!(h == hits && b == blocked && c == counts, "{threads} {piece}");
                 let again = parallel.all(rays, &AcceptAll)?;
-                assert!(again.hits == all.hits && again.ray_splits == all.ray_splits, "{threads} {piece}");
+                assert!(
+                    again.hits == all.hits && again.ray_splits == all.ray_splits,
+                    "{threads} {piece}"
+                );
                 let (mut p, mut d) = (vec![NearestOf::<W>::default(); m], vec![zero; m]);
                 parallel.nearest_point(limited, &mut p)?;
                 parallel.signed_distance(limited, &mut d)?;
                 let (mut w, mut o) = (vec![0.0; m], vec![false; m]);
                 parallel.winding_number(points, &mut w)?;
                 parallel.occupancy(points, &mut o)?;
-                assert!(p == nearest && d == distances && w == numbers && o == inside, "{threads} {piece}");
+                assert!(
+                    p == nearest && d == distances && w == numbers && o == inside,
+                    "{threads} {piece}"
+                );
                 Ok::<(), Cancelled>(())
             })
             .expect("nobody cancels");
@@ -53,7 +61,8 @@ fn check<W: Queries>(world: &W, rays: Rays<Of<W>>, limited: Points<Of<W>>, zero:
 #[test]
 fn answers_do_not_depend_on_threads_or_pieces() {
     let mut random = Random(5);
-    let rays: Vec<Ray> = (0..1000).map(|_| Ray::new(random.point(3.0), random.direction())).collect();
+    let rays: Vec<Ray> =
+        (0..1000).map(|_| Ray::new(random.point(3.0), random.direction())).collect();
     let masks: Vec<u32> = (0..1000).map(|i| if i % 3 == 0 { 1 } else { u32::MAX }).collect();
     let points: Vec<Vec3> = (0..60).map(|_| random.point(3.0)).collect();
     let limits: Vec<f32> = (0..60).map(|i| 0.05 * i as f32).collect();
@@ -68,7 +77,8 @@ fn answers_do_not_depend_on_threads_or_pieces() {
     }
     let world = builder.build(&BuildOptions::default()).expect("two meshes");
     let moved = |p: Vec3| place + p.as_dvec3() * 1e-3;
-    let rays: Vec<DRay> = rays.iter().map(|ray| DRay::new(moved(ray.origin), ray.direction.as_dvec3())).collect();
+    let rays: Vec<DRay> =
+        rays.iter().map(|ray| DRay::new(moved(ray.origin), ray.direction.as_dvec3())).collect();
     let points: Vec<DVec3> = points.into_iter().map(moved).collect();
     let limits: Vec<f64> = limits.iter().map(|&limit| f64::from(limit) * 1e-3).collect();
     let limited = Points { max_distances: &limits, ..Points::of_doubles(&points) };
@@ -103,7 +113,8 @@ fn a_flag_stops_a_query_before_its_end() {
     let world = default_world(builder);
     let flag = AtomicBool::new(false);
     let mut random = Random(6);
-    let rays: Vec<Ray> = (0..100_000).map(|_| Ray::new(random.point(3.0), random.direction())).collect();
+    let rays: Vec<Ray> =
+        (0..100_000).map(|_| Ray::new(random.point(3.0), random.direction())).collect();
     let parallel = world.parallel().with_cancel(&flag);
     assert_eq!(parallel.count(&rays, &Stop(&flag), &mut counts), Err(Cancelled));
     assert!(counts.contains(&u32::MAX));

@@ -1,9 +1,12 @@
-//! Inside or outside: winding numbers, occupancy and signed distances, right for open meshes and soups too.
+//! Inside or outside: winding numbers, occupancy and signed distances, right for open meshes and
+//! soups too.
 //!
-//! The generalised winding number of a point (Jacobson, Kavan and Sorkine-Hornung 2013) is the signed solid angle of all surfaces seen
-//! from it, over `4 pi`: 1 inside a closed surface, 0 outside, 2 inside of two. Around open surfaces it passes smoothly between, and
-//! a half is the natural border. Outer sides are those of normals (right-hand rule for triangles), also under mirroring instances; a
-//! closed mesh turned inside out counts -1, so that one inside another is a cavity.
+//! The generalised winding number of a point (Jacobson, Kavan and Sorkine-Hornung 2013) is the
+//! signed solid angle of all surfaces seen from it, over `4 pi`: 1 inside a closed surface, 0
+//! outside, 2 inside of two. Around open surfaces it passes smoothly between, and a half is the
+//! natural border. Outer sides are those of normals (right-hand rule for triangles), also under
+//! mirroring instances; a closed mesh turned inside out counts -1, so that one inside another is a
+//! cavity.
 
 #[cfg(test)]
 mod tests;
@@ -22,19 +25,23 @@ use snell_math::{DAffine3, DMat3, DVec3, Transform, Vec3};
 use std::sync::Arc;
 use tree::{Moments, Tree, View};
 
-/// A patch counts as far away beyond this many times its radius. (The paper has 2, with one more term.)
+/// A patch counts as far away beyond this many times its radius. (The paper has 2, with one more
+/// term.)
 const ACCURACY: f64 = 3.0;
 
-/// The largest error of the approximation that is reckoned with: nearer to a half than this, everything is summed up.
+/// The largest error of the approximation that is reckoned with: nearer to a half than this,
+/// everything is summed up.
 const DOUBT: f64 = 0.2;
 
 impl World {
-    /// The generalised winding number of all surfaces around each point; 0 for points that are not finite.
+    /// The generalised winding number of all surfaces around each point; 0 for points that are not
+    /// finite.
     ///
-    /// Far-away triangles are seen as one in groups (Barill et al. 2018), which costs up to some hundredths next to large open
-    /// surfaces and much less elsewhere; [`Self::winding_number_exact`] sums up all of them. Closed analytic shapes count exactly, 1
-    /// inside and 0 outside, however they are placed. The same holds for each sphere and
-    /// curve segment of sets. Masks are not asked.
+    /// Far-away triangles are seen as one in groups (Barill et al. 2018), which costs up to some
+    /// hundredths next to large open surfaces and much less elsewhere;
+    /// [`Self::winding_number_exact`] sums up all of them. Closed analytic shapes count exactly, 1
+    /// inside and 0 outside, however they are placed. The same holds for each sphere and curve
+    /// segment of sets. Masks are not asked.
     ///
     /// The first call prepares a tree, kept with the world: some 40 bytes a triangle.
     ///
@@ -43,7 +50,10 @@ impl World {
     pub fn winding_number(&self, points: &[Vec3], numbers: &mut [f64]) {
         assert_eq!(points.len(), numbers.len(), "one answer per point");
         let winding = self.winding();
-        points.iter().zip(numbers).for_each(|(&point, number)| *number = winding.around(point.as_dvec3(), ACCURACY));
+        points
+            .iter()
+            .zip(numbers)
+            .for_each(|(&point, number)| *number = winding.around(point.as_dvec3(), ACCURACY));
     }
 
     /// [`Self::winding_number`] of a point in double precision, which is not rounded.
@@ -56,25 +66,31 @@ impl World {
         self.winding().is_inside(point)
     }
 
-    /// The generalised winding number without approximations: as long as there are triangles, to rounding.
+    /// The generalised winding number without approximations: as long as there are triangles, to
+    /// rounding.
     pub fn winding_number_exact(&self, point: Vec3) -> f64 {
         self.winding().around(point.as_dvec3(), f64::INFINITY)
     }
 
-    /// For each point whether it is inside: its winding number is more than a half. Where the approximation of
-    /// [`Self::winding_number`] is near a half, it is not used. Points that are not finite are outside.
+    /// For each point whether it is inside: its winding number is more than a half. Where the
+    /// approximation of [`Self::winding_number`] is near a half, it is not used. Points that are
+    /// not finite are outside.
     ///
     /// # Panics
     /// If the slices differ in length.
     pub fn occupancy(&self, points: &[Vec3], inside: &mut [bool]) {
         assert_eq!(points.len(), inside.len(), "one answer per point");
         let winding = self.winding();
-        points.iter().zip(inside).for_each(|(&point, inside)| *inside = winding.is_inside(point.as_dvec3()));
+        points
+            .iter()
+            .zip(inside)
+            .for_each(|(&point, inside)| *inside = winding.is_inside(point.as_dvec3()));
     }
 
-    /// The distance of each point to the nearest surface, in world units, negative inside ([`Self::occupancy`]); 0 on a surface,
-    /// `max_distance` with the right sign where no surface is as near, infinite in an empty world and for points that are not finite.
-    /// The mask of the points chooses what distances are taken to; the sign comes from everything.
+    /// The distance of each point to the nearest surface, in world units, negative inside
+    /// ([`Self::occupancy`]); 0 on a surface, `max_distance` with the right sign where no surface
+    /// is as near, infinite in an empty world and for points that are not finite. The mask of the
+    /// points chooses what distances are taken to; the sign comes from everything.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -99,7 +115,10 @@ impl DWorld {
     pub fn winding_number(&self, points: &[DVec3], numbers: &mut [f64]) {
         assert_eq!(points.len(), numbers.len(), "one answer per point");
         let winding = self.space().winding();
-        points.iter().zip(numbers).for_each(|(&point, number)| *number = winding.around(point, ACCURACY));
+        points
+            .iter()
+            .zip(numbers)
+            .for_each(|(&point, number)| *number = winding.around(point, ACCURACY));
     }
 
     /// As [`World::winding_number_exact`].
@@ -121,7 +140,11 @@ impl DWorld {
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn signed_distance<'a>(&self, points: impl Into<Points<'a, Double>>, distances: &mut [f64]) {
+    pub fn signed_distance<'a>(
+        &self,
+        points: impl Into<Points<'a, Double>>,
+        distances: &mut [f64],
+    ) {
         let points = points.into();
         let mut nearest = vec![DNearestPoint::NONE; points.len()];
         self.nearest_point(points, &mut nearest);
@@ -132,8 +155,8 @@ impl DWorld {
 
 impl<'a> Space<'a> {
     fn winding(&self) -> &'a Winding {
-        // Not prepared while the cell is locked: a thread that waits for its part of the work may take up another query meanwhile, and
-        // would then wait for itself.
+        // Not prepared while the cell is locked: a thread that waits for its part of the work may
+        // take up another query meanwhile, and would then wait for itself.
         if self.world.winding.get().is_none() {
             // Another thread may have been quicker.
             let _ = self.world.winding.set(Winding::of(self));
@@ -210,7 +233,8 @@ enum Object {
 
 impl Winding {
     fn of(space: &Space) -> Self {
-        let mut groups: Vec<Group> = (0..space.world.group_count()).map(|_| Group::default()).collect();
+        let mut groups: Vec<Group> =
+            (0..space.world.group_count()).map(|_| Group::default()).collect();
         for group in space.world.children_first() {
             groups[group] = Group::of(space, group, &groups);
         }
@@ -219,7 +243,8 @@ impl Winding {
 
     fn is_inside(&self, point: DVec3) -> bool {
         let fast = self.around(point, ACCURACY);
-        let number = if (fast - 0.5).abs() < DOUBT { self.around(point, f64::INFINITY) } else { fast };
+        let number =
+            if (fast - 0.5).abs() < DOUBT { self.around(point, f64::INFINITY) } else { fast };
         number > 0.5
     }
 
@@ -233,7 +258,10 @@ impl Winding {
     fn in_group(&self, group: usize, view: &View, accuracy: f64) -> f64 {
         let group = &self.groups[group];
         let mut exact = |item: u32| match item.checked_sub(group.triangles) {
-            None => of_triangle(group.corners(item).map(|c| view.linear * (c - view.point))) * view.orientation,
+            None => {
+                of_triangle(group.corners(item).map(|c| view.linear * (c - view.point)))
+                    * view.orientation
+            }
             Some(object) => self.around_object(&group.objects[object as usize], view, accuracy),
         };
         let always: f64 = group.always.iter().map(|&item| exact(item)).sum();
@@ -246,13 +274,14 @@ impl Winding {
             point.is_finite().then(|| (point, view.linear * map.matrix3.inverse()))
         };
         let number = match object {
-            Object::Primitive(set, primitive) => Some(f64::from(set.contains(*primitive as usize, view.point))),
+            Object::Primitive(set, primitive) => {
+                Some(f64::from(set.contains(*primitive as usize, view.point)))
+            }
             Object::Shape(shape, map) => {
                 placed(map).map(|(point, linear)| shape.winding_number(point, &Metric::new(linear)))
             }
-            Object::Instance(child, map) => {
-                placed(map).map(|(point, linear)| self.in_group(*child, &View::new(point, linear), accuracy))
-            }
+            Object::Instance(child, map) => placed(map)
+                .map(|(point, linear)| self.in_group(*child, &View::new(point, linear), accuracy)),
         };
         number.unwrap_or(0.0)
     }
@@ -276,8 +305,12 @@ impl Group {
                     Some(mesh) => add(&mut group, Triangles::Double(mesh.clone())),
                     None => add(&mut group, Triangles::Single(mesh.clone())),
                 },
-                Geometry::Quads(quads) => add(&mut group, Triangles::Single(quads.triangles().clone())),
-                Geometry::MovingMesh(mesh) => add(&mut group, Triangles::Single(mesh.first().clone())),
+                Geometry::Quads(quads) => {
+                    add(&mut group, Triangles::Single(quads.triangles().clone()))
+                }
+                Geometry::MovingMesh(mesh) => {
+                    add(&mut group, Triangles::Single(mesh.first().clone()))
+                }
                 Geometry::Shape(shape, placed) => shapes.push((shape.clone(), *placed)),
                 Geometry::Set(set) => sets.push(set.clone()),
             }
@@ -300,7 +333,8 @@ impl Group {
             let item = group.triangles + group.objects.len() as u32;
             let (child, map) = (instance.child.0 as usize, &instance.group_from_child);
             let below = &groups[child];
-            // Once for what can be seen from afar and what cannot: the tree leads to all of it, if it is to be seen from near.
+            // Once for what can be seen from afar and what cannot: the tree leads to all of it, if
+            // it is to be seen from near.
             if !below.always.is_empty() {
                 group.always.push(item);
             } else if let Some(moments) = below.tree.moments() {
@@ -309,7 +343,9 @@ impl Group {
             group.objects.push(Object::Instance(child, *map.inverse_matrix()));
         }
         for set in sets {
-            for (primitive, bounds) in (0..set.len()).map(|i| (i, set.bounds(i))).filter(|(_, b)| !b.is_empty()) {
+            for (primitive, bounds) in
+                (0..set.len()).map(|i| (i, set.bounds(i))).filter(|(_, b)| !b.is_empty())
+            {
                 let item = group.triangles + group.objects.len() as u32;
                 if bounds.is_finite() {
                     items.push((item, Moments::of_closed(bounds)));

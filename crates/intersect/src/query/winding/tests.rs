@@ -50,10 +50,15 @@ fn a_closed_mesh_counts_one_inside_and_nothing_outside() {
         if (offset.length() - 2.0).abs() < 0.01 {
             continue;
         }
-        let (point, expected) = (Vec3::new(5.0, 0.0, 0.0) + offset, f64::from(offset.length() < 2.0));
+        let (point, expected) =
+            (Vec3::new(5.0, 0.0, 0.0) + offset, f64::from(offset.length() < 2.0));
         let exact = world.winding_number_exact(point);
         assert!((exact - expected).abs() < 1e-10, "{point} {exact}");
-        assert!((winding(&world, point) - expected).abs() < 0.05, "{point} {}", winding(&world, point));
+        assert!(
+            (winding(&world, point) - expected).abs() < 0.05,
+            "{point} {}",
+            winding(&world, point)
+        );
         assert_eq!(is_inside(&world, point), expected > 0.5);
     }
 }
@@ -109,7 +114,9 @@ fn instances_are_measured_in_the_world_and_mirrors_keep_the_outside_outside() {
             flattened.push(open.transformed(&outer.compose(below)));
         }
     }
-    assert!(placements.iter().any(|p| p.is_mirrored()) && !placements.iter().all(|p| p.is_mirrored()));
+    assert!(
+        placements.iter().any(|p| p.is_mirrored()) && !placements.iter().all(|p| p.is_mirrored())
+    );
     let world = default_world(builder);
     for _ in 0..300 {
         let point = random.point(5.0);
@@ -145,7 +152,8 @@ fn closed_shapes_count_exactly_however_they_are_placed() {
 
 #[test]
 fn open_shapes_cover_the_solid_angle_of_the_textbook() {
-    let at = |shape: &dyn Shape, x, y, z| shape.winding_number(DVec3::new(x, y, z), &Metric::EUCLIDEAN);
+    let at =
+        |shape: &dyn Shape, x, y, z| shape.winding_number(DVec3::new(x, y, z), &Metric::EUCLIDEAN);
     for z in [0.1, 1.0, -3.0] {
         let disk = -0.5 * (1.0 - f64::abs(z) / z.hypot(2.0)) * z.signum();
         assert!((at(&Disk { radius: 2.0, inner_radius: 0.0 }, 0.0, 0.0, z) - disk).abs() < 1e-11);

@@ -1,8 +1,9 @@
 //! A tree over the surfaces of a group that stands for far-away ones by their moments.
 //!
-//! Barill, Dickson, Schmidt, Levin and Jacobson, Fast Winding Numbers for Soups and Clouds, 2018: seen from far away, a patch of
-//! surface acts as a dipole (its area vector), corrected by the first moment of its area vectors around its centre. The tree is one
-//! of its own: each triangle is in it once, whatever the accelerator does.
+//! Barill, Dickson, Schmidt, Levin and Jacobson, Fast Winding Numbers for Soups and Clouds, 2018:
+//! seen from far away, a patch of surface acts as a dipole (its area vector), corrected by the
+//! first moment of its area vectors around its centre. The tree is one of its own: each triangle is
+//! in it once, whatever the accelerator does.
 
 use rayon::prelude::*;
 use snell_math::{Bounds3d, DMat3, DVec3, Transform};
@@ -32,21 +33,37 @@ impl Moments {
     pub fn of_triangle([a, b, c]: [DVec3; 3]) -> Self {
         let area_vector = (b - a).cross(c - a) * 0.5;
         let bounds = Bounds3d::of([a, b, c]);
-        Self { center: (a + b + c) / 3.0, area_vector, gradient: DMat3::ZERO, area: area_vector.length(), bounds }
+        Self {
+            center: (a + b + c) / 3.0,
+            area_vector,
+            gradient: DMat3::ZERO,
+            area: area_vector.length(),
+            bounds,
+        }
     }
 
     /// Of a closed surface, which looks like nothing from outside.
     pub fn of_closed(bounds: Bounds3d) -> Self {
-        Self { center: bounds.center(), area_vector: DVec3::ZERO, gradient: DMat3::ZERO, area: 0.0, bounds }
+        Self {
+            center: bounds.center(),
+            area_vector: DVec3::ZERO,
+            gradient: DMat3::ZERO,
+            area: 0.0,
+            bounds,
+        }
     }
 
     /// Of several together.
     fn sum<'a>(parts: impl Iterator<Item = &'a Self> + Clone) -> Self {
         let bounds = parts.clone().fold(Bounds3d::EMPTY, |b, m| b.union(&m.bounds));
         let area: f64 = parts.clone().map(|m| m.area).sum();
-        let center =
-            if area > 0.0 { parts.clone().map(|m| m.center * m.area).sum::<DVec3>() / area } else { bounds.center() };
-        let mut sum = Self { center, area_vector: DVec3::ZERO, gradient: DMat3::ZERO, area, bounds };
+        let center = if area > 0.0 {
+            parts.clone().map(|m| m.center * m.area).sum::<DVec3>() / area
+        } else {
+            bounds.center()
+        };
+        let mut sum =
+            Self { center, area_vector: DVec3::ZERO, gradient: DMat3::ZERO, area, bounds };
         for m in parts {
             sum.area_vector += m.area_vector;
             sum.gradient += m.gradient + outer(m.area_vector, m.center - center);
@@ -86,11 +103,18 @@ impl View {
     pub fn new(point: DVec3, linear: DMat3) -> Self {
         let determinant = linear.determinant();
         let gram = linear.transpose() * linear;
-        // The norm that is least work: no less than the spectral norm, and equal for turns with scales along the axes.
+        // The norm that is least work: no less than the spectral norm, and equal for turns with
+        // scales along the axes.
         let row = |v: DVec3| v.abs().element_sum();
         let stretch = row(gram.x_axis).max(row(gram.y_axis)).max(row(gram.z_axis)).sqrt();
         let area = linear.inverse().transpose() * determinant.abs();
-        Self { point, linear, area, orientation: if determinant < 0.0 { -1.0 } else { 1.0 }, stretch }
+        Self {
+            point,
+            linear,
+            area,
+            orientation: if determinant < 0.0 { -1.0 } else { 1.0 },
+            stretch,
+        }
     }
 }
 
@@ -135,9 +159,14 @@ impl Tree {
         Some(&self.nodes.first()?.moments)
     }
 
-    /// The winding number of everything around a point: of nodes farther than `accuracy` times their radius from the moments, of the
-    /// items of other ones from `exact`.
-    pub fn winding_number(&self, view: &View, accuracy: f64, exact: &mut impl FnMut(u32) -> f64) -> f64 {
+    /// The winding number of everything around a point: of nodes farther than `accuracy` times
+    /// their radius from the moments, of the items of other ones from `exact`.
+    pub fn winding_number(
+        &self,
+        view: &View,
+        accuracy: f64,
+        exact: &mut impl FnMut(u32) -> f64,
+    ) -> f64 {
         let mut sum = 0.0;
         // Each step halves what is left.
         let mut stack = [0u32; 64];
@@ -174,7 +203,8 @@ fn from_afar(moments: &Moments, view: &View, r: DVec3, distance: f64) -> f64 {
     (dipole + (trace - 3.0 * along) * inverse) * inverse * inverse / (4.0 * std::f64::consts::PI)
 }
 
-/// Builds the nodes of a part of the order, halves by the median of centres along the longest axis. `first` is where the part begins.
+/// Builds the nodes of a part of the order, halves by the median of centres along the longest axis.
+/// `first` is where the part begins.
 fn build(items: &[(u32, Moments)], order: &mut [u32], first: u32) -> Vec<Node> {
     let of = |i: &u32| &items[*i as usize].1;
     let mut nodes = Vec::new();
@@ -193,7 +223,8 @@ fn build(items: &[(u32, Moments)], order: &mut [u32], first: u32) -> Vec<Node> {
         let centers = order.iter().fold(Bounds3d::EMPTY, |b, i| b.with_point(of(i).center));
         let axis = centers.size().max_position();
         let middle = order.len() / 2;
-        let by_center = |a: &u32, b: &u32| of(a).center[axis].total_cmp(&of(b).center[axis]).then(a.cmp(b));
+        let by_center =
+            |a: &u32, b: &u32| of(a).center[axis].total_cmp(&of(b).center[axis]).then(a.cmp(b));
         order.select_nth_unstable_by(middle, by_center);
         let (low, high) = order.split_at_mut(middle);
         let (left, right) = if low.len() > PARALLEL {
@@ -202,14 +233,24 @@ fn build(items: &[(u32, Moments)], order: &mut [u32], first: u32) -> Vec<Node> {
             (build(items, low, first), build(items, high, first + middle as u32))
         };
         let moments = Moments::sum([left[0].moments, right[0].moments].iter());
-        let moved = |by: u32| move |n: Node| Node { second: if n.second == 0 { 0 } else { n.second + by }, ..n };
+        let moved = |by: u32| {
+            move |n: Node| Node { second: if n.second == 0 { 0 } else { n.second + by }, ..n }
+        };
         second = 1 + left.len() as u32;
-        nodes.push(Node { moments, radius: 0.0, first, count: (low.len() + high.len()) as u32, second });
+        nodes.push(Node {
+            moments,
+            radius: 0.0,
+            first,
+            count: (low.len() + high.len()) as u32,
+            second,
+        });
         nodes.extend(left.into_iter().map(moved(1)));
         nodes.extend(right.into_iter().map(moved(second)));
         moments
     };
-    let far = (moments.center - moments.bounds.min).abs().max((moments.bounds.max - moments.center).abs());
+    let far = (moments.center - moments.bounds.min)
+        .abs()
+        .max((moments.bounds.max - moments.center).abs());
     nodes[0].radius = far.length();
     nodes[0].second = second;
     nodes

@@ -10,13 +10,14 @@ fn rays_per_example() -> u32 {
     std::env::var("SNELL_ORACLE_RAYS").ok().and_then(|n| n.parse().ok()).unwrap_or(100_000)
 }
 
-/// Runs `check` on every example with its own numbers, as often as asked for, and fails with the first complaint.
+/// Runs `check` on every example with its own numbers, as often as asked for, and fails with the
+/// first complaint.
 fn for_each_ray(check: impl Fn(&AnyShape, &[DVec3], &mut Numbers) -> Result<(), String> + Sync) {
     for (shape, stream) in AnyShape::examples().iter().zip(0..) {
         let features = rays::features(shape);
-        let complaints = (0..rays_per_example())
-            .into_par_iter()
-            .filter_map(|i| check(shape, &features, &mut Numbers::new(stream, i)).err().map(|error| (i, error)));
+        let complaints = (0..rays_per_example()).into_par_iter().filter_map(|i| {
+            check(shape, &features, &mut Numbers::new(stream, i)).err().map(|error| (i, error))
+        });
         let bad = complaints.collect::<Vec<_>>();
         if let Some((i, error)) = bad.first() {
             panic!("{shape:?}: {} of {} rays; number {i}: {error}", bad.len(), rays_per_example());
@@ -29,12 +30,14 @@ fn ensure(fact: bool, complaint: impl FnOnce() -> String) -> Result<(), String> 
     if fact { Ok(()) } else { Err(complaint()) }
 }
 
-/// What rounding costs on top near the axis of a cone: the quadratic there knows only the square of a small radius, which a rounding
-/// error relative to the whole moves by up to its root.
+/// What rounding costs on top near the axis of a cone: the quadratic there knows only the square of
+/// a small radius, which a rounding error relative to the whole moves by up to its root.
 fn apex_blur(shape: &AnyShape, ray: &DRay, p: DVec3) -> f64 {
     let scale = oracle::scale(shape, ray);
     match shape {
-        AnyShape::Cone(_) | AnyShape::Frustum(_) => (1e-15 * scale * scale / p.x.hypot(p.z)).min(3e-8 * scale),
+        AnyShape::Cone(_) | AnyShape::Frustum(_) => {
+            (1e-15 * scale * scale / p.x.hypot(p.z)).min(3e-8 * scale)
+        }
         _ => 0.0,
     }
 }
@@ -44,7 +47,11 @@ fn compare(shape: &AnyShape, ray: &DRay) -> Result<(), String> {
     let mut hits = Vec::new();
     shape.all(ray, &mut hits);
     if shape.closest(ray) != hits.first().copied() || shape.any(ray) == hits.is_empty() {
-        return Err(format!("closest {:?} and any {} differ from all", shape.closest(ray), shape.any(ray)));
+        return Err(format!(
+            "closest {:?} and any {} differ from all",
+            shape.closest(ray),
+            shape.any(ray)
+        ));
     }
     if !hits.is_sorted_by(|a, b| a.t <= b.t) || hits.iter().any(|h| !ray.contains(h.t)) {
         return Err("all is unordered or leaves the interval".into());
@@ -72,7 +79,9 @@ fn compare(shape: &AnyShape, ray: &DRay) -> Result<(), String> {
         let blur = blur + apex_blur(shape, ray, ray.at(hit.t));
         (s - found).abs() <= blur / cos.max(1e-7) || between <= blur
     };
-    if let Some(missed) = expected.iter().find(|c| !c.doubtful && !hits.iter().any(|h| same(c.s, h))) {
+    if let Some(missed) =
+        expected.iter().find(|c| !c.doubtful && !hits.iter().any(|h| same(c.s, h)))
+    {
         return Err(format!("missed {missed:?}"));
     }
     if let Some(extra) = hits.iter().find(|h| !expected.iter().any(|c| same(c.s, h))) {
@@ -90,7 +99,9 @@ fn all_shapes_agree_with_the_oracle() {
     for_each_ray(|shape, features, numbers| {
         let ray = rays::ray(shape, features, numbers);
         if ray.direction == DVec3::ZERO {
-            return ensure(shape.closest(&ray).is_none(), || format!("hit without direction: {ray:?}"));
+            return ensure(shape.closest(&ray).is_none(), || {
+                format!("hit without direction: {ray:?}")
+            });
         }
         compare(shape, &ray).map_err(|error| {
             let mut hits = Vec::new();
@@ -123,7 +134,9 @@ fn a_ray_from_inside_a_closed_shape_leaves_it_exactly_once() {
         };
         let mut hits = Vec::new();
         shape.all(&DRay::new(origin, direction), &mut hits);
-        ensure(hits.len() == 1 || direction == DVec3::ZERO, || format!("from {origin} along {direction}: {hits:?}"))
+        ensure(hits.len() == 1 || direction == DVec3::ZERO, || {
+            format!("from {origin} along {direction}: {hits:?}")
+        })
     });
 }
 
@@ -167,7 +180,11 @@ fn broken_rays_miss() {
                 let (mut origin, mut direction) = (good, good);
                 origin.origin[i] = bad;
                 direction.direction[i] = bad;
-                assert_eq!((shape.closest(&origin), shape.closest(&direction)), (None, None), "{shape:?}");
+                assert_eq!(
+                    (shape.closest(&origin), shape.closest(&direction)),
+                    (None, None),
+                    "{shape:?}"
+                );
             }
         }
         let still = DRay { direction: DVec3::ZERO, ..good };
@@ -179,7 +196,10 @@ fn broken_rays_miss() {
         for far in [1e150, 1e300] {
             for i in 0..3 {
                 let ray = DRay::new(DVec3::AXES[i] * far, DVec3::AXES[i] * -far);
-                assert!(shape.closest(&ray).is_none_or(|hit| hit.t.is_finite()), "{shape:?} {ray:?}");
+                assert!(
+                    shape.closest(&ray).is_none_or(|hit| hit.t.is_finite()),
+                    "{shape:?} {ray:?}"
+                );
             }
         }
     }
@@ -195,7 +215,8 @@ fn the_methods_of_the_lecture_agree_with_each_other() {
     for_each_ray(|shape, features, numbers| {
         let ray = rays::ray(shape, features, numbers);
         let (length, scale) = (ray.direction.length(), oracle::scale(shape, &ray));
-        // The plain formulas are for rays of ordinary length, and the geometric one looks ahead only.
+        // The plain formulas are for rays of ordinary length, and the geometric one looks ahead
+        // only.
         if ray.t_min < 0.0 || !(1e-12..1e12).contains(&length) {
             return Ok(());
         }
@@ -207,14 +228,19 @@ fn the_methods_of_the_lecture_agree_with_each_other() {
                 ]
             }
             AnyShape::BoxShape(b) => {
-                vec![box_shape::intersect_faces(b, &ray).map(|h| h.t), box_shape::intersect_slabs(b, &ray).map(|h| h.t)]
+                vec![
+                    box_shape::intersect_faces(b, &ray).map(|h| h.t),
+                    box_shape::intersect_slabs(b, &ray).map(|h| h.t),
+                ]
             }
             AnyShape::Triangle(t) => vec![
                 triangle::intersect_algebraic(&t.vertices, &ray),
                 triangle::intersect_parametric(&t.vertices, &ray),
                 triangle::intersect_watertight(&t.vertices, &ray).map(|h| h.t),
             ],
-            AnyShape::Polygon(p) => vec![polygon::intersect_algebraic(p, &ray), polygon::intersect_fan(p, &ray)],
+            AnyShape::Polygon(p) => {
+                vec![polygon::intersect_algebraic(p, &ray), polygon::intersect_fan(p, &ray)]
+            }
             _ => return Ok(()),
         };
         let Verdict::Crossings(expected) = oracle::crossings(shape, &ray) else { return Ok(()) };
@@ -239,5 +265,7 @@ fn is_clear(shape: &AnyShape, ray: &DRay, scale: f64) -> bool {
         hits.iter().map(|h| h.face).collect::<Vec<_>>()
     };
     let expected = count(DVec3::ZERO);
-    DVec3::AXES.iter().all(|&a| count(a * 1e-7 * scale) == expected && count(a * -1e-7 * scale) == expected)
+    DVec3::AXES
+        .iter()
+        .all(|&a| count(a * 1e-7 * scale) == expected && count(a * -1e-7 * scale) == expected)
 }

@@ -1,4 +1,5 @@
-//! Every example of every shape against an independent oracle and against what its own operations say about each other.
+//! Every example of every shape against an independent oracle and against what its own operations
+//! say about each other.
 //!
 //! `SNELL_ORACLE_RAYS` sets the number of rays per example.
 

@@ -11,7 +11,9 @@ fn metrics(numbers: &mut Numbers) -> Vec<Metric> {
     let stretch = DMat3::from_diagonal(DVec3::new(1.0, 3.0, 0.4));
     let shear = DMat3::from_cols(DVec3::X, DVec3::new(0.7, 1.0, 0.0), DVec3::new(-0.4, 2.0, 0.5));
     let flat = DMat3::from_diagonal(DVec3::new(1.0, 0.01, 1.0));
-    [DMat3::IDENTITY, turn * 2.0, turn * stretch, shear, flat * turn, turn * flat].map(Metric::new).to_vec()
+    [DMat3::IDENTITY, turn * 2.0, turn * stretch, shear, flat * turn, turn * flat]
+        .map(Metric::new)
+        .to_vec()
 }
 
 #[test]
@@ -25,7 +27,8 @@ fn no_point_of_the_surface_is_nearer_and_the_nearest_lies_on_the_face() {
             .chain(features.iter().copied())
             .collect();
         let b = shape.bounds();
-        let (center, size) = if b.is_finite() { (b.center(), b.size().max_element()) } else { (DVec3::ZERO, 4.0) };
+        let (center, size) =
+            if b.is_finite() { (b.center(), b.size().max_element()) } else { (DVec3::ZERO, 4.0) };
         for i in 0..60 {
             let mut numbers = Numbers::new(1000 + e, i);
             let reach = size * 10.0_f64.powf(numbers.between(-2.0, 2.0));
@@ -38,10 +41,19 @@ fn no_point_of_the_surface_is_nearer_and_the_nearest_lies_on_the_face() {
                 let found = shape.nearest_point(point, &metric).expect("a point");
                 let p = found.position;
                 let blur = 1e-12 * (size + point.length() + center.length());
-                assert!(shape.surface(p, found.face).position.distance(p) <= blur, "{shape:?} {point} {found:?}");
-                assert!(oracle::outside(&shape, p).is_none_or(|d| d.abs() <= blur), "{shape:?} {point} {found:?}");
+                assert!(
+                    shape.surface(p, found.face).position.distance(p) <= blur,
+                    "{shape:?} {point} {found:?}"
+                );
+                assert!(
+                    oracle::outside(&shape, p).is_none_or(|d| d.abs() <= blur),
+                    "{shape:?} {point} {found:?}"
+                );
                 let squared = metric.length_squared(p - point);
-                let least = surface.iter().map(|&s| metric.length_squared(s - point)).fold(f64::INFINITY, f64::min);
+                let least = surface
+                    .iter()
+                    .map(|&s| metric.length_squared(s - point))
+                    .fold(f64::INFINITY, f64::min);
                 assert!(
                     squared.sqrt() <= least.sqrt() + blur,
                     "{shape:?} {metric:?} {point} {found:?}: {squared} {least}"
@@ -63,7 +75,8 @@ fn axis_weights_are_a_lower_bound_and_exact_for_scales_along_the_axes() {
         }
     }
     let turn = DMat3::from_axis_angle(numbers.direction(), 2.0);
-    let weights = Metric::new(turn * DMat3::from_diagonal(DVec3::new(1.0, 3.0, 0.4))).axis_weights();
+    let weights =
+        Metric::new(turn * DMat3::from_diagonal(DVec3::new(1.0, 3.0, 0.4))).axis_weights();
     assert!((weights - DVec3::new(1.0, 9.0, 0.16)).abs().max_element() < 1e-8, "{weights}");
 }
 
@@ -71,7 +84,11 @@ fn axis_weights_are_a_lower_bound_and_exact_for_scales_along_the_axes() {
 fn points_that_are_not_finite_have_no_nearest_point() {
     for shape in AnyShape::examples() {
         for bad in [f64::NAN, f64::INFINITY] {
-            assert_eq!(shape.nearest_point(DVec3::new(0.0, bad, 0.0), &Metric::EUCLIDEAN), None, "{shape:?}");
+            assert_eq!(
+                shape.nearest_point(DVec3::new(0.0, bad, 0.0), &Metric::EUCLIDEAN),
+                None,
+                "{shape:?}"
+            );
         }
     }
 }

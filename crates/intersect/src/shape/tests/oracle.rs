@@ -1,10 +1,12 @@
-//! Where a line meets a shape, found slowly and without any of the shapes' formulas: convex solids by searching the line for the
-//! deepest point and bisecting on both sides of it, flat shapes by bisecting the distance from their plane.
+//! Where a line meets a shape, found slowly and without any of the shapes' formulas: convex solids
+//! by searching the line for the deepest point and bisecting on both sides of it, flat shapes by
+//! bisecting the distance from their plane.
 
 use crate::shape::{AnyShape, Frustum, Shape};
 use snell_math::{DRay, DVec3};
 
-/// Where the surface must be hit, in units of length along the ray, and whether rounding may decide otherwise.
+/// Where the surface must be hit, in units of length along the ray, and whether rounding may decide
+/// otherwise.
 #[derive(Clone, Copy, Debug)]
 pub struct Crossing {
     pub s: f64,
@@ -16,16 +18,28 @@ pub struct Crossing {
 pub enum Verdict {
     /// These crossings.
     Crossings(Vec<Crossing>),
-    /// The line touches the shape to within rounding, or runs within a flat one: any answer on the surface will do.
+    /// The line touches the shape to within rounding, or runs within a flat one: any answer on the
+    /// surface will do.
     Touching,
     /// The oracle has not been told of this shape.
     Unknown,
 }
 
-/// True for the shapes that the oracle has been told of. The others are held to everything else: hits lie on the surface, areas
-/// are what random lines measure, samples are spread like hits.
+/// True for the shapes that the oracle has been told of. The others are held to everything else:
+/// hits lie on the surface, areas are what random lines measure, samples are spread like hits.
 pub fn knows(shape: &AnyShape) -> bool {
-    let told = ["sphere", "box", "cylinder", "cone", "frustum", "disk", "rectangle", "plane", "triangle", "polygon"];
+    let told = [
+        "sphere",
+        "box",
+        "cylinder",
+        "cone",
+        "frustum",
+        "disk",
+        "rectangle",
+        "plane",
+        "triangle",
+        "polygon",
+    ];
     told.contains(&shape.name())
 }
 
@@ -44,10 +58,15 @@ pub fn tolerance(shape: &AnyShape, ray: &DRay) -> f64 {
 fn frustum_of(shape: &AnyShape) -> Option<Frustum> {
     match *shape {
         AnyShape::Frustum(f) => Some(f),
-        AnyShape::Cylinder(c) => {
-            Some(Frustum { bottom_radius: c.radius, top_radius: c.radius, height: c.height, caps: c.caps })
+        AnyShape::Cylinder(c) => Some(Frustum {
+            bottom_radius: c.radius,
+            top_radius: c.radius,
+            height: c.height,
+            caps: c.caps,
+        }),
+        AnyShape::Cone(c) => {
+            Some(Frustum { bottom_radius: c.radius, top_radius: 0.0, height: c.height, caps: true })
         }
-        AnyShape::Cone(c) => Some(Frustum { bottom_radius: c.radius, top_radius: 0.0, height: c.height, caps: true }),
         _ => None,
     }
 }
@@ -60,8 +79,8 @@ fn frustum_depths(f: &Frustum, p: DVec3) -> (f64, f64) {
     ((p.x.hypot(p.z) - radius) * f.height / slant, p.y.abs() - 0.5 * f.height)
 }
 
-/// For shapes around a solid (open frusta included): a convex function, negative inside, near the surface its distance. None for
-/// flat shapes.
+/// For shapes around a solid (open frusta included): a convex function, negative inside, near the
+/// surface its distance. None for flat shapes.
 pub fn outside(shape: &AnyShape, p: DVec3) -> Option<f64> {
     match shape {
         AnyShape::Sphere(s) => Some(p.length() - s.radius),
@@ -73,13 +92,18 @@ pub fn outside(shape: &AnyShape, p: DVec3) -> Option<f64> {
     }
 }
 
-/// For flat shapes: a point of the plane, its unit normal, and how far a point of it is inside the outline.
+/// For flat shapes: a point of the plane, its unit normal, and how far a point of it is inside the
+/// outline.
 fn flat(shape: &AnyShape) -> (DVec3, DVec3, Box<dyn Fn(DVec3) -> f64 + '_>) {
     match shape {
         AnyShape::Disk(d) => {
             let inside = |p: DVec3| {
                 let rho = p.x.hypot(p.y);
-                if d.inner_radius > 0.0 { (d.radius - rho).min(rho - d.inner_radius) } else { d.radius - rho }
+                if d.inner_radius > 0.0 {
+                    (d.radius - rho).min(rho - d.inner_radius)
+                } else {
+                    d.radius - rho
+                }
             };
             (DVec3::ZERO, DVec3::Z, Box::new(inside))
         }
@@ -98,7 +122,10 @@ fn outline(v: Vec<DVec3>) -> (DVec3, DVec3, Box<dyn Fn(DVec3) -> f64>) {
     let center = v.iter().sum::<DVec3>() / n as f64;
     // The corner with the widest angle to the first edge gives the best normal.
     let normals = (2..n).map(|i| (v[1] - v[0]).cross(v[i] - v[0]));
-    let normal = normals.max_by(|a, b| a.length().total_cmp(&b.length())).expect("three vertices").normalize();
+    let normal = normals
+        .max_by(|a, b| a.length().total_cmp(&b.length()))
+        .expect("three vertices")
+        .normalize();
     let inside = move |p: DVec3| {
         let distance = |i: usize| {
             let (a, b) = (v[i], v[(i + 1) % n]);
@@ -193,12 +220,16 @@ pub fn crossings(shape: &AnyShape, ray: &DRay) -> Verdict {
         None => tolerance / unit.dot(flat(shape).1).abs(),
     };
     let ends = [ray.t_min * length, ray.t_max * length];
-    found.retain(|c| c.s > ends[0] - 1e-6 * scale(shape, ray) && c.s < ends[1] + 1e-6 * scale(shape, ray));
+    found.retain(|c| {
+        c.s > ends[0] - 1e-6 * scale(shape, ray) && c.s < ends[1] + 1e-6 * scale(shape, ray)
+    });
     found.retain_mut(|c| {
         let at_end = |end: f64| {
             let near = (c.s - end).abs() <= 10.0 * blur(c.s);
-            let same_surface = || outside(shape, at(end)).is_some_and(|d| d.abs() <= 2.0 * tolerance);
-            end.is_finite() && (near || (c.s - end).abs() < 1e-2 * scale(shape, ray) && same_surface())
+            let same_surface =
+                || outside(shape, at(end)).is_some_and(|d| d.abs() <= 2.0 * tolerance);
+            end.is_finite()
+                && (near || (c.s - end).abs() < 1e-2 * scale(shape, ray) && same_surface())
         };
         c.doubtful |= ends.into_iter().any(at_end);
         c.doubtful || (c.s > ends[0] && c.s < ends[1])

@@ -55,8 +55,11 @@ pub fn features(shape: &AnyShape) -> Vec<DVec3> {
     };
     if points.is_empty() {
         let b = shape.bounds();
-        let (center, half) =
-            if b.is_finite() { (b.center(), b.size() * 0.5) } else { (DVec3::ZERO, DVec3::new(3.0, 3.0, 0.0)) };
+        let (center, half) = if b.is_finite() {
+            (b.center(), b.size() * 0.5)
+        } else {
+            (DVec3::ZERO, DVec3::new(3.0, 3.0, 0.0))
+        };
         for i in 0..27 {
             let offset = DVec3::new(f64::from(i % 3), f64::from(i / 3 % 3), f64::from(i / 9)) - 1.0;
             for face in 0..6 {
@@ -82,7 +85,8 @@ pub fn surface_point(shape: &AnyShape, numbers: &mut Numbers) -> (DVec3, DVec3) 
 /// The ray with this number.
 pub fn ray(shape: &AnyShape, features: &[DVec3], numbers: &mut Numbers) -> DRay {
     let b = shape.bounds();
-    let (center, radius) = if b.is_finite() { (b.center(), b.radius()) } else { (DVec3::ZERO, 5.0) };
+    let (center, radius) =
+        if b.is_finite() { (b.center(), b.radius()) } else { (DVec3::ZERO, 5.0) };
     let mut origin = match numbers.below(7) {
         0 => center + numbers.direction() * radius * numbers.between(1.0, 6.0),
         1 => center + numbers.direction() * radius * 10f64.powf(numbers.between(1.0, 4.0)),
@@ -97,7 +101,10 @@ pub fn ray(shape: &AnyShape, features: &[DVec3], numbers: &mut Numbers) -> DRay 
             let deep = numbers.uniform();
             center + (p - center) * deep
         }
-        _ => numbers.pick(features) + DVec3::AXES[numbers.below(3)] * radius * numbers.between(-3.0, 3.0),
+        _ => {
+            numbers.pick(features)
+                + DVec3::AXES[numbers.below(3)] * radius * numbers.between(-3.0, 3.0)
+        }
     };
     let axis = DVec3::AXES[numbers.below(3)] * if numbers.uniform() < 0.5 { -1.0 } else { 1.0 };
     let mut direction = match numbers.below(8) {

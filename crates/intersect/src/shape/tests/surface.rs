@@ -19,16 +19,28 @@ fn samples_lie_on_the_surface_and_in_the_bounds() {
         for i in 0..SAMPLES {
             let sample = shape.sample(Numbers::new(e, i).square()).expect("finite area");
             let p = sample.position;
-            assert!(p.cmpge(b.min - blur).all() && p.cmple(b.max + blur).all(), "{shape:?} {sample:?}");
-            assert!(oracle::outside(&shape, p).is_none_or(|d| d.abs() <= 4.0 * blur), "{shape:?} {sample:?}");
+            assert!(
+                p.cmpge(b.min - blur).all() && p.cmple(b.max + blur).all(),
+                "{shape:?} {sample:?}"
+            );
+            assert!(
+                oracle::outside(&shape, p).is_none_or(|d| d.abs() <= 4.0 * blur),
+                "{shape:?} {sample:?}"
+            );
             let surface = shape.surface(p, sample.face);
             assert!(surface.position.distance(p) <= 4.0 * blur, "{shape:?} {sample:?} {surface:?}");
-            assert!(surface.normal.dot(sample.normal) > 0.999_999, "{shape:?} {sample:?} {surface:?}");
+            assert!(
+                surface.normal.dot(sample.normal) > 0.999_999,
+                "{shape:?} {sample:?} {surface:?}"
+            );
         }
         for u in [0.0, 1.0_f64.next_down()] {
             for v in [0.0, 0.5, 1.0_f64.next_down()] {
                 let sample = shape.sample((u, v).into()).expect("finite area");
-                assert!(sample.position.is_finite() && sample.normal.is_normalized(), "{shape:?} {sample:?}");
+                assert!(
+                    sample.position.is_finite() && sample.normal.is_normalized(),
+                    "{shape:?} {sample:?}"
+                );
             }
         }
     }
@@ -38,10 +50,15 @@ fn samples_lie_on_the_surface_and_in_the_bounds() {
 fn bounds_are_tight() {
     for (e, shape) in bounded() {
         let b = shape.bounds();
-        let samples = (0..SAMPLES).filter_map(|i| shape.sample(Numbers::new(e, i).square())).map(|s| s.position);
+        let samples = (0..SAMPLES)
+            .filter_map(|i| shape.sample(Numbers::new(e, i).square()))
+            .map(|s| s.position);
         let found = snell_math::Bounds3d::of(samples.chain(features(&shape)));
         let slack = 0.02 * b.size() + 1e-15 * b.radius();
-        assert!((found.min - b.min).cmple(slack).all() && (b.max - found.max).cmple(slack).all(), "{shape:?}");
+        assert!(
+            (found.min - b.min).cmple(slack).all() && (b.max - found.max).cmple(slack).all(),
+            "{shape:?}"
+        );
     }
 }
 
@@ -62,11 +79,18 @@ fn normals_are_unit_outward_and_perpendicular_to_the_derivatives() {
                 assert!(d.is_finite() && d != DVec3::ZERO, "{shape:?} {s:?}");
                 assert!(d.normalize().dot(s.normal).abs() < 1e-12, "{shape:?} {s:?}");
             }
-            assert!(s.dpdu.normalize().cross(s.dpdv.normalize()).length() > 1e-6, "{shape:?} {s:?}");
+            assert!(
+                s.dpdu.normalize().cross(s.dpdv.normalize()).length() > 1e-6,
+                "{shape:?} {s:?}"
+            );
             let unlimited = matches!(shape, AnyShape::Plane(_));
-            assert!(unlimited || (s.uv.min_element() >= 0.0 && s.uv.max_element() <= 1.0), "{shape:?} {s:?}");
+            assert!(
+                unlimited || (s.uv.min_element() >= 0.0 && s.uv.max_element() <= 1.0),
+                "{shape:?} {s:?}"
+            );
         }
-        for (p, n) in (0..1000).map(|i| super::rays::surface_point(&shape, &mut Numbers::new(e, i))) {
+        for (p, n) in (0..1000).map(|i| super::rays::surface_point(&shape, &mut Numbers::new(e, i)))
+        {
             let step = 1e-9 * shape.bounds().radius();
             if let (Some(out), Some(inside)) =
                 (oracle::outside(&shape, p + n * step), oracle::outside(&shape, p - n * step))
@@ -95,7 +119,10 @@ fn derivatives_match_finite_differences() {
                 let stayed = moved.position.distance(s.position) > 0.9 * d.length() * step;
                 if duv.abs().max_element() < 0.5 && stayed {
                     let off = (moved.position - s.position - predicted).length();
-                    assert!(off <= 1e-4 * d.length() * step + 1e-15 * s.position.length(), "{shape:?} {s:?} {moved:?}");
+                    assert!(
+                        off <= 1e-4 * d.length() * step + 1e-15 * s.position.length(),
+                        "{shape:?} {s:?} {moved:?}"
+                    );
                     compared += 1;
                 }
             }
@@ -104,8 +131,9 @@ fn derivatives_match_finite_differences() {
     }
 }
 
-/// Uniformly distributed lines meet every bit of surface in proportion to its area (Crofton, 1868; Santaló, Integral Geometry and
-/// Geometric Probability, 1976). `visit` gets a ray and the area of the window it was chosen in.
+/// Uniformly distributed lines meet every bit of surface in proportion to its area (Crofton, 1868;
+/// Santaló, Integral Geometry and Geometric Probability, 1976). `visit` gets a ray and the area of
+/// the window it was chosen in.
 fn uniform_lines(stream: u32, shape: &AnyShape, count: u32, mut visit: impl FnMut(&DRay, f64)) {
     let b = shape.bounds();
     let half = b.size() * 0.5;
@@ -117,7 +145,8 @@ fn uniform_lines(stream: u32, shape: &AnyShape, count: u32, mut visit: impl FnMu
         let x = (longest - d * d.dot(longest)).normalize();
         let y = d.cross(x);
         let extent = |axis: DVec3| axis.abs().dot(half);
-        let offset = x * extent(x) * numbers.between(-1.0, 1.0) + y * extent(y) * numbers.between(-1.0, 1.0);
+        let offset =
+            x * extent(x) * numbers.between(-1.0, 1.0) + y * extent(y) * numbers.between(-1.0, 1.0);
         let mut ray = DRay::new(b.center() + offset, d);
         ray.t_min = f64::NEG_INFINITY;
         visit(&ray, 4.0 * extent(x) * extent(y));
@@ -146,7 +175,10 @@ fn areas_are_what_random_lines_measure_and_samples_are_spread_like_their_hits() 
         let mean = sum / n;
         let deviation = ((sum2 / n - mean * mean) / n).sqrt();
         let area = shape.area();
-        assert!((mean - area).abs() < 4.5 * deviation, "{shape:?}: area {area}, lines say {mean} +- {deviation}");
+        assert!(
+            (mean - area).abs() < 4.5 * deviation,
+            "{shape:?}: area {area}, lines say {mean} +- {deviation}"
+        );
         assert!(deviation < 0.05 * area, "{shape:?}: {deviation} of {area} says little");
 
         let samples: Vec<[f64; 9]> = (0..100_000)
@@ -199,7 +231,10 @@ fn examples_are_valid_and_survive_being_stored() {
 fn senseless_parameters_are_named() {
     for radius in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let error: ShapeError = Sphere { radius }.validate().expect_err("not a radius");
-        assert_eq!(error.to_string(), format!("sphere: radius is {radius}, expected a positive number"));
+        assert_eq!(
+            error.to_string(),
+            format!("sphere: radius is {radius}, expected a positive number")
+        );
         let ray = DRay::new(DVec3::new(0.3, 0.2, -3.0), DVec3::Z);
         assert!(Sphere { radius }.closest(&ray).is_none_or(|hit| hit.t.is_finite()));
     }

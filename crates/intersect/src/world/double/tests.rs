@@ -1,5 +1,5 @@
-//! Worlds in double precision: structures and levels agree, closed meshes in a city have no holes, and worlds in single precision
-//! say the same of what both can hold.
+//! Worlds in double precision: structures and levels agree, closed meshes in a city have no holes,
+//! and worlds in single precision say the same of what both can hold.
 
 use super::*;
 use crate::accel::AcceleratorKind;
@@ -34,7 +34,8 @@ fn double_soup(random: &mut Random, triangles: usize, center: DVec3, size: f64) 
     mesh
 }
 
-/// Meshes twice in one place, shapes and instances, three deep, far from the origin; some masked, some filtered.
+/// Meshes twice in one place, shapes and instances, three deep, far from the origin; some masked,
+/// some filtered.
 fn nested_scene(seed: u32, center: DVec3, size: f64) -> DWorldBuilder {
     let mut random = Random(snell_math::rng::hash32(seed));
     let mut builder = DWorldBuilder::default();
@@ -104,7 +105,8 @@ fn every_structure_and_level_gives_the_same_hits_bit_for_bit() {
     ] {
         let mut random = Random(seed);
         let rays = rays_into(&mut random, center, size, 300);
-        let masks: Vec<u32> = (0..rays.len() as u32).map(|i| [u32::MAX, 2, 4, 8][i as usize % 4]).collect();
+        let masks: Vec<u32> =
+            (0..rays.len() as u32).map(|i| [u32::MAX, 2, 4, 8][i as usize % 4]).collect();
         let batch = Rays::<Double>::new(&rays).with_masks(&masks);
         let oracle = build(nested_scene(seed, center, size), AcceleratorKind::None, Level::Scalar);
         let mut expected = vec![DHit::MISS; rays.len()];
@@ -112,22 +114,32 @@ fn every_structure_and_level_gives_the_same_hits_bit_for_bit() {
         let others = AcceleratorKind::ALL.into_iter().map(|kind| (kind, Level::best()));
         for (kind, level) in levels().map(|level| (AcceleratorKind::Bvh, level)).chain(others) {
             let world = build(nested_scene(seed, center, size), kind, level);
-            assert_eq!((world.bounds(), world.stats().triangles), (oracle.bounds(), oracle.stats().triangles));
+            assert_eq!(
+                (world.bounds(), world.stats().triangles),
+                (oracle.bounds(), oracle.stats().triangles)
+            );
             let mut found = vec![DHit::MISS; rays.len()];
             let mut blocked = vec![false; rays.len()];
             world.closest(batch, Grouping::None, &Odd, &mut found);
             world.occluded(batch, Grouping::None, &Odd, &mut blocked);
             let mut together = vec![DHit::MISS; rays.len()];
             world.closest(batch, Grouping::Coherent, &Odd, &mut together);
-            assert!(together.iter().zip(&found).all(|(a, b)| bits(a) == bits(b)), "{kind:?} {level}");
+            assert!(
+                together.iter().zip(&found).all(|(a, b)| bits(a) == bits(b)),
+                "{kind:?} {level}"
+            );
             let checked = if kind == AcceleratorKind::Bvh { rays.len() } else { 60 };
             for i in 0..checked {
                 let (ray, expected) = (batch.get(i), &expected[i]);
                 assert_eq!(bits(&found[i]), bits(expected), "{kind:?} {level} {:?}", rays[i]);
                 assert_eq!(bits(&world.closest_one(ray, &Odd)), bits(expected));
                 assert_eq!(bits(&world.closest_counted(ray, &Odd).0), bits(expected));
-                assert_eq!((blocked[i], world.occluded_one(ray, &Odd)), (expected.is_hit(), expected.is_hit()));
-                let all = |world: &DWorld| world.all_one(ray, &Odd).iter().map(bits).collect::<Vec<_>>();
+                assert_eq!(
+                    (blocked[i], world.occluded_one(ray, &Odd)),
+                    (expected.is_hit(), expected.is_hit())
+                );
+                let all =
+                    |world: &DWorld| world.all_one(ray, &Odd).iter().map(bits).collect::<Vec<_>>();
                 assert_eq!(all(&world), all(&oracle));
             }
         }
@@ -137,7 +149,8 @@ fn every_structure_and_level_gives_the_same_hits_bit_for_bit() {
     assert!(hits > rays_traced / 3 && hits < rays_traced, "{hits} of {rays_traced}");
 }
 
-/// Rays from inside the closed part of a mesh at its vertices, edges and anywhere: misses, and counts other than one.
+/// Rays from inside the closed part of a mesh at its vertices, edges and anywhere: misses, and
+/// counts other than one.
 fn leaks(
     mesh: &Arc<DTriangleMesh>,
     closed: &DTriangleMesh,
@@ -177,9 +190,13 @@ fn rays_inside_a_closed_mesh_in_a_city_hit_it_exactly_once() {
 
 #[test]
 fn closed_meshes_of_any_size_and_place_hold_their_rays() {
-    for (center, radius) in
-        [(DVec3::ZERO, 2.0), (CITY, 1e-6), (CITY * 1e6, 3.0), (DVec3::ZERO, 1e-150), (CITY * 1e100, 1e106)]
-    {
+    for (center, radius) in [
+        (DVec3::ZERO, 2.0),
+        (CITY, 1e-6),
+        (CITY * 1e6, 3.0),
+        (DVec3::ZERO, 1e-150),
+        (CITY * 1e100, 1e106),
+    ] {
         let mesh = Arc::new(double_sphere(center, radius, 20, 40));
         let (rays, misses, wrong) = leaks(&mesh, &mesh, center, radius, 1);
         assert_eq!((misses, wrong), (0, 0), "of {rays} rays at {center}, radius {radius}");
@@ -193,7 +210,11 @@ fn details_of_a_millimetre_stay_closed_in_a_mesh_of_ten_kilometres() {
     let bead = double_sphere(corner, 0.05, 150, 300);
     let mut mesh = bead.clone();
     let first = mesh.positions.len() as u32;
-    mesh.positions.extend([CITY - 5000.0, CITY + DVec3::new(-4990.0, -5000.0, 0.0), CITY - DVec3::Z * 10.0]);
+    mesh.positions.extend([
+        CITY - 5000.0,
+        CITY + DVec3::new(-4990.0, -5000.0, 0.0),
+        CITY - DVec3::Z * 10.0,
+    ]);
     mesh.indices.push([first, first + 1, first + 2]);
     let (rays, misses, wrong) = leaks(&Arc::new(mesh), &bead, corner, 0.05, 3);
     assert_eq!((misses, wrong), (0, 0), "of {rays} rays");
@@ -213,7 +234,10 @@ fn single_precision_sees_the_same_triangles_as_far_as_it_can_see() {
     for _ in 0..20_000 {
         let origin = random.point(4.0);
         let ray = Ray::new(origin, random.point(2.0) - origin);
-        let (a, b) = (single.closest_one(&ray, &AcceptAll), double.closest_one(&DRay::from(&ray), &AcceptAll));
+        let (a, b) = (
+            single.closest_one(&ray, &AcceptAll),
+            double.closest_one(&DRay::from(&ray), &AcceptAll),
+        );
         if (a.geometry, a.primitive) != (b.geometry, b.primitive) {
             // On an edge as drawn in `f32`.
             differ += 1;
@@ -236,7 +260,8 @@ fn invalid_and_extreme_rays_end_in_an_answer() {
     builder.add_mesh(DWorldBuilder::ROOT, Arc::new(mesh));
     let oracle = build(builder, AcceleratorKind::None, Level::Scalar);
     assert_eq!(oracle.stats().skipped_triangles, 3);
-    let numbers = [0.0, -0.0, 1.0, 5e-324, 1e-300, -1e300, f64::MAX, f64::INFINITY, f64::NAN, 500_000.0];
+    let numbers =
+        [0.0, -0.0, 1.0, 5e-324, 1e-300, -1e300, f64::MAX, f64::INFINITY, f64::NAN, 500_000.0];
     let mut mesh = double_sphere(CITY, 1.0, 8, 16);
     mesh.positions.push(CITY);
     let mut builder = DWorldBuilder::default();
@@ -247,9 +272,14 @@ fn invalid_and_extreme_rays_end_in_an_answer() {
         for (j, &y) in numbers.iter().enumerate() {
             for (k, &z) in numbers.iter().enumerate() {
                 let other = |n: usize| numbers[(i + 3 * j + 7 * k + n) % numbers.len()];
-                let (position, direction) = (DVec3::new(x, y, z), DVec3::new(other(1), other(2), other(4)));
+                let (position, direction) =
+                    (DVec3::new(x, y, z), DVec3::new(other(1), other(2), other(4)));
                 rays.push(DRay::new(position, direction));
-                rays.push(DRay { t_min: other(3), t_max: other(5), ..DRay::new(CITY + position, direction) });
+                rays.push(DRay {
+                    t_min: other(3),
+                    t_max: other(5),
+                    ..DRay::new(CITY + position, direction)
+                });
                 rays.push(DRay { t_min: -1e300, ..DRay::new(CITY, direction) });
             }
         }
@@ -259,7 +289,10 @@ fn invalid_and_extreme_rays_end_in_an_answer() {
     let mut found = 0;
     for (ray, hit) in rays.iter().zip(&hits) {
         assert_eq!(bits(hit), bits(&oracle.closest_one(ray, &AcceptAll)), "{ray:?}");
-        assert!(!hit.t.is_nan() && (!hit.is_hit() || ray.is_valid() && ray.contains(hit.t)), "{ray:?} {hit:?}");
+        assert!(
+            !hit.t.is_nan() && (!hit.is_hit() || ray.is_valid() && ray.contains(hit.t)),
+            "{ray:?} {hit:?}"
+        );
         found += usize::from(hit.is_hit());
     }
     assert!(found > 100, "{found}");
@@ -279,15 +312,19 @@ fn rays_that_belong_together_hit_what_they_hit_alone() {
         let world = build(builder, AcceleratorKind::Bvh, Level::best());
         let eye = CITY + DVec3::new(0.3, 0.4, 1.0).normalize() * far * radius;
         let light = CITY + DVec3::new(3.0, 1.0, 2.0) * radius;
-        let pixels = (0..64 * 64).map(|i| DVec3::new(f64::from(i % 64) - 31.7, f64::from(i / 64) - 31.4, 0.0) / 24.0);
+        let pixels = (0..64 * 64)
+            .map(|i| DVec3::new(f64::from(i % 64) - 31.7, f64::from(i / 64) - 31.4, 0.0) / 24.0);
         let rays: Vec<DRay> = pixels.map(|p| DRay::new(eye, CITY + p * radius - eye)).collect();
-        let (mut alone, mut together) = (vec![DHit::MISS; rays.len()], vec![DHit::MISS; rays.len()]);
+        let (mut alone, mut together) =
+            (vec![DHit::MISS; rays.len()], vec![DHit::MISS; rays.len()]);
         world.closest(&rays, Grouping::None, &AcceptAll, &mut alone);
         world.closest(&rays, Grouping::Coherent, &AcceptAll, &mut together);
         assert!(alone.iter().zip(&together).all(|(a, b)| bits(a) == bits(b)));
-        let hit: Vec<DVec3> = rays.iter().zip(&alone).filter(|(_, h)| h.is_hit()).map(|(r, h)| r.at(h.t)).collect();
+        let hit: Vec<DVec3> =
+            rays.iter().zip(&alone).filter(|(_, h)| h.is_hit()).map(|(r, h)| r.at(h.t)).collect();
         assert!(hit.len() > rays.len() / 4, "{}", hit.len());
-        let shadows: Vec<DRay> = hit.iter().map(|&p| DRay::new(p, light - p).with_t_max(0.999)).collect();
+        let shadows: Vec<DRay> =
+            hit.iter().map(|&p| DRay::new(p, light - p).with_t_max(0.999)).collect();
         let (mut alone, mut together) = (vec![false; hit.len()], vec![false; hit.len()]);
         world.occluded(&shadows, Grouping::None, &AcceptAll, &mut alone);
         world.occluded(&shadows, Grouping::Coherent, &AcceptAll, &mut together);
@@ -295,7 +332,10 @@ fn rays_that_belong_together_hit_what_they_hit_alone() {
         let mut counts = vec![0; rays.len()];
         world.count(&rays, &AcceptAll, &mut counts);
         let all = world.all(&rays, &AcceptAll);
-        assert!((0..rays.len()).all(|i| all.of_ray(i).len() == counts[i] as usize && counts[i].is_multiple_of(2)));
+        assert!(
+            (0..rays.len())
+                .all(|i| all.of_ray(i).len() == counts[i] as usize && counts[i].is_multiple_of(2))
+        );
     }
 }
 
@@ -309,16 +349,20 @@ fn empty_worlds_are_missed() {
 #[test]
 fn nearest_points_are_those_of_looking_at_everything_bit_for_bit() {
     let mut found = std::collections::BTreeSet::new();
-    for (seed, center, size) in [(1, CITY, 1.0), (2, CITY, 1e-3), (3, DVec3::ZERO, 1.0), (4, CITY * 1e12, 1e14)] {
+    for (seed, center, size) in
+        [(1, CITY, 1.0), (2, CITY, 1e-3), (3, DVec3::ZERO, 1.0), (4, CITY * 1e12, 1e14)]
+    {
         let mut random = Random(seed);
         let oracle = build(nested_scene(seed, center, size), AcceleratorKind::None, Level::Scalar);
         let world = build(nested_scene(seed, center, size), AcceleratorKind::Bvh, Level::best());
-        let points: Vec<DVec3> =
-            (0..100).map(|i| center + random.point([0.5, 3.0, 50.0][i % 3]).as_dvec3() * size).collect();
+        let points: Vec<DVec3> = (0..100)
+            .map(|i| center + random.point([0.5, 3.0, 50.0][i % 3]).as_dvec3() * size)
+            .collect();
         let limits: Vec<f64> = (0..100).map(|i| [f64::INFINITY, 0.3, 2.0][i % 3] * size).collect();
         for mask in [u32::MAX, 2] {
             let query = Points { max_distances: &limits, mask, ..Points::of_doubles(&points) };
-            let (mut near, mut expected) = (vec![DNearestPoint::NONE; 100], vec![DNearestPoint::NONE; 100]);
+            let (mut near, mut expected) =
+                (vec![DNearestPoint::NONE; 100], vec![DNearestPoint::NONE; 100]);
             world.nearest_point(query, &mut near);
             oracle.nearest_point(query, &mut expected);
             assert_eq!(near, expected, "{seed} {mask}");
@@ -336,8 +380,9 @@ fn points_around_a_ball_of_a_millimetre_in_a_city_know_how_far_it_is_and_which_s
     builder.add_mesh(DWorldBuilder::ROOT, mesh.clone());
     let world = build(builder, AcceleratorKind::Bvh, Level::best());
     let mut random = Random(3);
-    let points: Vec<DVec3> =
-        (0..60).map(|i| center + random.direction().as_dvec3() * radius * [0.1, 0.98, 1.02, 40.0][i % 4]).collect();
+    let points: Vec<DVec3> = (0..60)
+        .map(|i| center + random.direction().as_dvec3() * radius * [0.1, 0.98, 1.02, 40.0][i % 4])
+        .collect();
     let (mut distances, mut numbers) = (vec![0.0; 60], vec![0.0; 60]);
     let (mut near, mut inside) = (vec![DNearestPoint::NONE; 60], vec![false; 60]);
     world.signed_distance(&points, &mut distances);
@@ -353,7 +398,11 @@ fn points_around_a_ball_of_a_millimetre_in_a_city_know_how_far_it_is_and_which_s
         assert!((distances[i].abs() - least).abs() < 1e-12, "{point}: {} {least}", distances[i]);
         assert!((near[i].position.distance(point) - near[i].distance).abs() < 3e-9);
         assert_eq!((distances[i] < 0.0, inside[i]), (is_inside, is_inside), "{point}");
-        assert!((numbers[i] - f64::from(u8::from(is_inside))).abs() < 0.1, "{} at {point}", numbers[i]);
+        assert!(
+            (numbers[i] - f64::from(u8::from(is_inside))).abs() < 0.1,
+            "{} at {point}",
+            numbers[i]
+        );
         let exact = world.winding_number_exact(point);
         assert!((exact - f64::from(u8::from(is_inside))).abs() < 1e-6, "{exact} at {point}");
     }
@@ -372,13 +421,18 @@ fn bundles_of_rays_hold_a_closed_mesh_in_a_city() {
             let [a, b, c] = mesh.corners(t);
             [a, (a + b) * 0.5, (b + c) * 0.5, a + (b - a) * 0.25]
         });
-        let out: Vec<DRay> = targets.map(|target| DRay::new(origin, (target - origin) * 0.5).with_t_max(4.0)).collect();
+        let out: Vec<DRay> = targets
+            .map(|target| DRay::new(origin, (target - origin) * 0.5).with_t_max(4.0))
+            .collect();
         let back: Vec<DRay> = out
             .iter()
-            .map(|ray| DRay::new(origin + ray.direction * 3.0, ray.direction * -3.0).with_t_max(1.0))
+            .map(|ray| {
+                DRay::new(origin + ray.direction * 3.0, ray.direction * -3.0).with_t_max(1.0)
+            })
             .collect();
         for rays in [&out, &back] {
-            let (mut together, mut alone) = (vec![DHit::MISS; rays.len()], vec![DHit::MISS; rays.len()]);
+            let (mut together, mut alone) =
+                (vec![DHit::MISS; rays.len()], vec![DHit::MISS; rays.len()]);
             let mut blocked = vec![false; rays.len()];
             world.closest(rays, Grouping::Coherent, &AcceptAll, &mut together);
             world.closest(rays, Grouping::None, &AcceptAll, &mut alone);
@@ -397,7 +451,8 @@ fn what_did_not_change_is_kept_what_moved_is_refitted_and_hits_are_those_of_a_ne
     let still = Arc::new(double_sphere(CITY, 1.0, 30, 60));
     builder.add_mesh(house, still.clone());
     let moving = builder.add_mesh(DWorldBuilder::ROOT, Arc::new(double_sphere(CITY, 0.5, 30, 60)));
-    let placed = builder.add_instance(DWorldBuilder::ROOT, house, Transform::translation(DVec3::X * 3.0));
+    let placed =
+        builder.add_instance(DWorldBuilder::ROOT, house, Transform::translation(DVec3::X * 3.0));
     let mut world = builder.clone().build(&options).expect("a world");
     let mut random = Random(11);
     let rays = rays_into(&mut random, CITY, 0.5, 400);
@@ -405,11 +460,17 @@ fn what_did_not_change_is_kept_what_moved_is_refitted_and_hits_are_those_of_a_ne
         let mut mesh = double_sphere(CITY + DVec3::splat(0.01 * f64::from(step)), 0.5, 30, 60);
         mesh.positions.iter_mut().for_each(|p| p.z += 0.1 * (p.x - CITY.x));
         builder.set_mesh(moving, Arc::new(mesh)).expect("a mesh");
-        builder.move_instance(placed, Transform::translation(DVec3::X * (3.0 - 0.1 * f64::from(step))));
+        builder.move_instance(
+            placed,
+            Transform::translation(DVec3::X * (3.0 - 0.1 * f64::from(step))),
+        );
         let next = builder.rebuild(&options, &world).expect("a world");
         let reuse = next.stats().reuse;
         assert_eq!((reuse.kept, reuse.refitted, reuse.built), (1, 1, 0), "{step}");
-        assert!(Arc::ptr_eq(&next.data.corners_of(0), &world.data.corners_of(0)), "corners are shared");
+        assert!(
+            Arc::ptr_eq(&next.data.corners_of(0), &world.data.corners_of(0)),
+            "corners are shared"
+        );
         let new = builder.clone().build(&options).expect("a world");
         let (mut hits, mut expected) = (vec![DHit::MISS; rays.len()], vec![DHit::MISS; rays.len()]);
         next.closest(&rays, Grouping::None, &AcceptAll, &mut hits);

@@ -32,7 +32,10 @@ fn check(committed: &World, dynamic: &mut DynamicWorld, rays: &[Ray]) {
     let options = dynamic.options.clone();
     let fresh = dynamic.edit().clone().build(&options).expect("a world");
     assert_eq!(closest(committed, rays), closest(&fresh, rays));
-    assert_eq!(committed.all(&rays[..rays.len() / 4], &AcceptAll), fresh.all(&rays[..rays.len() / 4], &AcceptAll));
+    assert_eq!(
+        committed.all(&rays[..rays.len() / 4], &AcceptAll),
+        fresh.all(&rays[..rays.len() / 4], &AcceptAll)
+    );
     let points: Vec<Vec3> = rays.iter().take(20).map(|r| r.origin).collect();
     let mut nearest = [vec![NearestPoint::NONE; 20], vec![NearestPoint::NONE; 20]];
     committed.nearest_point(&points, &mut nearest[0]);
@@ -61,7 +64,8 @@ fn pick<T: Copy>(random: &mut Random, from: &[T]) -> Option<T> {
 /// One edit of any kind.
 fn edit(builder: &mut WorldBuilder, contents: &mut Contents, random: &mut Random) {
     let group = pick(random, &contents.groups).expect("the root at least");
-    let (geometry, instance) = (pick(random, &contents.geometries), pick(random, &contents.instances));
+    let (geometry, instance) =
+        (pick(random, &contents.geometries), pick(random, &contents.instances));
     match ((random.unit() * 10.0) as u32, geometry, instance) {
         (0, ..) => {
             let triangles = if random.unit() < 0.5 { 40 } else { 1500 };
@@ -69,7 +73,11 @@ fn edit(builder: &mut WorldBuilder, contents: &mut Contents, random: &mut Random
         }
         (1, ..) => {
             let placed = random.transform(2.0);
-            contents.geometries.push(builder.add_shape(group, Arc::new(Sphere { radius: 0.4 }), placed));
+            contents.geometries.push(builder.add_shape(
+                group,
+                Arc::new(Sphere { radius: 0.4 }),
+                placed,
+            ));
         }
         (2, Some(id), _) => {
             builder.remove(id);
@@ -107,7 +115,9 @@ fn edit(builder: &mut WorldBuilder, contents: &mut Contents, random: &mut Random
 
 #[test]
 fn after_any_edits_a_commit_answers_as_a_world_built_from_nothing() {
-    for (seed, accelerator) in [(1, AcceleratorKind::Bvh), (2, AcceleratorKind::Bvh), (3, AcceleratorKind::None)] {
+    for (seed, accelerator) in
+        [(1, AcceleratorKind::Bvh), (2, AcceleratorKind::Bvh), (3, AcceleratorKind::None)]
+    {
         let mut random = Random(seed * 31);
         let mut world = DynamicWorld::new(BuildOptions { accelerator, ..BuildOptions::default() });
         let mut contents = Contents { groups: vec![ROOT], ..Contents::default() };
@@ -189,7 +199,11 @@ fn slow_wear_is_noticed_over_many_commits() {
 #[test]
 fn numbers_stay_when_others_are_removed() {
     let (mut world, ball, mesh, first) = ball_world();
-    let sphere = world.edit().add_shape(ROOT, Arc::new(Sphere { radius: 0.5 }), Transform::translation(DVec3::Z * 9.0));
+    let sphere = world.edit().add_shape(
+        ROOT,
+        Arc::new(Sphere { radius: 0.5 }),
+        Transform::translation(DVec3::Z * 9.0),
+    );
     let last = world.edit().add_instance(ROOT, ball, Transform::translation(DVec3::Y * 9.0));
     assert!(world.edit().remove_instance(first) && !world.edit().remove_instance(first));
     assert!(world.edit().remove(mesh) && !world.edit().remove(mesh));

@@ -58,7 +58,12 @@ fn too_many_occurrences_are_refused() {
 fn occurrences_are_numbered_depth_first() {
     let world = default_world(nested_scene(1));
     // The textbook enumeration.
-    fn visit(world: &World, group: GroupId, path: &mut Vec<(GroupId, usize)>, all: &mut Vec<Vec<(GroupId, usize)>>) {
+    fn visit(
+        world: &World,
+        group: GroupId,
+        path: &mut Vec<(GroupId, usize)>,
+        all: &mut Vec<Vec<(GroupId, usize)>>,
+    ) {
         all.push(path.clone());
         for (i, instance) in world.group(group).instances.iter().enumerate() {
             path.push((group, i));
@@ -71,11 +76,14 @@ fn occurrences_are_numbered_depth_first() {
     assert_eq!(all.len(), world.instance_count() as usize);
     for (number, path) in all.iter().enumerate() {
         assert_eq!(&world.instance_path(number as u32), path);
-        let composed = path
-            .iter()
-            .fold(Transform::IDENTITY, |m, &(group, i)| m.compose(&world.group(group).instances[i].group_from_child));
+        let composed = path.iter().fold(Transform::IDENTITY, |m, &(group, i)| {
+            m.compose(&world.group(group).instances[i].group_from_child)
+        });
         let p = DVec3::new(0.3, 0.2, 0.1);
-        assert!((composed.point(p) - world.world_from_instance(number as u32).point(p)).length() < 1e-12);
+        assert!(
+            (composed.point(p) - world.world_from_instance(number as u32).point(p)).length()
+                < 1e-12
+        );
     }
 }
 
@@ -85,7 +93,11 @@ fn triangles_are_counted_once_and_as_often_as_they_occur() {
     let group = builder.add_group();
     builder.add_mesh(group, Arc::new(sphere_mesh(Vec3::ZERO, 1.0, 4, 8)));
     for i in 0..5 {
-        builder.add_instance(WorldBuilder::ROOT, group, Transform::translation(DVec3::X * f64::from(i)));
+        builder.add_instance(
+            WorldBuilder::ROOT,
+            group,
+            Transform::translation(DVec3::X * f64::from(i)),
+        );
     }
     let world = default_world(builder);
     assert_eq!((world.triangle_count(), world.instanced_triangle_count()), (48, 240));

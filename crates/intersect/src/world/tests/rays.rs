@@ -17,12 +17,17 @@ impl HitFilter for Cutout {
 
 #[test]
 fn the_filter_decides_about_marked_geometries_only() {
-    // Ten sheets one behind the other, the first two in an unmarked geometry if seen from the other side.
+    // Ten sheets one behind the other, the first two in an unmarked geometry if seen from the other
+    // side.
     let sheets = |first: u32, n: u32| {
         let mut mesh = TriangleMesh::default();
         for i in 0..n {
             let z = (first + i) as f32;
-            mesh.positions.extend([Vec3::new(-1.0, -1.0, z), Vec3::new(3.0, -1.0, z), Vec3::new(-1.0, 3.0, z)]);
+            mesh.positions.extend([
+                Vec3::new(-1.0, -1.0, z),
+                Vec3::new(3.0, -1.0, z),
+                Vec3::new(-1.0, 3.0, z),
+            ]);
             mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
         }
         Arc::new(mesh)
@@ -60,19 +65,27 @@ fn a_rejected_crossing_of_a_shape_uncovers_the_next_one() {
     }
     for accelerator in AcceleratorKind::ALL {
         let mut builder = WorldBuilder::default();
-        let id = builder.add_shape(WorldBuilder::ROOT, Arc::new(Sphere { radius: 1.0 }), Transform::IDENTITY);
+        let id = builder.add_shape(
+            WorldBuilder::ROOT,
+            Arc::new(Sphere { radius: 1.0 }),
+            Transform::IDENTITY,
+        );
         builder.set_filtered(id);
         let world = build(builder, accelerator, Level::best());
         let ray = Ray::new(Vec3::new(0.0, 0.0, -5.0), Vec3::Z);
         assert_eq!(world.closest_one(&ray, &FarSide).t, 6.0);
-        assert_eq!(world.all_one(&ray, &AcceptAll).iter().map(|h| h.t).collect::<Vec<_>>(), [4.0, 6.0]);
+        assert_eq!(
+            world.all_one(&ray, &AcceptAll).iter().map(|h| h.t).collect::<Vec<_>>(),
+            [4.0, 6.0]
+        );
     }
 }
 
 #[test]
 fn masks_of_rays_choose_geometries_and_instances() {
     let sheet = |z: f32| {
-        let positions = vec![Vec3::new(-9.0, -9.0, z), Vec3::new(9.0, -9.0, z), Vec3::new(0.0, 9.0, z)];
+        let positions =
+            vec![Vec3::new(-9.0, -9.0, z), Vec3::new(9.0, -9.0, z), Vec3::new(0.0, 9.0, z)];
         Arc::new(TriangleMesh { positions, indices: vec![[0, 1, 2]], ..Default::default() })
     };
     for accelerator in AcceleratorKind::ALL {
@@ -82,7 +95,10 @@ fn masks_of_rays_choose_geometries_and_instances() {
         let child = builder.add_group();
         let inner = builder.add_mesh(child, sheet(2.0));
         builder.set_mask(inner, 0b110);
-        builder.add(WorldBuilder::ROOT, Instance { mask: 0b010, ..Instance::new(child, Transform::IDENTITY) });
+        builder.add(
+            WorldBuilder::ROOT,
+            Instance { mask: 0b010, ..Instance::new(child, Transform::IDENTITY) },
+        );
         builder.add_shape(
             WorldBuilder::ROOT,
             Arc::new(Sphere { radius: 1.0 }),
@@ -111,9 +127,20 @@ fn invalid_and_extreme_rays_end_in_an_answer() {
     let mut broken = sphere_mesh(Vec3::ZERO, 1.0, 6, 8);
     broken.positions[3].x = f32::NAN;
     broken.positions[9].y = f32::INFINITY;
-    broken.positions.extend([Vec3::ZERO, Vec3::X, Vec3::X * 2.0, Vec3::splat(3e38), -Vec3::splat(3e38)]);
+    broken.positions.extend([
+        Vec3::ZERO,
+        Vec3::X,
+        Vec3::X * 2.0,
+        Vec3::splat(3e38),
+        -Vec3::splat(3e38),
+    ]);
     let n = broken.positions.len() as u32;
-    broken.indices.extend([[n - 5, n - 4, n - 3], [n - 5; 3], [n - 1, n - 2, n - 4], [0, 5, n - 1]]);
+    broken.indices.extend([
+        [n - 5, n - 4, n - 3],
+        [n - 5; 3],
+        [n - 1, n - 2, n - 4],
+        [0, 5, n - 1],
+    ]);
     let skipped = broken.degenerate_triangles();
     assert!(skipped > 4);
     builder.add_mesh(WorldBuilder::ROOT, Arc::new(broken));
@@ -134,7 +161,14 @@ fn invalid_and_extreme_rays_end_in_an_answer() {
         if hit.is_hit() {
             assert!(hit.t > ray.t_min && hit.t < ray.t_max);
             let s = world.interaction(&ray, &hit);
-            let finite = [s.position, s.position_error, s.geometric_normal, s.shading_normal, s.dpdu, s.dpdv];
+            let finite = [
+                s.position,
+                s.position_error,
+                s.geometric_normal,
+                s.shading_normal,
+                s.dpdu,
+                s.dpdv,
+            ];
             assert!(finite.iter().all(|v| v.is_finite()), "{ray:?} {s:?}");
         }
     }
@@ -146,9 +180,15 @@ fn the_cost_of_a_ray_is_counted() {
     let triangles = mesh.indices.len() as u32;
     let ray = Ray::new(Vec3::new(0.1, 0.2, -5.0), Vec3::Z);
     let (hit, cost) = mesh_world(mesh.clone()).closest_counted(&ray, &AcceptAll);
-    assert!(hit.is_hit() && cost.nodes_visited >= 3 && cost.primitives_tested > 0 && cost.primitives_tested < 100);
+    assert!(
+        hit.is_hit()
+            && cost.nodes_visited >= 3
+            && cost.primitives_tested > 0
+            && cost.primitives_tested < 100
+    );
     let mut builder = WorldBuilder::default();
     builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
-    let (same, cost) = build(builder, AcceleratorKind::None, Level::Scalar).closest_counted(&ray, &AcceptAll);
+    let (same, cost) =
+        build(builder, AcceleratorKind::None, Level::Scalar).closest_counted(&ray, &AcceptAll);
     assert_eq!((same, cost.nodes_visited, cost.primitives_tested), (hit, 0, triangles));
 }

@@ -7,7 +7,8 @@ fn every_structure_and_level_gives_the_same_hits_bit_for_bit() {
     let mut hits = 0;
     for seed in 0..4 {
         let oracle = build(nested_scene(seed), AcceleratorKind::None, Level::Scalar);
-        let worlds: Vec<_> = levels().map(|l| build(nested_scene(seed), AcceleratorKind::Bvh, l)).collect();
+        let worlds: Vec<_> =
+            levels().map(|l| build(nested_scene(seed), AcceleratorKind::Bvh, l)).collect();
         let mut random = Random(seed * 1000);
         for i in 0..500 {
             let (from, to) = (random.point(6.0), random.point(2.0));
@@ -26,7 +27,12 @@ fn every_structure_and_level_gives_the_same_hits_bit_for_bit() {
             hits += usize::from(expected.is_hit());
             for world in &worlds {
                 let found = world.closest_one(&ray, &AcceptAll);
-                assert_eq!(bits(&found), bits(&expected), "{} {ray:?} {found:?} {expected:?}", world.simd());
+                assert_eq!(
+                    bits(&found),
+                    bits(&expected),
+                    "{} {ray:?} {found:?} {expected:?}",
+                    world.simd()
+                );
                 assert_eq!(world.occluded_one(&ray, &AcceptAll), occluded, "{ray:?}");
                 assert_eq!(world.all_one(&ray, &AcceptAll), all);
             }
@@ -35,21 +41,29 @@ fn every_structure_and_level_gives_the_same_hits_bit_for_bit() {
     assert!(hits > 600, "{hits}");
 }
 
-/// A closed latitude-longitude sphere around `center`, normals outward.
-/// The lecture keeps the last hit in the node to test it first: a data race, and answers that depend on who asked before.
+/// A closed latitude-longitude sphere around `center`, normals outward. The lecture keeps the last
+/// hit in the node to test it first: a data race, and answers that depend on who asked before.
 #[test]
 fn errata_e8_a_world_keeps_nothing_between_rays_and_is_shared_by_threads() {
     let world = default_world(nested_scene(8));
     let mut random = Random(88);
-    let rays: Vec<Ray> = (0..2000).map(|_| Ray::new(random.point(3.0), random.direction())).collect();
+    let rays: Vec<Ray> =
+        (0..2000).map(|_| Ray::new(random.point(3.0), random.direction())).collect();
     let alone: Vec<_> = rays.iter().map(|r| bits(&world.closest_one(r, &AcceptAll))).collect();
-    assert!(alone.iter().collect::<std::collections::BTreeSet<_>>().len() > 20, "rays must hit different things");
+    assert!(
+        alone.iter().collect::<std::collections::BTreeSet<_>>().len() > 20,
+        "rays must hit different things"
+    );
     std::thread::scope(|scope| {
         for step in [1, 7, 13, 1999] {
             let (world, rays, alone) = (&world, &rays, &alone);
             scope.spawn(move || {
                 for i in (0..rays.len()).map(|i| i * step % rays.len()) {
-                    assert_eq!(bits(&world.closest_one(&rays[i], &AcceptAll)), alone[i], "ray {i}, every {step}th");
+                    assert_eq!(
+                        bits(&world.closest_one(&rays[i], &AcceptAll)),
+                        alone[i],
+                        "ray {i}, every {step}th"
+                    );
                 }
             });
         }
@@ -120,12 +134,15 @@ fn batches_with_rejections_agree_with_the_oracle() {
     }
     let make = |accelerator, simd| {
         let mut builder = nested_scene(7);
-        (0..builder.geometries.len() as u32).step_by(2).for_each(|g| builder.set_filtered(GeometryId(g)));
+        (0..builder.geometries.len() as u32)
+            .step_by(2)
+            .for_each(|g| builder.set_filtered(GeometryId(g)));
         build(builder, accelerator, simd)
     };
     let oracle = make(AcceleratorKind::None, Level::Scalar);
     let mut random = Random(11);
-    let mut rays: Vec<_> = (0..400).map(|_| Ray::new(random.point(5.0), random.direction())).collect();
+    let mut rays: Vec<_> =
+        (0..400).map(|_| Ray::new(random.point(5.0), random.direction())).collect();
     rays.iter_mut().step_by(9).for_each(|r| r.direction = Vec3::ZERO);
     for level in levels() {
         let world = make(AcceleratorKind::Bvh, level);
@@ -134,7 +151,11 @@ fn batches_with_rejections_agree_with_the_oracle() {
         world.occluded(&rays, Grouping::None, &Sieve, &mut blocked);
         for ((ray, hit), blocked) in rays.iter().zip(&hits).zip(&blocked) {
             let expected = oracle.closest_one(ray, &Sieve);
-            assert_eq!((bits(hit), *blocked), (bits(&expected), expected.is_hit()), "{level} {ray:?}");
+            assert_eq!(
+                (bits(hit), *blocked),
+                (bits(&expected), expected.is_hit()),
+                "{level} {ray:?}"
+            );
         }
     }
 }
@@ -148,7 +169,9 @@ fn the_tree_does_not_depend_on_the_number_of_threads() {
         builder.add_mesh(WorldBuilder::ROOT, mesh.clone());
         let world = pool.install(|| default_world(builder));
         let Structure::Bvh(forest) = &world.structure else { panic!("a tree") };
-        let node = |n: &crate::kernel::node::WideNode| (n.children, n.bounds.map(|s| s.map(|a| a.map(f32::to_bits))));
+        let node = |n: &crate::kernel::node::WideNode| {
+            (n.children, n.bounds.map(|s| s.map(|a| a.map(f32::to_bits))))
+        };
         let nodes: Vec<_> = forest.trees[0].nodes.iter().map(node).collect();
         (nodes, forest.trees[0].blocks.bytes().to_vec())
     };

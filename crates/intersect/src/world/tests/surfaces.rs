@@ -6,7 +6,8 @@ use super::*;
 fn placements() -> Vec<Transform> {
     let turn = DMat3::from_axis_angle(DVec3::new(0.3, 0.5, -0.8).normalize(), 1.1);
     let map = |scale: DVec3, translation: DVec3| {
-        Transform::new(DAffine3 { matrix3: turn * DMat3::from_diagonal(scale), translation }).expect("invertible")
+        Transform::new(DAffine3 { matrix3: turn * DMat3::from_diagonal(scale), translation })
+            .expect("invertible")
     };
     let far = DVec3::new(148376.0, 1234.0, -223423.0);
     vec![
@@ -77,12 +78,14 @@ fn a_ray_that_leaves_a_triangle_never_hits_it_again() {
 fn a_ray_that_leaves_a_sphere_meets_it_only_on_the_other_side() {
     for placed in placements() {
         for radius in [1.0, 1e-3, 250.0] {
-            let placed =
-                placed.compose(&Transform::new(DAffine3::from_scale(DVec3::splat(1.0 / radius))).expect("map"));
+            let placed = placed.compose(
+                &Transform::new(DAffine3::from_scale(DVec3::splat(1.0 / radius))).expect("map"),
+            );
             let world = instanced(&placed, |b, g| {
                 b.add_shape(g, Arc::new(Sphere { radius }), Transform::IDENTITY);
             });
-            let outside = placed.compose(&Transform::new(DAffine3::from_scale(DVec3::splat(radius))).expect("map"));
+            let outside = placed
+                .compose(&Transform::new(DAffine3::from_scale(DVec3::splat(radius))).expect("map"));
             let hits = hits_on(&world, &outside, 200);
             assert!(hits.len() > 100);
             let mut random = Random(7);
@@ -123,7 +126,9 @@ fn normals_point_outward_under_every_transform() {
                 let s = world.interaction(&ray, &hit);
                 let outward = match world.geometry(GeometryId(0)) {
                     Geometry::Mesh(mesh) => {
-                        let [a, b, c] = mesh.corners(hit.primitive as usize).map(|p| placed.point(p.as_dvec3()));
+                        let [a, b, c] = mesh
+                            .corners(hit.primitive as usize)
+                            .map(|p| placed.point(p.as_dvec3()));
                         let n = (b - a).cross(c - a);
                         if n.dot(a - placed.point(DVec3::ZERO)) < 0.0 { -n } else { n }
                     }
@@ -131,7 +136,11 @@ fn normals_point_outward_under_every_transform() {
                 };
                 let expected = outward.normalize().as_vec3();
                 // Far away positions are coarse.
-                assert!(s.geometric_normal.dot(expected) > 0.999, "{placed:?} {} {expected}", s.geometric_normal);
+                assert!(
+                    s.geometric_normal.dot(expected) > 0.999,
+                    "{placed:?} {} {expected}",
+                    s.geometric_normal
+                );
                 assert!(s.geometric_normal.is_normalized() && s.shading_normal.is_normalized());
                 assert!(s.shading_normal.dot(s.geometric_normal) >= 0.0);
                 assert!(s.is_front_facing(ray.direction));
@@ -145,9 +154,14 @@ fn normals_point_outward_under_every_transform() {
 fn errata_e5_directions_keep_their_parameter_and_normals_do_not_follow_directions() {
     // The lecture transforms directions by the inverse transpose; that is for normals only.
     let shear = DMat3::from_cols(DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Z);
-    let placed = Transform::new(DAffine3 { matrix3: shear, translation: DVec3::ZERO }).expect("invertible");
+    let placed =
+        Transform::new(DAffine3 { matrix3: shear, translation: DVec3::ZERO }).expect("invertible");
     let mesh = TriangleMesh {
-        positions: vec![Vec3::new(0.0, -9.0, -9.0), Vec3::new(0.0, 9.0, -9.0), Vec3::new(0.0, 0.0, 9.0)],
+        positions: vec![
+            Vec3::new(0.0, -9.0, -9.0),
+            Vec3::new(0.0, 9.0, -9.0),
+            Vec3::new(0.0, 0.0, 9.0),
+        ],
         indices: vec![[0, 1, 2]],
         ..TriangleMesh::default()
     };
@@ -212,7 +226,8 @@ fn a_ray_that_leaves_a_shape_does_not_find_it_where_it_starts() {
                     let from = placed.inverse().ray(&DRay::from(&next));
                     let way = from.direction.length() * f64::from(again.t);
                     // Edges and apexes are near in earnest, but not at the very start.
-                    let coarse = placed.inverse().vector(surface.position_error.as_dvec3()).length();
+                    let coarse =
+                        placed.inverse().vector(surface.position_error.as_dvec3()).length();
                     let found = again.primitive == hit.primitive && way < 1e-9 + 0.5 * coarse;
                     assert!(!found, "{shape:?} {placed:?} {hit:?} {next:?} {again:?} {way}");
                 }

@@ -4,11 +4,14 @@ use super::*;
 use crate::integrator::aov::Aov;
 use crate::{IntegratorKind, Job, Settings, reference};
 use snell_math::DVec2;
-use snell_scene::motion::{AnimatedTransform, Channel, Clip, Deformed, Joint, Morph, MorphTarget, Placement, Track};
+use snell_scene::motion::{
+    AnimatedTransform, Channel, Clip, Deformed, Joint, Morph, MorphTarget, Placement, Track,
+};
 use snell_scene::motion::{Curve, Interpolation};
 use snell_scene::{Camera, Environment, Motion, Player};
 
-/// Three squares of 2 x 32 x 32 triangles: one that stays, one that goes to the right and turns, one that is bent; and a camera that rises.
+/// Three squares of 2 x 32 x 32 triangles: one that stays, one that goes to the right and turns,
+/// one that is bent; and a camera that rises.
 fn three() -> Scene {
     let mut scene = Scene::new("three");
     let red = scene.add_material(Material::new("red", Diffuse::new(Rgb::new(0.8, 0.1, 0.1))));
@@ -19,15 +22,20 @@ fn three() -> Scene {
     };
     let (_, going, bent) = (add(-3.0, "still"), add(0.0, "going"), add(3.0, "bent"));
     let target = mesh.positions.iter().map(|p| Vec3::new(0.0, 0.0, p.x.abs())).collect();
-    let at =
-        |x: f64, angle: f64| DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)) * DAffine3::from_rotation_z(angle);
+    let at = |x: f64, angle: f64| {
+        DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)) * DAffine3::from_rotation_z(angle)
+    };
     let rise = DAffine3::from_translation(DVec3::new(0.0, 0.5, 0.0));
     let tracks = [
         Track::Transform(AnimatedTransform::new([(0.0, at(0.0, 0.0)), (1.0, at(0.5, 1.0))])),
-        Track::Weights(Curve::new(vec![0.0, 1.0], vec![0.0, 1.0], 1, Interpolation::Linear).expect("a valid curve")),
+        Track::Weights(
+            Curve::new(vec![0.0, 1.0], vec![0.0, 1.0], 1, Interpolation::Linear)
+                .expect("a valid curve"),
+        ),
         Track::Transform(AnimatedTransform::new([(0.0, DAffine3::IDENTITY), (1.0, rise)])),
     ];
-    let joint = |node| Joint { node, rest: Placement::Matrix(DAffine3::IDENTITY), ..Joint::default() };
+    let joint =
+        |node| Joint { node, rest: Placement::Matrix(DAffine3::IDENTITY), ..Joint::default() };
     scene.motion = Some(Arc::new(Motion {
         joints: vec![joint(Some(going)), joint(None), joint(None)],
         clips: vec![Clip {
@@ -68,10 +76,17 @@ impl Playing {
     }
 
     /// The scene from a time to another, and the cameras.
-    fn shot(&mut self, from: f64, to: f64, previous: Option<CompiledScene>) -> (CompiledScene, Vec<Camera>) {
+    fn shot(
+        &mut self,
+        from: f64,
+        to: f64,
+        previous: Option<CompiledScene>,
+    ) -> (CompiledScene, Vec<Camera>) {
         let mut poses = self.player.poses_between(from, to);
         let camera = |pose: &Pose| {
-            pose.cameras.first().map_or(self.scene.cameras[0].clone(), |c| self.scene.cameras[0].moved(&c.1))
+            pose.cameras
+                .first()
+                .map_or(self.scene.cameras[0].clone(), |c| self.scene.cameras[0].moved(&c.1))
         };
         let cameras = poses.iter().map(camera).collect();
         let later = poses.split_off(1);
@@ -85,7 +100,14 @@ impl Playing {
 
 fn settings(cameras: &[Camera], integrator: IntegratorKind) -> Settings {
     let later_cameras = cameras[1..].to_vec();
-    Settings { size: [40, 20], spp: 16, integrator, max_depth: 2, later_cameras, ..Settings::default() }
+    Settings {
+        size: [40, 20],
+        spp: 16,
+        integrator,
+        max_depth: 2,
+        later_cameras,
+        ..Settings::default()
+    }
 }
 
 fn picture(compiled: &CompiledScene, cameras: &[Camera], threads: usize) -> Vec<f32> {
@@ -102,7 +124,8 @@ fn frames_take_over_what_stays_and_are_the_same_as_if_they_did_not() {
     for time in [0.3, 0.6] {
         let (next, cameras) = playing.shot(time, time, Some(last));
         let reuse = next.world.stats().reuse;
-        // The still square is in the root, which is built anew because it is small but for that square.
+        // The still square is in the root, which is built anew because it is small but for that
+        // square.
         assert!(reuse.kept >= 1 && reuse.refitted >= 1, "{reuse:?}");
         let (alone, _) = Playing::new().shot(time, time, None);
         assert!(!next.moves);
@@ -122,8 +145,13 @@ fn motion_blur_is_the_mean_of_the_moments_and_the_same_in_every_way() {
         let settings = settings(&cameras, integrator);
         let expected = reference::ray_cast(&open, &cameras[0], &settings);
         let (film, _) = Job::new(&open, &cameras[0], &settings).run(2, &|_| true);
-        for (found, expected) in film.image().layers[0].values.as_chunks::<4>().0.iter().zip(&expected) {
-            assert!((found[1] - expected.g).abs() <= 1e-5 * expected.g.abs().max(1.0), "{integrator:?}");
+        for (found, expected) in
+            film.image().layers[0].values.as_chunks::<4>().0.iter().zip(&expected)
+        {
+            assert!(
+                (found[1] - expected.g).abs() <= 1e-5 * expected.g.abs().max(1.0),
+                "{integrator:?}"
+            );
         }
     }
     let moments = 24;
@@ -131,7 +159,10 @@ fn motion_blur_is_the_mean_of_the_moments_and_the_same_in_every_way() {
     for i in 0..moments {
         let time = 0.2 + 0.7 * (f64::from(i) + 0.5) / f64::from(moments);
         let (still, cameras) = playing.shot(time, time, None);
-        picture(&still, &cameras, 4).iter().zip(&mut mean).for_each(|(v, m)| *m += v / moments as f32);
+        picture(&still, &cameras, 4)
+            .iter()
+            .zip(&mut mean)
+            .for_each(|(v, m)| *m += v / moments as f32);
     }
     let differences = blurred.iter().zip(&mean).map(|(a, b)| f64::from(a - b).powi(2));
     let error = (differences.sum::<f64>() / blurred.len() as f64).sqrt();
@@ -155,16 +186,22 @@ fn motion_is_the_way_of_the_point_over_the_picture() {
     for pixel in (0..values(3).len()).filter(|&pixel| values(3)[pixel] >= 0.0) {
         let at = |axis: usize| f64::from(values(1)[3 * pixel + axis]);
         let point = DVec3::new(at(0), at(1), at(2));
-        // How fast it goes: the first square stays, the third is bent by how far a point is from its middle, the second goes and turns.
+        // How fast it goes: the first square stays, the third is bent by how far a point is from
+        // its middle, the second goes and turns.
         let (square, speed) = match point.x {
             x if x < -1.5 => (0, DVec3::ZERO),
             x if x > 1.9 => (2, DVec3::new(0.0, 0.0, (x - 3.0).abs())),
             x => (1, DVec3::new(0.5 - point.y, x - 0.5 * opens, 0.0)),
         };
         seen[square] += 1;
-        let last = cameras.last().expect("there are some").project(point + speed * (closes - opens), settings.size);
-        let expected = last.expect("in sight") - cameras[0].project(point, settings.size).expect("in sight");
-        let found = DVec2::new(f64::from(values(2)[2 * pixel]), f64::from(values(2)[2 * pixel + 1]));
+        let last = cameras
+            .last()
+            .expect("there are some")
+            .project(point + speed * (closes - opens), settings.size);
+        let expected =
+            last.expect("in sight") - cameras[0].project(point, settings.size).expect("in sight");
+        let found =
+            DVec2::new(f64::from(values(2)[2 * pixel]), f64::from(values(2)[2 * pixel + 1]));
         // (The point is that of a moment in between.)
         let bound = 0.02 * expected.length() + 1e-4;
         assert!((found - expected).length() < bound, "{point} of {square}: {found} {expected}");

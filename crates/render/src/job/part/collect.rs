@@ -9,7 +9,8 @@ impl PartRenderer<'_> {
     /// Takes what the vertex function gave.
     pub(super) fn collect(&mut self, depth: u32, path: usize) {
         let (carried, sample) = (&self.paths.carried[path], self.paths.samples[path]);
-        let (is_branched, throughput, time) = (carried.stream != 0, carried.throughput, self.paths.rest(path).time);
+        let (is_branched, throughput, time) =
+            (carried.stream != 0, carried.throughput, self.paths.rest(path).time);
         self.outputs.radiance = self.dimmed(depth > 1, self.outputs.radiance);
         self.take_dimmed(path, depth, self.outputs.radiance);
         for i in 0..self.outputs.light_rays.len() {
@@ -42,7 +43,8 @@ impl PartRenderer<'_> {
     fn note_in_journal(&mut self, path: usize) {
         let Some(journal) = &mut self.journal else { return };
         let (hit, volumes) = (self.paths.hits[path], self.volumes.as_ref());
-        let outside_ior = volumes.filter(|_| hit.is_hit()).map_or(1.0, |v| v.outside_ior(path, &hit));
+        let outside_ior =
+            volumes.filter(|_| hit.is_hit()).map_or(1.0, |v| v.outside_ior(path, &hit));
         journal.events.push(Event::Vertex(Box::new(Shaded {
             path,
             sample: self.paths.samples[path],
@@ -77,8 +79,14 @@ impl PartRenderer<'_> {
 
     /// Dims light that was scattered more than once, if that is asked for.
     #[inline]
-    pub(super) fn dimmed(&self, was_scattered_again: bool, light: SampledSpectrum) -> SampledSpectrum {
-        let Some(most) = self.context.settings.clamp.filter(|_| was_scattered_again) else { return light };
+    pub(super) fn dimmed(
+        &self,
+        was_scattered_again: bool,
+        light: SampledSpectrum,
+    ) -> SampledSpectrum {
+        let Some(most) = self.context.settings.clamp.filter(|_| was_scattered_again) else {
+            return light;
+        };
         let brightest = light.max_element();
         if brightest > most { light * (most / brightest) } else { light }
     }
@@ -86,11 +94,19 @@ impl PartRenderer<'_> {
     /// What gives the light that a path finds where it is.
     fn source_found(&self, path: usize) -> LightSource {
         let (scene, hit) = (self.context.scene, &self.paths.hits[path]);
-        if hit.is_hit() { LightSource::Material(scene.material_id(hit)) } else { LightSource::Environment }
+        if hit.is_hit() {
+            LightSource::Material(scene.material_id(hit))
+        } else {
+            LightSource::Environment
+        }
     }
 
     /// What is known of light of a path that was scattered so often, first by this lobe.
     pub(super) fn tag(&self, lobe: LobeShares, scatterings: u32, source: LightSource) -> LightTag {
-        LightTag { lobe, scatterings: Scatterings::of(scatterings), group: self.light_parts.group(source) }
+        LightTag {
+            lobe,
+            scatterings: Scatterings::of(scatterings),
+            group: self.light_parts.group(source),
+        }
     }
 }

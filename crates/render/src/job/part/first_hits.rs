@@ -19,7 +19,8 @@ impl PartRenderer<'_> {
 
     /// True if something depends on what the rays of the camera hit first.
     pub(super) fn shows_first_hits(&self) -> bool {
-        self.context.scene.background == Background::Transparent || !self.context.settings.aovs.is_empty()
+        self.context.scene.background == Background::Transparent
+            || !self.context.settings.aovs.is_empty()
     }
 
     /// Alpha and AOVs of the camera rays.
@@ -34,7 +35,8 @@ impl PartRenderer<'_> {
         if aovs.is_empty() {
             return;
         }
-        let coverages: Vec<Aov> = aovs.iter().filter(|a| a.kind() == AovKind::Coverage).copied().collect();
+        let coverages: Vec<Aov> =
+            aovs.iter().filter(|a| a.kind() == AovKind::Coverage).copied().collect();
         let counted = aovs.iter().any(|a| a.needs_counters());
         let filter = self.tracer.filter();
         for i in 0..self.paths.len() {
@@ -43,9 +45,11 @@ impl PartRenderer<'_> {
                 shown.look_up(&self.context, &self.paths.rays[i..], &self.paths.hits[i..]);
             }
             let surface = self.shown_surface(lane, i);
-            let (ray, hit, time) = (&self.paths.rays[i], &self.paths.hits[i], self.paths.rest(i).time);
+            let (ray, hit, time) =
+                (&self.paths.rays[i], &self.paths.hits[i], self.paths.rest(i).time);
             let counters = if counted {
-                let (_, counters) = scene.world.closest_counted(RayQuery { time, ..RayQuery::from(ray) }, filter);
+                let (_, counters) =
+                    scene.world.closest_counted(RayQuery { time, ..RayQuery::from(ray) }, filter);
                 [counters.nodes_visited, counters.primitives_tested]
             } else {
                 [0; 2]
@@ -58,7 +62,8 @@ impl PartRenderer<'_> {
         }
     }
 
-    /// The surface that a camera ray has hit, if anybody wants to know; its lane has been looked up.
+    /// The surface that a camera ray has hit, if anybody wants to know; its lane has been looked
+    /// up.
     fn shown_surface(&self, lane: usize, path: usize) -> Option<ShownSurface> {
         let (scene, paths) = (self.context.scene, &self.paths);
         let shown = self.shown.as_ref().filter(|_| paths.hits[path].is_hit())?;

@@ -19,11 +19,15 @@ pub(super) struct Matte<'a> {
 }
 
 impl<'a> Matte<'a> {
-    /// `None` if there are none, or the level is that of portable code: the twin shades one vertex at a time.
+    /// `None` if there are none, or the level is that of portable code: the twin shades one vertex
+    /// at a time.
     pub(super) fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Box<Self>> {
         let wide = context.scene.world.simd().wide()?;
         let surfaces = MatteSurfaces::new(context)?;
-        Some(Box::new(Self { vertices: MatteVertices::new(context.settings.color, sampler, Some(wide)), surfaces }))
+        Some(Box::new(Self {
+            vertices: MatteVertices::new(context.settings.color, sampler, Some(wide)),
+            surfaces,
+        }))
     }
 }
 
@@ -31,7 +35,8 @@ impl PartRenderer<'_> {
     /// How many of the paths at the beginning can be worked on together, at most [`LANES`].
     pub(super) fn matte_beginning(&self, paths: &[u32]) -> usize {
         let Some(matte) = &self.matte else { return 0 };
-        let is_matte = |path: &&u32| matte.surfaces.has(self.context.scene, &self.paths.hits[**path as usize]);
+        let is_matte =
+            |path: &&u32| matte.surfaces.has(self.context.scene, &self.paths.hits[**path as usize]);
         paths.iter().take(LANES).take_while(is_matte).count()
     }
 
@@ -64,8 +69,14 @@ impl PartRenderer<'_> {
         self.note_insides(depth, vertices, paths);
     }
 
-    /// Decides which lanes are in use: those that are sound. The vertices of the others are worked on alone.
-    pub(super) fn use_lanes(&mut self, depth: u32, paths: &[u32], is_sound: impl Fn(usize) -> bool) {
+    /// Decides which lanes are in use: those that are sound. The vertices of the others are worked
+    /// on alone.
+    pub(super) fn use_lanes(
+        &mut self,
+        depth: u32,
+        paths: &[u32],
+        is_sound: impl Fn(usize) -> bool,
+    ) {
         self.lanes.clear();
         for (lane, &path) in (0..).zip(paths) {
             match is_sound(lane as usize) {
@@ -75,8 +86,9 @@ impl PartRenderer<'_> {
         }
     }
 
-    /// Takes the light rays of the lanes that are in use, and where their paths go on. `lobe` tells what scatters light there, where that is a path's first scattering and
-    /// somebody wants to know.
+    /// Takes the light rays of the lanes that are in use, and where their paths go on. `lobe` tells
+    /// what scatters light there, where that is a path's first scattering and somebody wants to
+    /// know.
     pub(super) fn collect_columns(
         &mut self,
         depth: u32,
@@ -84,8 +96,9 @@ impl PartRenderer<'_> {
         lobe: impl Fn(usize) -> Option<LobeShares>,
     ) {
         let paths = vertices.paths();
-        // Column by column, which is twice as fast as path by path. (Columns turned into rows in registers, eight by eight, were no faster,
-        // perhaps because it is the stores to what is not in the first cache that take the time.)
+        // Column by column, which is twice as fast as path by path. (Columns turned into rows in
+        // registers, eight by eight, were no faster, perhaps because it is the stores to what is
+        // not in the first cache that take the time.)
         let Self { paths: from, light_rays, lanes, kept, .. } = self;
         let first = light_rays.values.len();
         let path = |lane: u32| paths[lane as usize] as usize;
@@ -104,7 +117,8 @@ impl PartRenderer<'_> {
         self.collect_next(vertices, lobe);
     }
 
-    /// Dims light and says what it is, of the light rays of the lanes that are `kept`: those from the first of this number on.
+    /// Dims light and says what it is, of the light rays of the lanes that are `kept`: those from
+    /// the first of this number on.
     #[cold]
     fn tell_light_apart(
         &mut self,
@@ -117,14 +131,23 @@ impl PartRenderer<'_> {
             self.light_rays.values[i] = self.dimmed(depth > 0, self.light_rays.values[i]);
             if !self.light_parts.is_empty() {
                 let before = self.paths.rest(vertices.paths()[lane] as usize).lobe;
-                let tag = self.tag(lobe(lane).unwrap_or(before), depth + 1, vertices.light().lights.source[lane]);
+                let tag = self.tag(
+                    lobe(lane).unwrap_or(before),
+                    depth + 1,
+                    vertices.light().lights.source[lane],
+                );
                 self.light_rays.tags.push(tag);
             }
         }
     }
 
-    /// Takes where the paths of the lanes that are in use go on: these are `kept`. `lobe` as in [`Self::collect_columns`].
-    pub(super) fn collect_next(&mut self, vertices: &impl Columns, lobe: impl Fn(usize) -> Option<LobeShares>) {
+    /// Takes where the paths of the lanes that are in use go on: these are `kept`. `lobe` as in
+    /// [`Self::collect_columns`].
+    pub(super) fn collect_next(
+        &mut self,
+        vertices: &impl Columns,
+        lobe: impl Fn(usize) -> Option<LobeShares>,
+    ) {
         let paths = vertices.paths();
         let Self { paths: from, next, lanes, kept, .. } = self;
         let path = |lane: u32| paths[lane as usize] as usize;
@@ -182,10 +205,20 @@ impl PartRenderer<'_> {
             (&self.paths.rays[path], &self.paths.hits[path], *self.paths.rest(path));
         let point = scene.world.point(RayQuery { time, ..RayQuery::from(ray) }, hit);
         let surface = (&point, || self.paths.interaction(scene, path));
-        volumes.note_outputs(path, ray.direction, Some(surface), (hit, mode), random, light, glowing, next.into_iter());
+        volumes.note_outputs(
+            path,
+            ray.direction,
+            Some(surface),
+            (hit, mode),
+            random,
+            light,
+            glowing,
+            next.into_iter(),
+        );
     }
 
-    /// Takes what the vertices of [`Self::finish_matte`] gave one by one and in order, because somebody wants to know more of them.
+    /// Takes what the vertices of [`Self::finish_matte`] gave one by one and in order, because
+    /// somebody wants to know more of them.
     fn collect_matte(&mut self, depth: u32, vertices: &MatteVertices, paths: &[u32]) {
         for (lane, &path) in paths.iter().enumerate() {
             let path = path as usize;
@@ -197,16 +230,24 @@ impl PartRenderer<'_> {
                 self.note_insides_of(depth, vertices, lane, path);
             }
             let rest = self.paths.rest(path);
-            let lobe = if self.context.wants_lobes && depth == 0 { vertices.lobe(lane) } else { rest.lobe };
+            let lobe = if self.context.wants_lobes && depth == 0 {
+                vertices.lobe(lane)
+            } else {
+                rest.lobe
+            };
             let rest = Rest { lobe, ..*rest };
             self.outputs.clear();
             if let Some((source, weight)) = vertices.light_source(lane) {
                 self.outputs.weights.light = weight;
                 (self.outputs.light_source, self.outputs.light_lobe) = (Some(source), lobe);
-                self.outputs.light_rays.push((vertices.light_rays().at(lane), vertices.brought(lane)));
+                self.outputs
+                    .light_rays
+                    .push((vertices.light_rays().at(lane), vertices.brought(lane)));
             }
             if vertices.goes_on(lane) {
-                self.outputs.next.push((vertices.next_rays().at(lane), vertices.carried().at(lane).with(&rest)));
+                self.outputs
+                    .next
+                    .push((vertices.next_rays().at(lane), vertices.carried().at(lane).with(&rest)));
                 self.outputs.choice = vertices.choice(&self.context, depth, lane);
             }
             self.collect(depth, path);

@@ -24,7 +24,8 @@ impl PartRenderer<'_> {
         self.scattered = Some(vertices);
     }
 
-    /// Tells media of the rays of the lanes that are in use, all of which start where their paths are.
+    /// Tells media of the rays of the lanes that are in use, all of which start where their paths
+    /// are.
     fn note_insides_here(&mut self, depth: u32, vertices: &impl LitColumns) {
         let Self { volumes, lanes, kept, paths, keys, sampler, .. } = self;
         let Some(volumes) = volumes else { return };

@@ -19,15 +19,20 @@ pub(super) struct SpecularBatch<'a> {
 }
 
 impl<'a> SpecularBatch<'a> {
-    /// `None` if there are none, or the level is that of portable code: the twin shades one vertex at a time.
+    /// `None` if there are none, or the level is that of portable code: the twin shades one vertex
+    /// at a time.
     pub(super) fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Box<Self>> {
         let scene = context.scene;
         let wide = scene.world.simd().wide()?;
-        let materials: Vec<_> = scene.materials.iter().map(|material| specular_part(context, material)).collect();
+        let materials: Vec<_> =
+            scene.materials.iter().map(|material| specular_part(context, material)).collect();
         let plain = |geometry: usize| scene.world.plain_mesh(GeometryId(geometry as u32));
         let meshes = (0..scene.world.geometry_count()).map(plain).collect();
         let vertices = SpecularVertices::new(context.settings.color, sampler, Some(wide));
-        materials.iter().any(Option::is_some).then(|| Box::new(Self { vertices, meshes, materials }))
+        materials
+            .iter()
+            .any(Option::is_some)
+            .then(|| Box::new(Self { vertices, meshes, materials }))
     }
 }
 
@@ -43,7 +48,9 @@ impl PartRenderer<'_> {
     /// True if a path has come to a specular surface.
     pub(super) fn is_specular(&self, path: u32) -> bool {
         let material = self.materials[path as usize] as usize;
-        self.specular.as_ref().is_some_and(|specular| matches!(specular.materials.get(material), Some(Some(_))))
+        self.specular
+            .as_ref()
+            .is_some_and(|specular| matches!(specular.materials.get(material), Some(Some(_))))
     }
 
     /// Shades at most [`LANES`] paths at specular surfaces.
@@ -61,9 +68,17 @@ impl PartRenderer<'_> {
             let path = vertices.paths()[lane] as usize;
             let (hit, key) = (&self.paths.hits[path], self.materials[path]);
             let Some(lobe) = lobe(key) else { continue };
-            let outside_ior = self.volumes.as_ref().map_or(1.0, |volumes| volumes.outside_ior(path, hit));
+            let outside_ior =
+                self.volumes.as_ref().map_or(1.0, |volumes| volumes.outside_ior(path, hit));
             let surface = (&self.context.scene.materials[key as usize], lobe);
-            vertices.gather(&self.context, lane, &arriving, surface, outside_ior, mesh(hit).is_some());
+            vertices.gather(
+                &self.context,
+                lane,
+                &arriving,
+                surface,
+                outside_ior,
+                mesh(hit).is_some(),
+            );
         }
         vertices.gather_triangles(&arriving, mesh);
         let keys = &self.materials;

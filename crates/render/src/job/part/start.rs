@@ -1,12 +1,16 @@
 //! Where paths begin: samples, their numbers and the rays of the camera.
 
 use super::{PartRenderer, Sample, SampleFacts};
-use crate::integrator::camera_path::{FILM, LENS, TIME, WAVELENGTH, camera_path, film_point, path_of};
+use crate::integrator::camera_path::{
+    FILM, LENS, TIME, WAVELENGTH, camera_path, film_point, path_of,
+};
 use crate::integrator::carried::{Carried, Rest};
 use crate::integrator::lanes::LANES;
 use crate::sampler::{ManyRandoms, SampleKey};
 use snell_math::simd::Wide;
-use snell_math::{ColorMode, ColorModel, DVec2, SampledSpectrum, SampledWavelengths, Vec2, at_level};
+use snell_math::{
+    ColorMode, ColorModel, DVec2, SampledSpectrum, SampledWavelengths, Vec2, at_level,
+};
 
 impl PartRenderer<'_> {
     pub(super) fn start(&mut self, positions: &[[u32; 2]], range: [u32; 2]) {
@@ -53,21 +57,33 @@ impl PartRenderer<'_> {
         if self.stands_still && view.many_rays(&film, &lens, wide, &mut self.camera_rays) {
             let rays = &self.camera_rays;
             let modes = modes_of(settings.color, &randoms, wide);
-            let times = if self.context.scene.moves { randoms.numbers(TIME, wide) } else { [0.0; LANES] };
+            let times =
+                if self.context.scene.moves { randoms.numbers(TIME, wide) } else { [0.0; LANES] };
             paths.rays.extend((0..keys.len()).map(|i| rays.get(i).ray));
             let (first, rest) = Carried::of(&path_of(&rays.get(0), modes[0], 0.0));
-            let rests: [Rest; LANES] = std::array::from_fn(|i| Rest { mode: modes[i], time: times[i], ..rest });
+            let rests: [Rest; LANES] =
+                std::array::from_fn(|i| Rest { mode: modes[i], time: times[i], ..rest });
             paths.extend_rest(rests[..keys.len()].iter().copied());
             let carried = |i| Carried { cone_spread: rays.get(i).spread, ..first };
             paths.carried.extend((0..keys.len()).map(carried));
             paths.samples.extend(begun..begun + keys.len() as u32);
-            facts.extend(modes.iter().zip(&weights[..keys.len()]).map(|(&mode, &weight)| known(mode, weight)));
+            facts.extend(
+                modes
+                    .iter()
+                    .zip(&weights[..keys.len()])
+                    .map(|(&mode, &weight)| known(mode, weight)),
+            );
             return;
         }
         for (i, &key) in keys.iter().enumerate() {
             let point = DVec2::new(film[0][i], film[1][i]);
-            let (ray, state) =
-                camera_path(view, settings, self.context.scene.moves, &self.sampler.numbers_of(key), point);
+            let (ray, state) = camera_path(
+                view,
+                settings,
+                self.context.scene.moves,
+                &self.sampler.numbers_of(key),
+                point,
+            );
             facts.push(known(state.mode, weights[i]));
             paths.push(ray, &state, begun + i as u32);
         }
@@ -75,7 +91,11 @@ impl PartRenderer<'_> {
 }
 
 /// What the spectra of samples stand for.
-fn modes_of(color: ColorModel, randoms: &ManyRandoms<LANES>, wide: Option<Wide>) -> [ColorMode; LANES] {
+fn modes_of(
+    color: ColorModel,
+    randoms: &ManyRandoms<LANES>,
+    wide: Option<Wide>,
+) -> [ColorMode; LANES] {
     let mut modes = [ColorMode::Rgb; LANES];
     if color == ColorModel::Spectral {
         let u = randoms.numbers(WAVELENGTH, wide);

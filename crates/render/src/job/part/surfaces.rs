@@ -17,7 +17,9 @@ impl PartRenderer<'_> {
         let materials = &self.context.scene.materials;
         let is_any = |&path: &u32| {
             let material = self.materials[path as usize] as usize;
-            material < nothing && !self.is_specular(path) && !(is_spectral && materials[material].is_dispersive())
+            material < nothing
+                && !self.is_specular(path)
+                && !(is_spectral && materials[material].is_dispersive())
         };
         paths.iter().take(LANES).take_while(|path| is_any(path)).count()
     }
@@ -30,11 +32,13 @@ impl PartRenderer<'_> {
         for lane in 0..vertices.paths().len() {
             let path = vertices.paths()[lane] as usize;
             let (ray, hit) = (&self.paths.rays[path], &self.paths.hits[path]);
-            let outside_ior = self.volumes.as_ref().map_or(1.0, |volumes| volumes.outside_ior(path, hit));
+            let outside_ior =
+                self.volumes.as_ref().map_or(1.0, |volumes| volumes.outside_ior(path, hit));
             if vertices.is_plain(&self.context, &self.arriving(), outside_ior) {
                 continue;
             }
-            let (state, interaction) = (self.paths.state(path), self.paths.interaction(scene, path));
+            let (state, interaction) =
+                (self.paths.state(path), self.paths.interaction(scene, path));
             let surface = self.paths.surface(scene, path, &interaction, outside_ior);
             let prepared = scene.prepared(scene.material_id(hit));
             let random = self.sampler.numbers_of(self.keys[self.paths.samples[path] as usize]);
@@ -59,8 +63,11 @@ impl PartRenderer<'_> {
         }
         for i in 0..self.lanes.len() {
             let lane = self.lanes[i] as usize;
-            let light = vertices.is_lit(lane).then(|| (vertices.light_rays().at(lane), vertices.brought(lane)));
-            let next = (vertices.goes_on()[lane] != 0).then(|| vertices.next_rays().at(lane).direction);
+            let light = vertices
+                .is_lit(lane)
+                .then(|| (vertices.light_rays().at(lane), vertices.brought(lane)));
+            let next =
+                (vertices.goes_on()[lane] != 0).then(|| vertices.next_rays().at(lane).direction);
             let path = vertices.paths()[lane] as usize;
             self.note_insides_at(depth, path, light.as_slice(), vertices.glowing(lane), next);
         }

@@ -113,7 +113,8 @@ impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
         let (o, i) = (lift(seen.wo), lift(wi));
         let (m, reflection, density, exists) = self.ggx.reflected(o, i);
         let exists = exists & is_seen;
-        let reflection = if exists { fresnel::dielectric(o.dot(m), self.ior) * reflection } else { 0.0 };
+        let reflection =
+            if exists { fresnel::dielectric(o.dot(m), self.ior) * reflection } else { 0.0 };
         let density = if exists { density } else { 0.0 };
         (value + seen.unit * (reflection * self.weight), pdf + coat * density)
     }
@@ -127,9 +128,14 @@ impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
         let exists = exists & (wo.z != 0.0);
         if SMOOTH {
             let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
-            let delta = seen.unit * (fresnel::dielectric(wo.z.abs(), self.ior) * self.weight) / coat;
+            let delta =
+                seen.unit * (fresnel::dielectric(wo.z.abs(), self.ior) * self.weight) / coat;
             let wi = choose(is_below, base.wi, mirror);
-            return ManyDrawn::reflected(wi, exists & (base.exists | !is_below), Some((!is_below, delta)));
+            return ManyDrawn::reflected(
+                wi,
+                exists & (base.exists | !is_below),
+                Some((!is_below, delta)),
+            );
         }
         let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
         let facet = lower_like(facet, wo);
@@ -140,6 +146,7 @@ impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
     #[inline(always)]
     fn albedo_from(&self, seen: &Seen<B::Seen>) -> SampledSpectrum {
         let below = self.base.albedo_from(&seen.base) * seen.unit;
-        below * self.passed(seen.reflected, seen.darkened) + seen.unit * (seen.reflected * self.weight)
+        below * self.passed(seen.reflected, seen.darkened)
+            + seen.unit * (seen.reflected * self.weight)
     }
 }

@@ -31,7 +31,11 @@ pub struct Colors {
 
 impl Colors {
     #[inline(always)]
-    fn new<const COMPLEX: bool>(facets: [SampledSpectrum; 2], unit: SampledSpectrum, mean_loss: f32) -> Self {
+    fn new<const COMPLEX: bool>(
+        facets: [SampledSpectrum; 2],
+        unit: SampledSpectrum,
+        mean_loss: f32,
+    ) -> Self {
         let [a, b] = facets;
         let average = if COMPLEX { complex_average(a, b) } else { f82_average(a, b) };
         Self { facets, unit, bounced: bounced(average, unit, mean_loss) }
@@ -50,7 +54,8 @@ pub struct Seen {
 impl<const COMPLEX: bool> ManyMetal<COMPLEX> {
     /// `None` if it is no such metal.
     pub fn of(bsdf: &ConductorBsdf) -> Option<Self> {
-        let &ConductorBsdf { facets, unit, microfacets, ref loss, lobe, mean_loss, film, .. } = bsdf;
+        let &ConductorBsdf { facets, unit, microfacets, ref loss, lobe, mean_loss, film, .. } =
+            bsdf;
         let ggx = microfacets.ggx()?;
         let (facets, is_complex) = match facets {
             FacetReflectance::Complex { eta, k } => ([eta, k], true),
@@ -63,9 +68,15 @@ impl<const COMPLEX: bool> ManyMetal<COMPLEX> {
 }
 
 impl ManyMetal<false> {
-    /// The same of another roughness: with what is known of that. What it is in its own colours is to be worked out.
+    /// The same of another roughness: with what is known of that. What it is in its own colours is
+    /// to be worked out.
     #[inline(always)]
-    pub fn with<N>(&self, loss: FacetLossBy<N>, lobe: BouncedLobe, mean_loss: f32) -> ManyMetal<false, N> {
+    pub fn with<N>(
+        &self,
+        loss: FacetLossBy<N>,
+        lobe: BouncedLobe,
+        mean_loss: f32,
+    ) -> ManyMetal<false, N> {
         ManyMetal { ggx: loss.widths.into(), loss, lobe, mean_loss, own: self.own }
     }
 
@@ -117,8 +128,10 @@ impl<const COMPLEX: bool, N: Nodes> ManyLobes for ManyMetal<COMPLEX, N> {
         let (wo, wi) = (lift(seen.wo), lift(wi));
         let [facets, diffuse] = seen.choice.probabilities;
         let (m, value, pdf, exists) = self.ggx.reflected(wo, wi);
-        let once = (Self::reflectance(&seen.colors, wo.dot(m)) * value).map(|x| if exists { x } else { 0.0 });
-        let value = once + seen.colors.bounced * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
+        let once = (Self::reflectance(&seen.colors, wo.dot(m)) * value)
+            .map(|x| if exists { x } else { 0.0 });
+        let value =
+            once + seen.colors.bounced * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
         let pdf = facets * if exists { pdf } else { 0.0 } + diffuse * self.lobe.pdf(wi.z);
         (value.map(|x| if is_seen { x } else { 0.0 }), if is_seen { pdf } else { 0.0 })
     }

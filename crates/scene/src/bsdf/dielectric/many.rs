@@ -35,7 +35,11 @@ impl Colors {
     fn new(&[tint, outer, inner]: &Palette, eta: [f32; 2]) -> Self {
         // (Where nothing is refracted, both sides are the outer one.)
         let inner = outer.zip(inner, |outer, inner| if eta[1] == eta[0] { outer } else { inner });
-        Self { tint, mirror_tint: [outer, inner], crossing: eta.map(|eta| tint * Split::compression(eta)) }
+        Self {
+            tint,
+            mirror_tint: [outer, inner],
+            crossing: eta.map(|eta| tint * Split::compression(eta)),
+        }
     }
 }
 
@@ -68,7 +72,8 @@ impl ManyGlass {
         })
     }
 
-    /// As [`DielectricBsdf::facet`] and what follows from it: value and density, `wo` above and `wi` mirrored likewise.
+    /// As [`DielectricBsdf::facet`] and what follows from it: value and density, `wo` above and
+    /// `wi` mirrored likewise.
     #[inline(always)]
     fn facets(&self, seen: &Seen, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
         let (eta, is_transmission) = (seen.eta, wi.z < 0.0);
@@ -83,11 +88,13 @@ impl ManyGlass {
         let up = lift(wi);
         let (density, visibility) = (self.ggx.density(m), self.ggx.visibility(wo, up));
         let denominator = cos_i + cos_o / eta;
-        let jacobian = if denominator == 0.0 { 0.0 } else { cos_i.abs() / (denominator * denominator) };
+        let jacobian =
+            if denominator == 0.0 { 0.0 } else { cos_i.abs() / (denominator * denominator) };
         let flux = density * 4.0 * visibility * up.z * cos_o.abs() * jacobian;
         let around = wo.z + self.ggx.root(wo);
         let reflected_pdf = density * 0.5 / around * reflectance;
-        let refracted_pdf = density * cos_o.max(0.0) * 2.0 / around * jacobian * (1.0 - reflectance);
+        let refracted_pdf =
+            density * cos_o.max(0.0) * 2.0 / around * jacobian * (1.0 - reflectance);
         let mirror_tint = of_side(&seen.colors.mirror_tint, seen);
         let crossing = of_side(&seen.colors.crossing, seen);
         let reflected = mirror_tint * reflectance * (density * visibility * up.z);
@@ -125,7 +132,14 @@ impl ManyLobes for ManyGlass {
         let is_inside = wo.z <= 0.0;
         let pick = |[outer, inner]: [f32; 2]| if is_inside { inner } else { outer };
         let lost = self.losses.towards(is_inside, lift(wo));
-        Seen { wo, colors, is_inside, eta: pick(self.eta), lost, transmitted: pick(self.transmitted) }
+        Seen {
+            wo,
+            colors,
+            is_inside,
+            eta: pick(self.eta),
+            lost,
+            transmitted: pick(self.transmitted),
+        }
     }
 
     #[inline(always)]
@@ -138,9 +152,11 @@ impl ManyLobes for ManyGlass {
         let average = if to_inside { self.average[1] } else { self.average[0] };
         let loss = self.losses.towards(to_inside, lift(wi));
         let diffuse = seen.lost * loss / average * wi.z.abs() * FRAC_1_PI;
-        let (mirror_tint, crossing) = (of_side(&seen.colors.mirror_tint, seen), of_side(&seen.colors.crossing, seen));
+        let (mirror_tint, crossing) =
+            (of_side(&seen.colors.mirror_tint, seen), of_side(&seen.colors.crossing, seen));
         let side = if is_transmission { seen.transmitted } else { 1.0 - seen.transmitted };
-        let tint = mirror_tint.zip(crossing, |mirror, crossing| if is_transmission { crossing } else { mirror });
+        let tint = mirror_tint
+            .zip(crossing, |mirror, crossing| if is_transmission { crossing } else { mirror });
         let bounced = tint * (diffuse * side);
         let has_bounced = average > 0.0;
         let value = facets.zip(bounced, |facets, bounced| {
@@ -157,12 +173,17 @@ impl ManyLobes for ManyGlass {
         let up = lift(wo);
         let is_bounced = u_lobe < lost;
         let bounced = self.lobe.sample(u);
-        let bounced = Vec3::new(bounced.x, bounced.y, if u_lobe < lost * transmitted { -bounced.z } else { bounced.z });
+        let bounced = Vec3::new(
+            bounced.x,
+            bounced.y,
+            if u_lobe < lost * transmitted { -bounced.z } else { bounced.z },
+        );
         let m = self.ggx.visible_normal(up, u);
         let is_refracted = (u_lobe - lost) / (1.0 - lost) >= fresnel::dielectric(up.dot(m), eta);
         let (refracted, is_partial) = fresnel::refracted(up, m, eta);
         let facet = choose(is_refracted, refracted, fresnel::reflect(up, m));
-        let is_sound = (is_partial | !is_refracted) & (facet.z != 0.0) & ((facet.z < 0.0) == is_refracted);
+        let is_sound =
+            (is_partial | !is_refracted) & (facet.z != 0.0) & ((facet.z < 0.0) == is_refracted);
         let wi = choose(is_bounced, bounced, facet);
         let is_transmission = wi.z < 0.0;
         ManyDrawn {
@@ -178,6 +199,7 @@ impl ManyLobes for ManyGlass {
     #[inline(always)]
     fn albedo_from(&self, seen: &Seen) -> SampledSpectrum {
         let reflectance = fresnel::dielectric(seen.wo.z.abs(), seen.eta);
-        of_side(&seen.colors.mirror_tint, seen) * reflectance + seen.colors.tint * (1.0 - reflectance)
+        of_side(&seen.colors.mirror_tint, seen) * reflectance
+            + seen.colors.tint * (1.0 - reflectance)
     }
 }

@@ -17,7 +17,8 @@ fn row_roughness(row: usize) -> f32 {
 /// Numbers for one direction.
 #[derive(Clone, Copy, Default)]
 struct Shares {
-    /// Reflected by facets that reflect everything, by facets of a dielectric seen from outside, and from inside.
+    /// Reflected by facets that reflect everything, by facets of a dielectric seen from outside,
+    /// and from inside.
     mirror: f64,
     outside: f64,
     inside: f64,
@@ -37,7 +38,8 @@ fn direction(widths: Widths, node: usize) -> Vec3 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        let reached = f64::from(position(widths, at(middle))) < node as f64 / (STEEPNESSES - 1) as f64;
+        let reached =
+            f64::from(position(widths, at(middle))) < node as f64 / (STEEPNESSES - 1) as f64;
         *(if reached { &mut low } else { &mut high }) = middle;
     }
     at(if node == 0 { 0.0 } else { high })
@@ -47,7 +49,8 @@ fn shares(facets: Microfacets, wo: Vec3, ior: f64, n: u32) -> Shares {
     let mut sum = Shares::default();
     let weight = |wi: Vec3| f64::from(facets.shadowing(wo, wi));
     for i in 0..n {
-        // A Fibonacci lattice, warped so that the tilted facets, whose light gets lost, are more often asked.
+        // A Fibonacci lattice, warped so that the tilted facets, whose light gets lost, are more
+        // often asked.
         let x = (f64::from(i) + 0.5) / f64::from(n);
         let y = (f64::from(i) * 0.618_033_988_749_894_9 + 0.5).fract();
         let (v, density) = (x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x));
@@ -62,7 +65,9 @@ fn shares(facets: Microfacets, wo: Vec3, ior: f64, n: u32) -> Shares {
             sum.outside += weight * from_outside;
             sum.inside += weight * from_inside;
         }
-        for (sum, eta, reflectance) in [(&mut sum.into, ior, from_outside), (&mut sum.out, 1.0 / ior, from_inside)] {
+        for (sum, eta, reflectance) in
+            [(&mut sum.into, ior, from_outside), (&mut sum.out, 1.0 / ior, from_inside)]
+        {
             if let Some(wi) = fresnel::refract(wo, m, eta as f32).filter(|wi| wi.z < 0.0) {
                 *sum += weight(Vec3::new(wi.x, wi.y, -wi.z)) * density * (1.0 - reflectance);
             }
@@ -118,7 +123,11 @@ fn integrate(shape: MicrofacetShape, ior: f64) -> [Vec<Vec<f64>>; 4] {
             let wo = direction(widths, k);
             let s = shares(shape.of_widths(widths), wo, ior, 1 << 13);
             let reference = f64::from(fresnel::dielectric(facet_cosine(widths, wo), ior as f32));
-            let ratio = if reference > 0.0 { s.outside / reference / f64::from(most) } else { 1.0 / f64::from(most) };
+            let ratio = if reference > 0.0 {
+                s.outside / reference / f64::from(most)
+            } else {
+                1.0 / f64::from(most)
+            };
             let values = [1.0 - s.mirror, ratio, 1.0 - s.outside - s.into, 1.0 - s.inside - s.out];
             for (row, value) in rows.iter_mut().zip(values) {
                 row.push(value);

@@ -1,12 +1,15 @@
-//! How much light a rough interface passes on by facets that are met once, and so how much is missing: what bounces between facets.
+//! How much light a rough interface passes on by facets that are met once, and so how much is
+//! missing: what bounces between facets.
 //!
-//! Lobes give the missing part back diffusely, in proportion to what is missing on the way in and on the way out (Kelemen and
-//! Szirmay-Kalos 2001; Kulla and Conty, Revisiting Physically Based Shading at Imageworks, SIGGRAPH 2017 course), which is
-//! reciprocal and loses nothing. Layers use the same numbers to know what is left for what lies below.
+//! Lobes give the missing part back diffusely, in proportion to what is missing on the way in and
+//! on the way out (Kelemen and Szirmay-Kalos 2001; Kulla and Conty, Revisiting Physically Based
+//! Shading at Imageworks, SIGGRAPH 2017 course), which is reciprocal and loses nothing. Layers use
+//! the same numbers to know what is left for what lies below.
 //!
-//! The tables in `tables.bin` were integrated by `generate.rs`. Half of their nodes along the direction follow the cosine in units of
-//! the roughness ([`Widths::steepness`]), in which albedos are smooth even for nearly smooth surfaces at grazing angles, and half the
-//! cosine itself, for the critical angle.
+//! The tables in `tables.bin` were integrated by `generate.rs`. Half of their nodes along the
+//! direction follow the cosine in units of the roughness ([`Widths::steepness`]), in which albedos
+//! are smooth even for nearly smooth surfaces at grazing angles, and half the cosine itself, for
+//! the critical angle.
 
 #[cfg(test)]
 mod generate;
@@ -24,8 +27,8 @@ const INDICES: usize = 32;
 /// Numbers in a row: albedos and their mean.
 const ROW: usize = STEEPNESSES + 1;
 
-/// Numbers of 16 bits, little-endian: albedos in units of 1/65535, means by their logarithms. The first half is for [`super::Ggx`],
-/// the second for [`super::Beckmann`].
+/// Numbers of 16 bits, little-endian: albedos in units of 1/65535, means by their logarithms. The
+/// first half is for [`super::Ggx`], the second for [`super::Beckmann`].
 static NUMBERS: [u16; 2 * HALF] = {
     let (bytes, mut numbers) = (include_bytes!("tables.bin"), [0; 2 * HALF]);
     let mut i = 0;
@@ -39,7 +42,8 @@ static NUMBERS: [u16; 2 * HALF] = {
 /// How many of them there are for each distribution.
 const HALF: usize = ROUGHNESSES * ROW * (FACETS.indices + 3 * INDICES);
 
-/// A table: a row for each roughness, each number in it for all indices of refraction, one after the other.
+/// A table: a row for each roughness, each number in it for all indices of refraction, one after
+/// the other.
 #[derive(Clone, Copy, Debug)]
 struct Table {
     start: usize,
@@ -48,7 +52,8 @@ struct Table {
 
 /// Lost by facets that reflect everything: the same for four indices of refraction.
 const FACETS: Table = Table { start: 0, indices: 4 };
-/// Reflected by a dielectric from outside over what a smooth surface reflects at the angle of a typical facet (in units of [`MOST`]).
+/// Reflected by a dielectric from outside over what a smooth surface reflects at the angle of a
+/// typical facet (in units of [`MOST`]).
 const REFLECTED: Table = Table::of_dielectrics(0);
 /// Lost by a dielectric from outside and from inside.
 const LOST: [Table; 2] = [Table::of_dielectrics(1), Table::of_dielectrics(2)];
@@ -67,7 +72,8 @@ impl Table {
     }
 }
 
-/// Root of the reflectance at normal incidence at the last index of refraction; the nodes before follow the power 2.5.
+/// Root of the reflectance at normal incidence at the last index of refraction; the nodes before
+/// follow the power 2.5.
 const MOST_ROOT_F0: f64 = 0.98;
 
 /// A number for four indices of refraction.
@@ -78,14 +84,16 @@ fn four(at: usize) -> [f32; 4] {
     [number(a), number(b), number(c), number(d)]
 }
 
-/// Range of the logarithms of means: at low roughness nothing is lost on average, but much at grazing angles, and the ratio counts.
+/// Range of the logarithms of means: at low roughness nothing is lost on average, but much at
+/// grazing angles, and the ratio counts.
 const DEEPEST: f32 = -16.0;
 
-/// Range of the quotient of the reflectance of a rough and of a smooth dielectric, see [`Widths::facet_cosine`].
+/// Range of the quotient of the reflectance of a rough and of a smooth dielectric, see
+/// [`Widths::facet_cosine`].
 const MOST: f32 = 16.0;
 
-/// How many times that the range is for this distribution: at grazing angles more of Beckmann's visible facets are seen edge-on, where
-/// even what bends light a little reflects it.
+/// How many times that the range is for this distribution: at grazing angles more of Beckmann's
+/// visible facets are seen edge-on, where even what bends light a little reflects it.
 fn range(shape: MicrofacetShape) -> f32 {
     match shape {
         MicrofacetShape::Ggx => 1.0,
@@ -115,7 +123,8 @@ fn lerp(a: f32, b: f32, t: f32) -> f32 {
 /// One quantity for one surface: a function of direction.
 #[derive(Clone, Copy, Debug)]
 struct Albedo {
-    /// Where the first of four rows around the roughness begins in the table, for the first of four indices of refraction around that of the surface.
+    /// Where the first of four rows around the roughness begins in the table, for the first of four
+    /// indices of refraction around that of the surface.
     start: usize,
     /// As in [`Table`].
     indices: usize,
@@ -146,7 +155,8 @@ impl Albedo {
         let (row, weight) = nodes(facets.widths().alpha().sqrt(), ROUGHNESSES);
         let first = row.saturating_sub(1).min(ROUGHNESSES - 4);
         let start = table.of(facets.shape()) + first * ROW * table.indices + index;
-        let (rows, is_round) = (cubic((row - first) as f32 + weight), facets.shape() == MicrofacetShape::Beckmann);
+        let (rows, is_round) =
+            (cubic((row - first) as f32 + weight), facets.shape() == MicrofacetShape::Beckmann);
         Self { start, indices: table.indices, rows, planes, reference: 1.0, is_round }
     }
 
@@ -180,7 +190,12 @@ impl Albedo {
     /// The cubic through four indices of refraction, not below 0.
     #[inline(always)]
     fn over_planes(&self, numbers: [f32; 4]) -> f32 {
-        self.planes.iter().zip(numbers).map(|(weight, number)| weight * number).sum::<f32>().max(0.0)
+        self.planes
+            .iter()
+            .zip(numbers)
+            .map(|(weight, number)| weight * number)
+            .sum::<f32>()
+            .max(0.0)
     }
 
     /// The same function with the nodes around a place worked out, of which this is the first.
@@ -271,8 +286,9 @@ pub(super) fn first_node(widths: Widths, w: Vec3) -> u32 {
 /// For what does not depend on the index of refraction.
 const NO_INDEX: (usize, [f32; 4]) = (0, [1.0, 0.0, 0.0, 0.0]);
 
-/// Directions above for light that met several facets. Smooth surfaces lose light only at grazing angles, and give it back there: the
-/// square of the cosine has the density `1 / (mu^2 + alpha^2)`, not normalised.
+/// Directions above for light that met several facets. Smooth surfaces lose light only at grazing
+/// angles, and give it back there: the square of the cosine has the density `1 / (mu^2 + alpha^2)`,
+/// not normalised.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BouncedLobe {
     /// Not so small that the logarithm has no end.
@@ -353,7 +369,8 @@ impl<N: Nodes> FacetLossBy<N> {
     }
 }
 
-/// Four indices of refraction around one (at least 1), as the numbers of the first, and their weights in a cubic.
+/// Four indices of refraction around one (at least 1), as the numbers of the first, and their
+/// weights in a cubic.
 fn indices(ior: f32) -> (usize, [f32; 4]) {
     let s = f64::from((ior - 1.0) / (ior + 1.0));
     let x = (s / MOST_ROOT_F0).clamp(0.0, 1.0).powf(1.0 / 2.5) * (INDICES - 1) as f64;
@@ -383,7 +400,12 @@ impl DielectricReflection {
     }
 
     fn at(facets: Microfacets, ior: f32, indices: (usize, [f32; 4])) -> Self {
-        Self { widths: facets.widths(), ior, indices, reflected: Albedo::reflected(facets, indices) }
+        Self {
+            widths: facets.widths(),
+            ior,
+            indices,
+            reflected: Albedo::reflected(facets, indices),
+        }
     }
 
     /// Share of light reflected once towards a direction above.
@@ -396,7 +418,11 @@ impl DielectricReflection {
 
     /// The same of a rough surface for many questions.
     pub(super) fn line(&self) -> DielectricReflectionBy<Line> {
-        DielectricReflectionBy { widths: self.widths, ior: self.ior, reflected: self.reflected.line() }
+        DielectricReflectionBy {
+            widths: self.widths,
+            ior: self.ior,
+            reflected: self.reflected.line(),
+        }
     }
 
     /// What is asked about directions with this [`first_node`], of a rough surface.
@@ -407,7 +433,11 @@ impl DielectricReflection {
 
     /// Share of diffuse light reflected once.
     pub(super) fn average(&self) -> f32 {
-        if self.widths.is_smooth() { super::fresnel::dielectric_average(self.ior) } else { self.reflected.average() }
+        if self.widths.is_smooth() {
+            super::fresnel::dielectric_average(self.ior)
+        } else {
+            self.reflected.average()
+        }
     }
 }
 
@@ -459,7 +489,8 @@ impl DielectricLoss {
     }
 }
 
-/// [`DielectricLoss`] of a rough surface seen from its outer and its inner side, for many questions.
+/// [`DielectricLoss`] of a rough surface seen from its outer and its inner side, for many
+/// questions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricLossLines {
     widths: Widths,

@@ -52,7 +52,8 @@ impl<const SMOOTH: bool> ManyGloss<SMOOTH> {
         let GlossyBsdf { gloss, body, albedo, .. } = bsdf;
         let mean = albedo.average();
         let ggx = gloss.microfacets.ggx()?;
-        let is_matte = body.diffuse.is_lambertian() && body.through.is_black() && body.walk.is_black();
+        let is_matte =
+            body.diffuse.is_lambertian() && body.through.is_black() && body.walk.is_black();
         (is_matte && gloss.film.is_none() && ggx.is_smooth() == SMOOTH).then(|| Self {
             ior: gloss.ior,
             ggx,
@@ -70,7 +71,8 @@ impl ManyGloss<false> {
         self.ior
     }
 
-    /// The same gloss of another roughness: with what is known of that, and its mean albedo, but for the tint.
+    /// The same gloss of another roughness: with what is known of that, and its mean albedo, but
+    /// for the tint.
     #[inline(always)]
     pub fn with<N>(&self, albedo: DielectricReflectionBy<N>, mean: f32) -> ManyGloss<false, N> {
         let own = Colors::new(self.own.body, self.own.tint, mean);
@@ -82,7 +84,8 @@ impl<const SMOOTH: bool, N: Nodes> ManyGloss<SMOOTH, N> {
     /// As [`GlossyBsdf::gloss_albedo`].
     #[inline(always)]
     fn gloss_albedo(&self, colors: &Colors, w: Vec3) -> SampledSpectrum {
-        colors.tint * if SMOOTH { fresnel::dielectric(w.z, self.ior) } else { self.albedo.towards(w) }
+        colors.tint
+            * if SMOOTH { fresnel::dielectric(w.z, self.ior) } else { self.albedo.towards(w) }
     }
 
     #[inline(always)]
@@ -95,7 +98,8 @@ impl<const SMOOTH: bool, N: Nodes> ManyGloss<SMOOTH, N> {
     fn body_value(&self, seen: &Seen, wi: Vec3) -> SampledSpectrum {
         let colors = &seen.colors;
         let passed = seen.passed * (SampledSpectrum::ONE - self.gloss_albedo(colors, wi));
-        let coupling = passed.zip(colors.passed_average, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 });
+        let coupling =
+            passed.zip(colors.passed_average, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 });
         colors.body * coupling * (wi.z * FRAC_1_PI)
     }
 }
@@ -148,7 +152,11 @@ impl<const SMOOTH: bool, N: Nodes> ManyLobes for ManyGloss<SMOOTH, N> {
         if SMOOTH {
             let delta = self.fresnel(&seen.colors, wo.z.abs()) / seen.choice.probabilities[0];
             let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
-            return ManyDrawn::reflected(choose(is_gloss, mirror, body), exists, Some((is_gloss, delta)));
+            return ManyDrawn::reflected(
+                choose(is_gloss, mirror, body),
+                exists,
+                Some((is_gloss, delta)),
+            );
         }
         let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
         let wi = choose(is_gloss, lower_like(facet, wo), body);

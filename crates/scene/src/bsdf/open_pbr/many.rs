@@ -1,21 +1,25 @@
-//! Metal mixed with a gloss over a matte body, in shares and of a roughness that differ from point to point, for many directions at
-//! once.
+//! Metal mixed with a gloss over a matte body, in shares and of a roughness that differ from point
+//! to point, for many directions at once.
 //!
-//! What depends on the roughness alone is looked up point by point, only where it is asked for; all else is worked out in lanes. So the
-//! work goes through the lanes several times: what is drawn must be known before it can be looked up.
+//! What depends on the roughness alone is looked up point by point, only where it is asked for; all
+//! else is worked out in lanes. So the work goes through the lanes several times: what is drawn
+//! must be known before it can be looked up.
 
 use super::super::energy::{
-    BouncedLobe, DielectricReflection, DielectricReflectionBy, FacetLoss, FacetLossBy, Near, first_node,
+    BouncedLobe, DielectricReflection, DielectricReflectionBy, FacetLoss, FacetLossBy, Near,
+    first_node,
 };
 use super::super::many::{ManyDrawn, ManyLobes, ManyPoint, Palette};
 use super::super::{
-    Choice, ConductorBsdf, Ggx, GlossyBsdf, MANY, ManyAnswers, ManyQuestions, Microfacets, Widths, lift,
+    Choice, ConductorBsdf, Ggx, GlossyBsdf, MANY, ManyAnswers, ManyQuestions, Microfacets, Widths,
+    lift,
 };
 use super::super::{conductor::ManyMetal, glossy::ManyGloss};
 use snell_math::simd::choose;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
-/// A mixture of rough metal by colours and a rough gloss over a matte body, both of [`Ggx`] that is the same in all directions.
+/// A mixture of rough metal by colours and a rough gloss over a matte body, both of [`Ggx`] that is
+/// the same in all directions.
 #[derive(Clone, Debug)]
 pub struct ManyMixed {
     metal: ManyMetal<false>,
@@ -56,12 +60,19 @@ type Around = [[Near; MANY]; 2];
 
 impl ManyMixed {
     /// `None` if it is no such mixture. With the share of each.
-    pub fn of((metalness, metal): &(f32, ConductorBsdf), (_, gloss): &(f32, GlossyBsdf)) -> Option<Self> {
+    pub fn of(
+        (metalness, metal): &(f32, ConductorBsdf),
+        (_, gloss): &(f32, GlossyBsdf),
+    ) -> Option<Self> {
         let (metal, of_gloss) = (ManyMetal::of(metal)?, ManyGloss::of(gloss)?);
         let widths = metal.widths();
-        let is_such = !widths.has_tangent() && gloss.microfacets() == Microfacets::Ggx(widths.into());
-        let point =
-            ManyPoint { alpha: widths.alpha(), metalness: *metalness, ..ManyPoint::with_body(of_gloss.own.body) };
+        let is_such =
+            !widths.has_tangent() && gloss.microfacets() == Microfacets::Ggx(widths.into());
+        let point = ManyPoint {
+            alpha: widths.alpha(),
+            metalness: *metalness,
+            ..ManyPoint::with_body(of_gloss.own.body)
+        };
         is_such.then_some(Self { metal, gloss: of_gloss, dielectric: *gloss, point })
     }
 
@@ -76,7 +87,8 @@ impl ManyMixed {
             let mixture = self.at(asked, &rough, &around_wo, i);
             let seen = mixture.seen(asked.wo(i), self.colors::<CHANNELS>(&mixture, asked, i));
             let drawn = mixture.draw_from(&seen, asked.u_lobe[i], asked.u(i));
-            (answers.drawn[0][i], answers.drawn[1][i], answers.drawn[2][i]) = (drawn.wi.x, drawn.wi.y, drawn.wi.z);
+            (answers.drawn[0][i], answers.drawn[1][i], answers.drawn[2][i]) =
+                (drawn.wi.x, drawn.wi.y, drawn.wi.z);
             exists[i] = drawn.exists;
             let mixture = self.at(asked, &rough, &around_wi, i);
             answers.take_value::<CHANNELS>(i, mixture.value_and_pdf_from(&seen, asked.wi(i)));
@@ -93,10 +105,17 @@ impl ManyMixed {
 
     /// The mixture in a lane, for questions about directions of which this is known.
     #[inline(always)]
-    fn at(&self, asked: &ManyQuestions, rough: &Rough, [loss, reflected]: &Around, i: usize) -> Mixture {
+    fn at(
+        &self,
+        asked: &ManyQuestions,
+        rough: &Rough,
+        [loss, reflected]: &Around,
+        i: usize,
+    ) -> Mixture {
         let widths = Widths::both(asked.alpha[i]);
         let loss = FacetLossBy { widths, loss: loss[i] };
-        let albedo = DielectricReflectionBy { widths, ior: self.gloss.ior(), reflected: reflected[i] };
+        let albedo =
+            DielectricReflectionBy { widths, ior: self.gloss.ior(), reflected: reflected[i] };
         Mixture {
             metalness: asked.metalness[i],
             metal: self.metal.with(loss, rough.lobe[i], rough.lost[i]),
@@ -161,7 +180,10 @@ impl Rough {
     fn around(&self, asked: &ManyQuestions, w: [&[f32; MANY]; 3]) -> Around {
         let (mut first, mut around) = ([0; MANY], [[Near::default(); MANY]; 2]);
         for i in 0..MANY {
-            first[i] = first_node(Widths::both(asked.alpha[i]), lift(Vec3::new(w[0][i], w[1][i], w[2][i])));
+            first[i] = first_node(
+                Widths::both(asked.alpha[i]),
+                lift(Vec3::new(w[0][i], w[1][i], w[2][i])),
+            );
         }
         for i in 0..MANY {
             let [is_metal, is_gloss] = is_asked(asked, i);
@@ -177,8 +199,14 @@ impl Rough {
 }
 
 impl ManyLobes for Mixture {
-    type Seen = Seen<<ManyMetal<false, Near> as ManyLobes>::Seen, <ManyGloss<false, Near> as ManyLobes>::Seen>;
-    type Colors = (<ManyMetal<false, Near> as ManyLobes>::Colors, <ManyGloss<false, Near> as ManyLobes>::Colors);
+    type Seen = Seen<
+        <ManyMetal<false, Near> as ManyLobes>::Seen,
+        <ManyGloss<false, Near> as ManyLobes>::Seen,
+    >;
+    type Colors = (
+        <ManyMetal<false, Near> as ManyLobes>::Colors,
+        <ManyGloss<false, Near> as ManyLobes>::Colors,
+    );
 
     #[inline(always)]
     fn own_colors(&self, body: SampledSpectrum) -> Self::Colors {
@@ -193,7 +221,8 @@ impl ManyLobes for Mixture {
     #[inline(always)]
     fn seen(&self, wo: Vec3, (metal, gloss): Self::Colors) -> Self::Seen {
         let (metal, gloss) = (self.metal.seen(wo, metal), self.gloss.seen(wo, gloss));
-        let [of_metal, of_gloss] = self.shares(self.metal.albedo_from(&metal), self.gloss.albedo_from(&gloss));
+        let [of_metal, of_gloss] =
+            self.shares(self.metal.albedo_from(&metal), self.gloss.albedo_from(&gloss));
         Seen { metal, gloss, choice: Choice::new([of_metal, of_gloss]) }
     }
 
@@ -209,14 +238,18 @@ impl ManyLobes for Mixture {
     #[inline(always)]
     fn draw_from(&self, seen: &Self::Seen, u_lobe: f32, u: Vec2) -> ManyDrawn {
         let (is_metal, exists, rest) = seen.choice.picked(u_lobe);
-        let (metal, gloss) = (self.metal.draw_from(&seen.metal, rest, u), self.gloss.draw_from(&seen.gloss, rest, u));
+        let (metal, gloss) = (
+            self.metal.draw_from(&seen.metal, rest, u),
+            self.gloss.draw_from(&seen.gloss, rest, u),
+        );
         let is_sound = if is_metal { metal.exists } else { gloss.exists };
         ManyDrawn::reflected(choose(is_metal, metal.wi, gloss.wi), exists & is_sound, None)
     }
 
     #[inline(always)]
     fn albedo_from(&self, seen: &Self::Seen) -> SampledSpectrum {
-        let [metal, gloss] = self.shares(self.metal.albedo_from(&seen.metal), self.gloss.albedo_from(&seen.gloss));
+        let [metal, gloss] =
+            self.shares(self.metal.albedo_from(&seen.metal), self.gloss.albedo_from(&seen.gloss));
         metal + gloss
     }
 }

@@ -1,5 +1,5 @@
-//! Flat parts of emissive surfaces as most points see them: from far enough away that points are chosen by area, in single precision
-//! and without branches, so that many can be sampled at once.
+//! Flat parts of emissive surfaces as most points see them: from far enough away that points are
+//! chosen by area, in single precision and without branches, so that many can be sampled at once.
 
 use super::NearSample;
 use snell_intersect::{AnyShape, Shape};
@@ -7,8 +7,8 @@ use snell_math::robust::{gamma, offset_ray_origin};
 use snell_math::simd::most;
 use snell_math::{DVec2, DVec3, Transform, Vec2, Vec3, sampling};
 
-/// What lies within this part of its distance is sampled by area: the density of solid angle is nearly the same all over it, and angles
-/// are dear.
+/// What lies within this part of its distance is sampled by area: the density of solid angle is
+/// nearly the same all over it, and angles are dear.
 const FAR: f64 = 0.4;
 
 /// A triangle or rectangle in the world.
@@ -52,13 +52,21 @@ impl FlatPart {
         let [corner, a, b] = corners;
         let (a, b) = (a - corner, b - corner);
         let whole = a.cross(b).length() * if is_triangle { 0.5 } else { 1.0 };
-        let (to_middle, last) = if is_triangle { ((a + b) / 3.0, b) } else { ((a + b) / 2.0, a + b) };
-        let radius =
-            [DVec3::ZERO, a, b, last].map(|p| (p - to_middle).length_squared()).into_iter().fold(0.0, f64::max);
+        let (to_middle, last) =
+            if is_triangle { ((a + b) / 3.0, b) } else { ((a + b) / 2.0, a + b) };
+        let radius = [DVec3::ZERO, a, b, last]
+            .map(|p| (p - to_middle).length_squared())
+            .into_iter()
+            .fold(0.0, f64::max);
         // Corners and edges are rounded once and blended, a hit is found with a few roundings more.
-        let reach =
-            [corner, corner + a, corner + b, corner + last].into_iter().fold(DVec3::ZERO, |m, p| m.max(p.abs()));
-        let pdf = if whole > 0.0 && whole.is_finite() { (1.0 / whole).min(f64::from(f32::MAX)) as f32 } else { 0.0 };
+        let reach = [corner, corner + a, corner + b, corner + last]
+            .into_iter()
+            .fold(DVec3::ZERO, |m, p| m.max(p.abs()));
+        let pdf = if whole > 0.0 && whole.is_finite() {
+            (1.0 / whole).min(f64::from(f32::MAX)) as f32
+        } else {
+            0.0
+        };
         Self {
             corner: corner.as_vec3(),
             edges: [a.as_vec3(), b.as_vec3()],
@@ -127,7 +135,8 @@ impl FlatPart {
         NearSample { position, direction, pdf, is_seen: false, exists }
     }
 
-    /// What is known of a point that was chosen by solid angle; a point by area if that was not possible.
+    /// What is known of a point that was chosen by solid angle; a point by area if that was not
+    /// possible.
     #[inline(always)]
     pub fn near_or_by_area(&self, near: NearSample, from: Vec3, u: Vec2) -> PartSample {
         let by_area = self.by_area(from, u);

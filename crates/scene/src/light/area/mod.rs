@@ -1,4 +1,5 @@
-//! Emissive surfaces as lights: a part (a triangle, or a whole shape) is chosen by its power, then a point of it.
+//! Emissive surfaces as lights: a part (a triangle, or a whole shape) is chosen by its power, then
+//! a point of it.
 
 mod flat;
 mod moving;
@@ -37,8 +38,9 @@ pub enum EmissiveGeometry {
 /// A point on an emissive surface.
 #[derive(Clone, Debug)]
 pub struct AreaSample {
-    /// The point as an interaction in the world (`t` is 0 and meaningless, ids are those given to [`AreaLight::new`]).
-    /// `position_error` bounds how far the surface that rays hit may be from `position`: a shadow ray has to end before.
+    /// The point as an interaction in the world (`t` is 0 and meaningless, ids are those given to
+    /// [`AreaLight::new`]). `position_error` bounds how far the surface that rays hit may be from
+    /// `position`: a shadow ray has to end before.
     pub surface: SurfaceInteraction,
     /// Density per unit of world area.
     pub pdf_area: f32,
@@ -114,7 +116,8 @@ impl PlacedTriangle {
     fn new(mesh: &TriangleMesh, triangle: u32, place: &Transform, pdf: f32) -> Self {
         let own = mesh.corners(triangle as usize).map(|p| p.as_dvec3());
         let corners = own.map(|p| place.point(p));
-        let normal = place.normal((own[1] - own[0]).cross(own[2] - own[0])).normalize_or(DVec3::Z).as_vec3();
+        let normal =
+            place.normal((own[1] - own[0]).cross(own[2] - own[0])).normalize_or(DVec3::Z).as_vec3();
         let indices = mesh.indices[triangle as usize].map(|i| i as usize);
         let tangents = uv_derivatives(mesh, indices, corners).unwrap_or_else(|| {
             let frame = Frame::from_z(normal);
@@ -129,20 +132,36 @@ impl PlacedTriangle {
 
     fn bounds(&self) -> Bounds3d {
         let corner = self.flat.corner.as_dvec3();
-        Bounds3d::of([corner, corner + self.flat.edges[0].as_dvec3(), corner + self.flat.edges[1].as_dvec3()])
+        Bounds3d::of([
+            corner,
+            corner + self.flat.edges[0].as_dvec3(),
+            corner + self.flat.edges[1].as_dvec3(),
+        ])
     }
 }
 
 impl AreaLight {
-    /// Prepares sampling. `None` if the surface has no finite positive area. Triangles without area are never chosen.
-    pub fn new(geometry: EmissiveGeometry, world_from_geometry: Transform, ids: (u32, u32)) -> Option<Self> {
+    /// Prepares sampling. `None` if the surface has no finite positive area. Triangles without area
+    /// are never chosen.
+    pub fn new(
+        geometry: EmissiveGeometry,
+        world_from_geometry: Transform,
+        ids: (u32, u32),
+    ) -> Option<Self> {
         match geometry {
-            EmissiveGeometry::Mesh { mesh, triangles } => Self::new_mesh(mesh, triangles, world_from_geometry, ids),
+            EmissiveGeometry::Mesh { mesh, triangles } => {
+                Self::new_mesh(mesh, triangles, world_from_geometry, ids)
+            }
             EmissiveGeometry::Shape(shape) => Self::new_shape(shape, world_from_geometry, ids),
         }
     }
 
-    fn new_mesh(mesh: Arc<TriangleMesh>, mut triangles: Vec<u32>, placed: Transform, ids: (u32, u32)) -> Option<Self> {
+    fn new_mesh(
+        mesh: Arc<TriangleMesh>,
+        mut triangles: Vec<u32>,
+        placed: Transform,
+        ids: (u32, u32),
+    ) -> Option<Self> {
         triangles.retain(|&t| (t as usize) < mesh.indices.len());
         triangles.sort_unstable();
         triangles.dedup();
@@ -154,14 +173,22 @@ impl AreaLight {
         let areas: Vec<f64> = triangles.iter().map(area_of).collect();
         let area: f64 = areas.iter().sum();
         // Weights relative to the whole: areas may be too small or large for single precision.
-        let choice = Distribution1D::new(&areas.iter().map(|a| (a / area) as f32).collect::<Vec<_>>());
+        let choice =
+            Distribution1D::new(&areas.iter().map(|a| (a / area) as f32).collect::<Vec<_>>());
         let pdf = areas.iter().enumerate().map(|(i, &a)| density(choice.probability(i), a));
         let placed_triangle = |(&t, pdf): (&u32, f32)| PlacedTriangle::new(&mesh, t, &placed, pdf);
         let placed_triangles = triangles.iter().zip(pdf).map(placed_triangle).collect();
         let table = Table::Mesh { choice, placed: placed_triangles };
         let geometry = EmissiveGeometry::Mesh { mesh, triangles };
         let usable = area > 0.0 && area.is_finite();
-        usable.then_some(Self { geometry, world_from_geometry: placed, ids, table, area, radiance: Vec::new() })
+        usable.then_some(Self {
+            geometry,
+            world_from_geometry: placed,
+            ids,
+            table,
+            area,
+            radiance: Vec::new(),
+        })
     }
 
     fn new_shape(shape: Arc<dyn Shape>, placed: Transform, ids: (u32, u32)) -> Option<Self> {
@@ -174,7 +201,14 @@ impl AreaLight {
         let table = Table::Shape { pdf: 1.0 / own_area, outline, flat };
         let geometry = EmissiveGeometry::Shape(shape);
         let usable = area > 0.0 && area.is_finite();
-        usable.then_some(Self { geometry, world_from_geometry: placed, ids, table, area, radiance: Vec::new() })
+        usable.then_some(Self {
+            geometry,
+            world_from_geometry: placed,
+            ids,
+            table,
+            area,
+            radiance: Vec::new(),
+        })
     }
 
     /// A point with density [`AreaSample::pdf_area`] per unit of world area.
@@ -188,21 +222,30 @@ impl AreaLight {
         (pdf_area > 0.0 && pdf_area.is_finite()).then_some(AreaSample { surface, pdf_area })
     }
 
-    /// Measures how strongly each part shines, so that parts are chosen by power and not by area alone. `radiance` gives the
-    /// luminance at a point of the surface, averaged over about this width; it is asked for `points^2` points of each part (1 is
-    /// enough where the parts are uniform). Every part keeps some chance to be chosen.
-    pub fn measured(mut self, points: u32, radiance: impl Fn(&SurfaceInteraction, f32) -> f32) -> Self {
+    /// Measures how strongly each part shines, so that parts are chosen by power and not by area
+    /// alone. `radiance` gives the luminance at a point of the surface, averaged over about this
+    /// width; it is asked for `points^2` points of each part (1 is enough where the parts are
+    /// uniform). Every part keeps some chance to be chosen.
+    pub fn measured(
+        mut self,
+        points: u32,
+        radiance: impl Fn(&SurfaceInteraction, f32) -> f32,
+    ) -> Self {
         const DIM: f32 = 1e-3;
         let (count, points) = (self.part_count(), points.max(1));
         let mean_of = |part: u32| {
             let width = (self.part_area(part).sqrt() / f64::from(points)) as f32;
-            let grid =
-                (0..points * points).map(|k| (UVec2::new(k % points, k / points).as_vec2() + 0.5) / points as f32);
-            let sum: f32 = grid.filter_map(|u| self.part_surface(part, u)).map(|s| finite(radiance(&s, width))).sum();
+            let grid = (0..points * points)
+                .map(|k| (UVec2::new(k % points, k / points).as_vec2() + 0.5) / points as f32);
+            let sum: f32 = grid
+                .filter_map(|u| self.part_surface(part, u))
+                .map(|s| finite(radiance(&s, width)))
+                .sum();
             finite(sum / (points * points) as f32)
         };
         self.radiance = (0..count).map(mean_of).collect();
-        let powers: Vec<f64> = (0..count).map(|k| self.part_area(k) * f64::from(self.radiance[k as usize])).collect();
+        let powers: Vec<f64> =
+            (0..count).map(|k| self.part_area(k) * f64::from(self.radiance[k as usize])).collect();
         let power: f64 = powers.iter().sum();
         let areas: Vec<f64> = (0..count).map(|k| self.part_area(k)).collect();
         if let Table::Mesh { choice, placed } = &mut self.table
@@ -210,7 +253,8 @@ impl AreaLight {
         {
             let least = f64::from(DIM) / self.area;
             let weight = |(&p, &a): (&f64, &f64)| (p / power).max(a * least) as f32;
-            *choice = Distribution1D::new(&powers.iter().zip(&areas).map(weight).collect::<Vec<_>>());
+            *choice =
+                Distribution1D::new(&powers.iter().zip(&areas).map(weight).collect::<Vec<_>>());
             for (i, (triangle, &area)) in placed.iter_mut().zip(&areas).enumerate() {
                 triangle.pdf = density(choice.probability(i), area);
             }
@@ -218,12 +262,14 @@ impl AreaLight {
         self
     }
 
-    /// Mean luminance of the whole surface's emitted radiance, W / (m^2 sr); 1 before [`Self::measured`].
+    /// Mean luminance of the whole surface's emitted radiance, W / (m^2 sr); 1 before
+    /// [`Self::measured`].
     pub fn mean_radiance(&self) -> f64 {
         if self.radiance.is_empty() {
             return 1.0;
         }
-        let sum: f64 = (0..).zip(&self.radiance).map(|(part, &l)| self.part_area(part) * f64::from(l)).sum();
+        let sum: f64 =
+            (0..).zip(&self.radiance).map(|(part, &l)| self.part_area(part) * f64::from(l)).sum();
         sum / self.area
     }
 
@@ -234,8 +280,11 @@ impl AreaLight {
             (EmissiveGeometry::Shape(shape), _) => {
                 let bounds = self.world_from_geometry.bounds(&shape.bounds());
                 match self.part_surface(0, Vec2::splat(0.5)) {
-                    // Shapes without an inside are flat. The shadow of a convex body is a quarter of its surface on average.
-                    Some(surface) if !shape.is_closed() => (bounds, surface.geometric_normal, 1.0, self.area),
+                    // Shapes without an inside are flat. The shadow of a convex body is a quarter
+                    // of its surface on average.
+                    Some(surface) if !shape.is_closed() => {
+                        (bounds, surface.geometric_normal, 1.0, self.area)
+                    }
                     _ => (bounds, Vec3::Z, -1.0, self.area * 0.25),
                 }
             }
@@ -279,7 +328,9 @@ impl AreaLight {
     /// The probability with which [`Self::choose_part`] gives a part.
     pub fn part_probability(&self, part: u32) -> f32 {
         match &self.table {
-            Table::Mesh { choice, .. } if (part as usize) < choice.len() => choice.probability(part as usize),
+            Table::Mesh { choice, .. } if (part as usize) < choice.len() => {
+                choice.probability(part as usize)
+            }
             Table::Mesh { .. } => 0.0,
             Table::Shape { .. } => 1.0,
         }
@@ -295,8 +346,8 @@ impl AreaLight {
         triangles.binary_search(&primitive).ok().map(|part| part as u32)
     }
 
-    /// A point of a part as seen from `from`, uniform by solid angle where that can be sampled and by area elsewhere. `None` where
-    /// the part cannot be seen or sampled, or the sample misses it.
+    /// A point of a part as seen from `from`, uniform by solid angle where that can be sampled and
+    /// by area elsewhere. `None` where the part cannot be seen or sampled, or the sample misses it.
     pub fn sample_from(&self, part: u32, from: Vec3, u: Vec2) -> Option<DirectedSample> {
         let (place, DirectedPoint { point, direction, pdf }) = self.place_from(part, from, u)?;
         Some(DirectedSample { surface: self.surface(part, &place, &point), direction, pdf })
@@ -322,15 +373,26 @@ impl AreaLight {
         (pdf > 0.0 && pdf.is_finite()).then_some((place, DirectedPoint { point, direction, pdf }))
     }
 
-    /// Density per steradian with which [`Self::sample_from`] gives the way from `from` to `surface`, a point of this part that can be
-    /// seen from there in `direction` (unit).
-    pub fn pdf_from(&self, part: u32, from: Vec3, surface: &SurfaceInteraction, direction: Vec3) -> f32 {
+    /// Density per steradian with which [`Self::sample_from`] gives the way from `from` to
+    /// `surface`, a point of this part that can be seen from there in `direction` (unit).
+    pub fn pdf_from(
+        &self,
+        part: u32,
+        from: Vec3,
+        surface: &SurfaceInteraction,
+        direction: Vec3,
+    ) -> f32 {
         if let Some(seen) = self.seen_from(part, from) {
             // Of a sphere only the near side is sampled.
             let is_far_side = seen.is_sphere() && direction.dot(surface.geometric_normal) >= 0.0;
             return if is_far_side { 0.0 } else { seen.pdf() };
         }
-        self.pdf_by_area(part, surface.geometric_normal, direction, (surface.position - from).length_squared())
+        self.pdf_by_area(
+            part,
+            surface.geometric_normal,
+            direction,
+            (surface.position - from).length_squared(),
+        )
     }
 
     fn pdf_by_area(&self, part: u32, normal: Vec3, direction: Vec3, distance_squared: f32) -> f32 {
@@ -352,24 +414,26 @@ impl AreaLight {
         }
     }
 
-    /// The part, if it is one of which the solid angle is sampled: a rectangle or a triangle of a mesh, from where [`FlatPart::is_far`] is
-    /// false, or a sphere.
+    /// The part, if it is one of which the solid angle is sampled: a rectangle or a triangle of a
+    /// mesh, from where [`FlatPart::is_far`] is false, or a sphere.
     #[inline]
     pub fn near(&self, part: u32) -> Option<NearPart> {
         match &self.table {
-            Table::Mesh { placed, .. } => {
-                placed.get(part as usize).map(|placed| NearPart::Triangle(NearTriangle::of(&placed.flat)))
-            }
+            Table::Mesh { placed, .. } => placed
+                .get(part as usize)
+                .map(|placed| NearPart::Triangle(NearTriangle::of(&placed.flat))),
             Table::Shape { outline: Outline::Rectangle(rectangle), flat: Some(_), .. } => {
                 Some(NearPart::Rectangle(*rectangle))
             }
-            Table::Shape { outline: Outline::Sphere(sphere), .. } => Some(NearPart::Sphere(*sphere)),
+            Table::Shape { outline: Outline::Sphere(sphere), .. } => {
+                Some(NearPart::Sphere(*sphere))
+            }
             _ => None,
         }
     }
 
-    /// [`Self::sample_from`] for spheres and for flat parts that are far or [near](Self::near), without what only some materials ask for;
-    /// `None` for others.
+    /// [`Self::sample_from`] for spheres and for flat parts that are far or [near](Self::near),
+    /// without what only some materials ask for; `None` for others.
     #[inline]
     pub fn sample_simple(&self, part: u32, from: Vec3, u: Vec2) -> Option<PartSample> {
         let (flat, near) = (self.flat(part), self.near(part));
@@ -402,16 +466,20 @@ impl AreaLight {
         outline.seen_from(from.as_dvec3())
     }
 
-    /// Density per unit of world area with which [`Self::sample`] gives the point of this interaction on this light. 0 for
-    /// triangles that do not emit. Only the triangle or the normal is looked at, not the position.
+    /// Density per unit of world area with which [`Self::sample`] gives the point of this
+    /// interaction on this light. 0 for triangles that do not emit. Only the triangle or the normal
+    /// is looked at, not the position.
     pub fn pdf_area(&self, surface: &SurfaceInteraction) -> f32 {
         match &self.table {
-            Table::Mesh { placed, .. } => self.part_of(surface.primitive).map_or(0.0, |part| placed[part as usize].pdf),
+            Table::Mesh { placed, .. } => {
+                self.part_of(surface.primitive).map_or(0.0, |part| placed[part as usize].pdf)
+            }
             Table::Shape { pdf, .. } => self.shape_pdf(*pdf, surface.geometric_normal),
         }
     }
 
-    /// Area in the world. For shapes under transforms that stretch, an estimate good to about a percent.
+    /// Area in the world. For shapes under transforms that stretch, an estimate good to about a
+    /// percent.
     pub fn area(&self) -> f64 {
         self.area
     }
@@ -432,7 +500,8 @@ fn finite(x: f32) -> f32 {
     if x > 0.0 { x.min(1e30) } else { 0.0 }
 }
 
-/// The mean factor by which the transform stretches the shape's area: exact for similarities and flat shapes.
+/// The mean factor by which the transform stretches the shape's area: exact for similarities and
+/// flat shapes.
 fn mean_area_scale(shape: &dyn Shape, placed: &Transform) -> Option<f64> {
     const N: u32 = 32;
     let mut sum = 0.0;
@@ -445,8 +514,13 @@ fn mean_area_scale(shape: &dyn Shape, placed: &Transform) -> Option<f64> {
     Some(sum / f64::from(N * N))
 }
 
-/// Derivatives of the position by the first texture coordinates; `None` if there are none or they are degenerate.
-fn uv_derivatives(mesh: &TriangleMesh, indices: [usize; 3], [p0, p1, p2]: [DVec3; 3]) -> Option<[Vec3; 2]> {
+/// Derivatives of the position by the first texture coordinates; `None` if there are none or they
+/// are degenerate.
+fn uv_derivatives(
+    mesh: &TriangleMesh,
+    indices: [usize; 3],
+    [p0, p1, p2]: [DVec3; 3],
+) -> Option<[Vec3; 2]> {
     if mesh.uvs[0].is_empty() {
         return None;
     }

@@ -1,6 +1,10 @@
-//! An emissive surface that is carried along while the shutter is open: at each moment it is the surface at the place it has then.
+//! An emissive surface that is carried along while the shutter is open: at each moment it is the
+//! surface at the place it has then.
 
-use super::{AreaLight, AreaSample, DirectedSample, EmissiveGeometry, FlatPart, Outline, PlacedTriangle, Table};
+use super::{
+    AreaLight, AreaSample, DirectedSample, EmissiveGeometry, FlatPart, Outline, PlacedTriangle,
+    Table,
+};
 use crate::light::LightBounds;
 use snell_intersect::{Instance, SurfaceInteraction};
 use snell_math::distribution::Distribution1D;
@@ -23,13 +27,18 @@ pub struct MovingAreaLight {
 }
 
 impl MovingAreaLight {
-    /// The surface `first`, which has place `carrier_from_geometry` in the innermost of these instances (outermost first), and is where
-    /// they have it when the shutter opens.
-    pub fn new(first: AreaLight, carriers: Vec<Instance>, carrier_from_geometry: Transform) -> Self {
+    /// The surface `first`, which has place `carrier_from_geometry` in the innermost of these
+    /// instances (outermost first), and is where they have it when the shutter opens.
+    pub fn new(
+        first: AreaLight,
+        carriers: Vec<Instance>,
+        carrier_from_geometry: Transform,
+    ) -> Self {
         Self { first, carriers, carrier_from_geometry }
     }
 
-    /// The map to the world at a time from 0 (the shutter opens) to 1; `None` when it is flattened and not to be hit.
+    /// The map to the world at a time from 0 (the shutter opens) to 1; `None` when it is flattened
+    /// and not to be hit.
     fn place(&self, time: f32) -> Option<Transform> {
         let mut place = Transform::IDENTITY;
         for carrier in &self.carriers {
@@ -47,18 +56,31 @@ impl MovingAreaLight {
                 let mut placed = PlacedTriangle::new(mesh, triangle, &place, 0.0);
                 let area = placed.area();
                 placed.pdf = super::density(1.0, area);
-                let table = Table::Mesh { choice: Distribution1D::new(&[1.0]), placed: vec![placed] };
-                (EmissiveGeometry::Mesh { mesh: mesh.clone(), triangles: vec![triangle] }, table, area)
+                let table =
+                    Table::Mesh { choice: Distribution1D::new(&[1.0]), placed: vec![placed] };
+                (
+                    EmissiveGeometry::Mesh { mesh: mesh.clone(), triangles: vec![triangle] },
+                    table,
+                    area,
+                )
             }
             (EmissiveGeometry::Shape(shape), Table::Shape { pdf, .. }) => {
-                let (outline, flat) = (Outline::of(&**shape, &place), FlatPart::of(&**shape, &place));
+                let (outline, flat) =
+                    (Outline::of(&**shape, &place), FlatPart::of(&**shape, &place));
                 let table = Table::Shape { pdf: *pdf, outline, flat };
                 (EmissiveGeometry::Shape(shape.clone()), table, first.area)
             }
             _ => return None,
         };
         let radiance = first.radiance.get(part as usize).map(|&l| vec![l]).unwrap_or_default();
-        Some(AreaLight { geometry, world_from_geometry: place, ids: first.ids, table, area, radiance })
+        Some(AreaLight {
+            geometry,
+            world_from_geometry: place,
+            ids: first.ids,
+            table,
+            area,
+            radiance,
+        })
     }
 
     /// As [`AreaLight::sample`], at a time.
@@ -74,7 +96,14 @@ impl MovingAreaLight {
     }
 
     /// As [`AreaLight::pdf_from`], at a time.
-    pub fn pdf_from(&self, part: u32, time: f32, from: Vec3, surface: &SurfaceInteraction, direction: Vec3) -> f32 {
+    pub fn pdf_from(
+        &self,
+        part: u32,
+        time: f32,
+        from: Vec3,
+        surface: &SurfaceInteraction,
+        direction: Vec3,
+    ) -> f32 {
         self.part_at(part, time).map_or(0.0, |at| at.pdf_from(0, from, surface, direction))
     }
 
@@ -83,8 +112,11 @@ impl MovingAreaLight {
         let bounds_at = |time| Some(self.part_at(part, time)?.part_bounds(0, is_two_sided));
         let keys = self.carriers.iter().map(|c| c.later.len() as u32).max().unwrap_or(0);
         let moments = MOMENTS.max(keys * 2 + 1);
-        let all: Vec<LightBounds> = (0..moments).filter_map(|k| bounds_at(k as f32 / (moments - 1) as f32)).collect();
-        let Some(middle) = all.get(all.len() / 2) else { return self.first.part_bounds(part, is_two_sided) };
+        let all: Vec<LightBounds> =
+            (0..moments).filter_map(|k| bounds_at(k as f32 / (moments - 1) as f32)).collect();
+        let Some(middle) = all.get(all.len() / 2) else {
+            return self.first.part_bounds(part, is_two_sided);
+        };
         let cos = all.iter().map(|b| b.axis.dot(middle.axis).min(b.cos_spread)).fold(1.0, f32::min);
         LightBounds {
             bounds: all.iter().fold(Bounds3d::EMPTY, |all, b| all.union(&b.bounds)),

@@ -1,5 +1,5 @@
-//! Rectangles and triangles as near points see them, and spheres: sampled by solid angle, in double precision and without branches, so
-//! that many can be sampled at once.
+//! Rectangles and triangles as near points see them, and spheres: sampled by solid angle, in double
+//! precision and without branches, so that many can be sampled at once.
 
 use super::FlatPart;
 use super::outline::{LEAST, MOST};
@@ -75,19 +75,23 @@ pub struct RoundSample {
     pub error: Vec3,
 }
 
-/// Bound of the error of a point of a sphere, relative to the radius: what counts as a sphere may be an ellipsoid by so much.
+/// Bound of the error of a point of a sphere, relative to the radius: what counts as a sphere may
+/// be an ellipsoid by so much.
 const ROUNDNESS: f64 = 4e-9;
 /// And relative to coordinates: the rounding of double precision.
 const ROUNDING: f64 = 1e-14;
 
 impl NearSphere {
-    /// What is seen of it can be sampled: not from inside, and not from so near that the cone around it is nearly half of all directions.
+    /// What is seen of it can be sampled: not from inside, and not from so near that the cone
+    /// around it is nearly half of all directions.
     #[inline(always)]
     pub(super) fn has_near_side(radius_squared: f64, distance_squared: f64) -> bool {
-        (radius_squared < distance_squared * (1.0 - 1e-7)) & (radius_squared > distance_squared * 1e-30)
+        (radius_squared < distance_squared * (1.0 - 1e-7))
+            & (radius_squared > distance_squared * 1e-30)
     }
 
-    /// A point uniform by solid angle of the side that is seen; where that cannot be sampled, one uniform by area.
+    /// A point uniform by solid angle of the side that is seen; where that cannot be sampled, one
+    /// uniform by area.
     #[inline(always)]
     pub fn sample(&self, from: Vec3, u: Vec2) -> RoundSample {
         let (center, u) = (self.center - from.as_dvec3(), u.as_dvec2());
@@ -98,7 +102,8 @@ impl NearSphere {
         let one = |x: f64, other: f64| if d2 > 0.0 { x } else { other };
         let axis = DVec3::new(one(towards.x, 0.0), one(towards.y, 0.0), one(towards.z, 1.0));
         let near = spherical::near_side_of_sphere(center, self.radius, u.x);
-        let normal = spherical::around(axis, if has_near_side { near } else { 1.0 - 2.0 * u.x }, u.y);
+        let normal =
+            spherical::around(axis, if has_near_side { near } else { 1.0 - 2.0 * u.x }, u.y);
         let offset = center + normal * self.radius;
         let squared = offset.length_squared();
         let direction = offset * (1.0 / squared.sqrt());
@@ -106,8 +111,11 @@ impl NearSphere {
         let by_angle = 1.0 / spherical::sphere_solid_angle(r2, d2);
         let pdf = (if has_near_side { by_angle } else { by_area }) as f32;
         let position = self.center + normal * self.radius;
-        let error = position.abs() * f64::from(gamma(1)) + self.center.abs() * ROUNDING + self.radius * ROUNDNESS;
-        let exists = (squared > 0.0) & (squared < f64::INFINITY) & (pdf > 0.0) & (pdf < f32::INFINITY);
+        let error = position.abs() * f64::from(gamma(1))
+            + self.center.abs() * ROUNDING
+            + self.radius * ROUNDNESS;
+        let exists =
+            (squared > 0.0) & (squared < f64::INFINITY) & (pdf > 0.0) & (pdf < f32::INFINITY);
         RoundSample {
             seen: NearSample {
                 position: position.as_vec3(),
@@ -206,11 +214,13 @@ impl TriangleSeen {
             DVec3::new(one(v.x), one(v.y), one(v.z))
         };
         let directions = [unit(corner), unit(corner + edges[0]), unit(corner + edges[1])];
-        let solid_angle = spherical::triangle_solid_angle(directions[0], directions[1], directions[2]);
+        let solid_angle =
+            spherical::triangle_solid_angle(directions[0], directions[1], directions[2]);
         Self { corner, edges, directions, solid_angle }
     }
 
-    /// The way from the viewpoint to a point uniform by solid angle; false if rounding leaves no direction.
+    /// The way from the viewpoint to a point uniform by solid angle; false if rounding leaves no
+    /// direction.
     #[inline(always)]
     pub(super) fn sample(&self, u: DVec2) -> (DVec3, bool) {
         let Self { corner, edges, directions, solid_angle } = *self;
@@ -223,7 +233,8 @@ impl TriangleSeen {
     }
 }
 
-/// Barycentric coordinates of the point of a triangle's plane at this offset from its first corner, moved into the triangle.
+/// Barycentric coordinates of the point of a triangle's plane at this offset from its first corner,
+/// moved into the triangle.
 #[inline(always)]
 pub(super) fn barycentrics(offset: DVec3, [e1, e2]: [DVec3; 2]) -> Vec2 {
     let normal = e1.cross(e2);

@@ -25,11 +25,14 @@ pub(super) enum Outline {
     Other,
 }
 
-/// Solid angles below this are sampled by area: what is small is seen alike from everywhere, and differences of angles lose digits.
+/// Solid angles below this are sampled by area: what is small is seen alike from everywhere, and
+/// differences of angles lose digits.
 pub(super) const LEAST: f64 = 1e-4;
-/// Those above too: the point lies on the surface, to rounding, and angles of nearly half a turn lose digits.
+/// Those above too: the point lies on the surface, to rounding, and angles of nearly half a turn
+/// lose digits.
 pub(super) const MOST: f64 = 6.22;
-/// A square is worth its wasted corners only if the distances to points of the disk are very different.
+/// A square is worth its wasted corners only if the distances to points of the disk are very
+/// different.
 const LEAST_OF_DISK: f64 = 0.5;
 
 impl Outline {
@@ -51,7 +54,12 @@ impl Outline {
                 Self::Rectangle(NearRectangle { center, axes, half })
             }
             Some(AnyShape::Disk(d)) if square(x, y) && alike(x.length(), y.length()) => {
-                Self::Disk { center, axes, radius: d.radius * x.length(), inner: d.inner_radius * x.length() }
+                Self::Disk {
+                    center,
+                    axes,
+                    radius: d.radius * x.length(),
+                    inner: d.inner_radius * x.length(),
+                }
             }
             Some(AnyShape::Sphere(s))
                 if square(x, y)
@@ -86,7 +94,9 @@ impl Outline {
                 let square = NearRectangle { center, axes, half: DVec2::splat(radius) };
                 (Seen::rectangle(&square, from), LEAST_OF_DISK)
             }
-            Self::Sphere(NearSphere { center, radius }) => return Seen::sphere(center - from, radius),
+            Self::Sphere(NearSphere { center, radius }) => {
+                return Seen::sphere(center - from, radius);
+            }
             Self::Other => return None,
         };
         (seen.solid_angle > least && seen.solid_angle < MOST).then_some(seen)
@@ -136,7 +146,8 @@ impl Seen {
         (1.0 / self.solid_angle).min(f64::from(f32::MAX)) as f32
     }
 
-    /// The way from the viewpoint to a point of the outline. `None` if rounding leaves no direction.
+    /// The way from the viewpoint to a point of the outline. `None` if rounding leaves no
+    /// direction.
     pub(super) fn sample(&self, u: DVec2) -> Option<DVec3> {
         let offset = match &self.kind {
             SeenKind::Triangle(seen) => {

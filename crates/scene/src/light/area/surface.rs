@@ -1,4 +1,5 @@
-//! Points of emissive surfaces: first as far as rays need to know, then with all that materials may ask for.
+//! Points of emissive surfaces: first as far as rays need to know, then with all that materials may
+//! ask for.
 
 use super::near::barycentrics;
 use super::{AreaLight, AreaPoint, EmissiveGeometry, PlacedTriangle, Table};
@@ -74,7 +75,12 @@ impl AreaLight {
     }
 
     /// All of the surface at a place, and the point there.
-    pub(super) fn surface(&self, part: u32, place: &Place, point: &AreaPoint) -> SurfaceInteraction {
+    pub(super) fn surface(
+        &self,
+        part: u32,
+        place: &Place,
+        point: &AreaPoint,
+    ) -> SurfaceInteraction {
         let &AreaPoint { position, position_error, normal } = point;
         let plain = SurfaceInteraction {
             position_error,
@@ -84,7 +90,11 @@ impl AreaLight {
             ..SurfaceInteraction::plain(position, normal)
         };
         match (place, &self.geometry, &self.table) {
-            (Place::Triangle(b), EmissiveGeometry::Mesh { mesh, triangles }, Table::Mesh { placed, .. }) => {
+            (
+                Place::Triangle(b),
+                EmissiveGeometry::Mesh { mesh, triangles },
+                Table::Mesh { placed, .. },
+            ) => {
                 self.mesh_surface(mesh, triangles[part as usize], &placed[part as usize], *b, plain)
             }
             (&Place::Shape { position, face }, EmissiveGeometry::Shape(shape), _) => {
@@ -117,7 +127,9 @@ impl AreaLight {
     ) -> SurfaceInteraction {
         let indices = mesh.indices[triangle as usize].map(|i| i as usize);
         let weights = [1.0 - b.x - b.y, b.x, b.y];
-        let uv_of = |set: usize| interpolate(&mesh.uvs[set], indices, weights, |uv| *uv).unwrap_or(Vec2::ZERO);
+        let uv_of = |set: usize| {
+            interpolate(&mesh.uvs[set], indices, weights, |uv| *uv).unwrap_or(Vec2::ZERO)
+        };
         SurfaceInteraction {
             shading_normal: self.shading_normal(mesh, indices, weights, plain.geometric_normal),
             uv: [uv_of(0), uv_of(1)],
@@ -132,8 +144,17 @@ impl AreaLight {
         }
     }
 
-    fn shading_normal(&self, mesh: &TriangleMesh, indices: [usize; 3], weights: [f32; 3], normal: Vec3) -> Vec3 {
-        let Some(own) = interpolate(&mesh.normals, indices, weights, |n| n.normalize_or_zero()) else { return normal };
+    fn shading_normal(
+        &self,
+        mesh: &TriangleMesh,
+        indices: [usize; 3],
+        weights: [f32; 3],
+        normal: Vec3,
+    ) -> Vec3 {
+        let Some(own) = interpolate(&mesh.normals, indices, weights, |n| n.normalize_or_zero())
+        else {
+            return normal;
+        };
         match self.world_from_geometry.normal(own.as_dvec3()).try_normalize().map(|n| n.as_vec3()) {
             Some(n) if n.dot(normal) >= 0.0 => n,
             Some(n) => -n,
@@ -141,7 +162,12 @@ impl AreaLight {
         }
     }
 
-    fn tangent(&self, mesh: &TriangleMesh, indices: [usize; 3], weights: [f32; 3]) -> Option<(Vec3, f32)> {
+    fn tangent(
+        &self,
+        mesh: &TriangleMesh,
+        indices: [usize; 3],
+        weights: [f32; 3],
+    ) -> Option<(Vec3, f32)> {
         let own = interpolate(&mesh.tangents, indices, weights, |t| t.truncate())?;
         let tangent = self.world_from_geometry.vector(own.as_dvec3()).try_normalize()?.as_vec3();
         let sign = mesh.tangents[indices[0]].w;
@@ -150,7 +176,12 @@ impl AreaLight {
 }
 
 /// The weighted mean of a vertex attribute; `None` if the mesh does not have it.
-fn interpolate<T, V>(values: &[T], indices: [usize; 3], weights: [f32; 3], get: impl Fn(&T) -> V) -> Option<V>
+fn interpolate<T, V>(
+    values: &[T],
+    indices: [usize; 3],
+    weights: [f32; 3],
+    get: impl Fn(&T) -> V,
+) -> Option<V>
 where
     V: std::ops::Mul<f32, Output = V> + std::ops::Add<Output = V>,
 {

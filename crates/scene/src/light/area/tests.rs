@@ -20,8 +20,13 @@ fn mesh() -> Arc<TriangleMesh> {
 }
 
 fn stretched() -> Transform {
-    let matrix = DMat3::from_cols(DVec3::new(2.0, 0.5, 0.0), DVec3::new(0.0, -1.0, 0.3), DVec3::new(0.0, 0.0, 0.5));
-    Transform::new(DAffine3::from_mat3_translation(matrix, DVec3::new(1.0, 2.0, 3.0))).expect("invertible")
+    let matrix = DMat3::from_cols(
+        DVec3::new(2.0, 0.5, 0.0),
+        DVec3::new(0.0, -1.0, 0.3),
+        DVec3::new(0.0, 0.0, 0.5),
+    );
+    Transform::new(DAffine3::from_mat3_translation(matrix, DVec3::new(1.0, 2.0, 3.0)))
+        .expect("invertible")
 }
 
 fn mesh_light(place: Transform) -> AreaLight {
@@ -30,7 +35,8 @@ fn mesh_light(place: Transform) -> AreaLight {
 }
 
 fn sphere_light(place: Transform) -> AreaLight {
-    AreaLight::new(EmissiveGeometry::Shape(Arc::new(Sphere { radius: 2.0 })), place, (7, 8)).expect("area")
+    AreaLight::new(EmissiveGeometry::Shape(Arc::new(Sphere { radius: 2.0 })), place, (7, 8))
+        .expect("area")
 }
 
 #[test]
@@ -59,7 +65,9 @@ fn mesh_points_are_uniform_by_world_area() {
         assert!((f64::from(first) / f64::from(n) - p).abs() < 4.0 * sigma);
         // The centroid; the standard deviation of a coordinate is below 0.5.
         let mean = center / f64::from(first);
-        assert!((mean - DVec3::new(2.0 / 3.0, 1.0 / 3.0, 0.0)).length() < 3.0 / f64::from(first).sqrt());
+        assert!(
+            (mean - DVec3::new(2.0 / 3.0, 1.0 / 3.0, 0.0)).length() < 3.0 / f64::from(first).sqrt()
+        );
     }
 }
 
@@ -67,7 +75,9 @@ fn mesh_points_are_uniform_by_world_area() {
 fn the_density_of_triangles_that_do_not_emit_is_zero() {
     let light = mesh_light(Transform::IDENTITY);
     let mut surface = light.sample(Vec2::splat(0.3)).expect("a point").surface;
-    for (primitive, positive) in [(0, true), (1, false), (2, false), (3, true), (99, false), (u32::MAX, false)] {
+    for (primitive, positive) in
+        [(0, true), (1, false), (2, false), (3, true), (99, false), (u32::MAX, false)]
+    {
         surface.primitive = primitive;
         assert_eq!(light.pdf_area(&surface) > 0.0, positive, "{primitive}");
     }
@@ -81,7 +91,8 @@ fn a_mesh_point_carries_everything_that_emission_may_look_at() {
         let p = s.position;
         assert!((s.uv[0] - Vec2::new(p.x, p.y + p.z)).length() < 1e-5 && s.uv[1] == Vec2::ZERO);
         assert_eq!((s.instance, s.geometry), (7, 8));
-        let (n, color) = if s.primitive == 0 { (Vec3::Z, p.x / 2.0 + 2.0 * p.y) } else { (Vec3::X, 0.0) };
+        let (n, color) =
+            if s.primitive == 0 { (Vec3::Z, p.x / 2.0 + 2.0 * p.y) } else { (Vec3::X, 0.0) };
         assert!((s.geometric_normal - n).length() < 1e-6 && s.shading_normal.dot(n) > 0.0);
         assert!((s.shading_normal.length() - 1.0).abs() < 1e-6);
         if s.primitive == 0 {
@@ -94,7 +105,8 @@ fn a_mesh_point_carries_everything_that_emission_may_look_at() {
 
 #[test]
 fn a_mirrored_mesh_keeps_its_outer_side() {
-    let mirror = Transform::new(DAffine3::from_scale(DVec3::new(1.0, 1.0, -1.0))).expect("invertible");
+    let mirror =
+        Transform::new(DAffine3::from_scale(DVec3::new(1.0, 1.0, -1.0))).expect("invertible");
     let s = mesh_light(mirror).sample(Vec2::new(0.01, 0.5)).expect("a point").surface;
     assert_eq!((s.primitive, s.geometric_normal), (0, Vec3::NEG_Z));
 }
@@ -107,7 +119,10 @@ fn shape_densities_integrate_to_one_under_any_transform() {
         let (n, mut integral, mut area) = (300, 0.0, 0.0);
         for i in 0..n {
             for j in 0..n {
-                let (z, phi) = (1.0 - 2.0 * (i as f64 + 0.5) / n as f64, 2.0 * PI * (j as f64 + 0.5) / n as f64);
+                let (z, phi) = (
+                    1.0 - 2.0 * (i as f64 + 0.5) / n as f64,
+                    2.0 * PI * (j as f64 + 0.5) / n as f64,
+                );
                 let r = (1.0 - z * z).sqrt();
                 let normal = DVec3::new(r * phi.cos(), r * phi.sin(), z);
                 let mut surface = light.sample(Vec2::ZERO).expect("a point").surface;
@@ -138,7 +153,11 @@ fn shape_samples_estimate_the_world_area_without_bias() {
     }
     let mean = sum / f64::from(n);
     let error = ((squares / f64::from(n) - mean * mean) / f64::from(n)).sqrt();
-    assert!((mean - light.area()).abs() < 3.0 * error + 0.01 * mean, "{mean} {error} {}", light.area());
+    assert!(
+        (mean - light.area()).abs() < 3.0 * error + 0.01 * mean,
+        "{mean} {error} {}",
+        light.area()
+    );
 }
 
 #[test]
@@ -153,8 +172,13 @@ fn stratified_numbers_stay_stratified_over_the_triangles() {
 
 #[test]
 fn surfaces_without_area_are_no_lights() {
-    let light =
-        |triangles| AreaLight::new(EmissiveGeometry::Mesh { mesh: mesh(), triangles }, Transform::IDENTITY, (0, 0));
+    let light = |triangles| {
+        AreaLight::new(
+            EmissiveGeometry::Mesh { mesh: mesh(), triangles },
+            Transform::IDENTITY,
+            (0, 0),
+        )
+    };
     assert!(light(vec![1]).is_none() && light(vec![]).is_none() && light(vec![99]).is_none());
     let point = EmissiveGeometry::Shape(Arc::new(Sphere { radius: 0.0 }));
     assert!(AreaLight::new(point, Transform::IDENTITY, (0, 0)).is_none());
@@ -168,13 +192,17 @@ fn surfaces_without_area_are_no_lights() {
 fn every_shape_with_area_can_be_a_light() {
     for shape in AnyShape::examples() {
         for place in [Transform::IDENTITY, stretched()] {
-            let Some(light) = AreaLight::new(EmissiveGeometry::Shape(Arc::new(shape.clone())), place, (0, 0)) else {
+            let Some(light) =
+                AreaLight::new(EmissiveGeometry::Shape(Arc::new(shape.clone())), place, (0, 0))
+            else {
                 assert!(!shape.area().is_finite() || shape.area() == 0.0, "{shape:?}");
                 continue;
             };
             for i in 0..50 {
                 let s = light.sample(uniform2([i, 6, 6, 6])).expect("a point");
-                assert!(s.pdf_area > 0.0 && s.pdf_area.is_finite() && s.surface.position.is_finite());
+                assert!(
+                    s.pdf_area > 0.0 && s.pdf_area.is_finite() && s.surface.position.is_finite()
+                );
                 assert!(s.surface.geometric_normal.is_normalized(), "{shape:?}");
                 let again = light.pdf_area(&s.surface);
                 assert!((again / s.pdf_area - 1.0).abs() < 1e-5);
@@ -183,17 +211,20 @@ fn every_shape_with_area_can_be_a_light() {
     }
 }
 
-/// Lights of each kind that knows how it looks from a point, and of some that do not, in two places.
+/// Lights of each kind that knows how it looks from a point, and of some that do not, in two
+/// places.
 fn seen_lights() -> Vec<AreaLight> {
     let turned = DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.1) * 1.5;
     let turned =
-        Transform::new(DAffine3::from_mat3_translation(turned, DVec3::new(0.2, -0.1, 0.3))).expect("invertible");
+        Transform::new(DAffine3::from_mat3_translation(turned, DVec3::new(0.2, -0.1, 0.3)))
+            .expect("invertible");
     let shapes: Vec<AnyShape> = vec![
         Sphere { radius: 0.7 }.into(),
         Disk { radius: 1.0, inner_radius: 0.0 }.into(),
         Disk { radius: 1.0, inner_radius: 0.5 }.into(),
         Rectangle { half_size: DVec2::new(1.2, 0.4) }.into(),
-        Triangle { vertices: [DVec3::ZERO, DVec3::new(1.5, 0.0, 0.1), DVec3::new(0.2, 0.9, -0.3)] }.into(),
+        Triangle { vertices: [DVec3::ZERO, DVec3::new(1.5, 0.0, 0.1), DVec3::new(0.2, 0.9, -0.3)] }
+            .into(),
         BoxShape { min: DVec3::splat(-0.5), max: DVec3::new(0.5, 0.4, 0.8) }.into(),
     ];
     let mut lights = vec![mesh_light(turned), mesh_light(stretched())];
@@ -206,8 +237,9 @@ fn seen_lights() -> Vec<AreaLight> {
     lights
 }
 
-/// Points by solid angle fall into cells of the surface as the density says, which is integrated over the surface by area: chi
-/// squared. What the density lacks to 1 are samples that miss (of the square around a disk).
+/// Points by solid angle fall into cells of the surface as the density says, which is integrated
+/// over the surface by area: chi squared. What the density lacks to 1 are samples that miss (of the
+/// square around a disk).
 #[test]
 fn points_seen_from_somewhere_are_distributed_by_their_density() {
     const N: u32 = 6000;
@@ -215,7 +247,9 @@ fn points_seen_from_somewhere_are_distributed_by_their_density() {
     let (mut tests, mut worst) = (0, (0.0, String::new()));
     for (number, light) in seen_lights().into_iter().enumerate() {
         for (k, from) in
-            [Vec3::new(0.4, 0.9, 1.6), Vec3::new(-3.0, 2.0, -1.0), Vec3::new(0.3, 0.5, -9.0)].into_iter().enumerate()
+            [Vec3::new(0.4, 0.9, 1.6), Vec3::new(-3.0, 2.0, -1.0), Vec3::new(0.3, 0.5, -9.0)]
+                .into_iter()
+                .enumerate()
         {
             for part in (0..light.part_count()).filter(|&part| light.part_area(part) > 0.0) {
                 let cell = |s: &SurfaceInteraction| {
@@ -230,24 +264,38 @@ fn points_seen_from_somewhere_are_distributed_by_their_density() {
                     let Some(s) = light.part_surface(part, u) else { continue };
                     let area = match &light.table {
                         Table::Mesh { .. } => light.part_area(part),
-                        Table::Shape { pdf, .. } => 1.0 / f64::from(light.shape_pdf(*pdf, s.geometric_normal)),
+                        Table::Shape { pdf, .. } => {
+                            1.0 / f64::from(light.shape_pdf(*pdf, s.geometric_normal))
+                        }
                     };
                     let way = s.position - from;
                     let direction = way.normalize();
                     let cos = direction.dot(s.geometric_normal).abs();
-                    let per_area = light.pdf_from(part, from, &s, direction) * cos / way.length_squared();
-                    expected[cell(&s)] += f64::from(per_area) * area / f64::from(n * n) * f64::from(N);
+                    let per_area =
+                        light.pdf_from(part, from, &s, direction) * cos / way.length_squared();
+                    expected[cell(&s)] +=
+                        f64::from(per_area) * area / f64::from(n * n) * f64::from(N);
                 }
                 let total: f64 = expected.iter().sum::<f64>() / f64::from(N);
-                let is_disk = matches!(&light.table, Table::Shape { outline: Outline::Disk { .. }, .. });
+                let is_disk =
+                    matches!(&light.table, Table::Shape { outline: Outline::Disk { .. }, .. });
                 assert!(total < 1.01 && (is_disk || total > 0.99), "{number} {k} {part}: {total}");
-                *expected.last_mut().expect("there are cells") = (1.0 - total).max(0.0) * f64::from(N);
+                *expected.last_mut().expect("there are cells") =
+                    (1.0 - total).max(0.0) * f64::from(N);
                 let mut found = vec![0; expected.len()];
                 for i in 0..N {
-                    match light.sample_from(part, from, uniform2([i, number as u32, k as u32, part])) {
+                    match light.sample_from(
+                        part,
+                        from,
+                        uniform2([i, number as u32, k as u32, part]),
+                    ) {
                         Some(s) => {
                             let again = light.pdf_from(part, from, &s.surface, s.direction);
-                            assert!((again / s.pdf - 1.0).abs() < 1e-3, "{number} {k}: {again} {}", s.pdf);
+                            assert!(
+                                (again / s.pdf - 1.0).abs() < 1e-3,
+                                "{number} {k}: {again} {}",
+                                s.pdf
+                            );
                             let way = (s.surface.position - from).normalize();
                             assert!((way - s.direction).length() < 1e-5, "{number} {k}");
                             found[cell(&s.surface)] += 1;
@@ -263,10 +311,14 @@ fn points_seen_from_somewhere_are_distributed_by_their_density() {
             }
         }
     }
-    assert!(tests > 40 && worst.0 < sidak_deviation(0.01, tests), "{tests} tests, the worst {worst:?}");
+    assert!(
+        tests > 40 && worst.0 < sidak_deviation(0.01, tests),
+        "{tests} tests, the worst {worst:?}"
+    );
 }
 
-/// From very near and very far, inside a sphere and in the plane of a flat light: no nonsense, and two ways to the same integral.
+/// From very near and very far, inside a sphere and in the plane of a flat light: no nonsense, and
+/// two ways to the same integral.
 #[test]
 fn hostile_viewpoints_give_finite_densities() {
     for (number, light) in seen_lights().into_iter().enumerate() {
@@ -284,8 +336,14 @@ fn hostile_viewpoints_give_finite_densities() {
         for from in froms {
             for i in 0..200 {
                 for part in 0..light.part_count() {
-                    let Some(s) = light.sample_from(part, from, uniform2([i, 5, 5, number as u32])) else { continue };
-                    assert!(s.pdf > 0.0 && s.pdf.is_finite() && s.direction.is_normalized(), "{number} {from}: {s:?}");
+                    let Some(s) = light.sample_from(part, from, uniform2([i, 5, 5, number as u32]))
+                    else {
+                        continue;
+                    };
+                    assert!(
+                        s.pdf > 0.0 && s.pdf.is_finite() && s.direction.is_normalized(),
+                        "{number} {from}: {s:?}"
+                    );
                     assert!(s.surface.position.is_finite());
                 }
             }
@@ -295,11 +353,15 @@ fn hostile_viewpoints_give_finite_densities() {
 
 #[test]
 fn parts_are_chosen_by_how_strongly_they_shine() {
-    let light = mesh_light(Transform::IDENTITY).measured(1, |s, _| if s.primitive == 0 { 9.0 } else { 0.0 });
+    let light = mesh_light(Transform::IDENTITY)
+        .measured(1, |s, _| if s.primitive == 0 { 9.0 } else { 0.0 });
     let [bright, dark] = [0, 2].map(|part| light.part_probability(part));
     assert!(bright > 0.99 && dark > 0.0, "{bright} {dark}");
     assert!((light.mean_radiance() - 9.0 / 4.0).abs() < 1e-5);
-    assert_eq!((light.part_bounds(0, false).intensity, light.part_bounds(2, false).intensity), (9.0, 0.0));
+    assert_eq!(
+        (light.part_bounds(0, false).intensity, light.part_bounds(2, false).intensity),
+        (9.0, 0.0)
+    );
     for i in 0..100 {
         let s = light.sample(uniform2([i, 1, 1, 1])).expect("a point");
         assert_eq!(s.pdf_area, light.pdf_area(&s.surface));
@@ -308,28 +370,38 @@ fn parts_are_chosen_by_how_strongly_they_shine() {
 
 #[test]
 fn flat_parts_sampled_from_afar_cover_their_solid_angle() {
-    let place = Transform::new(DAffine3::from_translation(DVec3::new(1.0, 2.0, -3.0)) * DAffine3::from_rotation_x(0.7))
-        .expect("not singular");
+    let place = Transform::new(
+        DAffine3::from_translation(DVec3::new(1.0, 2.0, -3.0)) * DAffine3::from_rotation_x(0.7),
+    )
+    .expect("not singular");
     let shapes: [AnyShape; 2] = [
         Rectangle { half_size: DVec2::new(0.3, 0.8) }.into(),
         Triangle { vertices: [DVec3::ZERO, DVec3::X, DVec3::new(0.2, 0.9, 0.0)] }.into(),
     ];
     for (number, shape) in shapes.into_iter().enumerate() {
         let outline = Outline::of(&shape, &place);
-        let light = AreaLight::new(EmissiveGeometry::Shape(Arc::new(shape)), place, (0, 0)).expect("it has an area");
+        let light = AreaLight::new(EmissiveGeometry::Shape(Arc::new(shape)), place, (0, 0))
+            .expect("it has an area");
         let flat = light.flat(0).expect("it is flat");
         for from in [Vec3::new(4.0, 2.0, 1.0), Vec3::new(-3.0, 6.0, -9.0)] {
             assert!(flat.is_far(from) && light.seen_from(0, from).is_none());
-            let solid_angle = 1.0 / outline.seen_from(from.as_dvec3()).expect("it can be seen").pdf();
-            let samples: Vec<_> = (0..20_000).map(|i| flat.sample(from, uniform2([i, 3, 1, 9]))).collect();
+            let solid_angle =
+                1.0 / outline.seen_from(from.as_dvec3()).expect("it can be seen").pdf();
+            let samples: Vec<_> =
+                (0..20_000).map(|i| flat.sample(from, uniform2([i, 3, 1, 9]))).collect();
             assert!(samples.iter().all(|s| s.exists && s.direction.is_normalized() && s.pdf > 0.0));
             let mean = samples.iter().map(|s| 1.0 / s.pdf).sum::<f32>() / samples.len() as f32;
             assert!((mean / solid_angle - 1.0).abs() < 0.01, "{number}: {mean} {solid_angle}");
-            let is_front = (from.as_dvec3() - place.point(DVec3::ZERO)).dot(flat.normal.as_dvec3()) > 0.0;
+            let is_front =
+                (from.as_dvec3() - place.point(DVec3::ZERO)).dot(flat.normal.as_dvec3()) > 0.0;
             assert!(samples.iter().all(|s| s.is_front == is_front), "{number}");
             // The end of a light ray lies before the surface.
-            let before = |p: Vec3| (p - flat.corner).dot(flat.normal) * if is_front { 1.0 } else { -1.0 };
-            assert!(samples.iter().all(|s| before(s.end) >= 0.0 && before(s.end) < 1e-4), "{number}");
+            let before =
+                |p: Vec3| (p - flat.corner).dot(flat.normal) * if is_front { 1.0 } else { -1.0 };
+            assert!(
+                samples.iter().all(|s| before(s.end) >= 0.0 && before(s.end) < 1e-4),
+                "{number}"
+            );
         }
         assert!(!flat.is_far(place.point(DVec3::new(0.1, 0.1, 0.5)).as_vec3()));
     }
@@ -363,8 +435,10 @@ fn near_triangles_are_sampled_alike_with_and_without_all_of_the_surface() {
 
 #[test]
 fn spheres_are_sampled_alike_with_and_without_all_of_the_surface() {
-    let map = DAffine3::from_translation(DVec3::new(1.0, 2.0, -3.0)) * DAffine3::from_rotation_x(0.7);
-    let place = Transform::new(map * DAffine3::from_scale(DVec3::splat(1.5))).expect("not singular");
+    let map =
+        DAffine3::from_translation(DVec3::new(1.0, 2.0, -3.0)) * DAffine3::from_rotation_x(0.7);
+    let place =
+        Transform::new(map * DAffine3::from_scale(DVec3::splat(1.5))).expect("not singular");
     let geometry = EmissiveGeometry::Shape(Arc::new(Sphere { radius: 0.4 }));
     let light = AreaLight::new(geometry, place, (0, 0)).expect("it has an area");
     let (center, mut inside, mut sum) = (Vec3::new(1.0, 2.0, -3.0), 0, 0.0);
@@ -372,15 +446,20 @@ fn spheres_are_sampled_alike_with_and_without_all_of_the_surface() {
         let number = |k: u32| uniform2([i, k, 6, 6]);
         let from = center + (Vec3::new(number(0).x, number(0).y, number(1).x) - 0.5) * 2.0;
         let u = number(2);
-        let sample =
-            light.sample_simple(0, from, u).filter(|sample| sample.exists).expect("it is seen from everywhere");
+        let sample = light
+            .sample_simple(0, from, u)
+            .filter(|sample| sample.exists)
+            .expect("it is seen from everywhere");
         assert!(sample.direction.is_normalized() && sample.pdf > 0.0);
         if (from - center).length() < 0.5999 {
             assert!(!sample.is_front);
             // All of it is seen from there, sampled by area.
             let inner = center + (from - center) * 0.5;
             inside += 1;
-            sum += 1.0 / f64::from(light.sample_simple(0, inner, u).expect("it is seen from everywhere").pdf);
+            sum += 1.0
+                / f64::from(
+                    light.sample_simple(0, inner, u).expect("it is seen from everywhere").pdf,
+                );
         } else if (from - center).length() > 0.6001 {
             let whole = light.sample_from(0, from, u).expect("it is seen from everywhere");
             assert!((sample.direction - whole.direction).length() < 1e-6, "{from}");
@@ -392,10 +471,16 @@ fn spheres_are_sampled_alike_with_and_without_all_of_the_surface() {
     }
     let all = sum / f64::from(inside) / (4.0 * PI);
     assert!(inside > 300 && (all - 1.0).abs() < 0.03, "{inside}: {all}");
-    for from in [center, Vec3::splat(1e30), Vec3::splat(f32::INFINITY), Vec3::NAN, center + Vec3::X * 0.6] {
-        let sample = light.sample_simple(0, from, Vec2::new(0.3, 0.6)).filter(|sample| sample.exists);
+    for from in
+        [center, Vec3::splat(1e30), Vec3::splat(f32::INFINITY), Vec3::NAN, center + Vec3::X * 0.6]
+    {
+        let sample =
+            light.sample_simple(0, from, Vec2::new(0.3, 0.6)).filter(|sample| sample.exists);
         if let Some(sample) = sample {
-            assert!(sample.direction.is_normalized() && sample.pdf > 0.0 && sample.pdf.is_finite(), "{from}");
+            assert!(
+                sample.direction.is_normalized() && sample.pdf > 0.0 && sample.pdf.is_finite(),
+                "{from}"
+            );
         }
     }
 }

@@ -1,12 +1,14 @@
 //! Light from all directions, importance sampled.
 //!
-//! An image is looked up with bilinear interpolation. A direction is drawn in two steps: a cell of a latitude-longitude table with
-//! probability proportional to the interpolated luminance in it times its solid angle, then a direction uniform in the solid angle
-//! of the cell (a rectangle in longitude and height). So the density is constant over each cell and finite at the poles.
+//! An image is looked up with bilinear interpolation. A direction is drawn in two steps: a cell of
+//! a latitude-longitude table with probability proportional to the interpolated luminance in it
+//! times its solid angle, then a direction uniform in the solid angle of the cell (a rectangle in
+//! longitude and height). So the density is constant over each cell and finite at the poles.
 //!
-//! Beside BSDF samples a second table serves better, from which the mean is taken off: BSDF samples bring the even part of the light
-//! anyway (Karlík, Šik, Vévoda, Skřivan and Křivánek, MIS Compensation: Optimizing Sampling Techniques in Multiple Importance
-//! Sampling, 2019). Of a constant environment nothing is left to sample.
+//! Beside BSDF samples a second table serves better, from which the mean is taken off: BSDF samples
+//! bring the even part of the light anyway (Karlík, Šik, Vévoda, Skřivan and Křivánek, MIS
+//! Compensation: Optimizing Sampling Techniques in Multiple Importance Sampling, 2019). Of a
+//! constant environment nothing is left to sample.
 
 mod table;
 #[cfg(test)]
@@ -14,7 +16,9 @@ mod tests;
 
 use crate::graph::Environment;
 use crate::image::Image;
-use snell_math::{ColorMode, DMat3, DVec3, Mat3, Rgb, SampledSpectrum, Vec2, Vec3, angles, sampling};
+use snell_math::{
+    ColorMode, DMat3, DVec3, Mat3, Rgb, SampledSpectrum, Vec2, Vec3, angles, sampling,
+};
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 use table::{Cells, DirectionTable, Rows};
@@ -61,8 +65,9 @@ struct ImageLight {
 }
 
 impl EnvironmentLight {
-    /// Prepares an environment (builds the sampling tables of an image). Values that are negative or not finite count as 0, and
-    /// the alpha of an image is ignored. Of the transform only the rotation (and mirroring) is used.
+    /// Prepares an environment (builds the sampling tables of an image). Values that are negative
+    /// or not finite count as 0, and the alpha of an image is ignored. Of the transform only the
+    /// rotation (and mirroring) is used.
     pub fn new(environment: &Environment) -> Self {
         match environment {
             Environment::Constant(color) => {
@@ -90,7 +95,8 @@ impl EnvironmentLight {
         })
     }
 
-    /// Where the light of a unit direction is looked up: longitude and latitude in the image, as a point of the unit square.
+    /// Where the light of a unit direction is looked up: longitude and latitude in the image, as a
+    /// point of the unit square.
     pub fn place(&self, direction: Vec3) -> Vec2 {
         match &self.kind {
             Kind::Constant(_) => Vec2::ZERO,
@@ -114,7 +120,8 @@ impl EnvironmentLight {
         }
     }
 
-    /// A direction from which light comes. The density is positive, and 0 nowhere where there is light.
+    /// A direction from which light comes. The density is positive, and 0 nowhere where there is
+    /// light.
     pub fn sample(&self, u: Vec2) -> SkySample {
         let drawn = match &self.kind {
             Kind::Constant(_) => None,
@@ -124,7 +131,11 @@ impl EnvironmentLight {
             Some(drawn) => SkySample::new(drawn, &self.world_from_environment()),
             None => {
                 let direction = sampling::uniform_sphere(u);
-                SkySample { direction, pdf: sampling::UNIFORM_SPHERE_PDF, place: self.place(direction) }
+                SkySample {
+                    direction,
+                    pdf: sampling::UNIFORM_SPHERE_PDF,
+                    place: self.place(direction),
+                }
             }
         }
     }
@@ -137,8 +148,9 @@ impl EnvironmentLight {
         }
     }
 
-    /// A direction in which the light is worth a sample beside BSDF samples that are combined with it by multiple importance sampling.
-    /// The density is 0 in many directions. `None` if no direction is worth it.
+    /// A direction in which the light is worth a sample beside BSDF samples that are combined with
+    /// it by multiple importance sampling. The density is 0 in many directions. `None` if no
+    /// direction is worth it.
     pub fn sample_compensated(&self, u: Vec2) -> Option<SkySample> {
         Some(SkySample::new(self.draw_compensated(u)?, &self.world_from_environment()))
     }
@@ -148,7 +160,9 @@ impl EnvironmentLight {
     pub fn draw_compensated(&self, u: Vec2) -> Option<DrawnDirection> {
         match &self.kind {
             Kind::Constant(_) => None,
-            Kind::Image(light) => Some(light.compensated.as_ref()?.sample(u)).filter(|drawn| drawn.pdf > 0.0),
+            Kind::Image(light) => {
+                Some(light.compensated.as_ref()?.sample(u)).filter(|drawn| drawn.pdf > 0.0)
+            }
         }
     }
 
@@ -166,7 +180,8 @@ impl EnvironmentLight {
         }
     }
 
-    /// The share of the light that exceeds the mean, `[0, 1]`: what [`Self::sample_compensated`] is for. 0 if it gives nothing.
+    /// The share of the light that exceeds the mean, `[0, 1]`: what [`Self::sample_compensated`] is
+    /// for. 0 if it gives nothing.
     pub fn excess(&self) -> f64 {
         match &self.kind {
             Kind::Image(light) if light.compensated.is_some() => light.excess,
@@ -199,7 +214,18 @@ impl ImageLight {
         let excess = compensated.1 / mean_luminance.max(f64::MIN_POSITIVE);
         let compensated = (excess > 1e-4).then_some(compensated.0);
         let world_from_environment = rotation(matrix);
-        (Self { width: w, height: h, texels, world_from_environment, exact, compensated, excess }, mean_luminance)
+        (
+            Self {
+                width: w,
+                height: h,
+                texels,
+                world_from_environment,
+                exact,
+                compensated,
+                excess,
+            },
+            mean_luminance,
+        )
     }
 
     /// The bilinear interpolation at a point of the unit square.
@@ -222,13 +248,16 @@ impl ImageLight {
         };
         let columns = [around(left - 1), around(left)];
         let row = |y: i32| y.clamp(0, h - 1) as usize * self.width;
-        let blend = |row: usize| self.texels[row + columns[0]] * (1.0 - fx) + self.texels[row + columns[1]] * fx;
+        let blend = |row: usize| {
+            self.texels[row + columns[0]] * (1.0 - fx) + self.texels[row + columns[1]] * fx
+        };
         blend(row(top - 1)) * (1.0 - fy) + blend(row(top)) * fy
     }
 }
 
 impl SkySample {
-    /// A direction that was drawn from an environment that is turned so. Without branches, so that loops over it become vector code.
+    /// A direction that was drawn from an environment that is turned so. Without branches, so that
+    /// loops over it become vector code.
     #[inline(always)]
     pub fn new(drawn: DrawnDirection, world_from_environment: &Mat3) -> Self {
         let (direction, place) = drawn.to_vector();
@@ -236,7 +265,8 @@ impl SkySample {
     }
 }
 
-/// [`EnvironmentLight::place`] of an environment that is turned so. Without branches, so that loops over it become vector code.
+/// [`EnvironmentLight::place`] of an environment that is turned so. Without branches, so that loops
+/// over it become vector code.
 #[inline(always)]
 pub fn place_of(world_from_environment: &Mat3, direction: Vec3) -> Vec2 {
     let Mat3 { x_axis, y_axis, z_axis } = *world_from_environment;
@@ -247,7 +277,8 @@ pub fn place_of(world_from_environment: &Mat3, direction: Vec3) -> Vec2 {
     Vec2::new(number(0.5 + phi * (0.5 * FRAC_1_PI)), number(theta * FRAC_1_PI))
 }
 
-/// The nearest rotation (or rotation with mirroring) that keeps the first axis' direction; the identity if there is none.
+/// The nearest rotation (or rotation with mirroring) that keeps the first axis' direction; the
+/// identity if there is none.
 fn rotation(m: DMat3) -> Mat3 {
     let unit = |v: DVec3| v.try_normalize().filter(|v| v.is_finite());
     let orthonormal = || {
@@ -268,12 +299,14 @@ fn texels(image: &Image, scale: Rgb) -> Vec<Rgb> {
     (0..image.height).flat_map(|y| (0..image.width).map(move |x| texel(x, y))).collect()
 }
 
-/// Mean luminance over each texel's square of the bilinear interpolation: the image filtered by `[1 6 1] / 8` both ways. It is
-/// positive wherever any of the interpolated radiance is. Row by row, because a copy of a large image takes much memory.
+/// Mean luminance over each texel's square of the bilinear interpolation: the image filtered by
+/// `[1 6 1] / 8` both ways. It is positive wherever any of the interpolated radiance is. Row by
+/// row, because a copy of a large image takes much memory.
 struct Smoothed<'a> {
     texels: &'a [Rgb],
     width: usize,
-    /// Rows that are filtered along themselves, with their numbers: the last three that were needed, row `y` at `y % 3`.
+    /// Rows that are filtered along themselves, with their numbers: the last three that were
+    /// needed, row `y` at `y % 3`.
     across: [(usize, Vec<f32>); 3],
 }
 
@@ -295,9 +328,12 @@ impl Rows for Smoothed<'_> {
             let (number, across) = &mut self.across[y % 3];
             if *number != y {
                 *number = y;
-                let plain: Vec<f32> = self.texels[y * w..][..w].iter().map(|t| sane(t.luminance())).collect();
+                let plain: Vec<f32> =
+                    self.texels[y * w..][..w].iter().map(|t| sane(t.luminance())).collect();
                 across.clear();
-                across.extend((0..w).map(|x| filter(plain[(x + w - 1) % w], plain[x], plain[(x + 1) % w])));
+                across.extend(
+                    (0..w).map(|x| filter(plain[(x + w - 1) % w], plain[x], plain[(x + 1) % w])),
+                );
             }
         }
         let [above, here, below] = near.map(|y| &self.across[y % 3].1);

@@ -18,15 +18,18 @@ pub struct DrawnDirection {
 }
 
 impl DrawnDirection {
-    /// The unit vector (`+y` is the zenith, `-z` the middle), and longitude and latitude as a point of the unit square. Without branches,
-    /// so that loops over it become vector code.
+    /// The unit vector (`+y` is the zenith, `-z` the middle), and longitude and latitude as a point
+    /// of the unit square. Without branches, so that loops over it become vector code.
     #[inline(always)]
     pub fn to_vector(self) -> (Vec3, Vec2) {
         let Self { height, turn, .. } = self;
         let sin = most((1.0 - height) * (1.0 + height), 0.0).sqrt();
         let (sin_phi, cos_phi) = angles::sin_cos((turn - 0.5) * (2.0 * PI64));
         let latitude = angles::atan2(sin as f32, height as f32) * FRAC_1_PI;
-        (DVec3::new(sin * sin_phi, height, -sin * cos_phi).as_vec3(), Vec2::new(turn as f32, latitude))
+        (
+            DVec3::new(sin * sin_phi, height, -sin * cos_phi).as_vec3(),
+            Vec2::new(turn as f32, latitude),
+        )
     }
 }
 
@@ -41,12 +44,13 @@ pub(super) struct DirectionTable {
 
 /// Largest table; larger images are summed up.
 const MAX_TABLE: [usize; 2] = [2048, 1024];
-/// Each cell with any light, and each row, is drawn at least this often relative to the mean. Otherwise what is dim beside a sun
-/// would vanish in the rounding of the tables.
+/// Each cell with any light, and each row, is drawn at least this often relative to the mean.
+/// Otherwise what is dim beside a sun would vanish in the rounding of the tables.
 const FLOOR: f32 = 1e-3;
 
 impl DirectionTable {
-    /// The density in proportion to what the luminance of cells exceeds `taken_off`, and the mean of that over the sphere.
+    /// The density in proportion to what the luminance of cells exceeds `taken_off`, and the mean
+    /// of that over the sphere.
     pub fn new(luminance: &Cells, taken_off: f64) -> (Self, f64) {
         let [columns, rows] = luminance.size;
         let mut table = Vec::with_capacity(rows);
@@ -58,7 +62,10 @@ impl DirectionTable {
             let mean = cells.iter().map(|&c| f64::from(c)).sum::<f64>() / columns as f64;
             let floor = mean as f32 * FLOOR;
             table.push(Distribution1D::new(
-                &cells.iter().map(|&c| if c > 0.0 { c.max(floor) } else { 0.0 }).collect::<Vec<_>>(),
+                &cells
+                    .iter()
+                    .map(|&c| if c > 0.0 { c.max(floor) } else { 0.0 })
+                    .collect::<Vec<_>>(),
             ));
             // The share of the row in the sphere.
             let share = (row_cos(row, rows) - row_cos(row + 1, rows)) * 0.5;
@@ -66,7 +73,8 @@ impl DirectionTable {
             sums.push((mean * share) as f32);
         }
         let floor = FLOOR * (all / rows as f64) as f32;
-        let sums: Vec<f32> = sums.iter().map(|&s| if s > 0.0 { s.max(floor) } else { 0.0 }).collect();
+        let sums: Vec<f32> =
+            sums.iter().map(|&s| if s > 0.0 { s.max(floor) } else { 0.0 }).collect();
         let edges = (0..=rows).map(|row| row_cos(row, rows)).collect();
         (Self { rows: Distribution1D::new(&sums), columns: table, edges }, all)
     }
@@ -84,7 +92,8 @@ impl DirectionTable {
         }
     }
 
-    /// Density per steradian in a direction given by longitude and latitude as a point of the unit square.
+    /// Density per steradian in a direction given by longitude and latitude as a point of the unit
+    /// square.
     pub fn pdf(&self, p: Vec2) -> f32 {
         let index = |x: f32, n: usize| ((x * n as f32) as usize).min(n - 1);
         let row = index(p.y, self.columns.len());
@@ -106,7 +115,8 @@ fn row_cos(row: usize, rows: usize) -> f64 {
 
 /// An image of numbers, row by row.
 pub(super) trait Rows {
-    /// The row of this number, from 0. Rows are asked for in ascending order; the last ones may be asked for again.
+    /// The row of this number, from 0. Rows are asked for in ascending order; the last ones may be
+    /// asked for again.
     fn row(&mut self, y: usize) -> Vec<f32>;
 }
 
@@ -126,7 +136,9 @@ impl Cells {
 
     /// The same for a table of this size.
     pub fn in_table(mut image: impl Rows, [w, h]: [usize; 2], size: [usize; 2]) -> Self {
-        let range = |i: usize, cells: usize, texels: usize| i * texels / cells..((i + 1) * texels).div_ceil(cells);
+        let range = |i: usize, cells: usize, texels: usize| {
+            i * texels / cells..((i + 1) * texels).div_ceil(cells)
+        };
         let mut means = Vec::with_capacity(size[0] * size[1]);
         for row in 0..size[1] {
             let lines = range(row, size[1], h);
@@ -138,7 +150,9 @@ impl Cells {
                 }
             }
             let count = |column| range(column, size[0], w).len() * lines.len();
-            means.extend(sums.iter().enumerate().map(|(column, sum)| (sum / count(column) as f64) as f32));
+            means.extend(
+                sums.iter().enumerate().map(|(column, sum)| (sum / count(column) as f64) as f32),
+            );
         }
         Self { size, means }
     }

@@ -6,9 +6,16 @@ use snell_math::statistics::{chi_squared_deviation, sidak_deviation};
 use std::f32::consts::{PI, TAU};
 use std::f64::consts::PI as PI64;
 
-fn light(width: u32, height: u32, rgb: impl Fn(u32, u32) -> [f32; 3], rotated: f64) -> EnvironmentLight {
-    let values = (0..height).flat_map(|y| (0..width).flat_map(|x| rgb(x, y)).collect::<Vec<_>>()).collect();
-    let world_from_environment = DAffine3::from_rotation_x(rotated) * DAffine3::from_rotation_y(0.4 * rotated);
+fn light(
+    width: u32,
+    height: u32,
+    rgb: impl Fn(u32, u32) -> [f32; 3],
+    rotated: f64,
+) -> EnvironmentLight {
+    let values =
+        (0..height).flat_map(|y| (0..width).flat_map(|x| rgb(x, y)).collect::<Vec<_>>()).collect();
+    let world_from_environment =
+        DAffine3::from_rotation_x(rotated) * DAffine3::from_rotation_y(0.4 * rotated);
     EnvironmentLight::new(&Environment::Image {
         image: Arc::new(Image::from_f32(width, height, 3, values)),
         scale: Rgb::WHITE,
@@ -17,7 +24,14 @@ fn light(width: u32, height: u32, rgb: impl Fn(u32, u32) -> [f32; 3], rotated: f
 }
 
 fn gradient() -> EnvironmentLight {
-    light(32, 16, |x, y| [(x % 7) as f32, if y < 3 { 5.0 } else { 0.2 }, f32::from(x == 20 && y == 5) * 900.0], 0.9)
+    light(
+        32,
+        16,
+        |x, y| {
+            [(x % 7) as f32, if y < 3 { 5.0 } else { 0.2 }, f32::from(x == 20 && y == 5) * 900.0]
+        },
+        0.9,
+    )
 }
 
 /// Integral over the sphere by a fine grid in world longitude and height.
@@ -57,14 +71,19 @@ fn the_rotation_turns_the_picture_into_the_world() {
     let mut values = vec![0.0; 8 * 4 * 3];
     values[..24].fill(1.0);
     let image = Arc::new(Image::from_f32(8, 4, 3, values));
-    let l = EnvironmentLight::new(&Environment::Image { image, scale: Rgb::splat(2.0), world_from_environment });
+    let l = EnvironmentLight::new(&Environment::Image {
+        image,
+        scale: Rgb::splat(2.0),
+        world_from_environment,
+    });
     // +y goes to +z.
     assert_eq!((red(&l, Vec3::Z), red(&l, Vec3::NEG_Z)), (2.0, 0.0));
 }
 
 #[test]
 fn the_density_integrates_to_one() {
-    for l in [gradient(), light(5, 3, |x, _| [x as f32; 3], 0.3), light(1, 1, |_, _| [1.0; 3], 0.0)] {
+    for l in [gradient(), light(5, 3, |x, _| [x as f32; 3], 0.3), light(1, 1, |_, _| [1.0; 3], 0.0)]
+    {
         let integral = integrate(|d| l.pdf(d).into());
         assert!((integral - 1.0).abs() < 2e-3, "{integral}");
     }
@@ -76,7 +95,8 @@ fn the_compensated_density_integrates_to_one_and_lies_where_light_exceeds_the_me
         let integral = integrate(|d| l.pdf_compensated(d).into());
         assert!((integral - 1.0).abs() < 3e-3, "{integral}");
         let excess = integrate(|d| {
-            let luminance = f64::from(ColorMode::Rgb.to_rgb(l.radiance(d, ColorMode::Rgb)).luminance());
+            let luminance =
+                f64::from(ColorMode::Rgb.to_rgb(l.radiance(d, ColorMode::Rgb)).luminance());
             (luminance - l.mean_luminance()).max(0.0)
         });
         assert!((excess / (4.0 * PI64) / l.mean_luminance() / l.excess() - 1.0).abs() < 0.2);
@@ -97,12 +117,18 @@ fn an_image_of_one_colour_is_left_to_other_samples() {
     assert!(l.excess() == 0.0 && l.sample_compensated(Vec2::splat(0.5)).is_none());
 }
 
-/// Several pictures, turned, with both tables: chi squared of coarse cells of the world against the integral of the density over each.
+/// Several pictures, turned, with both tables: chi squared of coarse cells of the world against the
+/// integral of the density over each.
 #[test]
 fn samples_fall_into_cells_with_their_density() {
-    let horizon = |rotated| light(24, 12, |x, y| [x as f32, if y < 6 { 3.0 } else { 0.1 }, 0.3], rotated);
-    let lights =
-        [gradient(), horizon(0.0), horizon(2.0), light(5, 3, |x, y| [f32::from(x == 2 && y == 1), 0.1, 0.0], 0.5)];
+    let horizon =
+        |rotated| light(24, 12, |x, y| [x as f32, if y < 6 { 3.0 } else { 0.1 }, 0.3], rotated);
+    let lights = [
+        gradient(),
+        horizon(0.0),
+        horizon(2.0),
+        light(5, 3, |x, y| [f32::from(x == 2 && y == 1), 0.1, 0.0], 0.5),
+    ];
     const COLUMNS: usize = 12;
     let cell = |d: Vec3| {
         let (x, y) = ((d.y.atan2(d.x) + PI) / TAU * COLUMNS as f32, (d.z + 1.0) * 3.0);
@@ -112,8 +138,10 @@ fn samples_fall_into_cells_with_their_density() {
     for (key, l) in (0..).zip(&lights) {
         type Pdf<'a> = &'a dyn Fn(Vec3) -> f32;
         type Sample<'a> = &'a dyn Fn(Vec2) -> Option<SkySample>;
-        let ways: [(Sample, Pdf); 2] =
-            [(&|u| Some(l.sample(u)), &|d| l.pdf(d)), (&|u| l.sample_compensated(u), &|d| l.pdf_compensated(d))];
+        let ways: [(Sample, Pdf); 2] = [
+            (&|u| Some(l.sample(u)), &|d| l.pdf(d)),
+            (&|u| l.sample_compensated(u), &|d| l.pdf_compensated(d)),
+        ];
         for (way, (sample, pdf)) in (0..).zip(ways) {
             let mut expected = [0.0f64; 6 * COLUMNS];
             let (n, m) = (2400, 1200);
@@ -130,12 +158,16 @@ fn samples_fall_into_cells_with_their_density() {
             assert!((total - 1.0).abs() < 3e-3, "light {key}, table {way}: {total}");
             let mut counts = [0u32; 6 * COLUMNS];
             for i in 0..samples {
-                let SkySample { direction: d, pdf, place } = sample(uniform2([i, 9, way, key])).expect("light to find");
+                let SkySample { direction: d, pdf, place } =
+                    sample(uniform2([i, 9, way, key])).expect("light to find");
                 assert!(d.is_normalized() && pdf > 0.0 && pdf.is_finite());
                 // It is looked up where the direction is: the sides are one, and so is each pole.
                 let other = l.place(d);
                 let (across, sin) = ((place.x - other.x).abs(), (PI * place.y).sin());
-                assert!(across.min(1.0 - across) * sin < 1e-6 && (place.y - other.y).abs() < 1e-6, "{place} {other}");
+                assert!(
+                    across.min(1.0 - across) * sin < 1e-6 && (place.y - other.y).abs() < 1e-6,
+                    "{place} {other}"
+                );
                 counts[cell(d)] += 1;
             }
             expected.iter_mut().for_each(|e| *e *= f64::from(samples) / total);
@@ -173,18 +205,30 @@ fn the_irradiance_estimated_by_samples_matches_quadrature() {
     let mean = values.iter().sum::<f64>() / f64::from(n);
     let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / f64::from(n);
     let error = (variance / f64::from(n)).sqrt();
-    assert!((mean - expected).abs() < 3.0 * error + 1e-3 * expected, "{mean} +- {error}, expected {expected}");
+    assert!(
+        (mean - expected).abs() < 3.0 * error + 1e-3 * expected,
+        "{mean} +- {error}, expected {expected}"
+    );
 }
 
 #[test]
 fn light_anywhere_has_positive_density_even_beside_a_sun() {
-    let l = light(512, 256, |x, y| [if (x, y) == (100, 40) { 1e7 } else { f32::from(y < 200) * 0.05 }; 3], 0.0);
+    let l = light(
+        512,
+        256,
+        |x, y| [if (x, y) == (100, 40) { 1e7 } else { f32::from(y < 200) * 0.05 }; 3],
+        0.0,
+    );
     for i in 0..20_000 {
         let d = sampling::uniform_sphere(uniform2([i, 0, 0, 1]));
         assert!(red(&l, d) == 0.0 || l.pdf(d) > 0.0, "{d}");
     }
     let quadrature = integrate(|d| red(&l, d)) / (4.0 * PI64);
-    assert!((l.mean_luminance() / quadrature - 1.0).abs() < 0.2, "{} {quadrature}", l.mean_luminance());
+    assert!(
+        (l.mean_luminance() / quadrature - 1.0).abs() < 0.2,
+        "{} {quadrature}",
+        l.mean_luminance()
+    );
 }
 
 #[test]
@@ -194,18 +238,32 @@ fn the_mean_luminance_is_the_mean_over_the_sphere() {
         let s = l.radiance(d, ColorMode::Rgb);
         ColorMode::Rgb.to_rgb(s).luminance().into()
     }) / (4.0 * PI64);
-    assert!((l.mean_luminance() / expected - 1.0).abs() < 2e-3, "{} {expected}", l.mean_luminance());
+    assert!(
+        (l.mean_luminance() / expected - 1.0).abs() < 2e-3,
+        "{} {expected}",
+        l.mean_luminance()
+    );
 }
 
 #[test]
 fn broken_pixels_and_black_pictures_do_no_harm() {
-    let broken = light(8, 4, |x, y| [[f32::NAN, f32::INFINITY, -1.0, 1.0][(x % 4) as usize], y as f32, f32::MAX], 0.0);
+    let broken = light(
+        8,
+        4,
+        |x, y| [[f32::NAN, f32::INFINITY, -1.0, 1.0][(x % 4) as usize], y as f32, f32::MAX],
+        0.0,
+    );
     let black = light(4, 2, |_, _| [0.0; 3], 0.0);
     for l in [broken, black] {
         assert!(l.mean_luminance().is_finite() && l.mean_luminance() >= 0.0);
         for i in 0..2000 {
             let SkySample { direction: d, pdf, .. } = l.sample(uniform2([i, 0, 7, 0]));
-            assert!(d.is_normalized() && pdf.is_finite() && pdf > 0.0 && l.radiance(d, ColorMode::Rgb).is_finite());
+            assert!(
+                d.is_normalized()
+                    && pdf.is_finite()
+                    && pdf > 0.0
+                    && l.radiance(d, ColorMode::Rgb).is_finite()
+            );
         }
     }
     let l = gradient();
@@ -235,10 +293,14 @@ fn luminance_is_smoothed_row_by_row_as_it_is_all_at_once() {
     let grey: Vec<f32> = (0..35).map(|i| uniform2([i, 1, 2, 3]).x).collect();
     let texels: Vec<Rgb> = grey.iter().map(|&v| Rgb::splat(v)).collect();
     let plain: Vec<f32> = texels.iter().map(|t| t.luminance()).collect();
-    let across = |x: usize, y: usize| filter(plain[y * 7 + (x + 6) % 7], plain[y * 7 + x], plain[y * 7 + (x + 1) % 7]);
+    let across = |x: usize, y: usize| {
+        filter(plain[y * 7 + (x + 6) % 7], plain[y * 7 + x], plain[y * 7 + (x + 1) % 7])
+    };
     let mut rows = Smoothed::of(&texels, 7);
     for y in [0usize, 1, 1, 2, 3, 2, 4, 4, 0] {
-        let expected = (0..7).map(|x| filter(across(x, y.saturating_sub(1)), across(x, y), across(x, (y + 1).min(4))));
+        let expected = (0..7).map(|x| {
+            filter(across(x, y.saturating_sub(1)), across(x, y), across(x, (y + 1).min(4)))
+        });
         assert_eq!(rows.row(y), expected.collect::<Vec<_>>());
     }
 }

@@ -1,10 +1,11 @@
-//! The sky-dome model: a formula with nine coefficients a channel, which are blended between published tables by turbidity, albedo of
-//! the ground and height of the sun.
+//! The sky-dome model: a formula with nine coefficients a channel, which are blended between
+//! published tables by turbidity, albedo of the ground and height of the sun.
 
 use std::f64::consts::FRAC_PI_2;
 
-/// The tables of Hosek and Wilkie (version 1.4, RGB): for each channel `[albedo 0, 1][turbidity 1 to 10][control point][coefficient]`,
-/// then the mean radiances `[albedo][turbidity][control point]`. Licence: `LICENSE-hosek-wilkie.txt` beside this file.
+/// The tables of Hosek and Wilkie (version 1.4, RGB): for each channel
+/// `[albedo 0, 1][turbidity 1 to 10][control point][coefficient]`, then the mean radiances
+/// `[albedo][turbidity][control point]`. Licence: `LICENSE-hosek-wilkie.txt` beside this file.
 const TABLES: &[u8] = include_bytes!("hosek_wilkie.bin");
 const COEFFICIENTS: usize = 9;
 const CONTROL_POINTS: usize = 6;
@@ -25,22 +26,27 @@ impl HosekWilkie {
         let t = (elevation / FRAC_PI_2).cbrt();
         let value = |channel: usize, start: usize, stride: usize, offset: usize| {
             let at = |albedo: usize, turbidity: usize| {
-                let first = channel * CHANNEL + start + (albedo * TURBIDITIES + turbidity) * CONTROL_POINTS * stride;
+                let first = channel * CHANNEL
+                    + start
+                    + (albedo * TURBIDITIES + turbidity) * CONTROL_POINTS * stride;
                 bezier(std::array::from_fn(|k| number(first + k * stride + offset)), t)
             };
             let lower = (turbidity as usize - 1).min(TURBIDITIES - 2);
             let part = turbidity - 1.0 - lower as f64;
-            let blend = |albedo: usize| at(albedo, lower) * (1.0 - part) + at(albedo, lower + 1) * part;
+            let blend =
+                |albedo: usize| at(albedo, lower) * (1.0 - part) + at(albedo, lower + 1) * part;
             blend(0) * (1.0 - albedo) + blend(1) * albedo
         };
         Self {
-            coefficients: std::array::from_fn(|c| std::array::from_fn(|i| value(c, 0, COEFFICIENTS, i))),
+            coefficients: std::array::from_fn(|c| {
+                std::array::from_fn(|i| value(c, 0, COEFFICIENTS, i))
+            }),
             means: std::array::from_fn(|c| value(c, SHAPES, 1, 0)),
         }
     }
 
-    /// Radiance (in units of luminance over 683 lm / W) in red, green and blue, by the cosines of the angle from the zenith and from
-    /// the sun (equation 8 of the paper).
+    /// Radiance (in units of luminance over 683 lm / W) in red, green and blue, by the cosines of
+    /// the angle from the zenith and from the sun (equation 8 of the paper).
     pub fn radiance(&self, cos_zenith: f64, cos_sun: f64) -> [f64; 3] {
         let gamma = cos_sun.acos();
         let cos_zenith = cos_zenith.max(0.0);
@@ -48,7 +54,11 @@ impl HosekWilkie {
             let [a, b, c, d, e, f, g, i, h] = self.coefficients[channel];
             let haze = (1.0 + cos_sun * cos_sun) / (1.0 + h * h - 2.0 * h * cos_sun).powf(1.5);
             let falloff = 1.0 + a * (b / (cos_zenith + 0.01)).exp();
-            let glow = c + d * (e * gamma).exp() + f * cos_sun * cos_sun + g * haze + i * cos_zenith.sqrt();
+            let glow = c
+                + d * (e * gamma).exp()
+                + f * cos_sun * cos_sun
+                + g * haze
+                + i * cos_zenith.sqrt();
             let radiance = self.means[channel] * falloff * glow;
             if radiance > 0.0 && radiance.is_finite() { radiance } else { 0.0 }
         })

@@ -1,5 +1,6 @@
-//! The sky of a clear day with its sun, as an environment: the measured-and-simulated model of Hosek and Wilkie (An Analytic Model for
-//! Full Spectral Sky-Dome Radiance, 2012, in its RGB form), the sun through the atmosphere ([`sun`]), and even ground below.
+//! The sky of a clear day with its sun, as an environment: the measured-and-simulated model of
+//! Hosek and Wilkie (An Analytic Model for Full Spectral Sky-Dome Radiance, 2012, in its RGB form),
+//! the sun through the atmosphere ([`sun`]), and even ground below.
 
 mod hosek_wilkie;
 mod sun;
@@ -16,15 +17,19 @@ use std::sync::Arc;
 pub struct Sky {
     /// Height of the sun above the horizon, degrees, `[0, 90]`.
     pub elevation: f64,
-    /// Where the sun stands, degrees: 0 is `-z` (the middle of the environment's picture), 90 is `+x`.
+    /// Where the sun stands, degrees: 0 is `-z` (the middle of the environment's picture), 90 is
+    /// `+x`.
     pub azimuth: f64,
     /// Haze, `[1, 10]`: 2 is very clear, 3 a clear day, 6 and more hazy.
     pub turbidity: f64,
-    /// Reflectance of the ground, `[0, 1]`: it brightens the sky a little, and is what lies below the horizon.
+    /// Reflectance of the ground, `[0, 1]`: it brightens the sky a little, and is what lies below
+    /// the horizon.
     pub ground: f64,
-    /// Angular diameter of the sun, degrees, `[0, 20]`: 0.53 in nature, more for softer shadows of the same brightness; 0 for no sun.
+    /// Angular diameter of the sun, degrees, `[0, 20]`: 0.53 in nature, more for softer shadows of
+    /// the same brightness; 0 for no sun.
     pub sun: f64,
-    /// Factor on all radiance. With 1, the unit is `10^5 / pi` cd / m^2: what a white surface shows that faces 100,000 lx, full daylight.
+    /// Factor on all radiance. With 1, the unit is `10^5 / pi` cd / m^2: what a white surface shows
+    /// that faces 100,000 lx, full daylight.
     pub scale: f64,
 }
 
@@ -77,7 +82,8 @@ impl Sky {
         })
     }
 
-    /// The environment: a picture with the zenith at `+y`. Its texels are 0.18 degrees wide, and so is the soft edge of the sun.
+    /// The environment: a picture with the zenith at `+y`. Its texels are 0.18 degrees wide, and so
+    /// is the soft edge of the sun.
     pub fn environment(&self) -> Result<Environment, SkyError> {
         let mut copy = *self;
         for (parameter, least, most) in Self::PARAMETERS {
@@ -119,7 +125,8 @@ impl Sky {
             }
         }
         if self.sun > 0.0 {
-            let direct = sun::illuminance(self.elevation, self.turbidity).map(|e| e * self.scale / UNIT);
+            let direct =
+                sun::illuminance(self.elevation, self.turbidity).map(|e| e * self.scale / UNIT);
             self.add_sun(&mut values, sun, direct);
             (0..3).for_each(|c| irradiance[c] += direct[c] * sun.y);
         }
@@ -129,7 +136,8 @@ impl Sky {
         Image::from_f32(w, h, 3, values)
     }
 
-    /// Spreads the sun's light over the texels of its disk above the horizon, so that all of it arrives.
+    /// Spreads the sun's light over the texels of its disk above the horizon, so that all of it
+    /// arrives.
     fn add_sun(&self, values: &mut [f32], sun: DVec3, direct: [f64; 3]) {
         let [w, h] = SIZE;
         // At least as large as what the texels resolve.
@@ -204,31 +212,46 @@ mod tests {
 
     #[test]
     fn daylight_is_as_bright_as_in_nature() {
-        // Clear days: total and diffuse illuminance in klx, of the ranges that daylight tables give (IES, CIE).
-        for (elevation, total, diffuse) in
-            [(60.0, 75.0..115.0, 8.0..25.0), (30.0, 35.0..60.0, 6.0..18.0), (5.0, 2.0..9.0, 1.5..7.0)]
-        {
+        // Clear days: total and diffuse illuminance in klx, of the ranges that daylight tables give
+        // (IES, CIE).
+        for (elevation, total, diffuse) in [
+            (60.0, 75.0..115.0, 8.0..25.0),
+            (30.0, 35.0..60.0, 6.0..18.0),
+            (5.0, 2.0..9.0, 1.5..7.0),
+        ] {
             let sky = Sky { elevation, ..Sky::default() };
-            let (all, without) = (illuminance(sky) / 1e3, illuminance(Sky { sun: 0.0, ..sky }) / 1e3);
+            let (all, without) =
+                (illuminance(sky) / 1e3, illuminance(Sky { sun: 0.0, ..sky }) / 1e3);
             eprintln!("{elevation} degrees: {all:.1} klx, {without:.1} klx without the sun");
-            assert!(total.contains(&all) && diffuse.contains(&without), "{elevation}: {all} {without}");
+            assert!(
+                total.contains(&all) && diffuse.contains(&without),
+                "{elevation}: {all} {without}"
+            );
         }
     }
 
     #[test]
     fn the_size_of_the_sun_does_not_change_its_light() {
-        let [small, large] = [0.53, 5.0].map(|sun| illuminance(Sky { sun, elevation: 50.0, ..Sky::default() }));
+        let [small, large] =
+            [0.53, 5.0].map(|sun| illuminance(Sky { sun, elevation: 50.0, ..Sky::default() }));
         assert!((small / large - 1.0).abs() < 0.01, "{small} {large}");
     }
 
     #[test]
     fn the_sun_is_where_it_is_said_to_be_and_low_suns_are_red() {
-        for (azimuth, direction) in [(0.0, DVec3::NEG_Z), (90.0, DVec3::X), (180.0, DVec3::Z), (-90.0, DVec3::NEG_X)] {
+        for (azimuth, direction) in
+            [(0.0, DVec3::NEG_Z), (90.0, DVec3::X), (180.0, DVec3::Z), (-90.0, DVec3::NEG_X)]
+        {
             let sky = Sky { azimuth, elevation: 40.0, ..Sky::default() };
             let light = EnvironmentLight::new(&sky.environment().expect("a sky"));
-            let towards = (direction * 40f64.to_radians().cos() + DVec3::Y * 40f64.to_radians().sin()).as_vec3();
+            let towards = (direction * 40f64.to_radians().cos()
+                + DVec3::Y * 40f64.to_radians().sin())
+            .as_vec3();
             let at = |d| ColorMode::Rgb.to_rgb(light.radiance(d, ColorMode::Rgb)).luminance();
-            assert!(at(towards) > 1e3 * at(-towards) && at(towards) > 100.0 * at(snell_math::Vec3::Y), "{azimuth}");
+            assert!(
+                at(towards) > 1e3 * at(-towards) && at(towards) > 100.0 * at(snell_math::Vec3::Y),
+                "{azimuth}"
+            );
         }
         let [r, _, b] = sun::illuminance(3.0, 3.0);
         assert!(r > 3.0 * b);
@@ -243,14 +266,21 @@ mod tests {
                 let model = HosekWilkie::new(f64::to_radians(elevation), turbidity, 1.0);
                 for cos in [0.0, 1e-9, 0.5, 1.0] {
                     for gamma in [-1.0, 0.0, 0.999_999, 1.0] {
-                        assert!(model.radiance(cos, gamma).iter().all(|v| v.is_finite() && *v >= 0.0));
+                        assert!(
+                            model.radiance(cos, gamma).iter().all(|v| v.is_finite() && *v >= 0.0)
+                        );
                     }
                 }
-                assert!(sun::illuminance(elevation, turbidity).iter().all(|v| v.is_finite() && *v >= 0.0));
+                assert!(
+                    sun::illuminance(elevation, turbidity)
+                        .iter()
+                        .all(|v| v.is_finite() && *v >= 0.0)
+                );
             }
         }
         for broken in [f64::NAN, -1.0, 91.0] {
-            let error = Sky { elevation: broken, ..Sky::default() }.environment().expect_err("no such sun");
+            let error =
+                Sky { elevation: broken, ..Sky::default() }.environment().expect_err("no such sun");
             assert_eq!(error.parameter, "elevation");
         }
     }

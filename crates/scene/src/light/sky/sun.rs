@@ -1,8 +1,10 @@
-//! The sun seen through the atmosphere: its light outside of it, times what molecules, haze and ozone let through.
+//! The sun seen through the atmosphere: its light outside of it, times what molecules, haze and
+//! ozone let through.
 
 /// Illuminance of the sun outside of the atmosphere on a surface that faces it, lx.
 const SOLAR_CONSTANT: f64 = 133_100.0;
-/// Its colour, of luminance 1, in linear Rec. 709: chromaticity (0.323, 0.333), that of the extraterrestrial spectrum (ASTM E-490).
+/// Its colour, of luminance 1, in linear Rec. 709: chromaticity (0.323, 0.333), that of the
+/// extraterrestrial spectrum (ASTM E-490).
 const COLOR: [f64; 3] = [1.091, 0.979, 0.942];
 /// Wavelengths that stand for the channels, micrometres, and absorption of ozone there, per cm.
 const WAVELENGTHS: [f64; 3] = [0.612, 0.549, 0.465];
@@ -10,11 +12,13 @@ const OZONE: [f64; 3] = [0.118, 0.084, 0.0075];
 /// Ozone above us, cm at normal pressure.
 const OZONE_LAYER: f64 = 0.35;
 
-/// Illuminance per channel (whose luminance is in lx) on a surface that faces the sun. The elevation is in degrees. Transmittances as in
-/// Preetham, Shirley and Smits, A Practical Analytic Model for Daylight, 1999, appendix A; the air mass by Kasten and Young, 1989.
+/// Illuminance per channel (whose luminance is in lx) on a surface that faces the sun. The
+/// elevation is in degrees. Transmittances as in Preetham, Shirley and Smits, A Practical Analytic
+/// Model for Daylight, 1999, appendix A; the air mass by Kasten and Young, 1989.
 pub(super) fn illuminance(elevation: f64, turbidity: f64) -> [f64; 3] {
     let elevation = elevation.clamp(0.0, 90.0);
-    let mass = 1.0 / (elevation.to_radians().sin() + 0.505_72 * (elevation + 6.079_95).powf(-1.6364));
+    let mass =
+        1.0 / (elevation.to_radians().sin() + 0.505_72 * (elevation + 6.079_95).powf(-1.6364));
     // Angstrom's coefficient.
     let haze = (0.046_08 * turbidity - 0.045_86).max(0.0);
     std::array::from_fn(|c| {

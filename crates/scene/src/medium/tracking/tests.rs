@@ -38,15 +38,20 @@ fn mean(n: u32, mut f: impl FnMut(u32) -> SampledSpectrum) -> [(f64, f64); 3] {
 #[track_caller]
 fn assert_agree(estimate: [(f64, f64); 3], expected: [f64; 3]) {
     for ((mean, error), expected) in estimate.into_iter().zip(expected) {
-        assert!((mean - expected).abs() <= 4.0 * error + 1e-5, "{mean} +- {error} is not {expected}");
+        assert!(
+            (mean - expected).abs() <= 4.0 * error + 1e-5,
+            "{mean} +- {error} is not {expected}"
+        );
     }
 }
 
-/// A ramp along x, whose optical depth has a closed form, and its integral of density from 0 to `x`.
+/// A ramp along x, whose optical depth has a closed form, and its integral of density from 0 to
+/// `x`.
 fn ramp() -> (ScalarGrid, fn(f64) -> f64) {
     let n = 8;
     let value = |i: usize| (i % n) as f32 / 7.0;
-    let grid = ScalarGrid::new([n, n, n], (0..n * n * n).map(value).collect()).expect("as many values as cells");
+    let grid = ScalarGrid::new([n, n, n], (0..n * n * n).map(value).collect())
+        .expect("as many values as cells");
     // Zero up to the first middle, then a line, then one.
     (grid, |x| {
         let (first, last) = (1.0 / 16.0, 15.0 / 16.0);
@@ -59,15 +64,28 @@ fn ramp() -> (ScalarGrid, fn(f64) -> f64) {
 #[test]
 fn light_rays_through_a_ramp_lose_what_the_integral_says() {
     let (density, integral) = ramp();
-    let grid = Grid::new(Rgb::new(1.0, 0.2, 0.0), Rgb::new(2.0, 1.0, 5.0), 0.0, density, DAffine3::IDENTITY);
+    let grid = Grid::new(
+        Rgb::new(1.0, 0.2, 0.0),
+        Rgb::new(2.0, 1.0, 5.0),
+        0.0,
+        density,
+        DAffine3::IDENTITY,
+    );
     let tracked = TrackedGrid::new(&grid);
     let segment = through(1.2);
     let columns = (integral(0.05 + 0.6 * 1.2) - integral(0.05)) / 0.6;
     let expected = [3.0, 1.2, 5.0].map(|sigma: f64| (-sigma * columns).exp());
-    assert_agree(mean(60_000, |i| tracked.attenuate(&segment, UNIT, ColorMode::Rgb, &mut numbers(i))), expected);
+    assert_agree(
+        mean(60_000, |i| tracked.attenuate(&segment, UNIT, ColorMode::Rgb, &mut numbers(i))),
+        expected,
+    );
     let passed = |i| {
         let travel = tracked.travel(&segment, UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(i));
-        assert!(travel.throughput.0.iter().sum::<f32>() <= 3.0 * 1.001 * 4.0, "{:?}", travel.throughput);
+        assert!(
+            travel.throughput.0.iter().sum::<f32>() <= 3.0 * 1.001 * 4.0,
+            "{:?}",
+            travel.throughput
+        );
         if travel.scattered.is_some() { SampledSpectrum::ZERO } else { travel.throughput }
     };
     assert_agree(mean(60_000, passed), expected);
@@ -81,10 +99,17 @@ fn a_constant_grid_is_a_homogeneous_medium() {
     let half = |c: Rgb| c * 0.5;
     let grid = Grid {
         emission: half(emission),
-        ..Grid::new(half(sigma_a), half(sigma_s), 0.3, density, DAffine3::from_scale(snell_math::DVec3::splat(4.0)))
+        ..Grid::new(
+            half(sigma_a),
+            half(sigma_s),
+            0.3,
+            density,
+            DAffine3::from_scale(snell_math::DVec3::splat(4.0)),
+        )
     };
     let grid = PreparedMedium::new(&Medium::from(grid));
-    let plain = PreparedMedium::new(&Medium::from(Homogeneous { sigma_a, sigma_s, emission, g: 0.3 }));
+    let plain =
+        PreparedMedium::new(&Medium::from(Homogeneous { sigma_a, sigma_s, emission, g: 0.3 }));
     let segment = through(1.5);
     let of = |medium: &PreparedMedium, what: u32| {
         mean(40_000, |i| {
@@ -118,7 +143,8 @@ fn ramps() -> (Arc<ColorGrid>, impl Fn(f64) -> [f64; 3]) {
 fn light_rays_through_ramps_of_colours_lose_what_the_integrals_say() {
     let (tint, integrals) = ramps();
     let one = || ScalarGrid::new([1; 3], vec![1.0]).expect("one value");
-    let plain = Grid::new(Rgb::new(1.0, 3.0, 2.0), Rgb::new(2.0, 1.0, 0.5), 0.0, one(), DAffine3::IDENTITY);
+    let plain =
+        Grid::new(Rgb::new(1.0, 3.0, 2.0), Rgb::new(2.0, 1.0, 0.5), 0.0, one(), DAffine3::IDENTITY);
     let (from, to) = (integrals(0.05), integrals(0.05 + 0.6 * 1.2));
     let column = |c: usize| (to[c] - from[c]) / 0.6;
     let segment = through(1.2);
@@ -135,7 +161,10 @@ fn light_rays_through_ramps_of_colours_lose_what_the_integrals_say() {
         };
         let expected = [0, 1, 2].map(|c| (-thickness(c)).exp());
         let tracked = TrackedGrid::new(&grid);
-        assert_agree(mean(60_000, |i| tracked.attenuate(&segment, UNIT, ColorMode::Rgb, &mut numbers(i))), expected);
+        assert_agree(
+            mean(60_000, |i| tracked.attenuate(&segment, UNIT, ColorMode::Rgb, &mut numbers(i))),
+            expected,
+        );
         let passed = |i| {
             let travel = tracked.travel(&segment, UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(i));
             if travel.scattered.is_some() { SampledSpectrum::ZERO } else { travel.throughput }
@@ -148,9 +177,13 @@ fn light_rays_through_ramps_of_colours_lose_what_the_integrals_say() {
 fn tints_that_are_constant_are_factors() {
     let density = || ScalarGrid::new([3, 5, 2], vec![2.0; 30]).expect("thirty values");
     let place = DAffine3::from_scale(snell_math::DVec3::splat(4.0));
-    let [absorbing, scattering, shining] = [Rgb::new(0.5, 0.1, 0.0), Rgb::new(0.2, 2.0, 1.0), Rgb::new(1.0, 0.3, 0.0)];
+    let [absorbing, scattering, shining] =
+        [Rgb::new(0.5, 0.1, 0.0), Rgb::new(0.2, 2.0, 1.0), Rgb::new(1.0, 0.3, 0.0)];
     let one = |color: Rgb| ColorGrid::new([1; 3], vec![color]).map(Arc::new);
-    let grid = Grid { emission: Rgb::splat(0.5), ..Grid::new(Rgb::splat(0.4), Rgb::splat(0.7), 0.3, density(), place) };
+    let grid = Grid {
+        emission: Rgb::splat(0.5),
+        ..Grid::new(Rgb::splat(0.4), Rgb::splat(0.7), 0.3, density(), place)
+    };
     let tinted = Grid {
         sigma_a_tint: one(absorbing),
         sigma_s_tint: one(scattering),
@@ -183,7 +216,10 @@ fn tints_that_are_constant_are_factors() {
         };
         for what in 0..4 {
             for ((a, ea), (b, eb)) in of(&tinted, what).into_iter().zip(of(&colored, what)) {
-                assert!((a - b).abs() <= 4.0 * ea.hypot(eb) + 1e-5, "{what}: {a} +- {ea}, {b} +- {eb}");
+                assert!(
+                    (a - b).abs() <= 4.0 * ea.hypot(eb) + 1e-5,
+                    "{what}: {a} +- {ea}, {b} +- {eb}"
+                );
             }
         }
     }
@@ -200,20 +236,25 @@ fn fire_without_smoke_glows() {
     };
     let tracked = TrackedGrid::new(&grid);
     let columns = (integral(0.05 + 0.6 * 1.2) - integral(0.05)) / 0.6;
-    let glow = mean(20_000, |i| tracked.travel(&through(1.2), UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(i)).emitted);
+    let glow = mean(20_000, |i| {
+        tracked.travel(&through(1.2), UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(i)).emitted
+    });
     assert_agree(glow, [3.0 * columns, columns, 0.0]);
 }
 
 #[test]
 fn gas_of_one_temperature_glows_as_a_black_body() {
-    let full = |value: f32| ScalarGrid::new([3; 3], vec![value; 27]).expect("as many values as cells");
+    let full =
+        |value: f32| ScalarGrid::new([3; 3], vec![value; 27]).expect("as many values as cells");
     let grid = Grid {
         emission: Rgb::splat(2.0),
         temperature: Some(Arc::new(full(1800.0))),
         ..Grid::new(Rgb::BLACK, Rgb::BLACK, 0.0, full(0.5), DAffine3::IDENTITY)
     };
     let tracked = TrackedGrid::new(&grid);
-    let glow = mean(20_000, |i| tracked.travel(&through(1.0), UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(i)).emitted);
+    let glow = mean(20_000, |i| {
+        tracked.travel(&through(1.0), UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(i)).emitted
+    });
     let color = crate::medium::blackbody(1800.0, ColorMode::Rgb);
     // Twice the density of a half along a way of one.
     assert_agree(glow, [0, 1, 2].map(|c| f64::from(color[c])));
@@ -228,18 +269,30 @@ fn hostile_grids_end_soon_and_stay_finite() {
     let maps = [1.0, 0.0, 1e-30, 1e30, f64::NAN, f64::INFINITY, -1.0].map(scale);
     for map in maps {
         for sigma in [huge, Rgb::BLACK, Rgb::new(f32::NAN, 1.0, -1.0)] {
-            let plain = Grid { emission: huge, ..Grid::new(sigma, sigma, f32::NAN, density(), map) };
+            let plain =
+                Grid { emission: huge, ..Grid::new(sigma, sigma, f32::NAN, density(), map) };
             let colors = wild.map(|x| Rgb::new(x, 1.0, -x)).to_vec();
             let tint = Arc::new(ColorGrid::new([2, 2, 2], colors).expect("eight values"));
-            let tinted = Grid { sigma_s_tint: Some(tint.clone()), emission_tint: Some(tint), ..plain.clone() };
+            let tinted = Grid {
+                sigma_s_tint: Some(tint.clone()),
+                emission_tint: Some(tint),
+                ..plain.clone()
+            };
             for (grid, length) in [&plain, &tinted]
                 .into_iter()
                 .flat_map(|g| [0.0, 1.0, f32::INFINITY, f32::NAN].map(|length| (g, length)))
             {
                 let tracked = TrackedGrid::new(grid);
-                let travel = tracked.travel(&through(length), UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(1));
+                let travel = tracked.travel(
+                    &through(length),
+                    UNIT,
+                    ColorMode::Rgb,
+                    |_| 1.0,
+                    &mut numbers(1),
+                );
                 assert!(travel.throughput.is_finite(), "{map:?} {sigma:?} {length}");
-                let left = tracked.attenuate(&through(length), UNIT, ColorMode::Rgb, &mut numbers(2));
+                let left =
+                    tracked.attenuate(&through(length), UNIT, ColorMode::Rgb, &mut numbers(2));
                 assert!(left.is_finite(), "{map:?} {sigma:?} {length}");
             }
         }

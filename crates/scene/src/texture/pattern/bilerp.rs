@@ -33,8 +33,8 @@ impl Default for Bilerp {
 impl Bilerp {
     /// From black below to white above, and of four colours.
     pub fn examples() -> Vec<Self> {
-        let [v00, v01, v10] =
-            [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|c| ColorParam::from(Rgb::from(c)));
+        let [v00, v01, v10] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+            .map(|c| ColorParam::from(Rgb::from(c)));
         vec![Self::default(), Self { v00, v01, v10, ..Self::default() }]
     }
 

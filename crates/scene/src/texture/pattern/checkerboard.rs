@@ -46,7 +46,8 @@ impl Checkerboard {
     }
 }
 
-/// Cubes with sides of 1 in space, in turn of two colours: a body cut from such a block. Averaged over what is seen at once.
+/// Cubes with sides of 1 in space, in turn of two colours: a body cut from such a block. Averaged
+/// over what is seen at once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolidCheckerboard {
@@ -80,7 +81,8 @@ impl SolidCheckerboard {
 
     pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
         let SpacePoint { p, width } = SpacePoint::new(point, &self.texture_from_world);
-        let contrast = square_wave(p.x, width.x) * square_wave(p.y, width.y) * square_wave(p.z, width.z);
+        let contrast =
+            square_wave(p.x, width.x) * square_wave(p.y, width.y) * square_wave(p.z, width.z);
         shades(&self.even, &self.odd, contrast, point)
     }
 }
@@ -96,7 +98,8 @@ fn shades(even: &ColorParam, odd: &ColorParam, contrast: f32, point: &ShadingPoi
     }
 }
 
-/// 1 from an even number to the next odd one, -1 from there to the next even one; the mean over an interval of this width around `x`.
+/// 1 from an even number to the next odd one, -1 from there to the next even one; the mean over an
+/// interval of this width around `x`.
 fn square_wave(x: f32, width: f32) -> f32 {
     let (low, high) = (x - 0.5 * width, x + 0.5 * width);
     if low.floor() == high.floor() {
@@ -117,9 +120,14 @@ mod tests {
         for i in 0..200 {
             let (x, width) = (i as f32 * 0.137 - 9.0, 0.01 + i as f32 * 0.031);
             let n = 20_000;
-            let points = (0..n).map(|k| square_wave(x + width * ((k as f32 + 0.5) / n as f32 - 0.5), 0.0));
+            let points =
+                (0..n).map(|k| square_wave(x + width * ((k as f32 + 0.5) / n as f32 - 0.5), 0.0));
             let mean = points.sum::<f32>() / n as f32;
-            assert!((square_wave(x, width) - mean).abs() < 3e-3, "{x} {width}: {} {mean}", square_wave(x, width));
+            assert!(
+                (square_wave(x, width) - mean).abs() < 3e-3,
+                "{x} {width}: {} {mean}",
+                square_wave(x, width)
+            );
         }
         for width in [1e6, 1e30, f32::INFINITY, f32::NAN] {
             assert!(square_wave(0.3, width).abs() <= 1.0, "{width}");

@@ -81,7 +81,8 @@ impl Mix {
     }
 }
 
-/// By the direction of the surface: the first where it faces along an axis or against it, the second where it is at right angles.
+/// By the direction of the surface: the first where it faces along an axis or against it, the
+/// second where it is at right angles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DirectionMix {
@@ -151,16 +152,19 @@ impl Power {
     }
 
     pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
-        let exponent = if self.exponent > 0.0 && self.exponent.is_finite() { self.exponent } else { 1.0 };
+        let exponent =
+            if self.exponent > 0.0 && self.exponent.is_finite() { self.exponent } else { 1.0 };
         rgb_at(&self.base, point).map(|x| x.max(0.0).powf(exponent))
     }
 }
 
-/// Colours by a number: a table whose first entry stands for 0 and whose last for 1, straight lines between.
+/// Colours by a number: a table whose first entry stands for 0 and whose last for 1, straight lines
+/// between.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Ramp {
-    /// Looked up, each of red, green and blue for itself; what is outside of `[0, 1]` is brought in.
+    /// Looked up, each of red, green and blue for itself; what is outside of `[0, 1]` is brought
+    /// in.
     pub amount: ColorParam,
     /// The table; empty for one that says black.
     pub colors: Vec<Rgb>,
@@ -233,7 +237,8 @@ impl Projected {
     pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
         let at = self.mapping.at(point);
         // A surface on which a unit of the coordinates is as long as what is seen says.
-        let long = |axis: Vec3, width: f32| axis * if width > 0.0 { point.footprint / width } else { 1.0 };
+        let long =
+            |axis: Vec3, width: f32| axis * if width > 0.0 { point.footprint / width } else { 1.0 };
         let surface = SurfaceInteraction {
             uv: [at.st.with_y(1.0 - at.st.y); 2],
             dpdu: long(Vec3::X, at.width.x),

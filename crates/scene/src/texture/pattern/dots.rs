@@ -8,9 +8,9 @@ use crate::texture::mapping::{Mapping, PlanePoint};
 use serde::{Deserialize, Serialize};
 use snell_math::{Rgb, Vec2, Vec3};
 
-/// Polka dots: about two of five squares with sides of 1 in `(s, t)` have a dot of radius 0.35 that lies within it,
-/// at a random place
-/// (Pharr, Jakob, Humphreys, Physically Based Rendering, 3rd edition, section 10.5.2).
+/// Polka dots: about two of five squares with sides of 1 in `(s, t)` have a dot of radius 0.35 that
+/// lies within it, at a random place (Pharr, Jakob, Humphreys, Physically Based Rendering, 3rd
+/// edition, section 10.5.2).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Dots {
@@ -35,7 +35,10 @@ impl Default for Dots {
 impl Dots {
     /// White on black.
     pub fn examples() -> Vec<Self> {
-        vec![Self::default(), Self { mapping: Mapping::upright([8.0, 8.0], [0.0, 0.0]), ..Self::default() }]
+        vec![
+            Self::default(),
+            Self { mapping: Mapping::upright([8.0, 8.0], [0.0, 0.0]), ..Self::default() },
+        ]
     }
 
     pub(super) fn textures(&self) -> Vec<TextureId> {
@@ -58,14 +61,19 @@ impl Dots {
     }
 }
 
-/// The share of what is seen at once that lies in dots: that of the dot nearby if little is seen, of all dots if much is.
+/// The share of what is seen at once that lies in dots: that of the dot nearby if little is seen,
+/// of all dots if much is.
 fn share_in_dots(PlanePoint { st, width }: PlanePoint) -> f32 {
     let width = width.max_element();
     let near = dot(st).map_or(0.0, |center| {
         let depth = RADIUS - (st - center).length();
         // A rim as wide as what is seen makes the dot larger, which is taken off again.
         let gain = 1.0 + (width / RADIUS).powi(2) / 12.0;
-        if width > 0.0 { (depth / width + 0.5).clamp(0.0, 1.0) / gain } else { f32::from(u8::from(depth > 0.0)) }
+        if width > 0.0 {
+            (depth / width + 0.5).clamp(0.0, 1.0) / gain
+        } else {
+            f32::from(u8::from(depth > 0.0))
+        }
     });
     // Wider rims would not fit into the square.
     near + (COVERED - near) * ((width - 0.3) / 0.4).clamp(0.0, 1.0)

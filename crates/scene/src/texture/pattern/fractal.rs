@@ -14,7 +14,8 @@ macro_rules! sums {
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(default, deny_unknown_fields)]
         pub struct $kind {
-            /// How many octaves at most, each about twice as fine as the one before; more than 32 are 32.
+            /// How many octaves at most, each about twice as fine as the one before; more than 32
+            /// are 32.
             pub octaves: u32,
             /// Height of an octave over that of the one before, `[0, 4]`: the larger, the rougher.
             pub roughness: f32,
@@ -52,17 +53,21 @@ macro_rules! sums {
 }
 
 sums! {
-    /// Fractional Brownian motion: bumps of all sizes around 0. Octaves too fine for what is seen at once fade out.
+    /// Fractional Brownian motion: bumps of all sizes around 0. Octaves too fine for what is seen
+    /// at once fade out.
     Fbm => fbm,
-    /// Turbulence: creases as of crumpled paper, from 0 upwards. Octaves too fine for what is seen at once are replaced by their mean.
+    /// Turbulence: creases as of crumpled paper, from 0 upwards. Octaves too fine for what is seen
+    /// at once are replaced by their mean.
     Wrinkled => turbulence,
 }
 
-/// Waves on water under gusts of wind, around 0 (Pharr, Jakob, Humphreys, Physically Based Rendering, 3rd edition, section 10.6.5).
+/// Waves on water under gusts of wind, around 0 (Pharr, Jakob, Humphreys, Physically Based
+/// Rendering, 3rd edition, section 10.6.5).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Windy {
-    /// The space of the waves, of which the coarsest are about 1 long; gusts are ten times as large.
+    /// The space of the waves, of which the coarsest are about 1 long; gusts are ten times as
+    /// large.
     pub texture_from_world: Rows,
 }
 
@@ -94,8 +99,8 @@ impl Windy {
     }
 }
 
-/// Marble: veins across the y axis, disturbed by noise (Pharr, Jakob, Humphreys, Physically Based Rendering, 3rd edition, section
-/// 10.6.6).
+/// Marble: veins across the y axis, disturbed by noise (Pharr, Jakob, Humphreys, Physically Based
+/// Rendering, 3rd edition, section 10.6.6).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Marble {
@@ -113,7 +118,8 @@ pub struct Marble {
 
 /// The colours from one vein to the middle between two: control points of the spline.
 const STONE: [Rgb; 9] = {
-    let (grey, light, warm) = (Rgb::new(0.5, 0.5, 0.5), Rgb::new(0.58, 0.58, 0.6), Rgb::new(0.6, 0.59, 0.58));
+    let (grey, light, warm) =
+        (Rgb::new(0.5, 0.5, 0.5), Rgb::new(0.58, 0.58, 0.6), Rgb::new(0.6, 0.59, 0.58));
     [light, light, light, grey, warm, light, light, Rgb::new(0.2, 0.2, 0.33), light]
 };
 
@@ -122,7 +128,13 @@ const MEAN_STONE: Rgb = Rgb::new(0.8046, 0.8030, 0.8398);
 
 impl Default for Marble {
     fn default() -> Self {
-        Self { octaves: 8, roughness: 0.5, scale: 1.0, variation: 0.2, texture_from_world: IDENTITY }
+        Self {
+            octaves: 8,
+            roughness: 0.5,
+            scale: 1.0,
+            variation: 0.2,
+            texture_from_world: IDENTITY,
+        }
     }
 }
 
@@ -147,13 +159,15 @@ impl Marble {
         let width = width.max_element() * self.scale.abs();
         let phase = p.y + self.variation * octaves.fbm(p, width);
         let phase = if phase.is_finite() { phase } else { 0.0 };
-        // Veins closer than what is seen at once blur to their mean, as a sine does to second order.
+        // Veins closer than what is seen at once blur to their mean, as a sine does to second
+        // order.
         let share = (-width * width / 24.0).exp();
         spline(0.5 + 0.5 * phase.sin()) * 1.5 * share + MEAN_STONE * (1.0 - share)
     }
 }
 
-/// The Bezier segment between four of the colours that `t` in `[0, 1]` falls on; each begins one colour after the one before.
+/// The Bezier segment between four of the colours that `t` in `[0, 1]` falls on; each begins one
+/// colour after the one before.
 fn spline(t: f32) -> Rgb {
     let segments = STONE.len() - 3;
     let place = t.clamp(0.0, 1.0) * segments as f32;
@@ -173,7 +187,9 @@ mod tests {
     fn the_mean_of_stone_is_stated() {
         let n = 10_000;
         let phases = (0..n).map(|i| i as f32 * std::f32::consts::TAU / n as f32);
-        let mean = phases.fold(Rgb::BLACK, |sum, phase| sum + spline(0.5 + 0.5 * phase.sin()) * (1.5 / n as f32));
+        let mean = phases.fold(Rgb::BLACK, |sum, phase| {
+            sum + spline(0.5 + 0.5 * phase.sin()) * (1.5 / n as f32)
+        });
         let difference = mean + MEAN_STONE * -1.0;
         assert!(difference.to_array().iter().all(|x| x.abs() < 1e-3), "{mean:?}");
     }

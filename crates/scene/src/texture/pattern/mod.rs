@@ -56,8 +56,8 @@ impl Pattern {
         match_pattern!(self, pattern => pattern.textures())
     }
 
-    /// True if it looks at the coordinates of the surface alone, apart from the textures that it is made of: then a picture can
-    /// show it.
+    /// True if it looks at the coordinates of the surface alone, apart from the textures that it is
+    /// made of: then a picture can show it.
     pub fn is_on_surface(&self) -> bool {
         match_pattern!(self, pattern => pattern.is_on_surface())
     }

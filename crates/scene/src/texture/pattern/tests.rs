@@ -7,7 +7,8 @@ use snell_math::{Vec2, Vec3, rng};
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// A point of a sphere of radius 1 around the origin, its coordinates those of the sphere with z up.
+/// A point of a sphere of radius 1 around the origin, its coordinates those of the sphere with z
+/// up.
 fn on_sphere(p: Vec3) -> SurfaceInteraction {
     let n = p.normalize_or(Vec3::Z);
     let across = n.truncate().length();
@@ -37,7 +38,9 @@ fn value(set: &TextureSet, at: &SurfaceInteraction, footprint: f32) -> Rgb {
 
 #[test]
 fn every_pattern_has_a_finite_value_everywhere() {
-    assert!(Pattern::NAMES.iter().all(|name| Pattern::examples().iter().any(|p| p.name() == *name)));
+    assert!(
+        Pattern::NAMES.iter().all(|name| Pattern::examples().iter().any(|p| p.name() == *name))
+    );
     for pattern in Pattern::examples() {
         let set = alone(pattern.clone());
         for x in [0.0, -0.0, 1e-40, 0.3, 1e9, -1e30, f32::MAX, f32::NAN, f32::INFINITY] {
@@ -59,7 +62,8 @@ fn every_pattern_is_written_and_read_again() {
         let text = serde_json::to_string(&texture).expect("written");
         assert_eq!(serde_json::from_str::<Texture>(&text).expect(&text), texture);
     }
-    let marble: Texture = serde_json::from_str(r#"{"pattern": "marble", "scale": 3}"#).expect("defaults");
+    let marble: Texture =
+        serde_json::from_str(r#"{"pattern": "marble", "scale": 3}"#).expect("defaults");
     assert_eq!(marble, Marble { scale: 3.0, ..Marble::default() }.into());
     for (text, said) in [
         (r#"{"pattern": "wood"}"#, "unknown variant `wood`, expected one of `checkerboard`"),
@@ -83,7 +87,9 @@ fn much_seen_at_once_shows_the_mean() {
         Windy::default().into(),
         Marble { variation: 1.0, ..Marble::default() }.into(),
         Dots {
-            mapping: Mapping::Planar { st_from_world: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]] },
+            mapping: Mapping::Planar {
+                st_from_world: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]],
+            },
             ..Dots::default()
         }
         .into(),
@@ -91,25 +97,43 @@ fn much_seen_at_once_shows_the_mean() {
     for pattern in solid {
         let set = alone(pattern.clone());
         let mean = |footprint: f32| {
-            let points = (0..n).map(|i| value(&set, &on_sphere(somewhere(i)), footprint).luminance());
+            let points =
+                (0..n).map(|i| value(&set, &on_sphere(somewhere(i)), footprint).luminance());
             points.sum::<f32>() / n as f32
         };
         let (fine, coarse) = (mean(0.0), value(&set, &on_sphere(somewhere(7)), 100.0).luminance());
-        assert!((fine - coarse).abs() < 0.02 * fine.abs().max(1.0), "{pattern:?}: {fine}, seen at once {coarse}");
+        assert!(
+            (fine - coarse).abs() < 0.02 * fine.abs().max(1.0),
+            "{pattern:?}: {fine}, seen at once {coarse}"
+        );
         assert!((fine - mean(0.3)).abs() < 0.02, "{pattern:?}: {fine} {}", mean(0.3));
     }
 }
 
 #[test]
 fn checks_and_corners_are_where_they_are_said_to_be() {
-    let checks = alone(Checkerboard { mapping: Mapping::upright([2.0, 2.0], [0.0, 0.0]), ..Checkerboard::default() });
+    let checks = alone(Checkerboard {
+        mapping: Mapping::upright([2.0, 2.0], [0.0, 0.0]),
+        ..Checkerboard::default()
+    });
     let at = |u: f32, v: f32| checks.lookup_at(TextureId(0), Vec2::new(u, 1.0 - v), 0.0)[0];
-    assert_eq!([at(0.2, 0.2), at(0.7, 0.2), at(0.2, 0.7), at(0.7, 0.7), at(-0.2, 0.2)], [1.0, 0.0, 0.0, 1.0, 0.0]);
+    assert_eq!(
+        [at(0.2, 0.2), at(0.7, 0.2), at(0.2, 0.7), at(0.7, 0.7), at(-0.2, 0.2)],
+        [1.0, 0.0, 0.0, 1.0, 0.0]
+    );
     let corner = |x: f32| Rgb::splat(x).into();
-    let bilerp =
-        alone(Bilerp { v00: corner(1.0), v01: corner(2.0), v10: corner(3.0), v11: corner(4.0), ..Bilerp::default() });
+    let bilerp = alone(Bilerp {
+        v00: corner(1.0),
+        v01: corner(2.0),
+        v10: corner(3.0),
+        v11: corner(4.0),
+        ..Bilerp::default()
+    });
     let at = |u: f32, v: f32| bilerp.lookup_at(TextureId(0), Vec2::new(u, 1.0 - v), 0.0)[0];
-    assert_eq!([at(0.0, 0.0), at(0.0, 1.0), at(1.0, 0.0), at(1.0, 1.0), at(0.5, 0.5)], [1.0, 2.0, 3.0, 4.0, 2.5]);
+    assert_eq!(
+        [at(0.0, 0.0), at(0.0, 1.0), at(1.0, 0.0), at(1.0, 1.0), at(0.5, 0.5)],
+        [1.0, 2.0, 3.0, 4.0, 2.5]
+    );
     let block = alone(SolidCheckerboard {
         texture_from_world: [[2.0, 0.0, 0.0, 1.0], [0.0, 2.0, 0.0, 0.0], [0.0, 0.0, 2.0, 0.0]],
         ..SolidCheckerboard::default()
@@ -131,7 +155,13 @@ fn mappings_of_space_give_the_coordinates_and_widths_of_their_formulas() {
     let textures = TextureSet::default();
     let at = |mapping: &Mapping, p: Vec3| {
         let (surface, mode) = (on_sphere(p), snell_math::ColorMode::Rgb);
-        let point = ShadingPoint { surface: &surface, footprint: 0.01, textures: &textures, mode, outside_ior: 1.0 };
+        let point = ShadingPoint {
+            surface: &surface,
+            footprint: 0.01,
+            textures: &textures,
+            mode,
+            outside_ior: 1.0,
+        };
         mapping.at(&point)
     };
     let close = |a: Vec2, b: [f32; 2]| (a - Vec2::from_array(b)).length() < 1e-5;
@@ -171,7 +201,8 @@ fn patterns_of_patterns_and_images_are_what_they_are_made_of() {
     let root = Power { base: ColorParam { factor: Rgb::splat(4.0), ..texture(1) }, exponent: 0.5 };
     let thrice = Scale { texture: texture(2), scale: Rgb::splat(3.0).into() };
     let ramp = Ramp { amount: texture(0), colors: vec![Rgb::BLACK, Rgb::WHITE, Rgb::BLACK] };
-    let flipped = Projected { texture: texture(0), mapping: Mapping::upright([-1.0, 1.0], [1.0, 0.0]) };
+    let flipped =
+        Projected { texture: texture(0), mapping: Mapping::upright([-1.0, 1.0], [1.0, 0.0]) };
     let table: [Texture; 6] =
         [nearest.into(), inverted.into(), root.into(), thrice.into(), ramp.into(), flipped.into()];
     assert!(errors(&table, 1).iter().all(Option::is_none));
@@ -192,7 +223,8 @@ fn tables_that_make_no_sense_are_named_and_magenta() {
     let below = [mix(1), mix(0)];
     assert_eq!(errors(&below, 0), [Some(TextureError::NotAbove { id: 1 }), None]);
     // Doubling: the 8th has 257 parts or more.
-    let doubling: Vec<Texture> = std::iter::once(Marble::default().into()).chain((0..40).map(mix)).collect();
+    let doubling: Vec<Texture> =
+        std::iter::once(Marble::default().into()).chain((0..40).map(mix)).collect();
     let found = errors(&doubling, 0);
     assert!(found.contains(&Some(TextureError::TooManyParts)));
     for table in [&itself[..], &below, &doubling] {
@@ -212,5 +244,8 @@ fn the_axis_of_a_direction_mix_decides() {
     let set = alone(DirectionMix { axis: Vec3::new(0.0, 0.0, 3.0), ..DirectionMix::default() });
     assert_eq!(value(&set, &on_sphere(Vec3::Z), 0.0), Rgb::BLACK);
     assert_eq!(value(&set, &on_sphere(Vec3::X), 0.0), Rgb::WHITE);
-    assert!((value(&set, &on_sphere(Vec3::new(1.0, 0.0, -1.0)), 0.0).r - (1.0 - 0.5f32.sqrt())).abs() < 1e-6);
+    assert!(
+        (value(&set, &on_sphere(Vec3::new(1.0, 0.0, -1.0)), 0.0).r - (1.0 - 0.5f32.sqrt())).abs()
+            < 1e-6
+    );
 }

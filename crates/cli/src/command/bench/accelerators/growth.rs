@@ -12,8 +12,8 @@ use std::sync::Arc;
 /// The smallest number of triangles that is measured.
 const LEAST: usize = 1000;
 
-/// The triangles of a scene in about a quarter, a sixteenth ... and in four, sixteen ... times their number, ascending. Shapes and
-/// other geometry are left out.
+/// The triangles of a scene in about a quarter, a sixteenth ... and in four, sixteen ... times
+/// their number, ascending. Shapes and other geometry are left out.
 pub fn sizes(bench: &Bench, most: u64) -> Result<Vec<(u64, Bench)>, Failure> {
     let mesh = merged(&bench.world);
     if mesh.indices.is_empty() {
@@ -43,18 +43,27 @@ fn sized(bench: &Bench, mesh: TriangleMesh) -> Result<(u64, Bench), Failure> {
     let mut builder = WorldBuilder::default();
     builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
     let options = BuildOptions { accelerator: AcceleratorKind::None, ..BuildOptions::default() };
-    let world = builder.build(&options).map_err(|e| Failure::Scene(format!("{}: {e}", bench.name)))?;
-    Ok((triangles, Bench { name: bench.name.clone(), world, camera: bench.camera.clone(), light: bench.light }))
+    let world =
+        builder.build(&options).map_err(|e| Failure::Scene(format!("{}: {e}", bench.name)))?;
+    Ok((
+        triangles,
+        Bench { name: bench.name.clone(), world, camera: bench.camera.clone(), light: bench.light },
+    ))
 }
 
-/// The mesh with about so many triangles: vertices in one cell of a grid become one (Rossignac and Borrel, Multi-resolution 3D
-/// approximations for rendering complex scenes, 1993). The size of the cells is found by trial.
+/// The mesh with about so many triangles: vertices in one cell of a grid become one (Rossignac and
+/// Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993). The size of the
+/// cells is found by trial.
 fn simplified(mesh: &TriangleMesh, target: usize) -> TriangleMesh {
     let size = mesh.bounds().size().max_element();
     let (mut coarse, mut fine) = (1.0f32, 4096.0f32);
     for _ in 0..14 {
         let middle = (coarse * fine).sqrt();
-        if clustered(mesh, size / middle).indices.len() < target { coarse = middle } else { fine = middle }
+        if clustered(mesh, size / middle).indices.len() < target {
+            coarse = middle
+        } else {
+            fine = middle
+        }
     }
     clustered(mesh, size / fine)
 }
@@ -78,7 +87,8 @@ fn clustered(mesh: &TriangleMesh, cell: f32) -> TriangleMesh {
         })
         .collect();
     let triangles = mesh.indices.iter().map(|t| t.map(|v| number[v as usize]));
-    let mut indices: Vec<[u32; 3]> = triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
+    let mut indices: Vec<[u32; 3]> =
+        triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
     // Triangles that have become the same.
     let sorted = |t: &[u32; 3]| {
         let mut t = *t;
@@ -125,12 +135,17 @@ impl Growth {
 
     /// About how many seconds building for so many triangles would take.
     pub fn would_take(&self, triangles: u64) -> f64 {
-        self.points.last().map_or(0.0, |p| p.build_seconds * (triangles as f64 / p.triangles).powf(1.1))
+        self.points
+            .last()
+            .map_or(0.0, |p| p.build_seconds * (triangles as f64 / p.triangles).powf(1.1))
     }
 
-    /// The exponents of time, of work and of the time to build: slopes of the lines through the logarithms.
+    /// The exponents of time, of work and of the time to build: slopes of the lines through the
+    /// logarithms.
     pub fn exponents(&self) -> (f64, f64, f64) {
-        let fit = |y: fn(&Point) -> f64| slope(self.points.iter().map(|p| (p.triangles.ln(), y(p).max(1e-12).ln())));
+        let fit = |y: fn(&Point) -> f64| {
+            slope(self.points.iter().map(|p| (p.triangles.ln(), y(p).max(1e-12).ln())))
+        };
         (fit(|p| p.seconds), fit(|p| p.work), fit(|p| p.build_seconds))
     }
 }
@@ -140,7 +155,8 @@ fn slope(points: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
     let n = points.clone().count() as f64;
     let (sx, sy) = points.clone().fold((0.0, 0.0), |s, p| (s.0 + p.0, s.1 + p.1));
     let (mx, my) = (sx / n, sy / n);
-    let (xy, xx) = points.fold((0.0, 0.0), |s, (x, y)| (s.0 + (x - mx) * (y - my), s.1 + (x - mx) * (x - mx)));
+    let (xy, xx) =
+        points.fold((0.0, 0.0), |s, (x, y)| (s.0 + (x - mx) * (y - my), s.1 + (x - mx) * (x - mx)));
     xy / xx
 }
 

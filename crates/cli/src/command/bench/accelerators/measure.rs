@@ -56,10 +56,17 @@ pub struct KindMeasured {
 
 impl Measurer {
     /// Builds a structure on all cores and traces rays on one thread.
-    pub fn measure(&self, case: &Case, options: &BuildOptions, kinds: &[Kind]) -> Result<Measured, Failure> {
+    pub fn measure(
+        &self,
+        case: &Case,
+        options: &BuildOptions,
+        kinds: &[Kind],
+    ) -> Result<Measured, Failure> {
         let builder = variants::builder_of(&case.bench.world);
         let start = Instant::now();
-        let world = builder.build(options).map_err(|e| Failure::Scene(format!("{}: {e}", case.bench.name)))?;
+        let world = builder
+            .build(options)
+            .map_err(|e| Failure::Scene(format!("{}: {e}", case.bench.name)))?;
         let build_seconds = start.elapsed().as_secs_f64();
         let of = |&kind: &Kind| {
             let index = Kind::ALL.iter().position(|&k| k == kind).unwrap_or(0);
@@ -108,12 +115,18 @@ impl Measurer {
 
 fn trace(world: &World, kind: Kind, rays: &[Ray], hits: &mut [Hit], blocked: &mut [bool]) {
     match kind {
-        Kind::Shadow => world.occluded(rays, snell_intersect::Grouping::None, &AcceptAll, &mut blocked[..rays.len()]),
+        Kind::Shadow => world.occluded(
+            rays,
+            snell_intersect::Grouping::None,
+            &AcceptAll,
+            &mut blocked[..rays.len()],
+        ),
         _ => world.closest(rays, kind.grouping(), &AcceptAll, &mut hits[..rays.len()]),
     }
 }
 
-/// Pieces of a batch, spread evenly, so small that slow structures get through several and fast ones see long runs.
+/// Pieces of a batch, spread evenly, so small that slow structures get through several and fast
+/// ones see long runs.
 struct Pieces {
     size: usize,
     step: usize,
@@ -121,16 +134,21 @@ struct Pieces {
 
 impl Pieces {
     fn new(world: &World, kind: Kind, rays: &[Ray], seconds: f64) -> Self {
-        // From everywhere: neighbours may all miss the scene, which tells nothing of a structure that tests every triangle.
+        // From everywhere: neighbours may all miss the scene, which tells nothing of a structure
+        // that tests every triangle.
         let few: Vec<Ray> = rays.iter().step_by(rays.len().div_ceil(16).max(1)).copied().collect();
-        let (_, seconds_of_few) = timed(|| trace(world, kind, &few, &mut [Hit::MISS; 16], &mut [false; 16]));
+        let (_, seconds_of_few) =
+            timed(|| trace(world, kind, &few, &mut [Hit::MISS; 16], &mut [false; 16]));
         let each = seconds_of_few / few.len().max(1) as f64;
         // About twenty pieces.
         let size = (seconds / 20.0 / each.max(1e-9)) as usize;
         let size = size.clamp(16, 8192) / 16 * 16;
         // Pieces far apart come one after the other: the golden section of the whole.
         let count = (rays.len() / size).max(1);
-        let step = (1..count).map(|i| (count * 618 / 1000 + i) % count).find(|&s| gcd(s, count) == 1).unwrap_or(1);
+        let step = (1..count)
+            .map(|i| (count * 618 / 1000 + i) % count)
+            .find(|&s| gcd(s, count) == 1)
+            .unwrap_or(1);
         Self { size: size.min(rays.len()).max(1), step }
     }
 

@@ -1,6 +1,6 @@
-//! The plot: how the cost of a ray grows with the number of triangles, and the resolution of the uniform grid. Both axes are
-//! logarithmic; every line has its name at its end; colours are told apart by the colour-blind (Okabe and Ito, Color universal
-//! design, 2008), and dashes help.
+//! The plot: how the cost of a ray grows with the number of triangles, and the resolution of the
+//! uniform grid. Both axes are logarithmic; every line has its name at its end; colours are told
+//! apart by the colour-blind (Okabe and Ito, Color universal design, 2008), and dashes help.
 
 use super::SweepPoint;
 use super::growth::Growth;
@@ -41,7 +41,8 @@ pub fn svg(scene: &str, growths: &[Growth], sweep: &[SweepPoint]) -> String {
         "Ray intersection is sub-linear in the number of primitives",
     );
     let subtitle = format!(
-        "{scene}, decimated and subdivided; diffuse rays, one thread; in brackets the exponent of the fitted power"
+        "{scene}, decimated and subdivided; diffuse rays, one thread; in brackets the exponent of \
+            the fitted power"
     );
     svg.label([60.0, 98.0], 21.0, GREY, Anchor::Start, false, &subtitle);
     growth_panel(&mut svg, growths);
@@ -86,11 +87,19 @@ fn growth_panel(svg: &mut Svg, growths: &[Growth]) {
     let is_inside = |n: &f64| (panel.x[0]..=panel.x[1]).contains(&n.log10());
     let ticks: Vec<_> = ticks.filter(is_inside).map(|n| (n, count_name(n))).collect();
     panel.axes(svg, &ticks, duration_name);
-    svg.label([(panel.left + panel.right) / 2.0, 866.0], 22.0, INK, Anchor::Middle, false, "triangles");
+    svg.label(
+        [(panel.left + panel.right) / 2.0, 866.0],
+        22.0,
+        INK,
+        Anchor::Middle,
+        false,
+        "triangles",
+    );
     let mut names = Vec::new();
     for growth in growths {
         let (color, dash) = style(growth.kind);
-        let line: Vec<[f64; 2]> = growth.points.iter().map(|p| panel.at(p.triangles, p.seconds)).collect();
+        let line: Vec<[f64; 2]> =
+            growth.points.iter().map(|p| panel.at(p.triangles, p.seconds)).collect();
         svg.polyline(&line, color, dash);
         line.iter().for_each(|p| svg.dot(*p, color));
         if let Some(end) = line.last() {
@@ -144,8 +153,16 @@ fn sweep_panel(svg: &mut Svg, sweep: &[SweepPoint]) {
         x: range(sweep.iter().map(|p| f64::from(p.0)), 0.05),
         y: range(sweep.iter().map(|p| p.1 * 1e-6), 0.3),
     };
-    svg.label([1110.0, 160.0], 23.0, INK, Anchor::Start, true, "Uniform grid: too coarse, too fine");
-    let ticks: Vec<_> = sweep.iter().step_by(2).map(|p| (f64::from(p.0), p.0.to_string())).collect();
+    svg.label(
+        [1110.0, 160.0],
+        23.0,
+        INK,
+        Anchor::Start,
+        true,
+        "Uniform grid: too coarse, too fine",
+    );
+    let ticks: Vec<_> =
+        sweep.iter().step_by(2).map(|p| (f64::from(p.0), p.0.to_string())).collect();
     panel.axes(svg, &ticks, duration_name);
     svg.label(
         [(panel.left + panel.right) / 2.0, 866.0],
@@ -174,12 +191,19 @@ mod tests {
     #[test]
     fn durations_have_units_that_read_well() {
         let names: Vec<String> = (-8..=1).map(duration_name).collect();
-        assert_eq!(names, ["10 ns", "100 ns", "1 µs", "10 µs", "100 µs", "1 ms", "10 ms", "100 ms", "1 s", "10 s"]);
+        assert_eq!(
+            names,
+            [
+                "10 ns", "100 ns", "1 µs", "10 µs", "100 µs", "1 ms", "10 ms", "100 ms", "1 s",
+                "10 s"
+            ]
+        );
     }
 
     #[test]
     fn names_have_room_in_a_wide_font() {
-        // Of the second panel. (The longest name takes 0.53 of its size a letter in DejaVu Sans Bold.)
+        // Of the second panel. (The longest name takes 0.53 of its size a letter in DejaVu Sans
+        // Bold.)
         const UNITS: f64 = 100.0;
         let width = |kind: &AcceleratorKind| line_name(*kind, 0.25).len() as f64 * NAME_SIZE * 0.55;
         let widest = AcceleratorKind::ALL.iter().map(width).fold(0.0, f64::max);

@@ -31,7 +31,8 @@ pub fn write(
 ) -> Result<(), Failure> {
     let shadow_rays = kinds::rays(Kind::Shadow, case.bench, first);
     for ((way, hits), (_, blocked)) in closest.iter().zip(occluded) {
-        // How much of the light each pixel sees. Shadow rays are those of the pixels whose rays hit.
+        // How much of the light each pixel sees. Shadow rays are those of the pixels whose rays
+        // hit.
         let mut cones = ConeTracer::new(case.world).map_err(|e| Failure::Scene(e.to_string()))?;
         let mut shadows = shadow_rays.iter().zip(blocked);
         let lit: Vec<f32> = first
@@ -39,7 +40,8 @@ pub fn write(
             .map(|(ray, surface)| {
                 let Some(surface) = surface else { return 1.0 };
                 let Some((shadow_ray, blocked)) = shadows.next() else { return 1.0 };
-                // What turns away from the light is dark, so that it does not lighten its neighbours in the pixel.
+                // What turns away from the light is dark, so that it does not lighten its
+                // neighbours in the pixel.
                 let from_light = surface.position - case.bench.light;
                 if surface.is_front_facing(ray.direction) != surface.is_front_facing(from_light) {
                     0.0
@@ -54,14 +56,21 @@ pub fn write(
             Way::Beams => beams(case, first, &lit)?,
             Way::Cones => in_rows(case.side, |i| {
                 let ray = &first[i].0;
-                let hits = cones.trace(&Cone::around(ray, 0.0, case.spreads[i].into()), [0.0, f64::INFINITY]);
-                let covered = hits.hits.iter().map(|h| h.coverage as f32 * shade(case, ray, h.primitive, lit[i]));
+                let hits = cones
+                    .trace(&Cone::around(ray, 0.0, case.spreads[i].into()), [0.0, f64::INFINITY]);
+                let covered = hits
+                    .hits
+                    .iter()
+                    .map(|h| h.coverage as f32 * shade(case, ray, h.primitive, lit[i]));
                 covered.sum::<f32>() + (1.0 - hits.opacity() as f32) * BACKGROUND
             }),
             _ => in_rows(case.side, |i| match hits[i] {
-                hit if hit.is_hit() => {
-                    shade(case, &first[i].0, [hit.instance, hit.geometry, hit.primitive].into(), lit[i])
-                }
+                hit if hit.is_hit() => shade(
+                    case,
+                    &first[i].0,
+                    [hit.instance, hit.geometry, hit.primitive].into(),
+                    lit[i],
+                ),
                 _ => BACKGROUND,
             }),
         };
@@ -96,7 +105,9 @@ fn beams(case: &Case, first: &[First], lit: &[f32]) -> Result<Vec<f32>, Failure>
     let lit = in_rows(side, |i| lit[i]);
     let rays = in_rows(side, |i| i);
     let tile = TILE.min(side);
-    for corner in (0..side / tile).flat_map(|y| (0..side / tile).map(move |x| DVec2::new(x.into(), y.into()))) {
+    for corner in
+        (0..side / tile).flat_map(|y| (0..side / tile).map(move |x| DVec2::new(x.into(), y.into())))
+    {
         let low = corner * f64::from(tile);
         let region = ConvexPolygon::rectangle(low, low + f64::from(tile));
         tracer.visible(&case.view, &region, |piece| {
@@ -108,7 +119,8 @@ fn beams(case: &Case, first: &[First], lit: &[f32]) -> Result<Vec<f32>, Failure>
                     if area > 0.0 {
                         let pixel = (y * side + x) as usize;
                         let ray = &first[rays[pixel]].0;
-                        let value = piece.primitive.map_or(BACKGROUND, |p| shade(case, ray, p, lit[pixel]));
+                        let value =
+                            piece.primitive.map_or(BACKGROUND, |p| shade(case, ray, p, lit[pixel]));
                         pixels[pixel] += area * value;
                     }
                 }
@@ -119,7 +131,12 @@ fn beams(case: &Case, first: &[First], lit: &[f32]) -> Result<Vec<f32>, Failure>
 }
 
 /// A triangle in the light, of which the share `lit` is seen.
-fn shade(case: &Case, ray: &Ray, PrimitiveId { instance, geometry, primitive }: PrimitiveId, lit: f32) -> f32 {
+fn shade(
+    case: &Case,
+    ray: &Ray,
+    PrimitiveId { instance, geometry, primitive }: PrimitiveId,
+    lit: f32,
+) -> f32 {
     let hit = Hit { t: 1.0, uv: Vec2::splat(1.0 / 3.0), instance, geometry, primitive };
     let surface = case.world.interaction(ray, &hit);
     let to_light: Vec3 = (case.bench.light - surface.position).normalize_or_zero();

@@ -5,7 +5,9 @@ use super::super::contest::Answer;
 use super::Case;
 use snell_intersect::world::TraversalWork;
 use snell_intersect::{AcceptAll, Grouping, Hit};
-use snell_lab::coherence::{BeamTracer, CoherenceError, Cone, ConeTracer, PencilTracer, RegionWork};
+use snell_lab::coherence::{
+    BeamTracer, CoherenceError, Cone, ConeTracer, PencilTracer, RegionWork,
+};
 use snell_math::{Ray, Vec2};
 
 /// A way to trace rays.
@@ -27,7 +29,8 @@ pub enum Way {
 
 impl Way {
     /// All ways; the first is what others are compared with.
-    pub const ALL: [Self; 6] = [Self::One, Self::Batches, Self::Bundles, Self::Beams, Self::Pencils, Self::Cones];
+    pub const ALL: [Self; 6] =
+        [Self::One, Self::Batches, Self::Bundles, Self::Beams, Self::Pencils, Self::Cones];
 
     /// The name in tables.
     pub fn name(self) -> &'static str {
@@ -72,7 +75,12 @@ pub struct Extra {
 /// Answers that can be had in all ways.
 pub trait Answers: Answer + PartialEq {
     /// Traces the rays in a way.
-    fn trace(way: Way, case: &Case, rays: &[Ray], answers: &mut [Self]) -> Result<Extra, CoherenceError>;
+    fn trace(
+        way: Way,
+        case: &Case,
+        rays: &[Ray],
+        answers: &mut [Self],
+    ) -> Result<Extra, CoherenceError>;
 
     /// What that costs, if it can only be counted by doing it once more.
     fn work(way: Way, case: &Case, rays: &[Ray]) -> Option<Work>;
@@ -88,13 +96,24 @@ fn counted_piece(way: Way) -> Option<usize> {
 }
 
 impl Answers for Hit {
-    fn trace(way: Way, case: &Case, rays: &[Ray], answers: &mut [Self]) -> Result<Extra, CoherenceError> {
+    fn trace(
+        way: Way,
+        case: &Case,
+        rays: &[Ray],
+        answers: &mut [Self],
+    ) -> Result<Extra, CoherenceError> {
         let pieces = rays.chunks(MIN_PIECE).zip(answers.chunks_mut(MIN_PIECE));
         let mut extra = Extra::default();
         match way {
-            Way::One => rays.iter().zip(answers).for_each(|(ray, a)| *a = case.world.closest_one(ray, &AcceptAll)),
-            Way::Batches => pieces.for_each(|(rays, a)| case.world.closest(rays, Grouping::None, &AcceptAll, a)),
-            Way::Bundles => pieces.for_each(|(rays, a)| case.world.closest(rays, Grouping::Coherent, &AcceptAll, a)),
+            Way::One => rays
+                .iter()
+                .zip(answers)
+                .for_each(|(ray, a)| *a = case.world.closest_one(ray, &AcceptAll)),
+            Way::Batches => {
+                pieces.for_each(|(rays, a)| case.world.closest(rays, Grouping::None, &AcceptAll, a))
+            }
+            Way::Bundles => pieces
+                .for_each(|(rays, a)| case.world.closest(rays, Grouping::Coherent, &AcceptAll, a)),
             Way::Beams => {
                 let mut tracer = BeamTracer::new(case.world)?;
                 pieces.for_each(|(rays, answers)| tracer.closest(&case.view, rays, answers));
@@ -108,7 +127,8 @@ impl Answers for Hit {
             Way::Cones => {
                 let mut tracer = ConeTracer::new(case.world)?;
                 for ((ray, answer), spread) in rays.iter().zip(answers).zip(&case.spreads) {
-                    let hits = tracer.trace(&Cone::around(ray, 0.0, (*spread).into()), [0.0, f64::INFINITY]);
+                    let hits = tracer
+                        .trace(&Cone::around(ray, 0.0, (*spread).into()), [0.0, f64::INFINITY]);
                     let largest = hits.largest().filter(|_| hits.opacity() > 0.5);
                     *answer = largest.map_or(Hit::MISS, |hit| Hit {
                         t: hit.distance as f32,
@@ -136,14 +156,24 @@ impl Answers for Hit {
 }
 
 impl Answers for bool {
-    fn trace(way: Way, case: &Case, rays: &[Ray], answers: &mut [Self]) -> Result<Extra, CoherenceError> {
+    fn trace(
+        way: Way,
+        case: &Case,
+        rays: &[Ray],
+        answers: &mut [Self],
+    ) -> Result<Extra, CoherenceError> {
         let pieces = rays.chunks(MIN_PIECE).zip(answers.chunks_mut(MIN_PIECE));
         let light = case.bench.light.as_dvec3();
         let mut extra = Extra::default();
         match way {
-            Way::One => rays.iter().zip(answers).for_each(|(ray, a)| *a = case.world.occluded_one(ray, &AcceptAll)),
-            Way::Batches => pieces.for_each(|(rays, a)| case.world.occluded(rays, Grouping::None, &AcceptAll, a)),
-            Way::Bundles => pieces.for_each(|(rays, a)| case.world.occluded(rays, Grouping::Coherent, &AcceptAll, a)),
+            Way::One => rays
+                .iter()
+                .zip(answers)
+                .for_each(|(ray, a)| *a = case.world.occluded_one(ray, &AcceptAll)),
+            Way::Batches => pieces
+                .for_each(|(rays, a)| case.world.occluded(rays, Grouping::None, &AcceptAll, a)),
+            Way::Bundles => pieces
+                .for_each(|(rays, a)| case.world.occluded(rays, Grouping::Coherent, &AcceptAll, a)),
             Way::Beams => {
                 let mut tracer = BeamTracer::new(case.world)?;
                 pieces.for_each(|(rays, answers)| tracer.occluded(light, rays, answers));

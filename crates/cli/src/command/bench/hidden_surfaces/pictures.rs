@@ -23,14 +23,22 @@ pub fn surfaces(
         // The hottest colour is for the most that any but a thousandth of the pixels has.
         let mut sorted = cost.to_vec();
         sorted.sort_unstable();
-        let most = sorted.get(sorted.len().saturating_sub(1 + sorted.len() / 1000)).copied().unwrap_or(0).max(1);
+        let most = sorted
+            .get(sorted.len().saturating_sub(1 + sorted.len() / 1000))
+            .copied()
+            .unwrap_or(0)
+            .max(1);
         let heats = cost.iter().map(|&n| heat(n as f32 / most as f32));
         write(&folder.join(format!("{name}-work.png")), screen, heats)?;
     }
     Ok(())
 }
 
-fn write(path: &Path, screen: &Screen, colors: impl Iterator<Item = [f32; 3]>) -> Result<(), Failure> {
+fn write(
+    path: &Path,
+    screen: &Screen,
+    colors: impl Iterator<Item = [f32; 3]>,
+) -> Result<(), Failure> {
     let [width, height] = screen.size();
     let channels = ["R", "G", "B"].map(String::from).to_vec();
     let layers = vec![Layer { name: String::new(), channels, values: colors.flatten().collect() }];

@@ -50,6 +50,8 @@ impl Panel {
 
 /// The logarithms that values span, with a margin on both sides.
 pub fn range(values: impl Iterator<Item = f64>, margin: f64) -> [f64; 2] {
-    let (low, high) = values.map(f64::log10).fold((f64::INFINITY, f64::NEG_INFINITY), |a, v| (a.0.min(v), a.1.max(v)));
+    let (low, high) = values
+        .map(f64::log10)
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |a, v| (a.0.min(v), a.1.max(v)));
     if low > high { [0.0, 1.0] } else { [low - margin, high + margin] }
 }

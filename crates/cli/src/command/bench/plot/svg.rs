@@ -62,7 +62,15 @@ impl Svg {
         );
     }
 
-    pub fn label(&mut self, [x, y]: [f64; 2], size: f64, color: &str, anchor: Anchor, bold: bool, text: &str) {
+    pub fn label(
+        &mut self,
+        [x, y]: [f64; 2],
+        size: f64,
+        color: &str,
+        anchor: Anchor,
+        bold: bool,
+        text: &str,
+    ) {
         let anchor = match anchor {
             Anchor::Start => "start",
             Anchor::Middle => "middle",

@@ -13,7 +13,8 @@ pub fn blurred(picture: &[f64], side: usize) -> Vec<f64> {
             let shifted = |p: usize, step: usize| (p + side + k * step - 2 * step) % side;
             picture[shifted(y, step[1]) * side + shifted(x, step[0])]
         };
-        let value = |i: usize| KERNEL.iter().enumerate().map(|(k, w)| w * at(i % side, i / side, k)).sum();
+        let value =
+            |i: usize| KERNEL.iter().enumerate().map(|(k, w)| w * at(i % side, i / side, k)).sum();
         (0..picture.len()).map(value).collect()
     };
     along(&along(picture, [1, 0]), [0, 1])

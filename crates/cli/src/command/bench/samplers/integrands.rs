@@ -16,7 +16,8 @@ pub struct Integrand {
     pub value: fn(&Random) -> f64,
 }
 
-/// All of them: smooth ones and ones with edges, in two dimensions and in more (as a path has them).
+/// All of them: smooth ones and ones with edges, in two dimensions and in more (as a path has
+/// them).
 pub const INTEGRANDS: [Integrand; 7] = [
     Integrand { name: "smooth", formula: "x y", integral: 0.25, value: |r| product(r, 1, |x| x) },
     Integrand {
@@ -76,9 +77,11 @@ mod tests {
     fn the_integrals_are_those_of_the_functions() {
         let sampler = Sampler::new(SamplerKind::Sobol, 1, 1 << 16);
         for integrand in &INTEGRANDS {
-            let sum: f64 = (0..1 << 16).map(|s| (integrand.value)(&sampler.random([0, 0], s))).sum();
+            let sum: f64 =
+                (0..1 << 16).map(|s| (integrand.value)(&sampler.random([0, 0], s))).sum();
             let mean = sum / f64::from(1 << 16);
-            // Dimensions beyond the second pair are as random as pairs go: four standard deviations.
+            // Dimensions beyond the second pair are as random as pairs go: four standard
+            // deviations.
             assert!((mean / integrand.integral - 1.0).abs() < 6e-3, "{}: {mean}", integrand.name);
         }
     }

@@ -21,10 +21,11 @@ fn color(sampler: SamplerKind) -> &'static str {
 pub fn svg(all: &[Series]) -> String {
     let mut svg = Svg::new(SIZE[0], SIZE[1]);
     svg.label([50.0, 56.0], 34.0, INK, Anchor::Start, true, "Error against number of samples");
-    let subtitle =
-        "relative root mean square error of a pixel; dashed: after a blur, which shows how errors of neighbours cancel";
+    let subtitle = "relative root mean square error of a pixel; dashed: after a blur, which shows \
+        how errors of neighbours cancel";
     svg.label([50.0, 90.0], 20.0, GREY, Anchor::Start, false, subtitle);
-    let panels: Vec<&[Series]> = all.chunk_by(|a, b| a.integrand.name == b.integrand.name).collect();
+    let panels: Vec<&[Series]> =
+        all.chunk_by(|a, b| a.integrand.name == b.integrand.name).collect();
     for (number, series) in panels.iter().enumerate() {
         let [x, y] = [number % COLUMNS, number / COLUMNS].map(|i| i as f64);
         draw(&mut svg, series, [110.0 + 430.0 * x, 165.0 + 430.0 * y]);
@@ -43,9 +44,11 @@ fn draw(svg: &mut Svg, series: &[Series], [left, top]: [f64; 2]) {
         x: range(points().map(|p| f64::from(p.spp)), 0.05),
         y: range(points().flat_map(|p| [p.error, p.blurred]), 0.1),
     };
-    let (name, formula) = series.first().map_or(("", ""), |s| (s.integrand.name, s.integrand.formula));
+    let (name, formula) =
+        series.first().map_or(("", ""), |s| (s.integrand.name, s.integrand.formula));
     svg.label([left, top - 14.0], 20.0, INK, Anchor::Start, true, &format!("{name}: {formula}"));
-    let powers = (0..=6).map(|p| 10f64.powi(p)).filter(|n| (panel.x[0]..=panel.x[1]).contains(&n.log10()));
+    let powers =
+        (0..=6).map(|p| 10f64.powi(p)).filter(|n| (panel.x[0]..=panel.x[1]).contains(&n.log10()));
     let ticks: Vec<_> = powers.map(|n| (n, n.to_string())).collect();
     panel.axes(svg, &ticks, |power| format!("{}", 10f64.powi(power)));
     for s in series {

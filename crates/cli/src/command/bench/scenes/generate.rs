@@ -24,7 +24,8 @@ fn height_field(side: u32) -> TriangleMesh {
     for z in 0..side {
         for x in 0..side {
             let p = [x, z].map(|i| i as f32 / (side - 1) as f32 * 2.0 - 1.0);
-            let octave = |k: u32| noise(p.map(|c| (c + 3.0) * (2u32 << k) as f32), k) / (1u32 << k) as f32;
+            let octave =
+                |k: u32| noise(p.map(|c| (c + 3.0) * (2u32 << k) as f32), k) / (1u32 << k) as f32;
             let rough = (random([x, z, 77]) - 0.5) / side as f32;
             let y = (0..5).map(octave).sum::<f32>() * 0.25 + rough;
             mesh.positions.push(Vec3::new(p[0], y, p[1]));
@@ -57,8 +58,9 @@ fn random([a, b, c]: [u32; 3]) -> f32 {
 /// Half of the size of the room, in metres.
 const ROOM: Vec3 = Vec3::new(20.0, 10.0, 20.0);
 
-/// A closed room of 40 by 20 by 40 metres and 1.8 million triangles: rough balls, columns of slivers as high as the room and 1.5 cm
-/// wide, and 300 long thin beams across it at all angles. Its light hangs below the middle of the ceiling.
+/// A closed room of 40 by 20 by 40 metres and 1.8 million triangles: rough balls, columns of
+/// slivers as high as the room and 1.5 cm wide, and 300 long thin beams across it at all angles.
+/// Its light hangs below the middle of the ceiling.
 pub fn room() -> (Scene, Option<Vec3>) {
     let mut parts = vec![cuboid(ROOM, &|p| p, true)];
     for i in 0..12 {
@@ -87,7 +89,8 @@ fn cuboid(half: Vec3, map: &dyn Fn(Vec3) -> Vec3, inward: bool) -> TriangleMesh 
         map(Vec3::new(sign(0), sign(1), sign(2)) * half)
     };
     let positions = (0..8).map(corner).collect();
-    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let quads =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     let indices = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
     let indices = indices.map(|[a, b, c]| if inward { [a, c, b] } else { [a, b, c] }).collect();
     TriangleMesh { positions, indices, ..TriangleMesh::default() }
@@ -100,7 +103,8 @@ fn beam(i: u32) -> TriangleMesh {
     let side = towards.any_orthonormal_vector();
     let turn = DMat3::from_cols(towards, side, towards.cross(side));
     let center = DVec3::new(u(3) * 12.0 - 6.0, u(4) * 6.0 - 2.0, u(5) * 12.0 - 6.0);
-    let place = Transform::new(DAffine3::from_mat3_translation(turn, center)).unwrap_or(Transform::IDENTITY);
+    let place = Transform::new(DAffine3::from_mat3_translation(turn, center))
+        .unwrap_or(Transform::IDENTITY);
     let half = 8.0 + 4.0 * random([i, 6, 9]);
     cuboid(Vec3::new(half, 0.04, 0.04), &|p| place.point(p.as_dvec3()).as_vec3(), false)
 }

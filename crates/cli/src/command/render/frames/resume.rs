@@ -33,7 +33,9 @@ impl Content {
         let fingerprint = lines.next().filter(|line| is_hash(line))?.to_string();
         let frame = |line: &str| match line.split_once(' ') {
             None => Some((line.parse().ok()?, None)),
-            Some((number, hash)) => Some((number.parse().ok()?, Some(hash.to_string()).filter(|hash| is_hash(hash)))),
+            Some((number, hash)) => {
+                Some((number.parse().ok()?, Some(hash.to_string()).filter(|hash| is_hash(hash))))
+            }
         };
         Some(Self { fingerprint, frames: lines.filter_map(frame).collect() })
     }
@@ -67,10 +69,12 @@ impl Memory {
     ) -> Result<Self, Failure> {
         let path = place.memory();
         let known = read(&path)?;
-        let is_ours = |number: &i64| known.as_ref().is_some_and(|known| known.frames.contains_key(number));
+        let is_ours =
+            |number: &i64| known.as_ref().is_some_and(|known| known.frames.contains_key(number));
         let waiting = place.animated.is_some();
-        let foreign =
-            files.iter().find(|(number, file)| waiting && !is_ours(number) && file.symlink_metadata().is_ok());
+        let foreign = files
+            .iter()
+            .find(|(number, file)| waiting && !is_ours(number) && file.symlink_metadata().is_ok());
         if let Some((_, file)) = foreign {
             let problem = "this file is none of Snell's, and a frame is to wait here; move it away";
             return Err(Failure::Other(format!("{}: {problem}", file.display())));
@@ -79,19 +83,26 @@ impl Memory {
             true => {}
             false => eprintln!("warning: {problem}"),
         };
-        let goes_on = options.resume && known.as_ref().is_some_and(|known| known.fingerprint == fingerprint);
+        let goes_on =
+            options.resume && known.as_ref().is_some_and(|known| known.fingerprint == fingerprint);
         if options.resume && !goes_on {
-            let why = if known.is_some() { "the others were made in another way" } else { "nothing was interrupted" };
+            let why = if known.is_some() {
+                "the others were made in another way"
+            } else {
+                "nothing was interrupted"
+            };
             warn(format!("all frames are rendered, because {why}"));
         }
-        let mut frames: BTreeMap<i64, Option<String>> = files.keys().map(|&number| (number, None)).collect();
+        let mut frames: BTreeMap<i64, Option<String>> =
+            files.keys().map(|&number| (number, None)).collect();
         for (number, hash) in known.map(|known| known.frames).unwrap_or_default() {
             let file = place.file(number);
             let is_there = hash.as_ref().is_some_and(|hash| holds(&file, hash));
             if goes_on {
                 if hash.is_some() && !is_there && files.contains_key(&number) && file.exists() {
                     warn(format!(
-                        "{}: the file has changed since it was written; the frame is rendered again",
+                        "{}: the file has changed since it was written; the frame is rendered \
+                            again",
                         file.display()
                     ));
                 }
@@ -147,7 +158,8 @@ fn read(path: &Path) -> Result<Option<Content>, Failure> {
     let text = if path.is_file() { std::fs::read_to_string(path).ok() } else { None };
     let content = text.and_then(|text| Content::parse(&text));
     content.map(Some).ok_or_else(|| {
-        let problem = "this file is none of Snell's, and the memory of unfinished frames is to be here; move it away";
+        let problem = "this file is none of Snell's, and the memory of unfinished frames is to be \
+            here; move it away";
         Failure::Other(format!("{}: {problem}", path.display()))
     })
 }

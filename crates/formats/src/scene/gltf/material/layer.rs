@@ -1,4 +1,5 @@
-//! Extensions that change what is reflected: index of refraction, specular, clear coat, sheen, iridescence, anisotropy.
+//! Extensions that change what is reflected: index of refraction, specular, clear coat, sheen,
+//! iridescence, anisotropy.
 
 use super::{fraction, normal_map, rgb, texture_of};
 use crate::ReadError;
@@ -7,9 +8,15 @@ use crate::scene::gltf::json::Json;
 use crate::scene::gltf::texture::Use;
 use snell_math::Rgb;
 use snell_scene::TextureId;
-use snell_scene::material::{ColorParam, OpenPbr, ScalarParam, TangentMap, reflectance_at_most_white};
+use snell_scene::material::{
+    ColorParam, OpenPbr, ScalarParam, TangentMap, reflectance_at_most_white,
+};
 
-pub(super) fn read(reader: &mut Reader, json: &Json, surface: &mut OpenPbr) -> Result<(), ReadError> {
+pub(super) fn read(
+    reader: &mut Reader,
+    json: &Json,
+    surface: &mut OpenPbr,
+) -> Result<(), ReadError> {
     specular(reader, json, surface)?;
     clearcoat(reader, json, surface)?;
     sheen(reader, json, surface)?;
@@ -30,7 +37,12 @@ pub(super) fn scalar(
 }
 
 /// A colour with a texture.
-pub(super) fn color(reader: &mut Reader, json: &Json, factor: Rgb, map: &str) -> Result<ColorParam, ReadError> {
+pub(super) fn color(
+    reader: &mut Reader,
+    json: &Json,
+    factor: Rgb,
+    map: &str,
+) -> Result<ColorParam, ReadError> {
     let texture = texture_of(reader, json, map, Use::Color)?;
     Ok(ColorParam { texture, ..ColorParam::constant(factor) })
 }
@@ -85,22 +97,27 @@ fn iridescence(reader: &mut Reader, json: &Json, surface: &mut OpenPbr) -> Resul
     let factor = fraction(reader, &film, "iridescenceFactor", 0.0)?;
     surface.thin_film_weight = scalar(reader, &film, factor, "iridescenceTexture", 0)?;
     surface.thin_film_ior = (film.number_or("iridescenceIor", 1.3)? as f32).into();
-    let [least, most] = [("iridescenceThicknessMinimum", 100.0), ("iridescenceThicknessMaximum", 400.0)]
-        .map(|(key, default)| film.number_or(key, default).map(|nm| nm.max(0.0) as f32 * 1e-3));
+    let [least, most] =
+        [("iridescenceThicknessMinimum", 100.0), ("iridescenceThicknessMaximum", 400.0)]
+            .map(|(key, default)| film.number_or(key, default).map(|nm| nm.max(0.0) as f32 * 1e-3));
     let (least, most) = (least?, most?);
     surface.thin_film_thickness = scalar(reader, &film, most, "iridescenceThicknessTexture", 1)?;
     if let Some((texture, _)) = surface.thin_film_thickness.texture
         && least != 0.0
     {
-        surface.thin_film_thickness.texture = Some((thickness_texture(reader, texture, least, most), 1));
+        surface.thin_film_thickness.texture =
+            Some((thickness_texture(reader, texture, least, most), 1));
         surface.thin_film_thickness.factor = least.max(most);
     }
     Ok(())
 }
 
-/// The texture of a film that is `least` thick where the texture is 0: in units of the larger of the two.
+/// The texture of a film that is `least` thick where the texture is 0: in units of the larger of
+/// the two.
 fn thickness_texture(reader: &mut Reader, texture: TextureId, least: f32, most: f32) -> TextureId {
-    let Some(texture) = reader.scene.textures[texture.index()].as_image().cloned() else { return texture };
+    let Some(texture) = reader.scene.textures[texture.index()].as_image().cloned() else {
+        return texture;
+    };
     let image = &reader.scene.images[texture.image.index()];
     let unit = least.max(most).max(1e-6);
     let mut values = Vec::with_capacity(image.width as usize * image.height as usize * 3);
@@ -115,8 +132,8 @@ fn thickness_texture(reader: &mut Reader, texture: TextureId, least: f32, most: 
     reader.scene.add_texture(snell_scene::texture::ImageTexture { image, ..texture })
 }
 
-/// glTF stretches `alpha` along the tangent only: from `alpha` towards 1 by the square of the strength. OpenPBR keeps the mean
-/// square of the two.
+/// glTF stretches `alpha` along the tangent only: from `alpha` towards 1 by the square of the
+/// strength. OpenPBR keeps the mean square of the two.
 fn anisotropy(reader: &mut Reader, json: &Json, surface: &mut OpenPbr) -> Result<(), ReadError> {
     let Some(extension) = json.extension("KHR_materials_anisotropy")? else { return Ok(()) };
     let strength = fraction(reader, &extension, "anisotropyStrength", 0.0)?;

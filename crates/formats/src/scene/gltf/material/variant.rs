@@ -4,8 +4,8 @@ use crate::ReadError;
 use crate::scene::gltf::Reader;
 use crate::scene::gltf::json::Json;
 
-/// Notes which variants there are, and chooses the one that was asked for. Without, primitives have the materials that they name outside
-/// of the extension.
+/// Notes which variants there are, and chooses the one that was asked for. Without, primitives have
+/// the materials that they name outside of the extension.
 pub(super) fn choose(reader: &mut Reader) -> Result<(), ReadError> {
     let extension = reader.root.extension("KHR_materials_variants")?;
     let variants = extension.as_ref().map_or(Ok(Vec::new()), |e| e.items_of("variants"))?;
@@ -15,7 +15,8 @@ pub(super) fn choose(reader: &mut Reader) -> Result<(), ReadError> {
         if !names.is_empty() {
             let names = names.join(", ");
             reader.scene.note(format!(
-                "KHR_materials_variants: shown with the default materials; the file has the variants {names}"
+                "KHR_materials_variants: shown with the default materials; the file has the \
+                    variants {names}"
             ));
         }
         return Ok(());
@@ -26,13 +27,19 @@ pub(super) fn choose(reader: &mut Reader) -> Result<(), ReadError> {
         return Ok(());
     }
     let problem = format!("there is no variant \"{wanted}\"");
-    let known =
-        if names.is_empty() { "the file has none".into() } else { format!("choose one of {}", names.join(", ")) };
+    let known = if names.is_empty() {
+        "the file has none".into()
+    } else {
+        format!("choose one of {}", names.join(", "))
+    };
     Err(reader.root.error_with(problem, known))
 }
 
 /// Position of a primitive's material in the table.
-pub(in crate::scene::gltf) fn material(reader: &Reader, primitive: &Json) -> Result<Option<usize>, ReadError> {
+pub(in crate::scene::gltf) fn material(
+    reader: &Reader,
+    primitive: &Json,
+) -> Result<Option<usize>, ReadError> {
     let usual = primitive.get("material")?.map(|m| m.size()).transpose()?;
     let Some(variant) = reader.variant else { return Ok(usual) };
     let Some(extension) = primitive.extension("KHR_materials_variants")? else { return Ok(usual) };

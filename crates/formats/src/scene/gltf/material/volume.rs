@@ -16,20 +16,24 @@ pub(super) fn read(
 ) -> Result<(), ReadError> {
     if let Some(transmission) = json.extension("KHR_materials_transmission")? {
         let factor = fraction(reader, &transmission, "transmissionFactor", 0.0)?;
-        surface.transmission_weight = scalar(reader, &transmission, factor, "transmissionTexture", 0)?;
+        surface.transmission_weight =
+            scalar(reader, &transmission, factor, "transmissionTexture", 0)?;
         // Light that goes through takes the base colour, on top of what the volume absorbs.
         surface.transmission_tint = surface.base_color;
     }
     if let Some(diffuse) = json.extension("KHR_materials_diffuse_transmission")? {
         let factor = fraction(reader, &diffuse, "diffuseTransmissionFactor", 0.0)?;
-        surface.subsurface_weight = scalar(reader, &diffuse, factor, "diffuseTransmissionTexture", 3)?;
+        surface.subsurface_weight =
+            scalar(reader, &diffuse, factor, "diffuseTransmissionTexture", 3)?;
         let factor = rgb(diffuse.numbers_or("diffuseTransmissionColorFactor", [1.0; 3])?);
-        surface.subsurface_color = color(reader, &diffuse, factor, "diffuseTransmissionColorTexture")?;
+        surface.subsurface_color =
+            color(reader, &diffuse, factor, "diffuseTransmissionColorTexture")?;
         surface.subsurface_scatter_anisotropy = 1.0.into();
     }
     if let Some(dispersion) = json.extension("KHR_materials_dispersion")? {
         // The extension is 20 over the Abbe number.
-        surface.transmission_dispersion_scale = (dispersion.number_or("dispersion", 0.0)?.max(0.0) as f32).into();
+        surface.transmission_dispersion_scale =
+            (dispersion.number_or("dispersion", 0.0)?.max(0.0) as f32).into();
         surface.transmission_dispersion_abbe_number = 20.0.into();
     }
     let Some(volume) = json.extension("KHR_materials_volume")? else { return Ok(()) };
@@ -41,7 +45,8 @@ pub(super) fn read(
     }
     let distance = volume.number_or("attenuationDistance", f64::INFINITY)?;
     if distance > 0.0 && distance < 1e30 {
-        surface.transmission_color = rgb(volume.numbers_or("attenuationColor", [1.0; 3])?).map(|c| c.min(1.0)).into();
+        surface.transmission_color =
+            rgb(volume.numbers_or("attenuationColor", [1.0; 3])?).map(|c| c.min(1.0)).into();
         surface.transmission_depth = (distance as f32).into();
     } else {
         surface.transmission_color = Rgb::WHITE.into();

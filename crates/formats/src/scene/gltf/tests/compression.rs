@@ -4,9 +4,11 @@ use super::{meshes, read_text};
 use base64::Engine;
 use snell_math::Vec3;
 
-/// A mesh of 20 vertices and 30 triangles whose positions, normals and indices are compressed; `filter` is that of the normals.
+/// A mesh of 20 vertices and 30 triangles whose positions, normals and indices are compressed;
+/// `filter` is that of the normals.
 fn compressed(damage: impl Fn(&mut Vec<u8>)) -> String {
-    let positions: Vec<[f32; 3]> = (0..20u8).map(|i| [f32::from(i), f32::from(i) * f32::from(i), 1.0]).collect();
+    let positions: Vec<[f32; 3]> =
+        (0..20u8).map(|i| [f32::from(i), f32::from(i) * f32::from(i), 1.0]).collect();
     let up: Vec<[f32; 4]> = vec![[0.6, 0.0, 0.8, 0.0]; 20];
     let normals = meshopt::encode_filter_oct::<i8>(&up, 8);
     let indices: Vec<u32> = (0..30).flat_map(|i| [i % 20, (i + 1) % 20, (i + 7) % 20]).collect();
@@ -19,7 +21,11 @@ fn compressed(damage: impl Fn(&mut Vec<u8>)) -> String {
     damage(&mut bytes);
     let mut offset = 0;
     let mut view = |part: &[u8], count: usize, stride: usize, mode: &str, filter: &str| {
-        let own_stride = if mode == "ATTRIBUTES" { format!(", \"byteStride\": {stride}") } else { String::new() };
+        let own_stride = if mode == "ATTRIBUTES" {
+            format!(", \"byteStride\": {stride}")
+        } else {
+            String::new()
+        };
         let text = format!(
             r#"{{"buffer": 1, "byteOffset": 0, "byteLength": {}{own_stride}, "extensions": {{"EXT_meshopt_compression":
             {{"buffer": 0, "byteOffset": {offset}, "byteLength": {}, "count": {count}, "byteStride": {stride},
@@ -63,7 +69,11 @@ fn compressed_views_are_decoded() {
     let mut first = mesh.indices[0];
     first.sort();
     assert_eq!(first, [0, 1, 7]);
-    assert!(mesh.normals.iter().all(|n| (*n - Vec3::new(0.6, 0.0, 0.8)).length() < 0.02), "{}", mesh.normals[0]);
+    assert!(
+        mesh.normals.iter().all(|n| (*n - Vec3::new(0.6, 0.0, 0.8)).length() < 0.02),
+        "{}",
+        mesh.normals[0]
+    );
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
 }
 

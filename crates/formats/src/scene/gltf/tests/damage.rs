@@ -1,4 +1,5 @@
-//! Damaged files end in a scene or an error. This is the third line of defence, after checked arithmetic and the messages' tests.
+//! Damaged files end in a scene or an error. This is the third line of defence, after checked
+//! arithmetic and the messages' tests.
 
 use super::{assert_sound, data};
 use crate::{ReadOptions, read_scene_bytes};
@@ -51,7 +52,8 @@ fn damaged_files_never_panic() {
             let mut at = || next(&mut state) as usize;
             for _ in 0..=round % 4 {
                 let (place, value) = (at() % bytes.len(), at());
-                // Digits turned into other digits keep the JSON valid and reach deeper than random bytes.
+                // Digits turned into other digits keep the JSON valid and reach deeper than random
+                // bytes.
                 damaged[place] = match damaged[place] {
                     b'0'..=b'9' => b'0' + (value % 10) as u8,
                     old => old ^ (1 << (value % 8)),
@@ -63,7 +65,10 @@ fn damaged_files_never_panic() {
             if survives(damaged, &folder) { read += 1 } else { refused += 1 }
         }
     }
-    assert!(read > 100 && refused > 100, "the damage should do something, but not everything: {read} {refused}");
+    assert!(
+        read > 100 && refused > 100,
+        "the damage should do something, but not everything: {read} {refused}"
+    );
 }
 
 #[test]

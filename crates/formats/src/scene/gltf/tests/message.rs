@@ -23,8 +23,10 @@ const POSITIONS: &str = r#"{"componentType": 5126, "type": "VEC3", "count": 3, "
 
 #[test]
 fn text_that_is_not_json() {
-    let error = read_text("{\"asset\": {\"version\": \"2.0\"},\n  nodes: []}").expect_err("keys need quotes");
-    assert_snapshot!(error, @"test.gltf:2:3: not valid JSON: key must be a string; export the file again, or see what the glTF validator says about it");
+    let error = read_text("{\"asset\": {\"version\": \"2.0\"},\n  nodes: []}")
+        .expect_err("keys need quotes");
+    assert_snapshot!(error, @"test.gltf:2:3: not valid JSON: key must be a string; export the file \
+        again, or see what the glTF validator says about it");
 }
 
 #[test]
@@ -67,12 +69,17 @@ fn buffers() {
         ))
     };
     assert_snapshot!(with(r#"{"byteLength": 36, "uri": "data:;base64,AAAA"}"#), @"test.gltf:2:160: at /buffers/0: the buffer should have 36 bytes, but has only 3; the file with the buffer is cut off or not the right one: copy or export it again");
-    assert_snapshot!(with(r#"{"byteLength": 36, "uri": "data:;base64,?"}"#), @"test.gltf:2:186: at /buffers/0/uri: the data URI is not valid base64: Invalid symbol 63, offset 0.; export the file again, or see what the glTF validator says about it");
+    assert_snapshot!(with(r#"{"byteLength": 36, "uri": "data:;base64,?"}"#), @"test.gltf:2:186: at \
+        /buffers/0/uri: the data URI is not valid base64: Invalid symbol 63, offset 0.; export the \
+        file again, or see what the glTF validator says about it");
     assert_snapshot!(with(r#"{"byteLength": 36}"#), @r#"test.gltf:2:160: at /buffers/0: the buffer has no "uri", and there is no binary chunk for it; export the file again with its buffers"#);
-    assert_snapshot!(with(r#"{"byteLength": 35}"#), @"test.gltf:2:114: at /bufferViews/0: the buffer view takes 36 bytes from byte 0, but its buffer has 35 bytes; export the file again, or see what the glTF validator says about it");
+    assert_snapshot!(with(r#"{"byteLength": 35}"#), @"test.gltf:2:114: at /bufferViews/0: the \
+        buffer view takes 36 bytes from byte 0, but its buffer has 35 bytes; export the file \
+        again, or see what the glTF validator says about it");
     let missing = with(r#"{"byteLength": 36, "uri": "no%20such.bin"}"#);
     // The rest of the message is the system's.
-    let expected = "test.gltf:2:186: at /buffers/0/uri: the file \"no such.bin\" cannot be used: cannot open: ";
+    let expected = "test.gltf:2:186: at /buffers/0/uri: the file \"no such.bin\" cannot be used: \
+        cannot open: ";
     assert!(missing.starts_with(expected), "{missing}");
     assert_snapshot!(with(r#"{"byteLength": 36, "uri": "../../../../etc/passwd"}"#), @r#"test.gltf:2:186: at /buffers/0/uri: the file "../../../../etc/passwd" cannot be used: it names the file "../../../../etc/passwd", which lies outside of the scene's folder; move the file into the folder, or give --allow-outside if you trust the scene"#);
     assert_snapshot!(with(r#"{"byteLength": 36, "uri": "https://example.org/a.bin"}"#), @r#"test.gltf:2:186: at /buffers/0/uri: "https://example.org/a.bin" is not a file next to the scene; download it, and name the local file instead"#);
@@ -91,7 +98,10 @@ fn accessors() {
 #[test]
 fn indices() {
     let indexed = |accessor: &str| {
-        primitive_message(r#""attributes": {"POSITION": 0}, "indices": 1"#, &format!("{POSITIONS}, {accessor}"))
+        primitive_message(
+            r#""attributes": {"POSITION": 0}, "indices": 1"#,
+            &format!("{POSITIONS}, {accessor}"),
+        )
     };
     assert_snapshot!(indexed(r#"{"componentType": 5121, "type": "SCALAR", "count": 3, "bufferView": 1}"#), @"test.gltf:1:125: at /meshes/0/primitives/0/indices: index 2 is 9, but there are only 3 vertices (strips cannot be restarted in glTF); export the file again, or see what the glTF validator says about it");
     assert_snapshot!(indexed(r#"{"componentType": 5120, "type": "SCALAR", "count": 3, "bufferView": 1}"#), @"test.gltf:1:216: at /accessors/1: indices must be unsigned whole numbers (SCALAR of type 5121, 5123 or 5125); export the file again, or see what the glTF validator says about it");

@@ -25,7 +25,8 @@ fn positions(node: &Node) -> &[Vec3] {
     &mesh.positions
 }
 
-/// A file with one triangle, one morph target (0 0 1 for each vertex), and two animations: of the weight and of the place.
+/// A file with one triangle, one morph target (0 0 1 for each vertex), and two animations: of the
+/// weight and of the place.
 fn waving() -> String {
     let mut bytes = Vec::new();
     let floats: &[f32] = &[
@@ -79,20 +80,33 @@ fn read_with(options: ReadOptions) -> Result<Scene, crate::ReadError> {
 fn weights_and_places_follow_their_keys() {
     let scene = read_text(&waving()).expect("the file is sound");
     let motion = scene.motion.clone().expect("it moves");
-    assert_eq!(motion.clips.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["swell", "sail away", "sink"]);
-    assert!(scene.warnings.iter().any(|w| w.message.contains("\"colour\" is not a property")), "{:?}", scene.warnings);
-    for (time, height, place) in [(0.0, 0.0, 0.0), (0.5, 0.25, 0.0), (1.5, 0.75, 0.0), (2.0, 1.0, 4.0), (7.0, 1.0, 4.0)]
+    assert_eq!(
+        motion.clips.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(),
+        ["swell", "sail away", "sink"]
+    );
+    assert!(
+        scene.warnings.iter().any(|w| w.message.contains("\"colour\" is not a property")),
+        "{:?}",
+        scene.warnings
+    );
+    for (time, height, place) in
+        [(0.0, 0.0, 0.0), (0.5, 0.25, 0.0), (1.5, 0.75, 0.0), (2.0, 1.0, 4.0), (7.0, 1.0, 4.0)]
     {
         let posed = at(&scene, time);
         assert!(positions(node(&posed, "sail")).iter().all(|p| p.z == height), "at {time}");
-        assert_eq!(node(&posed, "boat").transform.translation, DVec3::new(place, 0.0, 0.0), "at {time}");
+        assert_eq!(
+            node(&posed, "boat").transform.translation,
+            DVec3::new(place, 0.0, 0.0),
+            "at {time}"
+        );
     }
 }
 
 #[test]
 fn variants_and_scenes_are_chosen_by_name_or_number() {
     let material = |variant: Option<&str>| {
-        let scene = read_with(ReadOptions { variant: variant.map(String::from), ..ReadOptions::default() });
+        let scene =
+            read_with(ReadOptions { variant: variant.map(String::from), ..ReadOptions::default() });
         scene.map(|scene| node(&scene, "sail").surfaces[0].materials[0].expect("it names one").0)
     };
     assert_eq!((material(None), material(Some("night"))), (Ok(0), Ok(1)));
@@ -100,8 +114,11 @@ fn variants_and_scenes_are_chosen_by_name_or_number() {
     let error = material(Some("dusk")).expect_err("there is none");
     assert!(error.problem.contains("dusk") && error.remedy.contains("day, night"), "{error}");
 
-    let land = read_with(ReadOptions { scene: Some("land".into()), ..ReadOptions::default() }).expect("it is there");
-    assert!(land.nodes.iter().any(|n| n.name == "other") && land.nodes.iter().all(|n| n.name != "boat"));
+    let land = read_with(ReadOptions { scene: Some("land".into()), ..ReadOptions::default() })
+        .expect("it is there");
+    assert!(
+        land.nodes.iter().any(|n| n.name == "other") && land.nodes.iter().all(|n| n.name != "boat")
+    );
     assert_eq!((land.scenes.len(), land.variants.len()), (2, 2));
     assert!(read_with(ReadOptions { scene: Some("2".into()), ..ReadOptions::default() }).is_err());
 }
@@ -116,7 +133,8 @@ fn a_skinned_file_bends_as_its_joint_turns() {
         positions(&scene.nodes[deformed.node.index()]).to_vec()
     };
     let (rest, bent) = (mesh(&rest), mesh(&bent));
-    // A strip of height 2 (10 vertices), of which the upper half turns by a quarter about its middle.
+    // A strip of height 2 (10 vertices), of which the upper half turns by a quarter about its
+    // middle.
     assert_eq!(rest.len(), 10);
     assert!((rest[0] - bent[0]).length() < 1e-5, "the foot stays");
     let (a, b) = (rest[8] - Vec3::Y, bent[8] - Vec3::Y);

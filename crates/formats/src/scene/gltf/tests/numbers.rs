@@ -14,11 +14,14 @@ fn scene(file: &str) -> Option<Scene> {
     Some(open(&path).unwrap_or_else(|e| panic!("{e}")))
 }
 
-/// The corners of a mesh's triangles, each turned so that its least corner comes first, sorted: equal for equal surfaces.
+/// The corners of a mesh's triangles, each turned so that its least corner comes first, sorted:
+/// equal for equal surfaces.
 fn triangles(mesh: &TriangleMesh) -> Vec<[[f32; 3]; 3]> {
     let corners = |i| mesh.corners(i).map(|p| p.to_array());
     let turned = |mut c: [[f32; 3]; 3]| {
-        let least = (0..3).min_by(|&a, &b| c[a].partial_cmp(&c[b]).expect("finite")).expect("three corners");
+        let least = (0..3)
+            .min_by(|&a, &b| c[a].partial_cmp(&c[b]).expect("finite"))
+            .expect("three corners");
         c.rotate_left(least);
         c
     };
@@ -36,7 +39,10 @@ fn all_packagings_of_the_box_are_the_same_scene() {
         assert_eq!((mesh.positions.len(), mesh.indices.len(), mesh.normals.len()), (24, 12, 24));
         assert_eq!(mesh.bounds(), Bounds3 { min: Vec3::splat(-0.5), max: Vec3::splat(0.5) });
         let bounds = scene.bounds().expect("the scene is sound");
-        assert!((bounds.min - DVec3::splat(-0.5)).length() < 1e-6 && (bounds.max - DVec3::splat(0.5)).length() < 1e-6);
+        assert!(
+            (bounds.min - DVec3::splat(-0.5)).length() < 1e-6
+                && (bounds.max - DVec3::splat(0.5)).length() < 1e-6
+        );
         assert_eq!(scene.warnings, []);
     }
 }
@@ -81,7 +87,8 @@ fn square(mode: u32, indices: &[u8]) -> String {
 fn sparse_values_replace_those_of_the_buffer() {
     let Some(scene) = scene("khronos-samples-and-misc/SimpleSparseAccessor.gltf") else { return };
     let mesh = meshes(&scene)[0];
-    // The model is a plane of 7 x 2 points, three of which are moved to (1, 2, 0), (3, 3, 0) and (5, 4, 0).
+    // The model is a plane of 7 x 2 points, three of which are moved to (1, 2, 0), (3, 3, 0) and
+    // (5, 4, 0).
     assert_eq!(mesh.positions.len(), 14);
     assert_eq!(
         [8, 10, 12].map(|i| mesh.positions[i]),
@@ -110,7 +117,9 @@ fn cameras_stand_where_their_nodes_put_them() {
     assert_eq!((eye.name.as_str(), flat.name.as_str()), ("eye", "flat"));
     assert!((eye.eye - DVec3::new(3.0, 2.0, 3.0)).length() < 1e-12, "{}", eye.eye);
     assert!((eye.towards - DVec3::NEG_X).length() < 1e-12 && (eye.up - DVec3::Y).length() < 1e-12);
-    let Projection::Perspective { tan_half_fov: [None, Some(tan)] } = eye.projection else { panic!("{eye:?}") };
+    let Projection::Perspective { tan_half_fov: [None, Some(tan)] } = eye.projection else {
+        panic!("{eye:?}")
+    };
     assert!((tan - 1.0).abs() < 1e-12);
     assert_eq!(flat.projection, Projection::Orthographic { half_size: [None, Some(3.0)] });
 }
@@ -129,10 +138,17 @@ fn light(generator: &str, light: &str) -> Light {
 #[test]
 fn lights_keep_their_numbers_and_shine_along_minus_z() {
     let sun = light("x", r#"{"type": "directional", "intensity": 2, "color": [1, 0.5, 0]}"#);
-    assert_eq!(sun, Light::Directional(Directional { direction: DVec3::NEG_Z, irradiance: Rgb::new(2.0, 1.0, 0.0) }));
-    let Light::Spot(Spot { position, intensity, falloff, .. }) =
-        light("x", r#"{"type": "spot", "intensity": 5, "spot": {"innerConeAngle": 0.2, "outerConeAngle": 0.4}}"#)
-    else {
+    assert_eq!(
+        sun,
+        Light::Directional(Directional {
+            direction: DVec3::NEG_Z,
+            irradiance: Rgb::new(2.0, 1.0, 0.0)
+        })
+    );
+    let Light::Spot(Spot { position, intensity, falloff, .. }) = light(
+        "x",
+        r#"{"type": "spot", "intensity": 5, "spot": {"innerConeAngle": 0.2, "outerConeAngle": 0.4}}"#,
+    ) else {
         panic!("a spot light")
     };
     assert_eq!((position, intensity), (DVec3::new(0.0, 0.0, 5.0), Rgb::splat(5.0)));
@@ -148,25 +164,36 @@ fn light_profiles_shine_along_minus_z_of_their_nodes() {
         )
     };
     // 100 cd along the axis, 50 to the side, nothing behind.
-    let ies = "data:application/x-ies-lm-63,TILT=NONE%0A1 1 1 2 1 1 2 0 0 0%0A1 1 0%0A0 90%0A0%0A100 50";
+    let ies =
+        "data:application/x-ies-lm-63,TILT=NONE%0A1 1 1 2 1 1 2 0 0 0%0A1 1 0%0A0 90%0A0%0A100 50";
     let scene = read_text(&document(ies)).expect("the document is sound");
     let at = |p: Vec3| scene.lights[0].sample(p, Vec2::ZERO, ColorMode::Rgb).map(|s| s.radiance[1]);
     assert_eq!(at(Vec3::new(0.0, 0.0, 3.0)), Some(75.0));
     assert_eq!(at(Vec3::new(0.0, 0.0, 6.0)), None);
     assert!(at(Vec3::new(1.0, 0.0, 5.0)).is_some_and(|side| (side - 150.0).abs() < 1e-2));
     let broken = read_text(&document("data:,nothing")).expect("the rest is shown");
-    assert!(broken.lights.is_empty() && broken.warnings.iter().any(|w| w.message.contains("no line TILT=")));
+    assert!(
+        broken.lights.is_empty()
+            && broken.warnings.iter().any(|w| w.message.contains("no line TILT="))
+    );
 }
 
 #[test]
 fn photometric_lights_of_blender_become_watts_again() {
-    let intensity = |generator, cd: f64| match light(generator, &format!(r#"{{"type": "point", "intensity": {cd}}}"#)) {
+    let intensity = |generator, cd: f64| match light(
+        generator,
+        &format!(r#"{{"type": "point", "intensity": {cd}}}"#),
+    ) {
         Light::Point(Point { intensity, .. }) => f64::from(intensity.r),
         other => panic!("{other:?}"),
     };
     // A lamp of 1000 W: 1000 W * 683 lm/W / 4 pi sr.
     let written = 1000.0 * 683.0 / (4.0 * std::f64::consts::PI);
-    assert!((intensity("Khronos glTF Blender I/O v4.2", written) * 4.0 * std::f64::consts::PI - 1000.0).abs() < 1e-3);
+    assert!(
+        (intensity("Khronos glTF Blender I/O v4.2", written) * 4.0 * std::f64::consts::PI - 1000.0)
+            .abs()
+            < 1e-3
+    );
     assert!((intensity("something else", written) - written).abs() < 1e-2);
     assert_eq!(intensity("Khronos glTF Blender I/O v4.2", 3.0), 3.0);
 }
@@ -175,14 +202,16 @@ fn photometric_lights_of_blender_become_watts_again() {
 fn texture_coordinates_are_turned_as_the_test_model_of_the_extension_wants() {
     let Some(scene) = scene("assimp/textureTransform/TextureTransformTest.gltf") else { return };
     let map = |name: &str, uv: [f32; 2]| {
-        let material = scene.materials.iter().find(|m| m.name == name).expect("the material is there");
+        let material =
+            scene.materials.iter().find(|m| m.name == name).expect("the material is there");
         let (texture, _) = material.alpha.texture.expect("it has a texture");
         let texture = scene.textures[texture.index()].as_image().expect("an image");
         assert_eq!(texture.wrap, [Wrap::Clamp; 2]);
         texture.uv_transform.map(|row| row[0] * uv[0] + row[1] * uv[1] + row[2])
     };
     assert_eq!(map("Offset UV", [0.25, 0.0]), [0.75, 0.5]);
-    // The arrow points along the diagonal of its image; the marker "correct" says where that must end up.
+    // The arrow points along the diagonal of its image; the marker "correct" says where that must
+    // end up.
     let [u, v] = map("Rotation", [0.5 - 0.079_048_224, 0.5 + 0.516_267_5]);
     assert!((u - v).abs() < 1e-4, "{u} {v}");
     let [u, v] = map("Scale", [0.518_544_97, 0.518_544_97]);
@@ -218,14 +247,16 @@ fn materials_carry_their_textures_and_modes() {
 #[test]
 fn morph_targets_are_applied_with_the_weights_of_the_file() {
     let Some(folder) = data("gltf/cesium/box-morph") else { return };
-    let text = std::fs::read_to_string(folder.join("box-morph.gltf")).expect("the file is in the collection");
+    let text = std::fs::read_to_string(folder.join("box-morph.gltf"))
+        .expect("the file is in the collection");
     let mut json: serde_json::Value = serde_json::from_str(&text).expect("it is JSON");
     let mut height = |weights: serde_json::Value| {
         for mesh in json["meshes"].as_array_mut().expect("it has meshes") {
             mesh["weights"] = weights.clone();
         }
         let options = crate::ReadOptions::default();
-        let scene = crate::read_scene_bytes("box.gltf", json.to_string().into_bytes(), &folder, &options);
+        let scene =
+            crate::read_scene_bytes("box.gltf", json.to_string().into_bytes(), &folder, &options);
         meshes(&scene.expect("the document is sound"))[0].bounds()
     };
     let (none, full, half) = (
@@ -243,7 +274,8 @@ fn skinned_meshes_follow_their_joints_and_not_their_node() {
     let Some(scene) = scene("assimp/simple_skin/simple_skin.gltf") else { return };
     let mesh = meshes(&scene)[0];
     assert_eq!(mesh.indices.len(), 8);
-    // At the pose of the file the joints are where they were bound, so nothing moves: the strip is 2 high.
+    // At the pose of the file the joints are where they were bound, so nothing moves: the strip is
+    // 2 high.
     let bounds = scene.bounds().expect("the scene is sound");
     assert!((bounds.max.y - 2.0).abs() < 1e-6, "{bounds:?}");
 }
@@ -277,8 +309,12 @@ fn vertices_that_no_triangle_uses_are_left_out_and_nothing_moves() {
         ..TriangleMesh::default()
     };
     let before = triangles(&mesh);
-    let mut primitive =
-        super::super::mesh::Primitive { mesh, targets: Vec::new(), influences: Vec::new(), material: None };
+    let mut primitive = super::super::mesh::Primitive {
+        mesh,
+        targets: Vec::new(),
+        influences: Vec::new(),
+        material: None,
+    };
     super::super::mesh::drop_unused(&mut primitive);
     let mesh = primitive.mesh;
     assert_eq!((mesh.positions.len(), mesh.colors.len(), mesh.validate()), (4, 4, Ok(())));
@@ -298,8 +334,14 @@ fn clear_volumes_refract_and_thin_sheets_do_not() {
     };
     let glass = material(1.0);
     let MaterialKind::OpenPbr(solid) = &glass.kind else { panic!("{glass:?}") };
-    assert_eq!((solid.specular_ior.factor, solid.transmission_weight.factor, glass.double_sided), (1.33, 1.0, true));
-    assert_eq!((solid.transmission_color.factor, solid.transmission_depth.factor), (Rgb::new(0.25, 1.0, 1.0), 1.0));
+    assert_eq!(
+        (solid.specular_ior.factor, solid.transmission_weight.factor, glass.double_sided),
+        (1.33, 1.0, true)
+    );
+    assert_eq!(
+        (solid.transmission_color.factor, solid.transmission_depth.factor),
+        (Rgb::new(0.25, 1.0, 1.0), 1.0)
+    );
     assert!(!solid.geometry_thin_walled);
     let sheet = material(0.0);
     assert!(matches!(&sheet.kind, MaterialKind::OpenPbr(m) if m.geometry_thin_walled), "{sheet:?}");
@@ -335,24 +377,39 @@ fn extensions_of_materials_become_parameters_of_open_pbr_and_are_noted() {
         (m.fuzz_weight.factor, m.fuzz_color.factor, m.fuzz_roughness.factor),
         (0.5, Rgb::new(1.0, 0.5, 0.0), 0.3)
     );
-    assert_eq!((m.thin_film_weight.factor, m.thin_film_ior.factor, m.thin_film_thickness.factor), (0.75, 1.8, 0.5));
+    assert_eq!(
+        (m.thin_film_weight.factor, m.thin_film_ior.factor, m.thin_film_thickness.factor),
+        (0.75, 1.8, 0.5)
+    );
     // alpha is 1 along the tangent and stays 0.25 across.
     assert!((m.specular_roughness_anisotropy.factor - 0.75).abs() < 1e-6);
     assert!((m.specular_roughness.factor.powi(4) - 0.5 * (1.0 + 0.0625)).abs() < 1e-6);
     assert_eq!(m.geometry_tangent.map(|t| t.rotation), Some(0.5));
     assert_eq!(m.transmission_dispersion_scale.factor, 0.5);
-    assert_eq!((m.subsurface_weight.factor, m.subsurface_color.factor), (0.25, Rgb::new(1.0, 0.0, 0.0)));
+    assert_eq!(
+        (m.subsurface_weight.factor, m.subsurface_color.factor),
+        (0.25, Rgb::new(1.0, 0.0, 0.0))
+    );
     // Twice 4 % is the reflectance of an index of 1.789.
     assert!((m.specular_ior.factor - 1.7888).abs() < 1e-3, "{}", m.specular_ior.factor);
     assert_eq!(m.specular_color.factor, Rgb::new(1.0, 0.5, 0.5));
-    assert!(scene.notes.iter().any(|n| n.message.starts_with("KHR_materials_sheen: fuzz_weight")), "{:?}", scene.notes);
-    assert!(scene.notes.iter().any(|n| n.message == "ACME_materials_magic: not mapped"), "{:?}", scene.notes);
+    assert!(
+        scene.notes.iter().any(|n| n.message.starts_with("KHR_materials_sheen: fuzz_weight")),
+        "{:?}",
+        scene.notes
+    );
+    assert!(
+        scene.notes.iter().any(|n| n.message == "ACME_materials_magic: not mapped"),
+        "{:?}",
+        scene.notes
+    );
 }
 
 #[test]
 fn what_only_glows_is_lit_by_the_sky_and_lamps_are_not() {
     let scene = |material: &str| {
-        read_text(&format!(r#"{{"asset": {{"version": "2.0"}}, "materials": [{material}]}}"#)).expect("sound")
+        read_text(&format!(r#"{{"asset": {{"version": "2.0"}}, "materials": [{material}]}}"#))
+            .expect("sound")
     };
     let unlit = scene(r#"{"extensions": {"KHR_materials_unlit": {}}}"#);
     let display = scene(r#"{"emissiveFactor": [1, 1, 1]}"#);
@@ -368,7 +425,8 @@ fn what_only_glows_is_lit_by_the_sky_and_lamps_are_not() {
 
 #[test]
 fn meshes_without_nodes_are_shown_and_have_two_sides() {
-    let scene = read_text(&square(4, &[0, 1, 2]).replace("\"nodes\"", "\"extras\"")).expect("the square is sound");
+    let scene = read_text(&square(4, &[0, 1, 2]).replace("\"nodes\"", "\"extras\""))
+        .expect("the square is sound");
     let bounds = scene.bounds().expect("the scene is sound");
     assert_eq!(scene.warnings.len(), 1, "{:?}", scene.warnings);
     assert!(bounds.is_finite() && scene.materials.iter().all(|m| m.double_sided));

@@ -99,7 +99,11 @@ fn whatever_a_pointer_names_follows_its_keys() {
     let scene = read_text(&file().to_string()).expect("the file is sound");
     let warnings: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
     assert!(matches!(warnings[..], [one] if one.contains("/asset/version")), "{warnings:?}");
-    assert_eq!((meshes(&scene), scene.textures.len()), (1, 2), "the moving texture is one of its own");
+    assert_eq!(
+        (meshes(&scene), scene.textures.len()),
+        (1, 2),
+        "the moving texture is one of its own"
+    );
     for time in [0.0, 0.5, 1.0, 2.0] {
         let (posed, share) = (at(&scene, time), (time / 2.0) as f32);
         let is_there = time < 2.0;
@@ -113,7 +117,9 @@ fn whatever_a_pointer_names_follows_its_keys() {
         let [row, other] = posed.textures[0].as_image().expect("an image").uv_transform;
         assert!((row[2] - share).abs() < 1e-6 && (other[2] - 0.5 * share).abs() < 1e-6);
         assert_eq!(posed.textures[1], scene.textures[1], "the other material's texture stays");
-        let Projection::Perspective { tan_half_fov: [None, Some(tangent)] } = posed.cameras[0].projection else {
+        let Projection::Perspective { tan_half_fov: [None, Some(tangent)] } =
+            posed.cameras[0].projection
+        else {
             panic!("a perspective camera")
         };
         assert!((tangent - ((0.5 + time / 2.0) / 2.0).tan()).abs() < 1e-3, "{time}");
@@ -145,9 +151,15 @@ fn the_text_format_keeps_what_pointers_change() {
 
 #[test]
 fn pointers_into_nothing_are_warnings() {
-    for pointer in
-        ["", "/", "/materials/7/emissiveFactor", "/materials/0", "/nodes/0/scale", "/cameras/x/y", "/materials/-/a~1b"]
-    {
+    for pointer in [
+        "",
+        "/",
+        "/materials/7/emissiveFactor",
+        "/materials/0",
+        "/nodes/0/scale",
+        "/cameras/x/y",
+        "/materials/-/a~1b",
+    ] {
         let mut file = file();
         file["animations"][0]["channels"][0]["target"]["extensions"]["KHR_animation_pointer"]["pointer"] =
             pointer.into();
@@ -164,5 +176,9 @@ fn a_pointer_of_any_length_is_refused_with_a_warning() {
     file["animations"][0]["channels"][0]["target"] =
         json!({"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": pointer}}});
     let scene = read_text(&file.to_string()).expect("the file is sound");
-    assert!(scene.warnings.iter().any(|w| w.message.contains("too many steps")), "{:?}", scene.warnings);
+    assert!(
+        scene.warnings.iter().any(|w| w.message.contains("too many steps")),
+        "{:?}",
+        scene.warnings
+    );
 }

@@ -27,7 +27,9 @@ impl Builder<'_> {
     pub(super) fn inner_bsdf(&mut self, object: &Object) -> Result<Look, Fault> {
         match self.inner(object, |o| o.class == "bsdf")? {
             Some(inner) => self.bsdf(&inner),
-            None => Err(object.fault("there is no bsdf in it", "put one in, or a reference to one")),
+            None => {
+                Err(object.fault("there is no bsdf in it", "put one in, or a reference to one"))
+            }
         }
     }
 
@@ -47,7 +49,9 @@ impl Builder<'_> {
         look.layers = layers;
         if !is_exact {
             self.note("mask of blend", object.at, || {
-                "a mask with a texture around a blend: the mask was put on the blend's last bsdf only".into()
+                "a mask with a texture around a blend: the mask was put on the blend's last bsdf \
+                    only"
+                    .into()
             });
         }
         Ok(look)
@@ -75,7 +79,8 @@ impl Builder<'_> {
         self.bsdf(first)
     }
 
-    /// The share `weight` is the second, the rest is the first; in version 0.6 also any number of them with `weights`.
+    /// The share `weight` is the second, the rest is the first; in version 0.6 also any number of
+    /// them with `weights`.
     fn blend(&mut self, object: &Object) -> Result<Look, Fault> {
         let mut parts = Vec::new();
         for child in object.children_where(|c| c.name != "weight") {
@@ -87,14 +92,17 @@ impl Builder<'_> {
             }
         }
         if parts.iter().map(|part| part.layers.len()).sum::<usize>() > MAX_LAYERS {
-            let problem = format!("blends of blends make more than {MAX_LAYERS} bsdfs of one, the limit");
+            let problem =
+                format!("blends of blends make more than {MAX_LAYERS} bsdfs of one, the limit");
             return Err(object.fault(problem, "blend fewer"));
         }
         if object.kind == "mixturebsdf" {
             return self.mixture(object, parts);
         }
         let [first, second] = &parts[..] else {
-            return Err(object.fault(format!("{} bsdfs, where two were expected", parts.len()), "give two"));
+            return Err(
+                object.fault(format!("{} bsdfs, where two were expected", parts.len()), "give two")
+            );
         };
         let weight = self.scalar(object, "weight", 0.5)?;
         Ok(on_each_other(second.clone(), first.clone(), weight))
@@ -102,7 +110,8 @@ impl Builder<'_> {
 
     fn mixture(&mut self, object: &Object, parts: Vec<Look>) -> Result<Look, Fault> {
         let weights = match object.string("weights")? {
-            Some((text, at)) => value::numbers(text).map_err(|p| Fault::new(at, p, "give a number for each bsdf"))?,
+            Some((text, at)) => value::numbers(text)
+                .map_err(|p| Fault::new(at, p, "give a number for each bsdf"))?,
             None => vec![1.0 / parts.len().max(1) as f64; parts.len()],
         };
         if weights.len() != parts.len() || parts.is_empty() || weights.iter().any(|w| *w < 0.0) {
@@ -113,7 +122,8 @@ impl Builder<'_> {
         for (part, weight) in parts.into_iter().zip(weights) {
             sum += weight;
             let share = if sum > 0.0 { (weight / sum) as f32 } else { 0.0 };
-            look = if look.layers.is_empty() { part } else { on_each_other(part, look, share.into()) };
+            look =
+                if look.layers.is_empty() { part } else { on_each_other(part, look, share.into()) };
         }
         Ok(look)
     }
@@ -127,7 +137,9 @@ impl Builder<'_> {
             // Directions, whatever the picture says of colours.
             texture.encoding = Encoding::Linear;
             let texture = self.scene.add_texture(texture);
-            look.layers.iter_mut().for_each(|l| l.normal_map = Some(NormalMap { texture, scale: 1.0 }));
+            look.layers
+                .iter_mut()
+                .for_each(|l| l.normal_map = Some(NormalMap { texture, scale: 1.0 }));
         }
         Ok(look)
     }

@@ -23,7 +23,8 @@ impl Builder<'_> {
         if !is_thin && base_color.texture.is_none() {
             transmission_color.factor = base_color.factor.map(|c| c.max(0.0).sqrt());
         }
-        // The clear coat of that model is a quarter as strong as glass, and its gloss is a width from 0.1 to 0.001.
+        // The clear coat of that model is a quarter as strong as glass, and its gloss is a width
+        // from 0.1 to 0.001.
         let coat = self.scalar(object, "clearcoat", 0.0)?;
         let gloss = self.scalar(object, "clearcoat_gloss", 0.0)?.factor.clamp(0.0, 1.0);
         let mut kind = OpenPbr {
@@ -67,11 +68,17 @@ impl Builder<'_> {
         for name in ["sheen", "clearcoat"] {
             if self.scalar(object, name, 0.0)?.factor != 0.0 {
                 self.note(format!("{owner} {name}"), object.at, || {
-                    format!("{owner}: \"{name}\" became that of OpenPBR, which looks a little different")
+                    format!(
+                        "{owner}: \"{name}\" became that of OpenPBR, which looks a little different"
+                    )
                 });
             }
         }
-        for name in ["diffuse_reflectance_sampling_rate", "specular_sampling_rate", "clearcoat_sampling_rate"] {
+        for name in [
+            "diffuse_reflectance_sampling_rate",
+            "specular_sampling_rate",
+            "clearcoat_sampling_rate",
+        ] {
             object.get(name);
         }
         Ok(())

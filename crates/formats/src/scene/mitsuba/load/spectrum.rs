@@ -11,7 +11,8 @@ use snell_math::spectrum::Spectrum;
 impl Loader<'_> {
     pub(super) fn spectrum(&mut self, file: &File, node: &Node) -> Result<Hue, Fault> {
         let at = file.at(node);
-        let fault = |problem: String| Fault::new(at, format!("<spectrum>: {problem}"), "correct the value");
+        let fault =
+            |problem: String| Fault::new(at, format!("<spectrum>: {problem}"), "correct the value");
         let kind = self.attribute(file, node, "type")?.unwrap_or_default();
         if kind == "blackbody" || node.tag_name().name() == "blackbody" {
             return self.blackbody(file, node);
@@ -26,10 +27,18 @@ impl Loader<'_> {
         if let Some(name) = self.attribute(file, node, "filename")? {
             let input = self.open_file(file, &name, at)?;
             let text = String::from_utf8_lossy(&input.bytes);
-            let lines = text.lines().map(|l| l.split('#').next().unwrap_or_default()).collect::<Vec<_>>().join("\n");
-            let numbers = value::numbers(&lines).map_err(|p| fault(format!("{}: {p}", input.name)))?;
-            let pairs = numbers.chunks(2).map(|p| [p[0] as f32, p.get(1).copied().unwrap_or(f64::NAN) as f32]);
-            return value::table(pairs.collect()).map_err(|p| fault(format!("{}: {p}", input.name)));
+            let lines = text
+                .lines()
+                .map(|l| l.split('#').next().unwrap_or_default())
+                .collect::<Vec<_>>()
+                .join("\n");
+            let numbers =
+                value::numbers(&lines).map_err(|p| fault(format!("{}: {p}", input.name)))?;
+            let pairs = numbers
+                .chunks(2)
+                .map(|p| [p[0] as f32, p.get(1).copied().unwrap_or(f64::NAN) as f32]);
+            return value::table(pairs.collect())
+                .map_err(|p| fault(format!("{}: {p}", input.name)));
         }
         let text = self.required(file, node, "value")?;
         if text.contains(':') {
@@ -45,7 +54,8 @@ impl Loader<'_> {
     /// The spectra that are plugins: `uniform`, `srgb`, `regular` and `irregular`.
     fn listed_spectrum(&mut self, file: &File, node: &Node, kind: &str) -> Result<Hue, Fault> {
         let at = file.at(node);
-        let fault = |problem: String| Fault::new(at, format!("<spectrum>: {problem}"), "correct the value");
+        let fault =
+            |problem: String| Fault::new(at, format!("<spectrum>: {problem}"), "correct the value");
         match kind {
             "uniform" => Ok(Hue::Uniform(self.inner_number(file, node, "value")?.unwrap_or(1.0))),
             "srgb" => {
@@ -59,21 +69,30 @@ impl Loader<'_> {
                 let lambdas = match self.inner(file, node, "wavelengths")? {
                     Some(text) => value::numbers(&text).map_err(fault)?,
                     None => {
-                        let least = self.inner_number(file, node, "wavelength_min")?.unwrap_or(360.0);
-                        let most = self.inner_number(file, node, "wavelength_max")?.unwrap_or(830.0);
+                        let least =
+                            self.inner_number(file, node, "wavelength_min")?.unwrap_or(360.0);
+                        let most =
+                            self.inner_number(file, node, "wavelength_max")?.unwrap_or(830.0);
                         let step = (most - least) / (values.len().max(2) - 1) as f64;
                         (0..values.len()).map(|i| least + step * i as f64).collect()
                     }
                 };
                 if lambdas.len() != values.len() {
-                    return Err(fault(format!("{} wavelengths for {} values", lambdas.len(), values.len())));
+                    return Err(fault(format!(
+                        "{} wavelengths for {} values",
+                        lambdas.len(),
+                        values.len()
+                    )));
                 }
                 let pairs = lambdas.iter().zip(&values).map(|(l, v)| [*l as f32, *v as f32]);
                 value::table(pairs.collect()).map_err(fault)
             }
             other => {
                 self.note(format!("spectrum {other}"), at, || {
-                    format!("spectrum \"{}\" is not supported; a uniform 1 was used instead", shortened(other))
+                    format!(
+                        "spectrum \"{}\" is not supported; a uniform 1 was used instead",
+                        shortened(other)
+                    )
                 });
                 Ok(Hue::Uniform(1.0))
             }
@@ -82,8 +101,10 @@ impl Loader<'_> {
 
     /// The value of a property inside of an element.
     fn inner(&mut self, file: &File, node: &Node, name: &str) -> Result<Option<String>, Fault> {
-        let is =
-            |child: &Node| child.is_element() && child.attribute("name").is_some_and(|n| value::snake_case(n) == name);
+        let is = |child: &Node| {
+            child.is_element()
+                && child.attribute("name").is_some_and(|n| value::snake_case(n) == name)
+        };
         match node.children().find(is) {
             Some(child) => Ok(Some(self.required(file, &child, "value")?)),
             None => Ok(None),
@@ -92,13 +113,16 @@ impl Loader<'_> {
 
     fn inner_number(&mut self, file: &File, node: &Node, name: &str) -> Result<Option<f64>, Fault> {
         let Some(text) = self.inner(file, node, name)? else { return Ok(None) };
-        let fault = |problem: String| Fault::new(file.at(node), format!("\"{name}\": {problem}"), "give a number");
+        let fault = |problem: String| {
+            Fault::new(file.at(node), format!("\"{name}\": {problem}"), "give a number")
+        };
         value::number(&text).map(Some).map_err(fault)
     }
 
     fn blackbody(&mut self, file: &File, node: &Node) -> Result<Hue, Fault> {
         let at = file.at(node);
-        let fault = |problem: String| Fault::new(at, problem, "give a temperature from 100 to 1000000 K");
+        let fault =
+            |problem: String| Fault::new(at, problem, "give a temperature from 100 to 1000000 K");
         let kelvin = match self.attribute(file, node, "temperature")? {
             Some(text) => value::number(text.trim().trim_end_matches(['K', 'k'])).map_err(fault)?,
             None => self.inner_number(file, node, "temperature")?.unwrap_or(5000.0),

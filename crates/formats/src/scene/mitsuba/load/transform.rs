@@ -8,7 +8,12 @@ use snell_math::{DAffine3, DVec3, Transform};
 
 impl Loader<'_> {
     /// `value="1, 2, 3"`, or `x="1" y="2" z="3"`.
-    pub(super) fn vector(&mut self, file: &File, node: &Node, default: DVec3) -> Result<DVec3, Fault> {
+    pub(super) fn vector(
+        &mut self,
+        file: &File,
+        node: &Node,
+        default: DVec3,
+    ) -> Result<DVec3, Fault> {
         let at = file.at(node);
         let fault = |problem: String| Fault::new(at, problem, "give three numbers");
         if let Some(text) = self.attribute(file, node, "value")? {
@@ -26,8 +31,11 @@ impl Loader<'_> {
     /// The transforms inside, one after the other.
     pub(super) fn transform(&mut self, file: &File, node: &Node) -> Result<DAffine3, Fault> {
         if node.tag_name().name() == "animation" {
-            self.note("animation", file.at(node), || "a transform that changes over time; the first was used".into());
-            let first = node.children().find(|c| c.is_element() && c.tag_name().name() == "transform");
+            self.note("animation", file.at(node), || {
+                "a transform that changes over time; the first was used".into()
+            });
+            let first =
+                node.children().find(|c| c.is_element() && c.tag_name().name() == "transform");
             return first.map_or(Ok(DAffine3::IDENTITY), |first| self.transform(file, &first));
         }
         let mut map = DAffine3::IDENTITY;
@@ -44,27 +52,37 @@ impl Loader<'_> {
 
     fn step(&mut self, file: &File, node: &Node) -> Result<DAffine3, Fault> {
         let (at, tag) = (file.at(node), node.tag_name().name().to_string());
-        let fault = |problem: String| Fault::new(at, format!("<{tag}>: {problem}"), "correct the numbers");
+        let fault =
+            |problem: String| Fault::new(at, format!("<{tag}>: {problem}"), "correct the numbers");
         Ok(match tag.to_ascii_lowercase().as_str() {
             "translate" => DAffine3::from_translation(self.vector(file, node, DVec3::ZERO)?),
             "scale" => DAffine3::from_scale(self.vector(file, node, DVec3::ONE)?),
             "rotate" => {
                 let axis = self.vector(file, node, DVec3::ZERO)?;
                 let angle = value::number(&self.required(file, node, "angle")?).map_err(fault)?;
-                let axis = axis.try_normalize().ok_or_else(|| fault("the axis is the zero vector".into()))?;
+                let axis = axis
+                    .try_normalize()
+                    .ok_or_else(|| fault("the axis is the zero vector".into()))?;
                 DAffine3::from_axis_angle(axis, angle.to_radians())
             }
             "matrix" => value::matrix(&self.required(file, node, "value")?).map_err(fault)?,
             "lookat" => {
-                let mut point = |name: &str| value::triple(&self.required(file, node, name)?).map_err(fault);
+                let mut point =
+                    |name: &str| value::triple(&self.required(file, node, name)?).map_err(fault);
                 let (origin, target) = (point("origin")?, point("target")?);
                 let up = if node.has_attribute("up") { point("up")? } else { DVec3::Y };
                 let view = value::look_at(origin, target, up);
-                view.ok_or_else(|| fault("origin and target coincide, or up points along the view".into()))?
+                view.ok_or_else(|| {
+                    fault("origin and target coincide, or up points along the view".into())
+                })?
             }
             _ => {
                 let problem = format!("<{}> is not a transform", shortened(&tag));
-                return Err(Fault::new(at, problem, "use translate, rotate, scale, matrix or lookat"));
+                return Err(Fault::new(
+                    at,
+                    problem,
+                    "use translate, rotate, scale, matrix or lookat",
+                ));
             }
         })
     }

@@ -11,7 +11,8 @@ use snell_math::{DAffine3, Vec3, Vec4};
 use std::sync::Arc;
 
 impl Builder<'_> {
-    /// The strands of a file, brought to their place: radii are those of the file, whatever the place is scaled by. `None` if there are none.
+    /// The strands of a file, brought to their place: radii are those of the file, whatever the
+    /// place is scaled by. `None` if there are none.
     pub(super) fn curves(
         &mut self,
         object: &Object,
@@ -27,9 +28,12 @@ impl Builder<'_> {
             *point = position.as_vec3().extend(point.w);
         }
         let curves = Curves::new(basis, points, strands);
-        let curves = curves.map_err(|error| Fault::new(at, error.to_string(), "export the file again"))?;
+        let curves =
+            curves.map_err(|error| Fault::new(at, error.to_string(), "export the file again"))?;
         if curves.strands().is_empty() {
-            self.note("empty curves", at, || format!("\"{}\" has no curves; it was left out", shortened(name)));
+            self.note("empty curves", at, || {
+                format!("\"{}\" has no curves; it was left out", shortened(name))
+            });
             return Ok(None);
         }
         Ok(Some(Arc::new(curves)))
@@ -49,14 +53,18 @@ fn read(input: &Input, basis: StrandBasis) -> Result<(Vec<Vec4>, Vec<u32>), Read
         if ahead.word().is_some() {
             points.push(point(&mut reader)?);
             if points.len() > input.options.limits.elements {
-                let problem = format!("more than {} points of curves, the limit", input.options.limits.elements);
+                let problem = format!(
+                    "more than {} points of curves, the limit",
+                    input.options.limits.elements
+                );
                 return Err(reader.error(here, problem, "split the file"));
             }
         } else if points.len() > start {
             let count = points.len() - start;
             if basis.segments(count).is_none() {
                 let least = if basis == StrandBasis::Linear { 2 } else { 4 };
-                let problem = format!("a curve of {count} points ends here, expected {least} or more");
+                let problem =
+                    format!("a curve of {count} points ends here, expected {least} or more");
                 return Err(reader.error(here, problem, "give more points, or take the curve out"));
             }
             strands.push(count as u32);

@@ -31,7 +31,9 @@ impl Reading {
         }
         Ok(Self {
             is_serialized: object.kind == "serialized",
-            index: object.integer_within("shape_index", [0, i64::from(u32::MAX)])?.map_or(0, |index| index as usize),
+            index: object
+                .integer_within("shape_index", [0, i64::from(u32::MAX)])?
+                .map_or(0, |index| index as usize),
             flips_v: object.bool_or("flip_tex_coords", object.kind == "obj")?,
             is_flat: object.bool_or("face_normals", false)?,
             crease: object.float("max_smooth_angle")?,

@@ -36,7 +36,8 @@ pub fn cube() -> TriangleMesh {
     mesh
 }
 
-/// Adds a square whose coordinates grow along `u` and `v`, seen from outside of the middle, or from `u x v` if that is the origin.
+/// Adds a square whose coordinates grow along `u` and `v`, seen from outside of the middle, or from
+/// `u x v` if that is the origin.
 fn face(mesh: &mut TriangleMesh, middle: DVec3, u: DVec3, v: DVec3) -> TriangleMesh {
     let first = mesh.positions.len() as u32;
     for (x, y) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {

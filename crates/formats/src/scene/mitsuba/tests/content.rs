@@ -21,7 +21,8 @@ fn public_scenes_load_with_all_they_hold() {
     let mut lines = Vec::new();
     for file in ["cornell-box/mitsuba/scene_v3.xml", "veach-mis/mitsuba/scene.xml"] {
         let Some(folder) = data("bitterli") else { return };
-        let mut scene = read_scene(&folder.join(file), &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let mut scene = read_scene(&folder.join(file), &ReadOptions::default())
+            .unwrap_or_else(|e| panic!("{e}"));
         let prefix = format!("{}/", folder.display());
         scene.warnings.iter_mut().for_each(|w| w.message = w.message.replace(&prefix, ""));
         lines.push(format!("{file}: {} {:?}", summary(&scene), scene.settings.size));
@@ -31,7 +32,10 @@ fn public_scenes_load_with_all_they_hold() {
 
 #[test]
 fn content_tells_the_format() {
-    for text in ["<scene version=\"3.0.0\">", "\u{feff}<?xml version='1.0'?>\n<!-- a -->\n <scene version='0.6.0' >"] {
+    for text in [
+        "<scene version=\"3.0.0\">",
+        "\u{feff}<?xml version='1.0'?>\n<!-- a -->\n <scene version='0.6.0' >",
+    ] {
         assert!((READER.recognises)(text.as_bytes()), "{text}");
     }
     for text in ["", "<scene>", "<svg version='1'>", "<!-- ", "scene"] {
@@ -41,12 +45,15 @@ fn content_tells_the_format() {
 
 #[test]
 fn parameters_have_the_values_of_the_caller_or_their_defaults() {
-    let text = "<scene version=\"3.0.0\"><default name=\"r\" value=\"2\"/><default name=\"rr\" value=\"7\"/>\
+    let text = "<scene version=\"3.0.0\"><default name=\"r\" value=\"2\"/><default name=\"rr\" \
+        value=\"7\"/>\
         <shape type=\"sphere\"><float name=\"radius\" value=\"$r\"/></shape>\
         <shape type=\"sphere\"><float name=\"radius\" value=\"1$rr\"/></shape></scene>";
     let radii = |parameters: Vec<(String, String)>| {
         let options = ReadOptions { parameters, ..ReadOptions::default() };
-        let scene = crate::read_scene_bytes("a.xml", text.into(), std::path::Path::new("."), &options).expect("fine");
+        let scene =
+            crate::read_scene_bytes("a.xml", text.into(), std::path::Path::new("."), &options)
+                .expect("fine");
         assert!(scene.takes_parameter("r") && !scene.takes_parameter("other"));
         scene.bounds().expect("no cycles").max.x
     };
@@ -57,12 +64,15 @@ fn parameters_have_the_values_of_the_caller_or_their_defaults() {
 #[test]
 fn included_files_meshes_and_groups_are_parts_of_the_scene() {
     let folder = tempfile::tempdir().expect("a folder");
-    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).expect("written");
+    let write = |name: &str, bytes: &[u8]| {
+        std::fs::write(folder.path().join(name), bytes).expect("written")
+    };
     write("t.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0.25\nf 1/1 2/1 3/1\n");
     write("m.serialized", &serialized());
     write(
         "materials.xml",
-        b"<scene version='3.0.0'><bsdf type='diffuse' id='red'><rgb name='reflectance' value='1 0 0'/></bsdf></scene>",
+        b"<scene version='3.0.0'><bsdf type='diffuse' id='red'><rgb name='reflectance' value='1 0 \
+            0'/></bsdf></scene>",
     );
     write(
         "a.xml",
@@ -72,13 +82,17 @@ fn included_files_meshes_and_groups_are_parts_of_the_scene() {
         <shape type="instance"><ref id="g"/><transform name="to_world"><translate x="5"/></transform></shape>
         <shape type="serialized"><string name="filename" value="m.serialized"/><integer name="shape_index" value="1"/></shape></scene>"#,
     );
-    let scene = read_scene(&folder.path().join("a.xml"), &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+    let scene = read_scene(&folder.path().join("a.xml"), &ReadOptions::default())
+        .unwrap_or_else(|e| panic!("{e}"));
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     let meshes = meshes(&scene);
     assert_eq!(meshes.len(), 2);
     let obj = meshes.iter().find(|m| !m.uvs[0].is_empty()).expect("the one with coordinates");
     assert_eq!(obj.uvs[0][0].y, 0.75, "coordinates of OBJ files are turned");
-    assert_eq!((scene.bounds().expect("no cycles").max.x, scene.bounds().expect("no cycles").max.z), (6.0, 3.0));
+    assert_eq!(
+        (scene.bounds().expect("no cycles").max.x, scene.bounds().expect("no cycles").max.z),
+        (6.0, 3.0)
+    );
     assert_eq!(scene.materials[0].name, "red");
 }
 
@@ -107,24 +121,37 @@ fn serialized() -> Vec<u8> {
 #[test]
 fn cameras_see_what_mitsubas_see() {
     let scene = clean(
-        "<sensor type=\"thinlens\"><float name=\"fov\" value=\"90\"/><string name=\"fov_axis\" value=\"y\"/>\
+        "<sensor type=\"thinlens\"><float name=\"fov\" value=\"90\"/><string name=\"fov_axis\" \
+            value=\"y\"/>\
         <float name=\"aperture_radius\" value=\"0.1\"/><float name=\"focus_distance\" value=\"3\"/>\
-        <transform name=\"to_world\"><lookat origin=\"0,0,5\" target=\"0,0,0\" up=\"0,1,0\"/></transform>\
-        <film type=\"hdrfilm\"><integer name=\"width\" value=\"200\"/><integer name=\"height\" value=\"100\"/><rfilter type=\"tent\"/></film>\
-        <sampler type=\"independent\"><integer name=\"sample_count\" value=\"9\"/></sampler></sensor>\
+        <transform name=\"to_world\"><lookat origin=\"0,0,5\" target=\"0,0,0\" \
+        up=\"0,1,0\"/></transform>\
+        <film type=\"hdrfilm\"><integer name=\"width\" value=\"200\"/><integer name=\"height\" \
+        value=\"100\"/><rfilter type=\"tent\"/></film>\
+        <sampler type=\"independent\"><integer name=\"sample_count\" \
+        value=\"9\"/></sampler></sensor>\
         <integrator type=\"path\"><integer name=\"max_depth\" value=\"3\"/></integrator>",
     );
     let camera = &scene.cameras[0];
-    assert_eq!((camera.eye, camera.towards, camera.right()), (DVec3::Z * 5.0, DVec3::NEG_Z, DVec3::X));
+    assert_eq!(
+        (camera.eye, camera.towards, camera.right()),
+        (DVec3::Z * 5.0, DVec3::NEG_Z, DVec3::X)
+    );
     assert_eq!((camera.aperture_radius, camera.focus_distance), (0.1, 3.0));
-    let Projection::Perspective { tan_half_fov: [Some(x), None] } = camera.projection else { panic!("{camera:?}") };
+    let Projection::Perspective { tan_half_fov: [Some(x), None] } = camera.projection else {
+        panic!("{camera:?}")
+    };
     assert!((x - 2.0).abs() < 1e-12);
     let settings = &scene.settings;
-    assert_eq!((settings.size, settings.spp, settings.max_depth), (Some([200, 100]), Some(9), Some(2)));
+    assert_eq!(
+        (settings.size, settings.spp, settings.max_depth),
+        (Some([200, 100]), Some(9), Some(2))
+    );
     assert_eq!(settings.filter.as_deref(), Some("tent"));
     // A camera whose transform is a mirror mirrors the world.
     let scene = clean(
-        "<sensor type=\"perspective\"><transform name=\"toWorld\"><scale x=\"-1\"/></transform></sensor>\
+        "<sensor type=\"perspective\"><transform name=\"toWorld\"><scale \
+            x=\"-1\"/></transform></sensor>\
         <shape type=\"sphere\"><point name=\"center\" x=\"4\" y=\"0\" z=\"0\"/></shape>",
     );
     assert_eq!(scene.bounds().expect("no cycles").max.x, -3.0);
@@ -133,26 +160,36 @@ fn cameras_see_what_mitsubas_see() {
 #[test]
 fn surfaces_are_what_they_say() {
     let MaterialKind::Dielectric(glass) = material(
-        "<bsdf type=\"dielectric\"><string name=\"int_ior\" value=\"water\"/><float name=\"ext_ior\" value=\"1\"/></bsdf>",
+        "<bsdf type=\"dielectric\"><string name=\"int_ior\" value=\"water\"/><float \
+            name=\"ext_ior\" value=\"1\"/></bsdf>",
     ) else {
         panic!("glass")
     };
     assert!((glass.ior.at_line_d() - 1.333).abs() < 1e-6);
     let MaterialKind::Conductor(gold) = material(
-        "<bsdf type=\"roughconductor\"><string name=\"material\" value=\"Au\"/><string name=\"distribution\" value=\"ggx\"/><float name=\"alpha\" value=\"0.25\"/></bsdf>",
+        "<bsdf type=\"roughconductor\"><string name=\"material\" value=\"Au\"/><string \
+            name=\"distribution\" value=\"ggx\"/><float name=\"alpha\" value=\"0.25\"/></bsdf>",
     ) else {
         panic!("gold")
     };
-    assert_eq!((gold.roughness, gold.microfacets), (ScalarParam::constant(0.5), MicrofacetShape::Ggx));
+    assert_eq!(
+        (gold.roughness, gold.microfacets),
+        (ScalarParam::constant(0.5), MicrofacetShape::Ggx)
+    );
     let MaterialKind::Conductor(beckmann) = material(
-        "<bsdf type=\"roughconductor\"><float name=\"alpha\" value=\"0.25\"/><rgb name=\"specular_reflectance\" value=\"0.5, 0.25, 0\"/></bsdf>",
+        "<bsdf type=\"roughconductor\"><float name=\"alpha\" value=\"0.25\"/><rgb \
+            name=\"specular_reflectance\" value=\"0.5, 0.25, 0\"/></bsdf>",
     ) else {
         panic!("tinted")
     };
     let is = (beckmann.roughness, beckmann.microfacets, beckmann.tint.factor);
-    assert_eq!(is, (ScalarParam::constant(0.5), MicrofacetShape::Beckmann, Rgb::new(0.5, 0.25, 0.0)));
+    assert_eq!(
+        is,
+        (ScalarParam::constant(0.5), MicrofacetShape::Beckmann, Rgb::new(0.5, 0.25, 0.0))
+    );
     let MaterialKind::Conductor(brushed) = material(
-        "<bsdf type=\"roughconductor\"><float name=\"alpha_u\" value=\"0.1\"/><float name=\"alpha_v\" value=\"0.4\"/></bsdf>",
+        "<bsdf type=\"roughconductor\"><float name=\"alpha_u\" value=\"0.1\"/><float \
+            name=\"alpha_v\" value=\"0.4\"/></bsdf>",
     ) else {
         panic!("brushed")
     };
@@ -160,31 +197,47 @@ fn surfaces_are_what_they_say() {
     let most = brushed.roughness.factor.powi(2) * (2.0 / (1.0 + ratio * ratio)).sqrt();
     assert!((ratio - 0.25).abs() < 1e-6 && (most - 0.4).abs() < 1e-6, "{brushed:?}");
     let MaterialKind::Conductor(tinted) = material(
-        "<bsdf type=\"conductor\"><string name=\"material\" value=\"Au\"/><rgb name=\"specular_reflectance\" value=\"0.5, 0.25, 0\"/></bsdf>",
+        "<bsdf type=\"conductor\"><string name=\"material\" value=\"Au\"/><rgb \
+            name=\"specular_reflectance\" value=\"0.5, 0.25, 0\"/></bsdf>",
     ) else {
         panic!("tinted gold")
     };
-    assert!(matches!(tinted.spectrum, ConductorSpectrum::Metal(_)) && tinted.tint.factor == Rgb::new(0.5, 0.25, 0.0));
+    assert!(
+        matches!(tinted.spectrum, ConductorSpectrum::Metal(_))
+            && tinted.tint.factor == Rgb::new(0.5, 0.25, 0.0)
+    );
     assert!(matches!(
         material("<bsdf type=\"plastic\"><boolean name=\"nonlinear\" value=\"true\"/></bsdf>"),
         MaterialKind::CoatedDiffuse(_)
     ));
     assert!(matches!(material("<bsdf type=\"plastic\"/>"), MaterialKind::Plastic(_)));
-    assert!(matches!(material("<bsdf type=\"thindielectric\"/>"), MaterialKind::MetallicRoughness(_)));
-    assert!(matches!(material("<bsdf type=\"twosided\"><bsdf type=\"conductor\"/></bsdf>"), MaterialKind::Mirror(_)));
+    assert!(matches!(
+        material("<bsdf type=\"thindielectric\"/>"),
+        MaterialKind::MetallicRoughness(_)
+    ));
+    assert!(matches!(
+        material("<bsdf type=\"twosided\"><bsdf type=\"conductor\"/></bsdf>"),
+        MaterialKind::Mirror(_)
+    ));
     let MaterialKind::OpenPbr(principled) = material(
-        "<bsdf type=\"principled\"><rgb name=\"base_color\" value=\"1 0 0\"/><float name=\"metallic\" value=\"0.5\"/><float name=\"specular\" value=\"0.5\"/></bsdf>",
+        "<bsdf type=\"principled\"><rgb name=\"base_color\" value=\"1 0 0\"/><float \
+            name=\"metallic\" value=\"0.5\"/><float name=\"specular\" value=\"0.5\"/></bsdf>",
     ) else {
         panic!("principled")
     };
-    assert!((principled.specular_ior.factor - 1.5).abs() < 1e-5 && principled.base_metalness.factor == 0.5);
+    assert!(
+        (principled.specular_ior.factor - 1.5).abs() < 1e-5
+            && principled.base_metalness.factor == 0.5
+    );
 }
 
 #[test]
 fn blends_and_masks_are_layers_with_their_shares() {
     let scene = clean(
-        "<shape type=\"sphere\"><bsdf type=\"mask\"><float name=\"opacity\" value=\"0.5\"/><bsdf type=\"blendbsdf\">\
-        <float name=\"weight\" value=\"0.25\"/><bsdf type=\"diffuse\"/><bsdf type=\"conductor\"/></bsdf></bsdf></shape>",
+        "<shape type=\"sphere\"><bsdf type=\"mask\"><float name=\"opacity\" value=\"0.5\"/><bsdf \
+            type=\"blendbsdf\">\
+        <float name=\"weight\" value=\"0.25\"/><bsdf type=\"diffuse\"/><bsdf \
+        type=\"conductor\"/></bsdf></bsdf></shape>",
     );
     let layers: Vec<_> = scene.materials.iter().map(|m| (m.kind.name(), m.alpha.factor)).collect();
     // An eighth of all is metal, and of what passes that three eighths of all are diffuse.
@@ -195,11 +248,15 @@ fn blends_and_masks_are_layers_with_their_shares() {
 #[test]
 fn emitters_have_their_radiometry() {
     let scene = clean(
-        "<emitter type=\"point\"><rgb name=\"intensity\" value=\"1 2 3\"/><point name=\"position\" value=\"1 2 3\"/></emitter>\
-        <emitter type=\"spot\"><float name=\"cutoff_angle\" value=\"40\"/><float name=\"beam_width\" value=\"20\"/></emitter>\
-        <emitter type=\"directional\"><vector name=\"direction\" x=\"0\" y=\"-2\" z=\"0\"/><float name=\"irradiance\" value=\"5\"/></emitter>\
+        "<emitter type=\"point\"><rgb name=\"intensity\" value=\"1 2 3\"/><point name=\"position\" \
+            value=\"1 2 3\"/></emitter>\
+        <emitter type=\"spot\"><float name=\"cutoff_angle\" value=\"40\"/><float \
+        name=\"beam_width\" value=\"20\"/></emitter>\
+        <emitter type=\"directional\"><vector name=\"direction\" x=\"0\" y=\"-2\" z=\"0\"/><float \
+        name=\"irradiance\" value=\"5\"/></emitter>\
         <emitter type=\"constant\"><spectrum name=\"radiance\" value=\"0.5\"/></emitter>\
-        <shape type=\"rectangle\"><emitter type=\"area\"><rgb name=\"radiance\" value=\"17 12 4\"/></emitter></shape>",
+        <shape type=\"rectangle\"><emitter type=\"area\"><rgb name=\"radiance\" value=\"17 12 \
+        4\"/></emitter></shape>",
     );
     let [
         Light::Point(Point { position, intensity, .. }),
@@ -210,8 +267,15 @@ fn emitters_have_their_radiometry() {
         panic!("{:?}", scene.lights)
     };
     assert_eq!((*position, *intensity), (DVec3::new(1.0, 2.0, 3.0), Rgb::new(1.0, 2.0, 3.0)));
-    let at = |degrees: f64| table.at(DVec3::new(degrees.to_radians().sin(), 0.0, degrees.to_radians().cos())).r;
-    assert!(at(19.0) == 1.0 && (at(30.0) - 0.5).abs() < 1e-5 && at(41.0) == 0.0, "{} {}", at(19.0), at(30.0));
+    let at = |degrees: f64| {
+        table.at(DVec3::new(degrees.to_radians().sin(), 0.0, degrees.to_radians().cos())).r
+    };
+    assert!(
+        at(19.0) == 1.0 && (at(30.0) - 0.5).abs() < 1e-5 && at(41.0) == 0.0,
+        "{} {}",
+        at(19.0),
+        at(30.0)
+    );
     assert_eq!((*direction, *irradiance), (DVec3::NEG_Y, Rgb::splat(5.0)));
     assert!(matches!(scene.environment, Some(Environment::Constant(c)) if c == Rgb::splat(0.5)));
     assert_eq!(scene.materials[0].emission.factor, Rgb::new(17.0, 12.0, 4.0));
@@ -223,27 +287,39 @@ fn emitters_have_their_radiometry() {
 #[test]
 fn media_are_inside_of_their_shapes() {
     let scene = clean(
-        "<medium type=\"homogeneous\" id=\"fog\"><float name=\"sigma_t\" value=\"2\"/><rgb name=\"albedo\" value=\"0.5 0.25 1\"/>\
+        "<medium type=\"homogeneous\" id=\"fog\"><float name=\"sigma_t\" value=\"2\"/><rgb \
+            name=\"albedo\" value=\"0.5 0.25 1\"/>\
         <phase type=\"hg\"><float name=\"g\" value=\"0.7\"/></phase></medium>\
         <shape type=\"cube\"><bsdf type=\"null\"/><ref name=\"interior\" id=\"fog\"/></shape>\
-        <medium type=\"homogeneous\" name=\"preset\"><string name=\"material\" value=\"skin1\"/></medium>",
+        <medium type=\"homogeneous\" name=\"preset\"><string name=\"material\" \
+        value=\"skin1\"/></medium>",
     );
     let Medium::Homogeneous(fog) = &scene.media[0] else { panic!("{:?}", scene.media) };
-    assert_eq!((fog.sigma_s, fog.sigma_a, fog.g), (Rgb::new(1.0, 0.5, 2.0), Rgb::new(1.0, 1.5, 0.0), 0.7));
-    assert!(scene.materials[0].is_interface() && scene.materials[0].interior.is_some_and(|i| i.medium.is_some()));
+    assert_eq!(
+        (fog.sigma_s, fog.sigma_a, fog.g),
+        (Rgb::new(1.0, 0.5, 2.0), Rgb::new(1.0, 1.5, 0.0), 0.7)
+    );
+    assert!(
+        scene.materials[0].is_interface()
+            && scene.materials[0].interior.is_some_and(|i| i.medium.is_some())
+    );
 }
 
 #[test]
 fn spectra_are_what_they_say() {
     let light = |radiance: &str| {
-        let scene = clean(&format!("<shape type=\"sphere\"><emitter type=\"area\">{radiance}</emitter></shape>"));
+        let scene = clean(&format!(
+            "<shape type=\"sphere\"><emitter type=\"area\">{radiance}</emitter></shape>"
+        ));
         let emission = scene.materials[0].emission;
         emission.spectrum.map_or(emission.factor, |s| emission.factor * s.light_rgb())
     };
     let constant = light("<spectrum name=\"radiance\" value=\"400:2, 500:2, 700:2\"/>");
     assert!((constant.luminance() - 2.0).abs() < 0.02, "{constant:?}");
-    let ember =
-        light("<spectrum name=\"radiance\" type=\"blackbody\"><float name=\"temperature\" value=\"2000\"/></spectrum>");
+    let ember = light(
+        "<spectrum name=\"radiance\" type=\"blackbody\"><float name=\"temperature\" \
+            value=\"2000\"/></spectrum>",
+    );
     assert!(ember.r > 2.0 * ember.g && ember.g > ember.b, "{ember:?}");
     assert_eq!(light("<rgb name=\"radiance\" value=\"#ff0000\"/>"), Rgb::new(1.0, 0.0, 0.0));
 }
@@ -255,12 +331,15 @@ fn bumps_keep_their_heights_in_units_of_the_scene() {
     let text = |scale: f32| {
         format!(
             "<scene version=\"3.0.0\"><shape type=\"rectangle\">\
-            <bsdf type=\"bumpmap\"><float name=\"scale\" value=\"{scale}\"/><texture type=\"bitmap\"><string name=\"filename\" value=\"h.pgm\"/><boolean name=\"raw\" value=\"true\"/></texture>\
+            <bsdf type=\"bumpmap\"><float name=\"scale\" value=\"{scale}\"/><texture \
+            type=\"bitmap\"><string name=\"filename\" value=\"h.pgm\"/><boolean name=\"raw\" \
+            value=\"true\"/></texture>\
             <bsdf type=\"diffuse\"/></bsdf></shape></scene>"
         )
     };
     let map = |scale: f32| {
-        let scene = testing::read_in(&READER, folder.path(), &text(scale)).unwrap_or_else(|e| panic!("{e}"));
+        let scene = testing::read_in(&READER, folder.path(), &text(scale))
+            .unwrap_or_else(|e| panic!("{e}"));
         assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
         scene.materials[0].bump_map.expect("a map")
     };
@@ -273,8 +352,10 @@ fn hair_has_its_pigments_or_its_absorption() {
     let MaterialKind::Hair(brown) = material("<bsdf type=\"hair\"/>") else { panic!("hair") };
     assert_eq!((brown.eumelanin, brown.pheomelanin), (1.3.into(), 0.2.into()));
     assert!((brown.ior - 1.55 / 1.000_277).abs() < 1e-6);
-    let text = "<bsdf type=\"hair\"><rgb name=\"sigma_a\" value=\"0.2, 0.25, 0.7\"/><float name=\"scale\" value=\"2\"/>\
-        <float name=\"longitudinal_roughness\" value=\"0.5\"/><float name=\"scale_tilt\" value=\"3\"/></bsdf>";
+    let text = "<bsdf type=\"hair\"><rgb name=\"sigma_a\" value=\"0.2, 0.25, 0.7\"/><float \
+        name=\"scale\" value=\"2\"/>\
+        <float name=\"longitudinal_roughness\" value=\"0.5\"/><float name=\"scale_tilt\" \
+        value=\"3\"/></bsdf>";
     let MaterialKind::Hair(hair) = material(text) else { panic!("hair") };
     assert_eq!(hair.eumelanin, 0.0.into());
     assert!((hair.sigma_a.factor.b - 1.4).abs() < 1e-5, "{hair:?}");
@@ -287,16 +368,21 @@ fn curves_are_strands_of_the_radii_in_the_file() {
     let read = |kind: &str, text: &str| {
         std::fs::write(folder.path().join("c.txt"), text).expect("written");
         let scene = format!(
-            "<scene version=\"3.0.0\"><shape type=\"{kind}\"><string name=\"filename\" value=\"c.txt\"/>\
+            "<scene version=\"3.0.0\"><shape type=\"{kind}\"><string name=\"filename\" \
+                value=\"c.txt\"/>\
              <transform name=\"to_world\"><scale value=\"2\"/></transform></shape></scene>"
         );
         std::fs::write(folder.path().join("a.xml"), scene).expect("written");
         read_scene(&folder.path().join("a.xml"), &ReadOptions::default()).map_err(|e| e.to_string())
     };
-    let scene =
-        read("linearcurve", "0 0 0 0.1\n1 0 0 0.2\n\n \n0 1 0 0.1\r\n0 2 0 0.1\n0 3 0 0.1").expect("two strands");
+    let scene = read("linearcurve", "0 0 0 0.1\n1 0 0 0.2\n\n \n0 1 0 0.1\r\n0 2 0 0.1\n0 3 0 0.1")
+        .expect("two strands");
     let curves = |s: &snell_scene::Surface| {
-        if let snell_scene::Geometry::Curves(curves) = &s.geometry { Some(curves.clone()) } else { None }
+        if let snell_scene::Geometry::Curves(curves) = &s.geometry {
+            Some(curves.clone())
+        } else {
+            None
+        }
     };
     let found: Vec<_> = scene.nodes.iter().flat_map(|n| &n.surfaces).filter_map(curves).collect();
     assert_eq!(found[0].strands(), [2, 3]);

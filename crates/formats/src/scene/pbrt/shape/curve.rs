@@ -20,7 +20,8 @@ impl Builder<'_> {
     pub(super) fn curve(&mut self, params: &Params) -> Result<Made, Fault> {
         let points = self.points(params)?;
         let width = params.float_or("width", 1.0)?;
-        let widths = [params.float_or("width0", width)? as f32, params.float_or("width1", width)? as f32];
+        let widths =
+            [params.float_or("width0", width)? as f32, params.float_or("width1", width)? as f32];
         let degree = self.count_param(params, "degree", 3, [2, 3])?;
         let basis = match params.string("basis")?.unwrap_or("bezier") {
             "bezier" => Basis::Bezier,
@@ -31,13 +32,17 @@ impl Builder<'_> {
             }
         };
         let segments = match basis {
-            Basis::Bezier if points.len() > degree && (points.len() - 1) % degree == 0 => (points.len() - 1) / degree,
+            Basis::Bezier if points.len() > degree && (points.len() - 1) % degree == 0 => {
+                (points.len() - 1) / degree
+            }
             Basis::BSpline if points.len() > degree => points.len() - degree,
             _ => {
-                let problem = format!("{} points do not make curves of degree {degree}", points.len());
-                return Err(
-                    params.fault(problem, "give 1 more than a multiple of the degree (bspline: more than the degree)")
-                );
+                let problem =
+                    format!("{} points do not make curves of degree {degree}", points.len());
+                return Err(params.fault(
+                    problem,
+                    "give 1 more than a multiple of the degree (bspline: more than the degree)",
+                ));
             }
         };
         let normals = params.directions("N")?;
@@ -57,15 +62,21 @@ impl Builder<'_> {
         self.note_common(params);
         if let (false, Some(param)) = (is_ribbon, params.get("N")) {
             let at = param.at;
-            self.note("normals of curves", at, || "\"N\": only ribbons have normals; the curve is round".into());
+            self.note("normals of curves", at, || {
+                "\"N\": only ribbons have normals; the curve is round".into()
+            });
         }
         let stride = if basis == Basis::Bezier { degree } else { 1 };
         let controls = |segment: usize| &points[segment * stride..=segment * stride + degree];
-        let radius = |position: f32| 0.5 * (widths[0] + (widths[1] - widths[0]) * position / segments as f32);
+        let radius = |position: f32| {
+            0.5 * (widths[0] + (widths[1] - widths[0]) * position / segments as f32)
+        };
         if !is_ribbon {
             if kind == "flat" {
                 self.mention("flat curves", params.at, || {
-                    "flat curves, which face each ray in pbrt, are round here: their outline is the same".into()
+                    "flat curves, which face each ray in pbrt, are round here: their outline is \
+                        the same"
+                        .into()
                 });
             }
             return Ok(Made::Strand(strand(basis, segments, controls, radius)));
@@ -85,13 +96,20 @@ impl Builder<'_> {
             let t = position - segment as f32;
             let (center, tangent) = at(segment, t);
             let normal = normals[segment] * (1.0 - t) + normals[segment + 1] * t;
-            strip.add_ring(center, tangent, radius(position), position / segments as f32, Some(normal));
+            strip.add_ring(
+                center,
+                tangent,
+                radius(position),
+                position / segments as f32,
+                Some(normal),
+            );
         }
         Ok(self.finish_mesh(mesh))
     }
 }
 
-/// The strand of cubic Bézier segments that is a curve, with its radius at a position from 0 to the number of segments.
+/// The strand of cubic Bézier segments that is a curve, with its radius at a position from 0 to the
+/// number of segments.
 fn strand<'p>(
     basis: Basis,
     segments: usize,
@@ -108,7 +126,8 @@ fn strand<'p>(
     strand
 }
 
-/// A segment of degree 2 or 3 as a cubic Bézier curve: the values of its blossom at the ends of the segment.
+/// A segment of degree 2 or 3 as a cubic Bézier curve: the values of its blossom at the ends of the
+/// segment.
 fn bezier(basis: Basis, p: &[Vec3]) -> [Vec3; 4] {
     let third = 1.0 / 3.0;
     match (basis, p) {
@@ -123,7 +142,8 @@ fn bezier(basis: Basis, p: &[Vec3]) -> [Vec3; 4] {
     }
 }
 
-/// Point and derivative (any length) of a curve of degree 2 or 3 at `t` from 0 to 1, by de Casteljau's and de Boor's schemes.
+/// Point and derivative (any length) of a curve of degree 2 or 3 at `t` from 0 to 1, by de
+/// Casteljau's and de Boor's schemes.
 fn evaluate(basis: Basis, p: &[Vec3], t: f32) -> (Vec3, Vec3) {
     let degree = p.len() - 1;
     let mut q = [Vec3::ZERO; 4];
@@ -137,7 +157,8 @@ fn evaluate(basis: Basis, p: &[Vec3], t: f32) -> (Vec3, Vec3) {
         for i in 0..left {
             let weight = match basis {
                 Basis::Bezier => t,
-                // Uniform knots: the interval of this round is `left` long and begins `left - 1 - i` before the segment.
+                // Uniform knots: the interval of this round is `left` long and begins
+                // `left - 1 - i` before the segment.
                 Basis::BSpline => (t + (left - 1 - i) as f32) / left as f32,
             };
             q[i] = q[i].lerp(q[i + 1], weight);

@@ -1,5 +1,5 @@
-//! Loop's subdivision surfaces (Loop, Smooth Subdivision Surfaces Based on Triangles, 1987), as far as the file says, and then moved to
-//! the limit, with the normals there.
+//! Loop's subdivision surfaces (Loop, Smooth Subdivision Surfaces Based on Triangles, 1987), as far
+//! as the file says, and then moved to the limit, with the normals there.
 
 use super::super::Builder;
 use super::super::params::Params;
@@ -32,7 +32,12 @@ impl Builder<'_> {
             control = control.refined();
         }
         let (positions, normals) = control.limit();
-        let mesh = TriangleMesh { positions, indices: control.triangles, normals, ..TriangleMesh::default() };
+        let mesh = TriangleMesh {
+            positions,
+            indices: control.triangles,
+            normals,
+            ..TriangleMesh::default()
+        };
         Ok(self.finish_mesh(mesh))
     }
 }
@@ -100,17 +105,23 @@ impl Control {
             .rings()
             .iter()
             .zip(&self.positions)
-            .map(|(ring, &center)| ring.blend(center, &self.positions, beta(ring.vertices.len()), 1.0 / 8.0))
+            .map(|(ring, &center)| {
+                ring.blend(center, &self.positions, beta(ring.vertices.len()), 1.0 / 8.0)
+            })
             .collect();
         positions.resize(self.positions.len() + edges.len(), Vec3::ZERO);
         for (&(a, b), edge) in &edges {
             let [c, d] = edge.opposite;
-            positions[edge.middle as usize] =
-                if edge.count == 2 { (p(a) + p(b)) * 0.375 + (p(c) + p(d)) * 0.125 } else { (p(a) + p(b)) * 0.5 };
+            positions[edge.middle as usize] = if edge.count == 2 {
+                (p(a) + p(b)) * 0.375 + (p(c) + p(d)) * 0.125
+            } else {
+                (p(a) + p(b)) * 0.5
+            };
         }
         let mut triangles = Vec::with_capacity(self.triangles.len() * 4);
         for &[a, b, c] in &self.triangles {
-            let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(from, to)| edges[&key(from, to)].middle);
+            let [ab, bc, ca] =
+                [(a, b), (b, c), (c, a)].map(|(from, to)| edges[&key(from, to)].middle);
             triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
         }
         Self { positions, triangles }
@@ -123,9 +134,12 @@ impl Control {
         let positions: Vec<Vec3> = rings
             .iter()
             .zip(&self.positions)
-            .map(|(ring, &center)| ring.blend(center, &self.positions, weight(ring.vertices.len()), 1.0 / 5.0))
+            .map(|(ring, &center)| {
+                ring.blend(center, &self.positions, weight(ring.vertices.len()), 1.0 / 5.0)
+            })
             .collect();
-        let mesh = TriangleMesh { positions, indices: self.triangles.clone(), ..TriangleMesh::default() };
+        let mesh =
+            TriangleMesh { positions, indices: self.triangles.clone(), ..TriangleMesh::default() };
         let mut normals = mesh.computed_normals();
         for (ring, normal) in rings.iter().zip(&mut normals) {
             if let Some(exact) = ring.normal(&mesh.positions) {
@@ -138,9 +152,12 @@ impl Control {
 
 /// Orders the steps `from -> to` around a vertex.
 fn ring(steps: &mut Vec<(u32, u32)>) -> Ring {
-    let Some(&(first, _)) = steps.first() else { return Ring { vertices: Vec::new(), is_closed: false } };
+    let Some(&(first, _)) = steps.first() else {
+        return Ring { vertices: Vec::new(), is_closed: false };
+    };
     // At the border, the ring begins where no triangle leads to.
-    let start = steps.iter().map(|s| s.0).find(|from| steps.iter().all(|s| s.1 != *from)).unwrap_or(first);
+    let start =
+        steps.iter().map(|s| s.0).find(|from| steps.iter().all(|s| s.1 != *from)).unwrap_or(first);
     let mut vertices = vec![start];
     let mut last = start;
     while let Some(position) = steps.iter().position(|s| s.0 == last) {
@@ -159,7 +176,8 @@ fn beta(n: usize) -> f32 {
 }
 
 impl Ring {
-    /// The vertex blended with its neighbours, each with this weight; at the border with the two neighbours there.
+    /// The vertex blended with its neighbours, each with this weight; at the border with the two
+    /// neighbours there.
     fn blend(&self, center: Vec3, positions: &[Vec3], weight: f32, border: f32) -> Vec3 {
         let p = |i: u32| positions[i as usize];
         match (&*self.vertices, self.is_closed) {
@@ -167,7 +185,9 @@ impl Ring {
                 let sum: Vec3 = ring.iter().map(|&i| p(i)).sum();
                 center * (1.0 - ring.len() as f32 * weight) + sum * weight
             }
-            (&[first, .., last], false) => center * (1.0 - 2.0 * border) + (p(first) + p(last)) * border,
+            (&[first, .., last], false) => {
+                center * (1.0 - 2.0 * border) + (p(first) + p(last)) * border
+            }
             _ => center,
         }
     }
@@ -205,7 +225,10 @@ mod tests {
         assert!(refined.edges().values().all(|e| e.count == 2));
         let (positions, normals) = refined.limit();
         for (p, n) in positions.iter().zip(&normals) {
-            assert!(p.length() > 0.4 && p.length() < 0.7 && p.normalize().dot(*n) > 0.94, "{p} {n}");
+            assert!(
+                p.length() > 0.4 && p.length() < 0.7 && p.normalize().dot(*n) > 0.94,
+                "{p} {n}"
+            );
         }
     }
 
@@ -223,7 +246,11 @@ mod tests {
         let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ONE.with_z(0.0)];
         let sheet = Control { positions, triangles: vec![[0, 1, 2], [1, 3, 2]] };
         let (positions, normals) = sheet.refined().limit();
-        assert!(positions.iter().all(|p| p.z == 0.0 && p.min_element() >= 0.0 && p.max_element() <= 1.0));
+        assert!(
+            positions
+                .iter()
+                .all(|p| p.z == 0.0 && p.min_element() >= 0.0 && p.max_element() <= 1.0)
+        );
         assert!(normals.iter().all(|n| n.z > 0.9999));
     }
 }

@@ -15,7 +15,10 @@ impl Builder<'_> {
         let (mut indices, number) = params.indices::<3>("indices", count)?;
         if number == 0 {
             if count != 3 {
-                return Err(params.fault("there are no indices", "give three for each triangle in \"integer indices\""));
+                return Err(params.fault(
+                    "there are no indices",
+                    "give three for each triangle in \"integer indices\"",
+                ));
             }
             indices = vec![[0, 1, 2]];
         }
@@ -30,7 +33,13 @@ impl Builder<'_> {
         check_length(params, "N", normals.len(), count)?;
         check_length(params, "uv", uvs.len(), count)?;
         self.note_common(params);
-        let mesh = TriangleMesh { positions, indices, normals, uvs: [uvs, Vec::new()], ..TriangleMesh::default() };
+        let mesh = TriangleMesh {
+            positions,
+            indices,
+            normals,
+            uvs: [uvs, Vec::new()],
+            ..TriangleMesh::default()
+        };
         Ok(self.finish_mesh(mesh))
     }
 
@@ -56,7 +65,8 @@ impl Builder<'_> {
             return Err(params.fault("there is no file name", "add \"string filename\""));
         };
         self.note_common(params);
-        let path = self.main.resolve(name).map_err(|error| Fault::new(at, error.problem, error.remedy))?;
+        let path =
+            self.main.resolve(name).map_err(|error| Fault::new(at, error.problem, error.remedy))?;
         let key = (identity(&path), self.is_reversed());
         if let Some(mesh) = self.shapes.files.get(&key) {
             return Ok(Made::Mesh(mesh.clone()));
@@ -91,7 +101,8 @@ fn repair(mesh: &mut TriangleMesh) {
     }
 }
 
-/// Gives each triangle vertices of its own, with the coordinates that pbrt gives to triangles without.
+/// Gives each triangle vertices of its own, with the coordinates that pbrt gives to triangles
+/// without.
 fn separate_with_uvs(mesh: &mut TriangleMesh) {
     let corners: Vec<usize> = mesh.indices.iter().flatten().map(|&i| i as usize).collect();
     mesh.positions = corners.iter().map(|&i| mesh.positions[i]).collect();

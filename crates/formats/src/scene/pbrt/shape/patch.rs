@@ -19,7 +19,10 @@ impl Builder<'_> {
         let (mut indices, number) = params.indices::<4>("indices", count)?;
         if number == 0 {
             if count != 4 {
-                return Err(params.fault("there are no indices", "give four for each patch in \"integer indices\""));
+                return Err(params.fault(
+                    "there are no indices",
+                    "give four for each patch in \"integer indices\"",
+                ));
             }
             indices = vec![[0, 1, 2, 3]];
         }
@@ -32,7 +35,9 @@ impl Builder<'_> {
         check_length(params, "uv", uvs.len(), count)?;
         if let Some(param) = params.get("emissionfilename") {
             let at = param.at;
-            self.note("emissionfilename", at, || "\"emissionfilename\" was ignored: the patch emits evenly".into());
+            self.note("emissionfilename", at, || {
+                "\"emissionfilename\" was ignored: the patch emits evenly".into()
+            });
         }
         self.note_common(params);
         let mut mesh = TriangleMesh::default();
@@ -40,12 +45,17 @@ impl Builder<'_> {
             let corners = patch.map(|i| i as usize);
             let p = corners.map(|i| points[i]);
             let n = (!normals.is_empty()).then(|| corners.map(|i| normals[i]));
-            let uv = if uvs.is_empty() { [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE] } else { corners.map(|i| uvs[i]) };
+            let uv = if uvs.is_empty() {
+                [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE]
+            } else {
+                corners.map(|i| uvs[i])
+            };
             let pieces = if is_flat(&p) { 1 } else { PIECES };
             add_patch(&mut mesh, p, n, uv, pieces);
         }
         if normals.is_empty() {
-            // Those of flat patches are what they are; where some are bent, all bent ones get smooth normals of their own.
+            // Those of flat patches are what they are; where some are bent, all bent ones get
+            // smooth normals of their own.
             let bent = mesh.indices.len() > indices.len() * 2;
             if bent {
                 mesh.normals = mesh.computed_normals();
@@ -62,7 +72,13 @@ fn is_flat([p00, p10, p01, p11]: &[Vec3; 4]) -> bool {
 }
 
 /// The corners are those at (0, 0), (1, 0), (0, 1) and (1, 1).
-fn add_patch(mesh: &mut TriangleMesh, p: [Vec3; 4], n: Option<[Vec3; 4]>, uv: [Vec2; 4], pieces: u32) {
+fn add_patch(
+    mesh: &mut TriangleMesh,
+    p: [Vec3; 4],
+    n: Option<[Vec3; 4]>,
+    uv: [Vec2; 4],
+    pieces: u32,
+) {
     let first = mesh.positions.len() as u32;
     for j in 0..=pieces {
         for i in 0..=pieces {

@@ -40,7 +40,8 @@ impl Builder<'_> {
         }
         let (low, high) = (params.float_or("zmin", -1.0)?, params.float_or("zmax", 1.0)?);
         if high <= low {
-            return Err(params.fault(format!("a cylinder from {low} to {high}"), "make zmax larger than zmin"));
+            return Err(params
+                .fault(format!("a cylinder from {low} to {high}"), "make zmax larger than zmin"));
         }
         if is_whole {
             let cylinder = Cylinder { radius, height: high - low, caps: false };
@@ -53,14 +54,21 @@ impl Builder<'_> {
         }))
     }
 
-    fn disk(&mut self, params: &Params, radius: f64, turn: f64, is_whole: bool) -> Result<Made, Fault> {
+    fn disk(
+        &mut self,
+        params: &Params,
+        radius: f64,
+        turn: f64,
+        is_whole: bool,
+    ) -> Result<Made, Fault> {
         let height = params.float_or("height", 0.0)?;
         let inner_radius = params.float_or("innerradius", 0.0)?;
         if !(inner_radius >= 0.0 && inner_radius < radius) {
             let problem = format!("an inner radius of {inner_radius} within {radius}");
             return Err(params.fault(problem, "give one from 0 to below the radius"));
         }
-        // Texture coordinates of our disks grow inwards in the picture's sense, those of pbrt outwards.
+        // Texture coordinates of our disks grow inwards in the picture's sense, those of pbrt
+        // outwards.
         if is_whole && !self.is_textured() {
             let place = DAffine3::from_translation(DVec3::Z * height);
             return Ok(Made::shape(Disk { radius, inner_radius }, place));
@@ -84,14 +92,22 @@ impl Builder<'_> {
         let (low, high) = (params.float_or("zmin", 0.0)?, params.float_or("zmax", 1.0)?);
         Ok(self.swept(params, turn, ALONG, |phi, v| {
             let z = low + (high - low) * v;
-            let (r, around) = (radius * (z / high).max(0.0).sqrt(), DVec3::new(phi.cos(), phi.sin(), 0.0));
+            let (r, around) =
+                (radius * (z / high).max(0.0).sqrt(), DVec3::new(phi.cos(), phi.sin(), 0.0));
             let slope = radius * radius / (2.0 * high);
             (around * r + DVec3::Z * z, (around * r - DVec3::Z * slope).normalize_or(DVec3::NEG_Z))
         }))
     }
 
-    /// The surface of points and normals by longitude (radians) and v from 0 to 1, over a turn in degrees.
-    fn swept(&mut self, params: &Params, turn: f64, along: u32, surface: impl Fn(f64, f64) -> (DVec3, DVec3)) -> Made {
+    /// The surface of points and normals by longitude (radians) and v from 0 to 1, over a turn in
+    /// degrees.
+    fn swept(
+        &mut self,
+        params: &Params,
+        turn: f64,
+        along: u32,
+        surface: impl Fn(f64, f64) -> (DVec3, DVec3),
+    ) -> Made {
         let around = ((turn / 360.0 * f64::from(AROUND)).ceil() as u32).clamp(1, AROUND);
         if !self.may_make(params, (2 * around * along) as usize) {
             return Made::Nothing;

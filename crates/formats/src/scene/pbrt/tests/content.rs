@@ -14,7 +14,10 @@ fn close(a: f32, b: f32) -> bool {
 
 fn colors_are(color: Rgb, expected: [f32; 3]) {
     let found = color.to_array();
-    assert!(found.iter().zip(expected).all(|(a, b)| close(*a, b)), "{found:?} instead of {expected:?}");
+    assert!(
+        found.iter().zip(expected).all(|(a, b)| close(*a, b)),
+        "{found:?} instead of {expected:?}"
+    );
 }
 
 use std::sync::Arc;
@@ -35,7 +38,8 @@ fn seen(scene: &Scene, point: DVec3) -> DVec2 {
 
 #[test]
 fn pictures_are_not_mirrored() {
-    // Cameras of pbrt see +x on the right, whichever way LookAt turns them; only a transform that mirrors turns them over.
+    // Cameras of pbrt see +x on the right, whichever way LookAt turns them; only a transform that
+    // mirrors turns them over.
     for (text, right) in [
         ("", DVec3::new(0.2, 0.0, 1.0)),
         ("LookAt 0 0 -5  0 0 0  0 1 0", DVec3::new(0.5, 0.0, 0.0)),
@@ -50,9 +54,12 @@ fn pictures_are_not_mirrored() {
 
 #[test]
 fn the_field_of_view_spans_the_shorter_side() {
-    for (size, top) in [([200, 100], DVec3::new(0.0, 1.0, 1.0)), ([100, 200], DVec3::new(1.0, 0.0, 1.0))] {
+    for (size, top) in
+        [([200, 100], DVec3::new(0.0, 1.0, 1.0)), ([100, 200], DVec3::new(1.0, 0.0, 1.0))]
+    {
         let text = format!(
-            "Film \"rgb\" \"integer xresolution\" {} \"integer yresolution\" [{}] Camera \"perspective\" \"float fov\" 90 WorldBegin",
+            "Film \"rgb\" \"integer xresolution\" {} \"integer yresolution\" [{}] Camera \
+                \"perspective\" \"float fov\" 90 WorldBegin",
             size[0], size[1]
         );
         let scene = scene(&text);
@@ -64,7 +71,9 @@ fn the_field_of_view_spans_the_shorter_side() {
 #[test]
 fn a_screen_window_cuts_a_part_out_of_the_view() {
     let film = "Film \"rgb\" \"integer xresolution\" 100 \"integer yresolution\" 100";
-    let scene = scene(&format!("{film} Camera \"perspective\" \"float screenwindow\" [0 1 -1 0] WorldBegin"));
+    let scene = scene(&format!(
+        "{film} Camera \"perspective\" \"float screenwindow\" [0 1 -1 0] WorldBegin"
+    ));
     assert!((seen(&scene, DVec3::Z) - DVec2::new(0.0, 0.0)).length() < 1e-9);
     assert!((seen(&scene, DVec3::new(1.0, -1.0, 1.0)) - DVec2::ONE).length() < 1e-9);
     assert!(scene.warnings.is_empty());
@@ -73,18 +82,25 @@ fn a_screen_window_cuts_a_part_out_of_the_view() {
 #[test]
 fn an_orthographic_camera_is_scaled_by_its_transform() {
     let scene = scene("Scale .5 .5 .5 Camera \"orthographic\" WorldBegin");
-    let Projection::Orthographic { half_size } = scene.cameras[0].projection else { panic!("not orthographic") };
+    let Projection::Orthographic { half_size } = scene.cameras[0].projection else {
+        panic!("not orthographic")
+    };
     assert_eq!(half_size, [None, Some(2.0)]);
 }
 
 #[test]
 fn options_become_settings() {
     let scene = scene(
-        "Film \"rgb\" \"integer xresolution\" 320 \"integer yresolution\" 200 \"float iso\" 400\nSampler \"halton\" \"integer pixelsamples\" 77\n\
-         PixelFilter \"triangle\" \"float xradius\" 1 \"float yradius\" 1\nIntegrator \"volpath\" \"integer maxdepth\" 9\nWorldBegin",
+        "Film \"rgb\" \"integer xresolution\" 320 \"integer yresolution\" 200 \"float iso\" \
+            400\nSampler \"halton\" \"integer pixelsamples\" 77\n\
+         PixelFilter \"triangle\" \"float xradius\" 1 \"float yradius\" 1\nIntegrator \"volpath\" \
+         \"integer maxdepth\" 9\nWorldBegin",
     );
     let settings = &scene.settings;
-    assert_eq!((settings.size, settings.spp, settings.max_depth), (Some([320, 200]), Some(77), Some(9)));
+    assert_eq!(
+        (settings.size, settings.spp, settings.max_depth),
+        (Some([320, 200]), Some(77), Some(9))
+    );
     assert_eq!((settings.filter.as_deref(), settings.exposure), (Some("tent"), Some(2.0)));
     assert_eq!(scene.warnings, []);
     assert_eq!(super::scene("WorldBegin").settings.size, Some([1280, 720]));
@@ -93,7 +109,8 @@ fn options_become_settings() {
 
 #[test]
 fn transforms_apply_in_the_order_of_pbrt() {
-    let scene = world("Translate 1 0 0 Rotate 90 0 0 1 Scale 2 2 2 Shape \"sphere\" \"float radius\" 0.5");
+    let scene =
+        world("Translate 1 0 0 Rotate 90 0 0 1 Scale 2 2 2 Shape \"sphere\" \"float radius\" 0.5");
     let place = scene.nodes[1].transform;
     // The point on the +x side goes to +y by the rotation.
     let sphere_x = place.transform_point3(DVec3::Z * 0.5);
@@ -105,8 +122,10 @@ fn transforms_apply_in_the_order_of_pbrt() {
 #[test]
 fn blocks_keep_the_state_and_coordinate_systems_name_it() {
     let scene = world(
-        "AttributeBegin Translate 5 0 0 CoordinateSystem \"there\" Material \"diffuse\" \"rgb reflectance\" [1 0 0] AttributeEnd\n\
-         Shape \"disk\"\nTransformBegin CoordSysTransform \"there\" Shape \"disk\" TransformEnd\nShape \"disk\"",
+        "AttributeBegin Translate 5 0 0 CoordinateSystem \"there\" Material \"diffuse\" \"rgb \
+            reflectance\" [1 0 0] AttributeEnd\n\
+         Shape \"disk\"\nTransformBegin CoordSysTransform \"there\" Shape \"disk\" \
+         TransformEnd\nShape \"disk\"",
     );
     let places: Vec<f64> = scene.nodes[1..].iter().map(|n| n.transform.translation.x).collect();
     assert_eq!(places, [0.0, 5.0, 0.0]);
@@ -122,7 +141,10 @@ fn diffuse(material: &Material) -> Rgb {
 
 #[test]
 fn attribute_sets_defaults_that_shapes_may_override() {
-    let scene = world("Attribute \"shape\" \"float radius\" 3\nShape \"sphere\"\nShape \"sphere\" \"float radius\" 1");
+    let scene = world(
+        "Attribute \"shape\" \"float radius\" 3\nShape \"sphere\"\nShape \"sphere\" \"float \
+            radius\" 1",
+    );
     let radii: Vec<_> = testing::geometries(&scene)
         .iter()
         .map(|g| if let Geometry::Shape(shape) = g { shape.bounds().max.x } else { 0.0 })
@@ -142,12 +164,17 @@ fn the_outer_side_of_triangles_is_that_of_their_normals() {
     assert_eq!(normal(triangle), Vec3::Z);
     assert_eq!(normal(&format!("ReverseOrientation {triangle}")), Vec3::NEG_Z);
     assert_eq!(normal(&format!("{triangle} \"normal N\" [0 0 -1 0 0 -1 0 0 -1]")), Vec3::NEG_Z);
-    assert_eq!(normal(&format!("ReverseOrientation {triangle} \"normal N\" [0 0 -1 0 0 -1 0 0 -1]")), Vec3::Z);
+    assert_eq!(
+        normal(&format!("ReverseOrientation {triangle} \"normal N\" [0 0 -1 0 0 -1 0 0 -1]")),
+        Vec3::Z
+    );
 }
 
 #[test]
 fn texture_coordinates_grow_downwards_on_meshes_as_on_shapes() {
-    let scene = world("Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"point2 uv\" [0 0 1 0 0 1]");
+    let scene = world(
+        "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"point2 uv\" [0 0 1 0 0 1]",
+    );
     assert_eq!(meshes(&scene)[0].uvs[0], [Vec2::Y, Vec2::ONE, Vec2::ZERO]);
 }
 
@@ -163,7 +190,8 @@ fn parts_of_quadrics_are_made_of_triangles() {
         assert!(mesh.indices.iter().enumerate().all(|(t, i)| {
             let [a, b, c] = mesh.corners(t);
             let normal = (b - a).cross(c - a);
-            normal.length() < 1e-9 || normal.dot(i.iter().map(|&i| mesh.normals[i as usize]).sum()) > 0.0
+            normal.length() < 1e-9
+                || normal.dot(i.iter().map(|&i| mesh.normals[i as usize]).sum()) > 0.0
         }));
         (0..mesh.indices.len()).map(area).sum::<f32>()
     };
@@ -172,8 +200,14 @@ fn parts_of_quadrics_are_made_of_triangles() {
         ("Shape \"sphere\" \"float phimax\" 180", 2.0 * PI),
         ("Shape \"sphere\" \"float zmin\" 0", 2.0 * PI),
         ("ReverseOrientation Shape \"sphere\"", 4.0 * PI),
-        ("Shape \"cylinder\" \"float phimax\" 90 \"float zmin\" 0 \"float zmax\" 3", 0.5 * PI * 3.0),
-        ("Shape \"disk\" \"float phimax\" 90 \"float radius\" 2 \"float innerradius\" 1", 0.25 * PI * 3.0),
+        (
+            "Shape \"cylinder\" \"float phimax\" 90 \"float zmin\" 0 \"float zmax\" 3",
+            0.5 * PI * 3.0,
+        ),
+        (
+            "Shape \"disk\" \"float phimax\" 90 \"float radius\" 2 \"float innerradius\" 1",
+            0.25 * PI * 3.0,
+        ),
     ] {
         let found = area(text);
         // A reversed sphere has its normals inside.
@@ -183,7 +217,8 @@ fn parts_of_quadrics_are_made_of_triangles() {
 
 #[test]
 fn a_bilinear_patch_is_two_triangles_if_flat_and_more_if_not() {
-    let patch = |z: f32| world(&format!("Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 {z}]"));
+    let patch =
+        |z: f32| world(&format!("Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 {z}]"));
     assert_eq!(meshes(&patch(0.0))[0].indices.len(), 2);
     let bent = patch(1.0);
     let mesh = &meshes(&bent)[0];
@@ -201,18 +236,23 @@ fn curves(scene: &Scene) -> Vec<Arc<Curves>> {
 fn curves_go_through_their_ends() {
     for (text, ends) in [
         ("\"point3 P\" [0 0 0 1 0 0 1 1 0 2 2 2]", [Vec3::ZERO, Vec3::splat(2.0)]),
-        ("\"integer degree\" 2 \"point3 P\" [0 0 0 1 0 0 1 1 0]", [Vec3::ZERO, Vec3::new(1.0, 1.0, 0.0)]),
+        (
+            "\"integer degree\" 2 \"point3 P\" [0 0 0 1 0 0 1 1 0]",
+            [Vec3::ZERO, Vec3::new(1.0, 1.0, 0.0)],
+        ),
         (
             "\"string basis\" \"bspline\" \"point3 P\" [0 0 0 3 0 0 6 0 0 9 0 0]",
             [Vec3::new(3.0, 0.0, 0.0), Vec3::new(6.0, 0.0, 0.0)],
         ),
         (
-            "\"string basis\" \"bspline\" \"integer degree\" 2 \"point3 P\" [0 0 0 2 0 0 2 4 0 0 4 0]",
+            "\"string basis\" \"bspline\" \"integer degree\" 2 \"point3 P\" [0 0 0 2 0 0 2 4 0 0 4 \
+                0]",
             [Vec3::new(1.0, 0.0, 0.0), Vec3::new(1.0, 4.0, 0.0)],
         ),
     ] {
         for kind in ["flat", "cylinder"] {
-            let kind = format!("\"string type\" \"{kind}\" \"float width0\" 0.2 \"float width1\" 0.1");
+            let kind =
+                format!("\"string type\" \"{kind}\" \"float width0\" 0.2 \"float width1\" 0.1");
             let scene = scene(&format!("WorldBegin Shape \"curve\" {kind} {text}"));
             let points = curves(&scene)[0].points().to_vec();
             let [first, last] = [points[0], points[points.len() - 1]];
@@ -224,8 +264,10 @@ fn curves_go_through_their_ends() {
 
 #[test]
 fn cubic_b_splines_become_the_bezier_curves_they_are() {
-    let scene =
-        scene("WorldBegin Shape \"curve\" \"string basis\" \"bspline\" \"point3 P\" [0 0 0 6 0 0 6 6 0 0 6 6 0 0 6]");
+    let scene = scene(
+        "WorldBegin Shape \"curve\" \"string basis\" \"bspline\" \"point3 P\" [0 0 0 6 0 0 6 6 0 0 \
+            6 6 0 0 6]",
+    );
     let curves = &curves(&scene)[0];
     // The weights of the ends are 1, 4, 1, the inner points divide the inner sides in thirds.
     let expected: [[f32; 3]; 7] = [
@@ -238,7 +280,10 @@ fn cubic_b_splines_become_the_bezier_curves_they_are() {
         [1.0, 5.0, 5.0],
     ];
     for (point, expected) in curves.points().iter().zip(expected) {
-        assert!((point.truncate() - Vec3::from(expected)).length() < 1e-5, "{point}, not {expected:?}");
+        assert!(
+            (point.truncate() - Vec3::from(expected)).length() < 1e-5,
+            "{point}, not {expected:?}"
+        );
     }
     assert_eq!((curves.strands(), curves.points().len()), (&[7][..], 7));
 }
@@ -248,19 +293,24 @@ fn curves_of_one_place_and_material_are_one_object_and_ribbons_are_triangles() {
     let curve = "Shape \"curve\" \"point3 P\" [0 0 0 1 0 0 1 1 0 2 2 2]";
     let ribbon = format!("{curve} \"string type\" \"ribbon\" \"normal N\" [0 0 1 0 0 1]");
     let scene = scene(&format!(
-        "WorldBegin Material \"diffuse\" {curve} {curve} {ribbon} {curve} Material \"dielectric\" {curve} Translate 1 0 0 {curve}"
+        "WorldBegin Material \"diffuse\" {curve} {curve} {ribbon} {curve} Material \"dielectric\" \
+            {curve} Translate 1 0 0 {curve}"
     ));
     let strands: Vec<_> = curves(&scene).iter().map(|c| c.strands().len()).collect();
     assert_eq!(strands, [3, 1, 1]);
     assert_eq!(meshes(&scene).len(), 1);
-    let moved = scene.nodes.iter().filter(|n| n.surfaces.iter().any(|s| matches!(s.geometry, Geometry::Curves(_))));
+    let moved = scene
+        .nodes
+        .iter()
+        .filter(|n| n.surfaces.iter().any(|s| matches!(s.geometry, Geometry::Curves(_))));
     assert_eq!(moved.map(|n| n.transform.translation.x).collect::<Vec<_>>(), [0.0, 1.0]);
 }
 
 #[test]
 fn objects_are_stored_once() {
     let scene = world(
-        "ObjectBegin \"ball\" Translate 0 1 0 Shape \"sphere\" ObjectEnd\nTranslate 5 0 0 ObjectInstance \"ball\"\nTranslate 5 0 0 ObjectInstance \"ball\"",
+        "ObjectBegin \"ball\" Translate 0 1 0 Shape \"sphere\" ObjectEnd\nTranslate 5 0 0 \
+            ObjectInstance \"ball\"\nTranslate 5 0 0 ObjectInstance \"ball\"",
     );
     let instances: Vec<_> = scene.nodes.iter().filter(|n| n.name == "instance").collect();
     assert_eq!(instances.len(), 2);
@@ -276,15 +326,19 @@ fn objects_are_stored_once() {
 #[test]
 fn brightness_means_what_it_means_in_pbrt() {
     let light = |text: &str| world(&format!("LightSource {text}")).lights[0].clone();
-    let Light::Point(Point { intensity, .. }) = light("\"point\" \"rgb I\" [1 2 3] \"float scale\" 2") else {
+    let Light::Point(Point { intensity, .. }) =
+        light("\"point\" \"rgb I\" [1 2 3] \"float scale\" 2")
+    else {
         panic!("no point")
     };
     colors_are(intensity, [2.0, 4.0, 6.0]);
-    let Light::Point(Point { intensity, .. }) = light("\"point\" \"float power\" 100") else { panic!("no point") };
+    let Light::Point(Point { intensity, .. }) = light("\"point\" \"float power\" 100") else {
+        panic!("no point")
+    };
     colors_are(intensity, [100.0 / (4.0 * std::f32::consts::PI); 3]);
-    let Light::Directional(Directional { irradiance, direction }) =
-        light("\"distant\" \"float illuminance\" 50 \"point3 from\" [0 0 0] \"point3 to\" [0 0 -2]")
-    else {
+    let Light::Directional(Directional { irradiance, direction }) = light(
+        "\"distant\" \"float illuminance\" 50 \"point3 from\" [0 0 0] \"point3 to\" [0 0 -2]",
+    ) else {
         panic!("no distant light")
     };
     colors_are(irradiance, [50.0; 3]);
@@ -296,11 +350,19 @@ fn brightness_means_what_it_means_in_pbrt() {
     };
     // The default camera wants a mirrored world.
     assert_eq!((position, direction), (DVec3::NEG_X, DVec3::Z));
-    assert!((falloff.at(34f64.to_radians().cos()), falloff.at(41f64.to_radians().cos())) == (1.0, 0.0), "{falloff:?}");
+    assert!(
+        (falloff.at(34f64.to_radians().cos()), falloff.at(41f64.to_radians().cos())) == (1.0, 0.0),
+        "{falloff:?}"
+    );
     assert!(matches!(falloff, SpotFalloff::Step { .. }));
     // A black body has luminance 1 whatever its temperature.
-    let Light::Point(Point { intensity, .. }) = light("\"point\" \"blackbody I\" 3000") else { panic!("no point") };
-    assert!((intensity.luminance() - 1.0).abs() < 0.02 && intensity.r > 2.0 * intensity.b, "{intensity:?}");
+    let Light::Point(Point { intensity, .. }) = light("\"point\" \"blackbody I\" 3000") else {
+        panic!("no point")
+    };
+    assert!(
+        (intensity.luminance() - 1.0).abs() < 0.02 && intensity.r > 2.0 * intensity.b,
+        "{intensity:?}"
+    );
 }
 
 #[test]
@@ -314,20 +376,23 @@ fn area_lights_emit_their_radiance_or_their_power() {
     // Area 4 pi, radiance times pi leaves each piece of it.
     let power = 4.0 * std::f32::consts::PI * std::f32::consts::PI;
     colors_are(emission(&format!("\"float power\" {power}"), "\"sphere\"").0, [1.0; 3]);
-    let (color, both) = emission(&format!("\"float power\" {power} \"bool twosided\" true"), "\"sphere\"");
+    let (color, both) =
+        emission(&format!("\"float power\" {power} \"bool twosided\" true"), "\"sphere\"");
     colors_are(color, [0.5; 3]);
     assert!(both);
     // Of meshes, each triangle has the power.
-    let square = "\"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0] \"integer indices\" [0 1 2 0 2 3]";
+    let square =
+        "\"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0] \"integer indices\" [0 1 2 0 2 3]";
     colors_are(emission(&format!("\"float power\" {}", std::f32::consts::PI), square).0, [2.0; 3]);
 }
 
 #[test]
 fn infinite_lights_without_a_picture_are_constant() {
-    let environment = |text: &str| match world(&format!("LightSource \"infinite\" {text}")).environment {
-        Some(Environment::Constant(color)) => color,
-        other => panic!("{other:?}"),
-    };
+    let environment =
+        |text: &str| match world(&format!("LightSource \"infinite\" {text}")).environment {
+            Some(Environment::Constant(color)) => color,
+            other => panic!("{other:?}"),
+        };
     colors_are(environment("\"rgb L\" [.4 .5 .6] \"float scale\" 2"), [0.8, 1.0, 1.2]);
     colors_are(environment("\"float illuminance\" 10"), [10.0 / std::f32::consts::PI; 3]);
 }
@@ -338,12 +403,14 @@ fn materials_map_to_ours() {
         let scene = world(&format!("{text} Shape \"sphere\""));
         material(&scene).kind.clone()
     };
-    let MaterialKind::Conductor(metal) = of("Material \"conductor\" \"float roughness\" 0.04") else {
+    let MaterialKind::Conductor(metal) = of("Material \"conductor\" \"float roughness\" 0.04")
+    else {
         panic!("no metal")
     };
     // Roughness is the width of the facets by its root, and ours by its square.
     assert!(
-        close(metal.roughness.factor, 0.04f32.sqrt().sqrt()) && matches!(metal.spectrum, ConductorSpectrum::Metal(_))
+        close(metal.roughness.factor, 0.04f32.sqrt().sqrt())
+            && matches!(metal.spectrum, ConductorSpectrum::Metal(_))
     );
     let MaterialKind::Conductor(metal) =
         of("Material \"conductor\" \"float roughness\" 0.04 \"bool remaproughness\" false")
@@ -351,24 +418,32 @@ fn materials_map_to_ours() {
         panic!("no metal")
     };
     assert!(close(metal.roughness.factor, 0.2));
-    let MaterialKind::Dielectric(glass) = of("Material \"dielectric\" \"float eta\" 1.33") else { panic!("no glass") };
+    let MaterialKind::Dielectric(glass) = of("Material \"dielectric\" \"float eta\" 1.33") else {
+        panic!("no glass")
+    };
     assert_eq!((glass.ior.at_line_d(), glass.roughness.factor), (1.33, 0.0));
-    let MaterialKind::CoatedDiffuse(coated) = of("Material \"coateddiffuse\" \"rgb reflectance\" [1 0 0]") else {
+    let MaterialKind::CoatedDiffuse(coated) =
+        of("Material \"coateddiffuse\" \"rgb reflectance\" [1 0 0]")
+    else {
         panic!("no coat")
     };
     assert_eq!((coated.reflectance.factor, coated.ior), (Rgb::new(1.0, 0.0, 0.0), 1.5));
-    let MaterialKind::CoatedConductor(coated) = of("Material \"coatedconductor\" \"float interface.roughness\" 0.04")
+    let MaterialKind::CoatedConductor(coated) =
+        of("Material \"coatedconductor\" \"float interface.roughness\" 0.04")
     else {
         panic!("no coat")
     };
     assert!(close(coated.roughness.factor, 0.04f32.sqrt().sqrt()));
     let MaterialKind::Conductor(stretched) =
-        of("Material \"conductor\" \"float uroughness\" 0.04 \"float vroughness\" 0.01 \"bool remaproughness\" false")
+        of("Material \"conductor\" \"float uroughness\" 0.04 \"float vroughness\" 0.01 \"bool \
+            remaproughness\" false")
     else {
         panic!("no stretched metal")
     };
     assert!(close(stretched.anisotropy.factor, 0.75));
-    let MaterialKind::Diffuse(_) = of("MakeNamedMaterial \"a\" \"string type\" \"diffuse\" NamedMaterial \"a\"") else {
+    let MaterialKind::Diffuse(_) =
+        of("MakeNamedMaterial \"a\" \"string type\" \"diffuse\" NamedMaterial \"a\"")
+    else {
         panic!("not diffuse")
     };
 }
@@ -376,16 +451,28 @@ fn materials_map_to_ours() {
 #[test]
 fn materials_of_the_third_version_are_understood() {
     let of = |text: &str| material(&world(&format!("{text} Shape \"sphere\""))).kind.clone();
-    let MaterialKind::Plastic(plastic) =
-        of("Material \"plastic\" \"color Kd\" [.4 .2 .2] \"color Ks\" [.5 .5 .5] \"float roughness\" .025")
-    else {
+    let MaterialKind::Plastic(plastic) = of(
+        "Material \"plastic\" \"color Kd\" [.4 .2 .2] \"color Ks\" [.5 .5 .5] \"float roughness\" \
+            .025",
+    ) else {
         panic!("no plastic")
     };
-    assert_eq!((plastic.diffuse.factor, plastic.specular.factor), (Rgb::new(0.4, 0.2, 0.2), Rgb::splat(0.5)));
-    assert!((plastic.roughness.factor.powi(2) - 0.2156).abs() < 0.001, "{}", plastic.roughness.factor.powi(2));
-    let MaterialKind::Diffuse(_) = of("Material \"matte\" \"float sigma\" 0") else { panic!("not diffuse") };
+    assert_eq!(
+        (plastic.diffuse.factor, plastic.specular.factor),
+        (Rgb::new(0.4, 0.2, 0.2), Rgb::splat(0.5))
+    );
+    assert!(
+        (plastic.roughness.factor.powi(2) - 0.2156).abs() < 0.001,
+        "{}",
+        plastic.roughness.factor.powi(2)
+    );
+    let MaterialKind::Diffuse(_) = of("Material \"matte\" \"float sigma\" 0") else {
+        panic!("not diffuse")
+    };
     let MaterialKind::Mirror(_) = of("Material \"mirror\"") else { panic!("no mirror") };
-    let MaterialKind::Dielectric(glass) = of("Material \"glass\" \"float index\" 1.2 \"rgb Kt\" [1 0 0]") else {
+    let MaterialKind::Dielectric(glass) =
+        of("Material \"glass\" \"float index\" 1.2 \"rgb Kt\" [1 0 0]")
+    else {
         panic!("no glass")
     };
     assert_eq!((glass.ior.at_line_d(), glass.tint.factor), (1.2, Rgb::new(1.0, 0.0, 0.0)));
@@ -393,9 +480,11 @@ fn materials_of_the_third_version_are_understood() {
 
 #[test]
 fn displacement_is_a_map_of_bumps_in_units_of_the_scene() {
-    let noise = "Texture \"h\" \"float\" \"wrinkled\" Texture \"low\" \"float\" \"scale\" \"texture tex\" \"h\" \"float scale\" 0.25 ";
+    let noise = "Texture \"h\" \"float\" \"wrinkled\" Texture \"low\" \"float\" \"scale\" \
+        \"texture tex\" \"h\" \"float scale\" 0.25 ";
     for name in ["displacement", "bumpmap"] {
-        let text = format!("{noise} Material \"diffuse\" \"texture {name}\" \"low\" Shape \"sphere\"");
+        let text =
+            format!("{noise} Material \"diffuse\" \"texture {name}\" \"low\" Shape \"sphere\"");
         let scene = world(&text);
         assert_eq!(scene.warnings, [], "{name}");
         let map = material(&scene).bump_map.expect("a map");
@@ -411,12 +500,25 @@ fn sheets_and_depths_have_their_colours() {
         MaterialKind::OpenPbr(surface) => surface,
         other => panic!("{other:?}"),
     };
-    let sheet = of("Material \"diffusetransmission\" \"rgb reflectance\" [.2 .1 0] \"rgb transmittance\" [.6 .6 .6]");
+    let sheet = of(
+        "Material \"diffusetransmission\" \"rgb reflectance\" [.2 .1 0] \"rgb transmittance\" [.6 \
+            .6 .6]",
+    );
     let through = sheet.subsurface_color.factor * sheet.subsurface_weight.factor;
     let back = sheet.base_color.factor * (1.0 - sheet.subsurface_weight.factor);
-    assert!(sheet.geometry_thin_walled && close(through.r, 0.6) && close(back.r, 0.2) && close(back.g, 0.1));
-    let skin = of("Material \"subsurface\" \"rgb reflectance\" [.8 .5 .3] \"rgb mfp\" [2 1 .5] \"float scale\" 3");
-    assert_eq!((skin.subsurface_radius.factor, skin.subsurface_radius_scale.factor), (6.0, Rgb::new(1.0, 0.5, 0.25)));
+    assert!(
+        sheet.geometry_thin_walled
+            && close(through.r, 0.6)
+            && close(back.r, 0.2)
+            && close(back.g, 0.1)
+    );
+    let skin =
+        of("Material \"subsurface\" \"rgb reflectance\" [.8 .5 .3] \"rgb mfp\" [2 1 .5] \"float \
+            scale\" 3");
+    assert_eq!(
+        (skin.subsurface_radius.factor, skin.subsurface_radius_scale.factor),
+        (6.0, Rgb::new(1.0, 0.5, 0.25))
+    );
     let ketchup = of("Material \"subsurface\" \"string name\" \"Ketchup\"").subsurface_color.factor;
     assert!(ketchup.r > 4.0 * ketchup.g, "{ketchup:?}");
 }
@@ -424,8 +526,10 @@ fn sheets_and_depths_have_their_colours() {
 #[test]
 fn mixes_are_layers_with_their_shares() {
     let scene = world(
-        "MakeNamedMaterial \"a\" \"string type\" \"diffuse\" MakeNamedMaterial \"b\" \"string type\" \"conductor\"\n\
-        Material \"mix\" \"string materials\" [ \"a\" \"b\" ] \"float amount\" 0.25 Shape \"sphere\"",
+        "MakeNamedMaterial \"a\" \"string type\" \"diffuse\" MakeNamedMaterial \"b\" \"string \
+            type\" \"conductor\"\n\
+        Material \"mix\" \"string materials\" [ \"a\" \"b\" ] \"float amount\" 0.25 Shape \
+        \"sphere\"",
     );
     let layers: Vec<_> = scene.materials.iter().map(|m| (m.kind.name(), m.alpha.factor)).collect();
     assert_eq!(layers, [("conductor", 0.25), ("diffuse", 1.0)]);
@@ -434,7 +538,8 @@ fn mixes_are_layers_with_their_shares() {
 #[test]
 fn alpha_makes_surfaces_of_one_material_differ() {
     let scene = world(
-        "Material \"diffuse\" Shape \"sphere\" Shape \"sphere\" \"float alpha\" 0.25 Shape \"sphere\" \"float alpha\" 0.25",
+        "Material \"diffuse\" Shape \"sphere\" Shape \"sphere\" \"float alpha\" 0.25 Shape \
+            \"sphere\" \"float alpha\" 0.25",
     );
     let alphas: Vec<f32> = scene.materials.iter().map(|m| m.alpha.factor).collect();
     assert_eq!(alphas, [1.0, 0.25]);
@@ -443,8 +548,10 @@ fn alpha_makes_surfaces_of_one_material_differ() {
 #[test]
 fn colours_of_other_spaces_are_converted() {
     let color = |space: &str, rgb: &str| {
-        let scene =
-            world(&format!("ColorSpace \"{space}\" Material \"diffuse\" \"rgb reflectance\" [{rgb}] Shape \"sphere\""));
+        let scene = world(&format!(
+            "ColorSpace \"{space}\" Material \"diffuse\" \"rgb reflectance\" [{rgb}] Shape \
+                \"sphere\""
+        ));
         diffuse(material(&scene)).to_array()
     };
     for space in ["srgb", "rec2020", "dci-p3", "aces2065-1"] {
@@ -472,12 +579,14 @@ fn spectra_become_colours() {
 #[test]
 fn a_checkerboard_has_its_checks_upright() {
     let scene = world(
-        "Texture \"checks\" \"spectrum\" \"checkerboard\" \"float uscale\" 4 \"float vscale\" 4 \"rgb tex1\" [1 0 0] \"rgb tex2\" [0 0 1]\n\
+        "Texture \"checks\" \"spectrum\" \"checkerboard\" \"float uscale\" 4 \"float vscale\" 4 \
+            \"rgb tex1\" [1 0 0] \"rgb tex2\" [0 0 1]\n\
          Material \"diffuse\" \"texture reflectance\" \"checks\" Shape \"sphere\"",
     );
     assert!(scene.images.is_empty() && scene.textures.len() == 1, "it is computed");
     let set = snell_scene::TextureSet::new(&scene.textures, &scene.images);
-    for (u, v, first) in [(0.1, 0.1, true), (0.3, 0.1, false), (0.3, 0.3, true), (0.6, 0.9, false)] {
+    for (u, v, first) in [(0.1, 0.1, true), (0.3, 0.1, false), (0.3, 0.3, true), (0.6, 0.9, false)]
+    {
         // Coordinates of the scene have v downwards.
         let [r, ..] = set.lookup_at(snell_scene::TextureId(0), Vec2::new(u, 1.0 - v), 0.0);
         assert_eq!(r == 1.0, first, "{u} {v}");
@@ -487,9 +596,12 @@ fn a_checkerboard_has_its_checks_upright() {
 #[test]
 fn textures_of_textures_are_computed() {
     let scene = world(
-        "Texture \"a\" \"float\" \"constant\" \"float value\" 0.5\nTexture \"b\" \"float\" \"scale\" \"texture tex\" \"a\" \"float scale\" 0.5\n\
-         Texture \"c\" \"float\" \"mix\" \"texture tex1\" \"b\" \"float tex2\" 1 \"float amount\" 0.5\n\
-         Material \"dielectric\" \"texture roughness\" \"c\" \"bool remaproughness\" false Shape \"sphere\"",
+        "Texture \"a\" \"float\" \"constant\" \"float value\" 0.5\nTexture \"b\" \"float\" \
+            \"scale\" \"texture tex\" \"a\" \"float scale\" 0.5\n\
+         Texture \"c\" \"float\" \"mix\" \"texture tex1\" \"b\" \"float tex2\" 1 \"float amount\" \
+         0.5\n\
+         Material \"dielectric\" \"texture roughness\" \"c\" \"bool remaproughness\" false Shape \
+         \"sphere\"",
     );
     let MaterialKind::Dielectric(glass) = &material(&scene).kind else { panic!("no glass") };
     assert!(close(glass.roughness.factor, 0.625f32.sqrt()) && scene.textures.is_empty());
@@ -499,17 +611,21 @@ fn textures_of_textures_are_computed() {
 fn media_fill_what_their_interface_says() {
     use snell_scene::medium::Medium;
     let scene = world(
-        "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [1 2 3] \"rgb sigma_s\" [4 5 6] \"float scale\" 2 \"rgb Le\" [1 1 1]\n\
-         MediumInterface \"fog\" \"\"\nMaterial \"interface\" Shape \"sphere\"\nMediumInterface \"\" \"fog\"\nMaterial \"dielectric\" Shape \"sphere\" \"float radius\" 0.5",
+        "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [1 2 3] \"rgb \
+            sigma_s\" [4 5 6] \"float scale\" 2 \"rgb Le\" [1 1 1]\n\
+         MediumInterface \"fog\" \"\"\nMaterial \"interface\" Shape \"sphere\"\nMediumInterface \
+         \"\" \"fog\"\nMaterial \"dielectric\" Shape \"sphere\" \"float radius\" 0.5",
     );
     let Medium::Homogeneous(fog) = &scene.media[0] else { panic!("not homogeneous") };
     assert_eq!((fog.sigma_a, fog.sigma_s), (Rgb::new(2.0, 4.0, 6.0), Rgb::new(8.0, 10.0, 12.0)));
     // Emission is that of what absorbs.
     assert_eq!(fog.emission, Rgb::new(2.0, 4.0, 6.0));
-    let insides: Vec<_> = scene.materials.iter().map(|m| m.interior.map(|i| i.medium.map(|m| m.0))).collect();
+    let insides: Vec<_> =
+        scene.materials.iter().map(|m| m.interior.map(|i| i.medium.map(|m| m.0))).collect();
     assert_eq!(insides, [Some(Some(0)), Some(None)]);
     let around = super::scene(
-        "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\nMediumInterface \"\" \"fog\"\nCamera \"perspective\"\nWorldBegin",
+        "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\nMediumInterface \"\" \
+            \"fog\"\nCamera \"perspective\"\nWorldBegin",
     );
     assert_eq!(around.medium.map(|m| m.0), Some(0));
 }
@@ -520,7 +636,8 @@ fn media_on_grids_have_the_colours_of_their_cells() {
     use snell_scene::medium::Medium;
     let grid = |text: &str| {
         let scene = world(&format!(
-            "MakeNamedMedium \"m\" \"string type\" \"rgbgrid\" \"point3 p0\" [ 1 0 0 ] \"point3 p1\" [ 5 1 1 ] \"integer nx\" 2 {text}\n\
+            "MakeNamedMedium \"m\" \"string type\" \"rgbgrid\" \"point3 p0\" [ 1 0 0 ] \"point3 \
+                p1\" [ 5 1 1 ] \"integer nx\" 2 {text}\n\
              MediumInterface \"m\" \"\"\nMaterial \"interface\" Shape \"sphere\""
         ));
         assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
@@ -528,10 +645,15 @@ fn media_on_grids_have_the_colours_of_their_cells() {
         // The middles of the cells; mirrored in x, as pbrt's scenes are.
         [-2.0, -4.0].map(|x| grid.properties(Vec3::new(x, 0.5, 0.5), ColorMode::Rgb))
     };
-    let colors = "\"rgb sigma_a\" [ 1 2 3 0 8 1 ] \"rgb sigma_s\" [ 5 0 1 2 0 4 ] \"rgb Le\" [ 1 1 1 7 0 2 ]";
-    let [a, b] = grid(&format!("{colors} \"float scale\" 2 \"float Lescale\" 0.5 \"float g\" 0.25"));
+    let colors = "\"rgb sigma_a\" [ 1 2 3 0 8 1 ] \"rgb sigma_s\" [ 5 0 1 2 0 4 ] \"rgb Le\" [ 1 1 \
+        1 7 0 2 ]";
+    let [a, b] =
+        grid(&format!("{colors} \"float scale\" 2 \"float Lescale\" 0.5 \"float g\" 0.25"));
     let close = |found: snell_math::SampledSpectrum, expected: [f32; 3]| {
-        assert!((0..3).all(|c| (found[c] - expected[c]).abs() < 1e-5), "{found:?} is not {expected:?}");
+        assert!(
+            (0..3).all(|c| (found[c] - expected[c]).abs() < 1e-5),
+            "{found:?} is not {expected:?}"
+        );
     };
     close(a.sigma_a, [2.0, 4.0, 6.0]);
     close(b.sigma_a, [0.0, 16.0, 2.0]);
@@ -544,13 +666,21 @@ fn media_on_grids_have_the_colours_of_their_cells() {
     let [a, b] = grid("\"rgb sigma_s\" [ 5 0 1 0 0 0 ]");
     close(a.sigma_a, [1.0; 3]);
     close(b.sigma_t(), [1.0; 3]);
-    for wrong in ["\"rgb sigma_s\" [ 5 0 1 ]", "", "\"rgb sigma_a\" [ 1 2 3 0 8 1 ] \"rgb Le\" [ 1 1 1 ]"] {
-        let text = format!("WorldBegin MakeNamedMedium \"m\" \"string type\" \"rgbgrid\" \"integer nx\" 2 {wrong}");
+    for wrong in
+        ["\"rgb sigma_s\" [ 5 0 1 ]", "", "\"rgb sigma_a\" [ 1 2 3 0 8 1 ] \"rgb Le\" [ 1 1 1 ]"]
+    {
+        let text = format!(
+            "WorldBegin MakeNamedMedium \"m\" \"string type\" \"rgbgrid\" \"integer nx\" 2 {wrong}"
+        );
         let error = fault(&text);
         assert!(error.contains("give one for each cell"), "{error}");
     }
-    let error = fault("WorldBegin MakeNamedMedium \"m\" \"string type\" \"rgbgrid\" \"integer nx\" -2");
-    assert!(error.contains("nx is -2, but a grid has at least one cell; write a whole number above 0"), "{error}");
+    let error =
+        fault("WorldBegin MakeNamedMedium \"m\" \"string type\" \"rgbgrid\" \"integer nx\" -2");
+    assert!(
+        error.contains("nx is -2, but a grid has at least one cell; write a whole number above 0"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -560,40 +690,53 @@ fn hair_has_its_absorption_its_colour_or_its_pigments() {
         let MaterialKind::Hair(hair) = scene.materials[0].kind.clone() else { panic!("hair") };
         (hair, scene.warnings.len())
     };
-    let (brown, _) = hair("\"float beta_m\" 0.2 \"float beta_n\" 0.4 \"float alpha\" 3 \"float eta\" 1.6");
+    let (brown, _) =
+        hair("\"float beta_m\" 0.2 \"float beta_n\" 0.4 \"float alpha\" 3 \"float eta\" 1.6");
     assert_eq!((brown.eumelanin, brown.scale_tilt, brown.ior), (1.3.into(), 3.0, 1.6));
     assert_eq!((brown.longitudinal_roughness, brown.azimuthal_roughness), (0.2.into(), 0.4.into()));
     let (red, _) = hair("\"float pheomelanin\" 2");
     assert_eq!((red.eumelanin, red.pheomelanin), (0.0.into(), 2.0.into()));
     let (dyed, warnings) = hair("\"rgb reflectance\" [0.5 0.25 0.125]");
-    assert_eq!((dyed.color.factor, dyed.eumelanin, warnings), (Rgb::new(0.5, 0.25, 0.125), 0.0.into(), 0));
+    assert_eq!(
+        (dyed.color.factor, dyed.eumelanin, warnings),
+        (Rgb::new(0.5, 0.25, 0.125), 0.0.into(), 0)
+    );
     let (absorbing, warnings) = hair("\"rgb sigma_a\" [0.5 1 4] \"float eumelanin\" 1");
-    assert_eq!((absorbing.sigma_a.factor, absorbing.eumelanin, warnings), (Rgb::new(0.5, 1.0, 4.0), 0.0.into(), 1));
+    assert_eq!(
+        (absorbing.sigma_a.factor, absorbing.eumelanin, warnings),
+        (Rgb::new(0.5, 1.0, 4.0), 0.0.into(), 1)
+    );
 }
 
 /// What texture 0 of a scene shows at a point of the file's world, on a surface that faces upwards.
 fn shown(scene: &Scene, place: [f64; 3], footprint: f32) -> [f32; 3] {
-    let position = scene.nodes[scene.root.index()].transform.transform_point3(DVec3::from(place)).as_vec3();
+    let position =
+        scene.nodes[scene.root.index()].transform.transform_point3(DVec3::from(place)).as_vec3();
     let set = snell_scene::TextureSet::new(&scene.textures, &scene.images);
     let surface = snell_scene::texture::surface_at(position, Vec3::Y, Vec2::ZERO);
-    let [r, g, b, _] = set.lookup(snell_scene::TextureId(scene.textures.len() as u32 - 1), &surface, footprint);
+    let [r, g, b, _] =
+        set.lookup(snell_scene::TextureId(scene.textures.len() as u32 - 1), &surface, footprint);
     [r, g, b]
 }
 
 #[test]
 fn patterns_in_space_lie_where_their_transform_puts_them() {
-    let block = "Texture \"t\" \"spectrum\" \"checkerboard\" \"integer dimension\" 3 \"rgb tex1\" [1 0 0] \"rgb tex2\" [0 0 1]\n";
+    let block = "Texture \"t\" \"spectrum\" \"checkerboard\" \"integer dimension\" 3 \"rgb tex1\" \
+        [1 0 0] \"rgb tex2\" [0 0 1]\n";
     let user = "Material \"diffuse\" \"texture reflectance\" \"t\" Shape \"sphere\"";
     let here = world(&format!("{block}{user}"));
     assert!(
-        shown(&here, [0.5, 0.5, 0.5], 0.0) == [1.0, 0.0, 0.0] && shown(&here, [1.5, 0.5, 0.5], 0.0) == [0.0, 0.0, 1.0]
+        shown(&here, [0.5, 0.5, 0.5], 0.0) == [1.0, 0.0, 0.0]
+            && shown(&here, [1.5, 0.5, 0.5], 0.0) == [0.0, 0.0, 1.0]
     );
-    let there = world(&format!("AttributeBegin Translate 1 0 0 Scale 2 2 2 {block} AttributeEnd {user}"));
+    let there =
+        world(&format!("AttributeBegin Translate 1 0 0 Scale 2 2 2 {block} AttributeEnd {user}"));
     for (x, is_first) in [(1.1, true), (2.9, true), (3.1, false), (0.9, false)] {
         assert_eq!(shown(&there, [x, 0.5, 0.5], 0.0)[0] == 1.0, is_first, "{x}");
     }
     // A picture that would be mirrored is turned over, and its patterns with it.
-    let text = format!("LookAt 0 0 5  0 0 0  0 1 0\nCamera \"perspective\"\nWorldBegin\n{block}{user}");
+    let text =
+        format!("LookAt 0 0 5  0 0 0  0 1 0\nCamera \"perspective\"\nWorldBegin\n{block}{user}");
     let mirrored = super::scene(&text);
     assert_eq!(shown(&mirrored, [1.5, 0.5, 0.5], 0.0), [0.0, 0.0, 1.0]);
 }
@@ -609,7 +752,12 @@ fn every_pattern_and_mapping_of_pbrt_is_read() {
         };
         let scene = world(&format!("Texture \"t\" \"{kind}\" {text}\n{user}"));
         assert!(scene.warnings.is_empty(), "{text}: {:?}", scene.warnings);
-        scene.textures.last().and_then(|t| t.as_pattern()).cloned().unwrap_or_else(|| panic!("{text}"))
+        scene
+            .textures
+            .last()
+            .and_then(|t| t.as_pattern())
+            .cloned()
+            .unwrap_or_else(|| panic!("{text}"))
     };
     for (kind, text, name) in [
         ("float", "\"fbm\" \"integer octaves\" 3 \"float roughness\" 0.4", "fbm"),
@@ -624,11 +772,12 @@ fn every_pattern_and_mapping_of_pbrt_is_read() {
     ] {
         assert_eq!(one(kind, text).name(), name);
     }
-    assert!(
-        matches!(one("float", "\"fbm\" \"integer octaves\" 1000000000"), Pattern::Fbm(p) if p.octaves == 1_000_000_000)
-    );
+    assert!(matches!(one("float", "\"fbm\" \"integer octaves\" \
+            1000000000"), Pattern::Fbm(p) if p.octaves == 1_000_000_000));
     for (name, is) in [("spherical", 0), ("cylindrical", 1), ("planar", 2)] {
-        let Pattern::Dots(dots) = one("spectrum", &format!("\"dots\" \"string mapping\" \"{name}\"")) else {
+        let Pattern::Dots(dots) =
+            one("spectrum", &format!("\"dots\" \"string mapping\" \"{name}\""))
+        else {
             panic!("dots")
         };
         let found = match dots.mapping {
@@ -641,7 +790,8 @@ fn every_pattern_and_mapping_of_pbrt_is_read() {
     }
     // Octaves beyond number end, too.
     let scene = world(
-        "Texture \"t\" \"float\" \"wrinkled\" \"integer octaves\" 1000000000 Material \"diffuse\" Shape \"sphere\" \"texture alpha\" \"t\"",
+        "Texture \"t\" \"float\" \"wrinkled\" \"integer octaves\" 1000000000 Material \"diffuse\" \
+            Shape \"sphere\" \"texture alpha\" \"t\"",
     );
     assert!(shown(&scene, [0.3, 0.7, 0.1], 0.0)[0].is_finite());
 }
@@ -658,7 +808,10 @@ fn what_is_wrong_with_a_pattern_is_an_error_with_its_place() {
         ("\"fbm\" \"float roughness\" 1e99", "\"1e99\" in roughness is not a number"),
         ("\"checkerboard\" \"integer dimension\" 4", "dimension is 4"),
         ("\"dots\" \"string mapping\" \"cubic\"", "\"cubic\" is not a mapping"),
-        ("\"dots\" \"string mapping\" \"planar\" \"vector v1\" [1 0 0 0 1 0]", "v1 is not one vector"),
+        (
+            "\"dots\" \"string mapping\" \"planar\" \"vector v1\" [1 0 0 0 1 0]",
+            "v1 is not one vector",
+        ),
         ("\"directionmix\" \"vector dir\" [0 0 0]", "dir has no direction"),
         ("\"mix\" \"texture amount\" \"t\"", "there is no float texture \"t\" so far"),
         ("\"scale\" \"texture tex\" \"none\"", "there is no spectrum texture \"none\" so far"),
@@ -674,7 +827,8 @@ fn textures_doubled_again_and_again_are_an_error() {
     for i in 1..40 {
         let before = i - 1;
         text += &format!(
-            "Texture \"t{i}\" \"spectrum\" \"mix\" \"texture tex1\" \"t{before}\" \"texture tex2\" \"t{before}\"\n"
+            "Texture \"t{i}\" \"spectrum\" \"mix\" \"texture tex1\" \"t{before}\" \"texture tex2\" \
+                \"t{before}\"\n"
         );
     }
     assert!(fault(&text).contains("made of more than 256 textures"));
@@ -682,12 +836,13 @@ fn textures_doubled_again_and_again_are_an_error() {
 
 #[test]
 fn integrators_of_pbrt_2_are_read_and_what_else_it_had_is_named() {
-    let text =
-        "Renderer \"sampler\" SurfaceIntegrator \"directlighting\" VolumeIntegrator \"emission\"\nWorldBegin Shape \"sphere\"
+    let text = "Renderer \"sampler\" SurfaceIntegrator \"directlighting\" VolumeIntegrator \
+            \"emission\"\nWorldBegin Shape \"sphere\"
         Volume \"homogeneous\" \"point p0\" [0 0 0]";
     assert_eq!(scene(text).settings.integrator.as_deref(), Some("direct"));
     let said = warnings(text);
-    for what in ["Renderer \"sampler\"", "VolumeIntegrator \"emission\"", "Volume \"homogeneous\""] {
+    for what in ["Renderer \"sampler\"", "VolumeIntegrator \"emission\"", "Volume \"homogeneous\""]
+    {
         assert!(said.contains(&format!("{what} of pbrt 2 is left out")), "{what}: {said}");
     }
 }

@@ -34,7 +34,8 @@ const BROKEN: &[&str] = &[
     "Shape \"trianglemesh\" \"point3 P\" [ 0 0 0 1 0 0 0 1 0 ] \"normal N\" [ 0 0 1 ]",
     "Shape \"trianglemesh\" \"point3 P\" [ 0 0 0 1 0 0 0 1 0 ] \"point2 uv\" [ 0 0 1 1 ]",
     "Shape \"bilinearmesh\" \"point3 P\" [ 0 0 0 1 0 0 0 1 0 ]",
-    "Shape \"loopsubdiv\" \"point3 P\" [ 0 0 0 1 0 0 0 1 0 ] \"integer indices\" [ 0 1 2 ] \"integer levels\" 99",
+    "Shape \"loopsubdiv\" \"point3 P\" [ 0 0 0 1 0 0 0 1 0 ] \"integer indices\" [ 0 1 2 ] \
+        \"integer levels\" 99",
     "Shape \"curve\" \"point3 P\" [ 0 0 0 1 0 0 0 1 0 ]",
     "Shape \"curve\" \"string basis\" \"cubic\" \"point3 P\" [ 0 0 0 1 0 0 0 1 0 1 1 1 ]",
     "Shape \"plymesh\"",
@@ -48,7 +49,8 @@ const BROKEN: &[&str] = &[
     "Include \"broken.pbrt\"",
     "Import \"open.pbrt\"",
     "Material \"diffuse\" \"texture reflectance\" \"none\"",
-    "Material \"conductor\" \"rgb reflectance\" [1 1 1] \"rgb conductor.eta\" [1 1 1] \"rgb eta\" [1 1 1]",
+    "Material \"conductor\" \"rgb reflectance\" [1 1 1] \"rgb conductor.eta\" [1 1 1] \"rgb eta\" \
+        [1 1 1]",
     "Material \"dielectric\" \"spectrum eta\" \"glass-none\"",
     "Material \"diffuse\" \"spectrum reflectance\" [ 400 1 300 1 ]",
     "Material \"diffuse\" \"blackbody reflectance\" [ 0 ]",
@@ -58,7 +60,8 @@ const BROKEN: &[&str] = &[
     "Texture \"a\" \"colour\" \"imagemap\"",
     "Texture \"a\" \"spectrum\" \"imagemap\"",
     "Texture \"a\" \"spectrum\" \"imagemap\" \"string filename\" \"../a.png\"",
-    "Texture \"a\" \"spectrum\" \"imagemap\" \"string filename\" \"a.png\" \"string wrap\" \"mirror\"",
+    "Texture \"a\" \"spectrum\" \"imagemap\" \"string filename\" \"a.png\" \"string wrap\" \
+        \"mirror\"",
     "ObjectInstance \"none\"",
     "ObjectBegin \"a\" ObjectBegin \"b\"",
     "ObjectBegin \"a\" ObjectInstance \"a\" ObjectEnd",
@@ -92,11 +95,16 @@ const BROKEN: &[&str] = &[
 
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
-    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).expect("written");
+    let write = |name: &str, bytes: &[u8]| {
+        std::fs::write(folder.path().join(name), bytes).expect("written")
+    };
     write("b.pbrt", b"\n Include \"a.pbrt\"");
     write("broken.pbrt", b"AttributeBegin\nAttributeEnd\n  Shape \"sphere\" \"float radius\" x\n");
     write("open.pbrt", b"AttributeBegin");
-    write("cut.ply", b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nend_header\n1\n2\n");
+    write(
+        "cut.ply",
+        b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nend_header\n1\n2\n",
+    );
     write("cut.ply.gz", &[0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 3, 1, 2, 3]);
     folder
 }
@@ -131,10 +139,16 @@ fn bytes_that_are_not_text_are_errors() {
         ),
         (
             &b"\n\xff\xfe"[..],
-            "a.pbrt:2:1: \"\u{fffd}\u{fffd}\" is not a directive of pbrt; correct it; is this a value without brackets, or not a pbrt file?",
+            "a.pbrt:2:1: \"\u{fffd}\u{fffd}\" is not a directive of pbrt; correct it; is this a \
+                value without brackets, or not a pbrt file?",
         ),
     ] {
-        let error = crate::read_scene_bytes("a.pbrt", bytes.to_vec(), Path::new("."), &ReadOptions::default());
+        let error = crate::read_scene_bytes(
+            "a.pbrt",
+            bytes.to_vec(),
+            Path::new("."),
+            &ReadOptions::default(),
+        );
         assert_eq!(error.expect_err("broken").to_string(), expected);
     }
 }
@@ -147,17 +161,26 @@ fn limits_are_errors() {
         error.expect_err("over the limit").to_string()
     };
     let few = Limits { elements: 5, depth: 3, ..Limits::default() };
-    assert_snapshot!(read(few.clone(), &"Identity ".repeat(6)), @"a.pbrt:1:46: the scene has more than 5 directives, the limit; split the scene");
-    assert_snapshot!(read(few.clone(), &"AttributeBegin ".repeat(4)), @"a.pbrt:1:46: blocks are nested deeper than 3, the limit; flatten the scene");
-    assert_snapshot!(read(few, "Shape \"sphere\" \"float radius\" [ 1 2 3 4 5 6 ]"), @"a.pbrt:1:44: \"radius\" has more than 5 numbers, the limit; split it");
+    assert_snapshot!(read(few.clone(), &"Identity ".repeat(6)), @"a.pbrt:1:46: the scene has more \
+        than 5 directives, the limit; split the scene");
+    assert_snapshot!(read(few.clone(), &"AttributeBegin ".repeat(4)), @"a.pbrt:1:46: blocks are \
+        nested deeper than 3, the limit; flatten the scene");
+    assert_snapshot!(read(few, "Shape \"sphere\" \"float radius\" [ 1 2 3 4 5 6 \
+        ]"), @"a.pbrt:1:44: \"radius\" has more than 5 numbers, the limit; split it");
 }
 
 #[test]
 fn what_is_changed_is_told_once_of_each_kind() {
-    assert_snapshot!(warnings("Integrator \"mlt\" \"integer maxdepth\" 3\nCamera \"realistic\" \"string lensfile\" \"a\"\nFilm \"rgb\" \"float cropwindow\" [0 1 0 1]\nPixelFilter \"gaussian\" \"float xradius\" 3\nSampler \"halton\" \"integer speed\" 3\nWorldBegin\n\
-        CoordSysTransform \"nowhere\"\nMaterial \"measured\" \"string filename\" \"a.bsdf\"\nMaterial \"diffuse\" \"float rougness\" 3\nMaterial \"diffuse\" \"float rougness\" 3\n\
-        Shape \"hyperboloid\"\nShape \"hyperboloid\"\nTexture \"f\" \"float\" \"fbm\"\nLightSource \"laser\"\nOption \"bool disablepixeljitter\" true\n\
-        ActiveTransform EndTime Translate 1 0 0 ActiveTransform All Shape \"sphere\"\nMaterial \"interface\" Shape \"disk\"\n"), @r#"
+    assert_snapshot!(warnings("Integrator \"mlt\" \"integer maxdepth\" 3\nCamera \"realistic\" \
+        \"string lensfile\" \"a\"\nFilm \"rgb\" \"float cropwindow\" [0 1 0 1]\nPixelFilter \
+        \"gaussian\" \"float xradius\" 3\nSampler \"halton\" \"integer speed\" 3\nWorldBegin\n\
+        CoordSysTransform \"nowhere\"\nMaterial \"measured\" \"string filename\" \
+        \"a.bsdf\"\nMaterial \"diffuse\" \"float rougness\" 3\nMaterial \"diffuse\" \"float \
+        rougness\" 3\n\
+        Shape \"hyperboloid\"\nShape \"hyperboloid\"\nTexture \"f\" \"float\" \"fbm\"\nLightSource \
+        \"laser\"\nOption \"bool disablepixeljitter\" true\n\
+        ActiveTransform EndTime Translate 1 0 0 ActiveTransform All Shape \"sphere\"\nMaterial \
+        \"interface\" Shape \"disk\"\n"), @r#"
     test:1:1: Integrator "mlt": the integrator path was used instead (1x)
     test:2:1: Camera "realistic": a perspective camera was used instead (1x)
     test:2:20: "string lensfile" of Camera "realistic" was ignored: the camera has no lenses (1x)

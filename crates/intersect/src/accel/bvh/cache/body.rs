@@ -1,14 +1,16 @@
 //! What follows the header: parts one after the other, and their checksum.
 //!
-//! A part is cut into pieces, each with a CRC-32, which finds every damage of up to 32 bits in a row; the checksum is
-//! a hash of all of these. All threads read and check pieces, and each slice of one while it is in the cache.
+//! A part is cut into pieces, each with a CRC-32, which finds every damage of up to 32 bits in a
+//! row; the checksum is a hash of all of these. All threads read and check pieces, and each slice
+//! of one while it is in the cache.
 
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::Result;
 
-/// Bytes that one thread reads at a time: those of a huge page, so that no two threads ask for the same.
+/// Bytes that one thread reads at a time: those of a huge page, so that no two threads ask for the
+/// same.
 const PIECE: usize = 1 << 21;
 
 /// Bytes that are read and then checked.
@@ -34,7 +36,8 @@ pub fn read(file: &File, start: u64, parts: Parts) -> Result<u64> {
             (start, piece)
         })
         .collect();
-    let sums: Result<Vec<u32>> = pieces.into_par_iter().map(|(at, piece)| read_piece(file, at, piece)).collect();
+    let sums: Result<Vec<u32>> =
+        pieces.into_par_iter().map(|(at, piece)| read_piece(file, at, piece)).collect();
     sums.map(combined)
 }
 

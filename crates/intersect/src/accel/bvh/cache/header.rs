@@ -35,11 +35,12 @@ pub struct Header {
 }
 
 impl Header {
-    /// Numbers, key, a hash of both, and zeros. Numbers are in the order of the machine: a file from another one does
-    /// not pass.
+    /// Numbers, key, a hash of both, and zeros. Numbers are in the order of the machine: a file
+    /// from another one does not pass.
     pub fn to_page(self) -> Vec<u8> {
         let Self { key, nodes, blocks, block_bytes, skipped, root, rest, depth, checksum } = self;
-        let numbers = [MAGIC, VERSION, nodes, blocks, block_bytes, skipped, root, rest, depth, checksum];
+        let numbers =
+            [MAGIC, VERSION, nodes, blocks, block_bytes, skipped, root, rest, depth, checksum];
         let mut page: Vec<u8> = numbers.into_iter().flat_map(u64::to_ne_bytes).chain(key).collect();
         page.extend(Sha256::digest(&page));
         page.resize(PAGE, 0);
@@ -80,6 +81,9 @@ impl Header {
 
     /// How long the file is, in bytes.
     pub fn file_bytes(&self) -> u64 {
-        PAGE as u64 + self.nodes * size_of::<WideNode>() as u64 + self.blocks * self.block_bytes + self.skipped * 4
+        PAGE as u64
+            + self.nodes * size_of::<WideNode>() as u64
+            + self.blocks * self.block_bytes
+            + self.skipped * 4
     }
 }

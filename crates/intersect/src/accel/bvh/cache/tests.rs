@@ -56,7 +56,11 @@ impl Kept {
     }
 
     fn names(&self) -> Vec<PathBuf> {
-        std::fs::read_dir(self.folder.path()).expect("a folder").flatten().map(|found| found.path()).collect()
+        std::fs::read_dir(self.folder.path())
+            .expect("a folder")
+            .flatten()
+            .map(|found| found.path())
+            .collect()
     }
 }
 
@@ -70,7 +74,9 @@ fn every_flipped_bit_is_found() {
         let kept = Kept::new(compact);
         assert!(kept.is_same(&kept.read().expect("whole").expect("a file")));
         let anywhere = (0..400).map(|i| random(kept.file.len(), i));
-        for (i, place) in (0..).zip((0..176).chain(kept.file.len() - 40..kept.file.len()).chain(anywhere)) {
+        for (i, place) in
+            (0..).zip((0..176).chain(kept.file.len() - 40..kept.file.len()).chain(anywhere))
+        {
             let mut bytes = kept.file.clone();
             bytes[place] ^= 1 << random(8, i);
             std::fs::write(&kept.entry.path, bytes).expect("written");
@@ -100,7 +106,8 @@ fn a_file_of_another_length_is_found() {
     for compact in [false, true] {
         let kept = Kept::new(compact);
         let whole = kept.file.len();
-        let lengths = (0..200).map(|i| random(whole, i)).chain([0, 1, PAGE - 1, PAGE, PAGE + 1, whole - 1]);
+        let lengths =
+            (0..200).map(|i| random(whole, i)).chain([0, 1, PAGE - 1, PAGE, PAGE + 1, whole - 1]);
         for length in lengths.chain([whole + 1, whole + 4, 2 * whole]) {
             let mut bytes = kept.file.clone();
             bytes.resize(length, 0);
@@ -159,9 +166,10 @@ fn what_is_not_a_file_is_neither_opened_nor_replaced() {
         let made = std::process::Command::new("mkfifo").arg(path).status();
         assert!(made.expect("mkfifo").success());
     };
-    let makers: [&dyn Fn(&Path); 3] = [&make_pipe, &|path| std::fs::create_dir(path).expect("a folder"), &|path| {
-        std::os::unix::fs::symlink("/dev/zero", path).expect("a link")
-    }];
+    let makers: [&dyn Fn(&Path); 3] =
+        [&make_pipe, &|path| std::fs::create_dir(path).expect("a folder"), &|path| {
+            std::os::unix::fs::symlink("/dev/zero", path).expect("a link")
+        }];
     for make in makers {
         std::fs::remove_file(path).expect("it was a file");
         make(path);
@@ -199,6 +207,7 @@ fn others_may_read_what_the_umask_allows() {
     let kept = Kept::new(false);
     let usual = kept.folder.path().join("usual");
     File::create(&usual).expect("a file");
-    let [a, b] = [&usual, &kept.entry.path].map(|path| std::fs::metadata(path).expect("a file").permissions().mode());
+    let [a, b] = [&usual, &kept.entry.path]
+        .map(|path| std::fs::metadata(path).expect("a file").permissions().mode());
     assert_eq!(a, b);
 }

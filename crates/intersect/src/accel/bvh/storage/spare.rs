@@ -1,7 +1,8 @@
 //! Memory that was given back, kept for who next asks for as much.
 //!
-//! Fresh pages come from the system filled with zeros: for a mesh of 69 thousand triangles that is a sixth of a fast build. Worlds that are built
-//! again and again, since something in them moves, need the same pieces every time.
+//! Fresh pages come from the system filled with zeros: for a mesh of 69 thousand triangles that is
+//! a sixth of a fast build. Worlds that are built again and again, since something in them moves,
+//! need the same pieces every time.
 
 use super::{huge_bytes, map_anonymous};
 use memmap2::MmapMut;
@@ -20,7 +21,8 @@ pub(super) struct Piece {
 unsafe impl Send for Piece {}
 
 impl Piece {
-    /// What was given back, with whatever is in it, or else zeros from the system: at most an eighth more than a new piece would have.
+    /// What was given back, with whatever is in it, or else zeros from the system: at most an
+    /// eighth more than a new piece would have.
     pub fn unset(bytes: usize) -> Option<Self> {
         SPARE.take(bytes).or_else(|| Self::new(bytes))
     }
@@ -86,7 +88,9 @@ mod tests {
         spare.keep(piece);
         assert!(spare.take(2_000_000).is_none() && spare.take(8_000_000).is_none());
         let again = spare.take(4_900_000).expect("it was given back");
-        assert!(again.start == place && again.bytes >= 4_900_000 && spare.take(4_900_000).is_none());
+        assert!(
+            again.start == place && again.bytes >= 4_900_000 && spare.take(4_900_000).is_none()
+        );
     }
 
     #[test]
@@ -100,8 +104,8 @@ mod tests {
             spare.keep(Piece::new(bytes).expect("memory"));
         }
         // The oldest went.
-        let counts =
-            [MOST_BYTES / 2, MOST_BYTES / 4].map(|bytes| (0..).take_while(|_| spare.take(bytes).is_some()).count());
+        let counts = [MOST_BYTES / 2, MOST_BYTES / 4]
+            .map(|bytes| (0..).take_while(|_| spare.take(bytes).is_some()).count());
         assert_eq!(counts, [1, 1]);
         spare.keep(Piece::new(MOST_BYTES + 1).expect("memory"));
         assert!(spare.take(MOST_BYTES + 1).is_none());
