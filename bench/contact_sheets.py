@@ -1,10 +1,14 @@
-"""Contact sheets of materials, to be looked at: every parameter of OpenPBR swept, every metal by name, glTF files of a folder.
+"""Contact sheets of materials, to be looked at: every parameter of OpenPBR swept, every metal by
+name, glTF files of a folder.
 
-    python bench/contact_sheets.py OUTPUT-FOLDER [--gltf FOLDER] [--snell target/release/snell] [--spp 64] [--only WORD]
+    python bench/contact_sheets.py OUTPUT-FOLDER [--gltf FOLDER] [--snell target/release/snell]
+        [--spp 64] [--only WORD]
 
-Needs Pillow. A glTF file whose name with `screenshot` before a suffix of a picture lies in its folder or beside it is shown beside that.
-Where a file has materials and nothing that they are on, they are shown on balls, in the order of the file: with a checked picture in place
-of any that is not there, and as red plastic where the file is silent (by glTF that is rough metal, on which most extensions show nothing).
+Needs Pillow. A glTF file whose name with `screenshot` before a suffix of a picture lies in its
+folder or beside it is shown beside that. Where a file has materials and nothing that they are on,
+they are shown on balls, in the order of the file: with a checked picture in place of any that is
+not there, and as red plastic where the file is silent (by glTF that is rough metal, on which most
+extensions show nothing).
 """
 
 from __future__ import annotations
@@ -30,7 +34,12 @@ PLASTIC = {"base_color": RED}
 METAL = {"base_metalness": 1, "base_color": GOLD}
 BRUSHED = {**METAL, "specular_roughness": 0.45}
 GLASS = {"transmission_weight": 1, "specular_roughness": 0}
-MILK = {**GLASS, "transmission_depth": 1, "transmission_color": [0.9, 0.9, 0.9], "transmission_scatter": [2, 2, 2]}
+MILK = {
+    **GLASS,
+    "transmission_depth": 1,
+    "transmission_color": [0.9, 0.9, 0.9],
+    "transmission_scatter": [2, 2, 2],
+}
 SKIN = {"subsurface_weight": 1, "subsurface_color": [0.9, 0.5, 0.35], "subsurface_radius": 0.2}
 COATED = {"coat_weight": 1, "base_color": RED, "specular_roughness": 0.5}
 FUZZY = {"fuzz_weight": 1, "base_color": [0.05, 0.05, 0.1], "specular_weight": 0}
@@ -58,12 +67,20 @@ SWEEPS: list[tuple[str, dict, list]] = [
     ("transmission_scatter", {**MILK}, [BLACK, [0.3, 0.3, 0.3], [2, 1.5, 1]]),
     ("transmission_scatter_anisotropy", MILK, [-0.8, 0, 0.8]),
     ("transmission_dispersion_scale", GLASS, [0, 0.5, 1]),
-    ("transmission_dispersion_abbe_number", {**GLASS, "transmission_dispersion_scale": 1}, [9, 20, 60]),
+    (
+        "transmission_dispersion_abbe_number",
+        {**GLASS, "transmission_dispersion_scale": 1},
+        [9, 20, 60],
+    ),
     ("transmission_tint", GLASS, [WHITE, [0.3, 0.8, 0.5], [0.8, 0.2, 0.1]]),
     ("subsurface_weight", {**SKIN, "base_color": [0.2, 0.3, 0.6]}, [0, 0.5, 1]),
     ("subsurface_color", SKIN, [[0.9, 0.9, 0.9], [0.9, 0.5, 0.35], [0.3, 0.7, 0.3]]),
     ("subsurface_radius", SKIN, [0.02, 0.2, 1]),
-    ("subsurface_radius_scale", {**SKIN, "subsurface_color": [0.8, 0.8, 0.8]}, [WHITE, [1, 0.5, 0.25], [0.1, 0.3, 1]]),
+    (
+        "subsurface_radius_scale",
+        {**SKIN, "subsurface_color": [0.8, 0.8, 0.8]},
+        [WHITE, [1, 0.5, 0.25], [0.1, 0.3, 1]],
+    ),
     ("subsurface_scatter_anisotropy", SKIN, [-0.8, 0, 0.8]),
     ("subsurface_scatter_anisotropy", {**SKIN, "geometry_thin_walled": True}, [-1, 0, 1]),
     ("coat_weight", COATED, [0, 0.5, 1]),
@@ -77,13 +94,25 @@ SWEEPS: list[tuple[str, dict, list]] = [
     ("fuzz_roughness", FUZZY, [0.2, 0.5, 1]),
     ("thin_film_weight", FILMED, [0, 0.5, 1]),
     ("thin_film_thickness", FILMED, [0.25, 0.5, 0.9]),
-    ("thin_film_thickness", {**METAL, "thin_film_weight": 1, "specular_roughness": 0.15}, [0.15, 0.4, 0.7]),
-    ("thin_film_thickness", {**SHEET, "thin_film_weight": 1, "thin_film_ior": 1.33}, [0.3, 0.5, 0.8]),
+    (
+        "thin_film_thickness",
+        {**METAL, "thin_film_weight": 1, "specular_roughness": 0.15},
+        [0.15, 0.4, 0.7],
+    ),
+    (
+        "thin_film_thickness",
+        {**SHEET, "thin_film_weight": 1, "thin_film_ior": 1.33},
+        [0.3, 0.5, 0.8],
+    ),
     ("thin_film_ior", FILMED, [1.2, 1.4, 2.0]),
     ("emission_luminance", PLASTIC, [0, 0.5, 4]),
     ("emission_color", {**PLASTIC, "emission_luminance": 2}, [WHITE, [1, 0.5, 0.1], [0.1, 0.3, 1]]),
     ("geometry_opacity", PLASTIC, [0.2, 0.6, 1]),
-    ("geometry_thin_walled", {**GLASS, "transmission_color": [0.3, 0.8, 0.5], "transmission_depth": 0}, [False, True, True]),
+    (
+        "geometry_thin_walled",
+        {**GLASS, "transmission_color": [0.3, 0.8, 0.5], "transmission_depth": 0},
+        [False, True, True],
+    ),
     ("transmission_color", SHEET, [WHITE, [0.3, 0.8, 0.5], [0.8, 0.2, 0.1]]),
 ]
 
@@ -128,7 +157,19 @@ class Renderer:
         self.count += 1
         out = self.folder / f"{self.count}.png"
         size = f"{TILE[0]}x{TILE[1]}"
-        command = [self.snell, "render", str(scene), "--size", size, "--spp", str(self.spp), "-q", "-o", str(out), *options]
+        command = [
+            self.snell,
+            "render",
+            str(scene),
+            "--size",
+            size,
+            "--spp",
+            str(self.spp),
+            "-q",
+            "-o",
+            str(out),
+            *options,
+        ]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             print(f"{scene}: {done.stderr.strip()[:400]}")
@@ -146,17 +187,26 @@ def open_pbr(render: Renderer, only: str) -> Sheet:
         if only not in f"openpbr {name}":
             continue
         options: list[str] = []
-        for ball, value in zip(BALLS, values):
+        for ball, value in zip(BALLS, values, strict=False):
             parameters = {**others, name: value}
             # Emission and opacity belong to the material.
-            luminance, tint = parameters.pop("emission_luminance", 0), parameters.pop("emission_color", WHITE)
+            luminance, tint = (
+                parameters.pop("emission_luminance", 0),
+                parameters.pop("emission_color", WHITE),
+            )
             opacity = parameters.pop("geometry_opacity", 1)
             kind = {"material": "open-pbr", **{k: authored(v) for k, v in parameters.items()}}
             options += ["-D", f"material.{ball}.kind={json.dumps(kind)}"]
             if luminance:
-                options += ["-D", f"material.{ball}.emission={json.dumps(authored([luminance * x for x in tint]))}"]
+                emission = authored([luminance * x for x in tint])
+                options += ["-D", f"material.{ball}.emission={json.dumps(emission)}"]
             if opacity < 1:
-                options += ["-D", f"material.{ball}.alpha={json.dumps(authored(opacity))}", "-D", f"material.{ball}.alpha_mode=blend"]
+                options += [
+                    "-D",
+                    f"material.{ball}.alpha={json.dumps(authored(opacity))}",
+                    "-D",
+                    f"material.{ball}.alpha_mode=blend",
+                ]
         if "dispersion" in name:
             options += ["--color", "spectral"]
         if picture := render("spheres", *options):
@@ -166,7 +216,15 @@ def open_pbr(render: Renderer, only: str) -> Sheet:
 
 
 def kind_of(others: dict) -> str:
-    known = {"metal": METAL, "glass": GLASS, "plastic": PLASTIC, "milk": MILK, "skin": SKIN, "coated": COATED, "fuzzy": FUZZY}
+    known = {
+        "metal": METAL,
+        "glass": GLASS,
+        "plastic": PLASTIC,
+        "milk": MILK,
+        "skin": SKIN,
+        "coated": COATED,
+        "fuzzy": FUZZY,
+    }
     return next((name for name, other in known.items() if other == others), "other")
 
 
@@ -177,8 +235,12 @@ def metals(render: Renderer, only: str) -> Sheet:
             if only not in f"metals {metal}":
                 continue
             options = ["--color", color]
-            for ball, roughness in zip(BALLS, (0, 0.3, 0.7)):
-                kind = {"material": "conductor", "spectrum": {"metal": metal}, "roughness": authored(roughness)}
+            for ball, roughness in zip(BALLS, (0, 0.3, 0.7), strict=True):
+                kind = {
+                    "material": "conductor",
+                    "spectrum": {"metal": metal},
+                    "roughness": authored(roughness),
+                }
                 options += ["-D", f"material.{ball}.kind={json.dumps(kind)}"]
             if picture := render("spheres", *options):
                 sheet.add(f"{metal}, roughness 0, 0.3, 0.7, {color}", picture)
@@ -193,17 +255,33 @@ def extensions(file: Path) -> str:
 
 EXTENSIONS = [
     f"KHR_materials_{name}"
-    for name in (
-        "anisotropy clearcoat diffuse_transmission dispersion emissive_strength ior iridescence pbrSpecularGlossiness sheen "
-        "specular transmission unlit variants volume"
-    ).split()
+    for name in [
+        "anisotropy",
+        "clearcoat",
+        "diffuse_transmission",
+        "dispersion",
+        "emissive_strength",
+        "ior",
+        "iridescence",
+        "pbrSpecularGlossiness",
+        "sheen",
+        "specular",
+        "transmission",
+        "unlit",
+        "variants",
+        "volume",
+    ]
 ]
 
 
 def screenshot_of(file: Path) -> Path | None:
     for folder in (file.parent, file.parent.parent, file.parent.parent / "screenshot"):
         for picture in sorted(folder.glob("*")):
-            if "screenshot" in picture.stem.lower() and picture.suffix.lower() in (".png", ".jpg", ".jpeg"):
+            if "screenshot" in picture.stem.lower() and picture.suffix.lower() in (
+                ".png",
+                ".jpg",
+                ".jpeg",
+            ):
                 return picture
     return None
 
@@ -215,7 +293,9 @@ def gltf(render: Renderer, folder: Path, only: str) -> Sheet:
         if not used or only not in f"gltf {file.stem}":
             continue
         bare = b'"primitives"' not in file.read_bytes()
-        if picture := render(on_balls(file, render.folder) if bare else file, "--environment", "sky"):
+        if picture := render(
+            on_balls(file, render.folder) if bare else file, "--environment", "sky"
+        ):
             sheet.add(f"{file.stem}: {used}{', on balls' if bare else ''}", picture)
             if reference := screenshot_of(file):
                 sheet.add(f"{file.stem}: its screenshot", reference)
@@ -233,7 +313,12 @@ def ball() -> tuple[bytes, bytes, bytes]:
     for row in range(DOWN + 1):
         for column in range(AROUND + 1):
             theta, phi = math.pi * row / DOWN, 2 * math.pi * column / AROUND
-            positions += struct.pack("<3f", math.sin(theta) * math.sin(phi), math.cos(theta), math.sin(theta) * math.cos(phi))
+            positions += struct.pack(
+                "<3f",
+                math.sin(theta) * math.sin(phi),
+                math.cos(theta),
+                math.sin(theta) * math.cos(phi),
+            )
             places += struct.pack("<2f", column / AROUND * 2, row / DOWN)
     for row in range(DOWN):
         for column in range(AROUND):
@@ -244,31 +329,62 @@ def ball() -> tuple[bytes, bytes, bytes]:
 
 
 def on_balls(file: Path, folder: Path) -> Path:
-    """A copy in `folder` of a glTF text file without meshes, in which each of its materials is on a ball."""
+    """A copy in `folder` of a glTF text file without meshes, in which each of its materials is on a
+    ball.
+    """
     scene = json.loads(file.read_bytes())
     parts = ball()
     offsets = [sum(map(len, parts[:n])) for n in range(3)]
     data = b"".join(parts)
-    scene["buffers"] = [{"byteLength": len(data), "uri": "data:application/octet-stream;base64," + base64.b64encode(data).decode()}]
-    scene["bufferViews"] = [{"buffer": 0, "byteOffset": at, "byteLength": len(part)} for at, part in zip(offsets, parts)]
+    scene["buffers"] = [
+        {
+            "byteLength": len(data),
+            "uri": "data:application/octet-stream;base64," + base64.b64encode(data).decode(),
+        }
+    ]
+    scene["bufferViews"] = [
+        {"buffer": 0, "byteOffset": at, "byteLength": len(part)}
+        for at, part in zip(offsets, parts, strict=True)
+    ]
     points = (AROUND + 1) * (DOWN + 1)
     scene["accessors"] = [
-        {"bufferView": 0, "componentType": 5126, "count": points, "type": "VEC3", "min": [-1, -1, -1], "max": [1, 1, 1]},
+        {
+            "bufferView": 0,
+            "componentType": 5126,
+            "count": points,
+            "type": "VEC3",
+            "min": [-1, -1, -1],
+            "max": [1, 1, 1],
+        },
         {"bufferView": 1, "componentType": 5126, "count": points, "type": "VEC2"},
         {"bufferView": 2, "componentType": 5123, "count": 6 * AROUND * DOWN, "type": "SCALAR"},
     ]
     attributes = {"POSITION": 0, "NORMAL": 0} | {f"TEXCOORD_{set}": 1 for set in range(TEXCOORDS)}
     count = len(scene["materials"])
-    scene["meshes"] = [{"primitives": [{"attributes": attributes, "indices": 2, "material": number}]} for number in range(count)]
+    scene["meshes"] = [
+        {"primitives": [{"attributes": attributes, "indices": 2, "material": number}]}
+        for number in range(count)
+    ]
     row = min(count, 4)
-    scene["nodes"] = [{"mesh": n, "translation": [2.3 * (n % row), -2.3 * (n // row), 0]} for n in range(count)]
+    scene["nodes"] = [
+        {"mesh": n, "translation": [2.3 * (n % row), -2.3 * (n // row), 0]} for n in range(count)
+    ]
     scene["scenes"], scene["scene"] = [{"nodes": list(range(count))}], 0
     checks = folder / "checks.png"
     picture = Image.new("RGB", (64, 64))
-    picture.putdata([(230, 120, 60) if (x // 8 + y // 8) % 2 else (60, 160, 200) for y in range(64) for x in range(64)])
+    picture.putdata(
+        [
+            (230, 120, 60) if (x // 8 + y // 8) % 2 else (60, 160, 200)
+            for y in range(64)
+            for x in range(64)
+        ]
+    )
     picture.save(checks)
     for material in scene["materials"]:
-        material.setdefault("pbrMetallicRoughness", {"metallicFactor": 0, "roughnessFactor": 0.3, "baseColorFactor": [*RED, 1]})
+        material.setdefault(
+            "pbrMetallicRoughness",
+            {"metallicFactor": 0, "roughnessFactor": 0.3, "baseColorFactor": [*RED, 1]},
+        )
     for image in scene.get("images", []):
         named = file.parent / image.get("uri", "")
         image["uri"] = str(named.resolve()) if named.is_file() else checks.name
@@ -288,7 +404,10 @@ def main() -> None:
     options.folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as temporary:
         render = Renderer(options.snell, options.spp, Path(temporary))
-        sheets = {"open-pbr": open_pbr(render, options.only), "metals": metals(render, options.only)}
+        sheets = {
+            "open-pbr": open_pbr(render, options.only),
+            "metals": metals(render, options.only),
+        }
         if options.gltf:
             sheets["gltf"] = gltf(render, options.gltf, options.only)
     for name, sheet in sheets.items():

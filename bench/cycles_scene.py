@@ -1,8 +1,8 @@
 """Cycles as a renderer of the scenes that `render_speed.py` writes. Needs `pip install bpy`.
 
-Reads what those files hold and nothing else: rectangles, cubes, spheres (as fine meshes: Cycles has no others), OBJ; matte and clear
-surfaces, lamps, a constant sky, one homogeneous medium. Times are those of all samples but the first, so that what Cycles prepares for
-each picture is not in them.
+Reads what those files hold and nothing else: rectangles, cubes, spheres (as fine meshes: Cycles has
+no others), OBJ; matte and clear surfaces, lamps, a constant sky, one homogeneous medium. Times are
+those of all samples but the first, so that what Cycles prepares for each picture is not in them.
 """
 
 from __future__ import annotations
@@ -35,7 +35,11 @@ def placed(transform: xml.Element | None) -> Matrix:
             axis = Vector([float(step.get(a, 0)) for a in AXES])
             move = Matrix.Rotation(np.radians(float(step.get("angle", 0))), 4, axis)
         elif step.tag == "scale":
-            sides = numbers(step.get("value", "")) * 3 if step.get("value") else [float(step.get(a, 1)) for a in AXES]
+            sides = (
+                numbers(step.get("value", "")) * 3
+                if step.get("value")
+                else [float(step.get(a, 1)) for a in AXES]
+            )
             move = Matrix.Diagonal((*sides[:3], 1))
         else:
             move = Matrix.Translation([float(step.get(a, 0)) for a in AXES])
@@ -46,7 +50,11 @@ def placed(transform: xml.Element | None) -> Matrix:
 def obj(file: Path) -> tuple[list[list[float]], list[list[int]]]:
     lines = [line.split() for line in file.read_text().splitlines()]
     points = [[float(x) for x in parts[1:4]] for parts in lines if parts[:1] == ["v"]]
-    faces = [[int(corner.split("/")[0]) - 1 for corner in parts[1:]] for parts in lines if parts[:1] == ["f"]]
+    faces = [
+        [int(corner.split("/")[0]) - 1 for corner in parts[1:]]
+        for parts in lines
+        if parts[:1] == ["f"]
+    ]
     return points, faces
 
 
@@ -55,8 +63,15 @@ class Cycles:
         self.name, self.threads, self.file = "cycles", threads, None
 
     def knows(self, file: Path) -> bool:
-        """Whether it has what the scene asks for: rough metal, plastic, paint and frost are other models there."""
-        return {bsdf.get("type") for bsdf in xml.parse(file).iter("bsdf")} <= {"twosided", "diffuse", "dielectric", "null"}
+        """Whether it has what the scene asks for: rough metal, plastic, paint and frost are other
+        models there.
+        """
+        return {bsdf.get("type") for bsdf in xml.parse(file).iter("bsdf")} <= {
+            "twosided",
+            "diffuse",
+            "dielectric",
+            "null",
+        }
 
     def render(self, file: Path, spp: int, seed: int) -> tuple[np.ndarray, float]:
         if self.file != file:
@@ -76,7 +91,9 @@ class Cycles:
             bpy.ops.render.render(write_still=True)
             seconds = time.perf_counter() - start
             image = bpy.data.images.load(scene.render.filepath)
-            pixels = np.array(image.pixels[:], dtype=np.float64).reshape(image.size[1], image.size[0], -1)
+            pixels = np.array(image.pixels[:], dtype=np.float64).reshape(
+                image.size[1], image.size[0], -1
+            )
             bpy.data.images.remove(image)
         return pixels[::-1, :, :3], seconds
 
@@ -86,7 +103,9 @@ class Cycles:
         sensor, depth = root.find("sensor"), int(root.find("integrator/integer").get("value", "8"))
         self.settings(int(sensor.find("film/integer").get("value", "512")), depth - 1)
         look = sensor.find("transform/lookat")
-        eye, target, up = (Vector(numbers(look.get(name, ""))) for name in ("origin", "target", "up"))
+        eye, target, up = (
+            Vector(numbers(look.get(name, ""))) for name in ("origin", "target", "up")
+        )
         back = (eye - target).normalized()
         right = up.cross(back).normalized()
         camera = bpy.data.cameras.new("camera")
@@ -110,12 +129,23 @@ class Cycles:
         scene.render.resolution_x = scene.render.resolution_y = side
         scene.render.threads_mode, scene.render.threads = "FIXED", self.threads
         scene.render.use_persistent_data = True
-        scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
-        cycles.use_adaptive_sampling, cycles.use_denoising, cycles.pixel_filter_type = False, False, "BOX"
+        scene.render.image_settings.file_format, scene.render.image_settings.color_depth = (
+            "OPEN_EXR",
+            "32",
+        )
+        cycles.use_adaptive_sampling, cycles.use_denoising, cycles.pixel_filter_type = (
+            False,
+            False,
+            "BOX",
+        )
         cycles.filter_width = 1.0
         cycles.sample_clamp_indirect = cycles.sample_clamp_direct = cycles.blur_glossy = 0.0
         for kind in ("", "diffuse_", "glossy_", "transmission_", "volume_", "transparent_"):
-            setattr(cycles, f"{kind}max_bounces" if kind in ("", "transparent_") else f"{kind}bounces", bounces)
+            setattr(
+                cycles,
+                f"{kind}max_bounces" if kind in ("", "transparent_") else f"{kind}bounces",
+                bounces,
+            )
 
     def shape(self, shape: xml.Element) -> None:
         kind, mesh = shape.get("type"), bpy.data.meshes.new("shape")
@@ -149,10 +179,21 @@ class Cycles:
         emitter, medium = shape.find("emitter"), shape.find("medium")
         if medium is not None:
             total, albedo = value(medium, "rgb", "sigma_t")[0], value(medium, "rgb", "albedo")[0]
-            scatter, absorb, both = (nodes.new(f"ShaderNode{n}") for n in ("VolumeScatter", "VolumeAbsorption", "AddShader"))
-            scatter.inputs["Color"].default_value, absorb.inputs["Color"].default_value = (1, 1, 1, 1), (0, 0, 0, 1)
-            scatter.inputs["Density"].default_value, absorb.inputs["Density"].default_value = total * albedo, total * (1 - albedo)
-            scatter.inputs["Anisotropy"].default_value = value(medium.find("phase"), "float", "g")[0]
+            scatter, absorb, both = (
+                nodes.new(f"ShaderNode{n}")
+                for n in ("VolumeScatter", "VolumeAbsorption", "AddShader")
+            )
+            scatter.inputs["Color"].default_value, absorb.inputs["Color"].default_value = (
+                (1, 1, 1, 1),
+                (0, 0, 0, 1),
+            )
+            scatter.inputs["Density"].default_value, absorb.inputs["Density"].default_value = (
+                total * albedo,
+                total * (1 - albedo),
+            )
+            scatter.inputs["Anisotropy"].default_value = value(medium.find("phase"), "float", "g")[
+                0
+            ]
             links.new(scatter.outputs[0], both.inputs[0])
             links.new(absorb.outputs[0], both.inputs[1])
             links.new(both.outputs[0], output.inputs["Volume"])
@@ -160,13 +201,21 @@ class Cycles:
         bsdf = shape.find("bsdf")
         if bsdf.get("type") == "dielectric":
             surface = nodes.new("ShaderNodeBsdfGlass")
-            surface.inputs["Roughness"].default_value, surface.inputs["IOR"].default_value = 0, value(bsdf, "float", "int_ior")[0]
+            surface.inputs["Roughness"].default_value, surface.inputs["IOR"].default_value = (
+                0,
+                value(bsdf, "float", "int_ior")[0],
+            )
         else:
             surface = nodes.new("ShaderNodeBsdfDiffuse")
-            surface.inputs["Color"].default_value = (*value(bsdf.find("bsdf"), "rgb", "reflectance"), 1)
+            surface.inputs["Color"].default_value = (
+                *value(bsdf.find("bsdf"), "rgb", "reflectance"),
+                1,
+            )
         if emitter is not None:
             radiance = value(emitter, "rgb", "radiance")
-            front, side, either = (nodes.new(f"ShaderNode{n}") for n in ("Emission", "NewGeometry", "MixShader"))
+            front, side, either = (
+                nodes.new(f"ShaderNode{n}") for n in ("Emission", "NewGeometry", "MixShader")
+            )
             front.inputs["Strength"].default_value = max(radiance)
             front.inputs["Color"].default_value = (*(x / max(radiance) for x in radiance), 1)
             links.new(side.outputs["Backfacing"], either.inputs[0])

@@ -1,10 +1,12 @@
 """What one way of rendering gains over another in the same time.
 
-    python bench/equal_time.py night-town --ways "--light-sampler bvh" "--light-sampler power" "--light-sampler uniform"
+    python bench/equal_time.py night-town --ways "--light-sampler bvh" \
+        "--light-sampler power" "--light-sampler uniform"
 
-Renders the scene in each of the ways with the same samples, and compares with a picture of many samples in the first way. Errors fall in
-proportion to the samples, so the gain in the same time is the ratio of the products of error and processor time (all threads together,
-without reading and building). The ways take turns --repeat times, with other random numbers each time; medians count.
+Renders the scene in each of the ways with the same samples, and compares with a picture of many
+samples in the first way. Errors fall in proportion to the samples, so the gain in the same time is
+the ratio of the products of error and processor time (all threads together, without reading and
+building). The ways take turns --repeat times, with other random numbers each time; medians count.
 """
 
 from __future__ import annotations
@@ -31,12 +33,31 @@ class Scene:
         """Processor time, and the picture in the folder."""
         before = processor_seconds()
         out = str(self.folder / name)
-        command = [self.snell, "render", self.scene, *self.options, *way, "--spp", str(spp), "--seed", str(seed), "-q", "-o", out]
+        command = [
+            self.snell,
+            "render",
+            self.scene,
+            *self.options,
+            *way,
+            "--spp",
+            str(spp),
+            "--seed",
+            str(seed),
+            "-q",
+            "-o",
+            out,
+        ]
         subprocess.run(command, check=True)
         return processor_seconds() - before
 
     def error(self, name: str) -> float:
-        command = [self.snell, "compare", str(self.folder / "reference.exr"), str(self.folder / name), "--json"]
+        command = [
+            self.snell,
+            "compare",
+            str(self.folder / "reference.exr"),
+            str(self.folder / name),
+            "--json",
+        ]
         done = subprocess.run(command, check=True, capture_output=True, text=True)
         return float(json.loads(done.stdout)["rel_mse"])
 
@@ -44,11 +65,18 @@ class Scene:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scene")
-    parser.add_argument("--ways", nargs="+", required=True, help="options of `snell render`, each way in quotes")
+    parser.add_argument(
+        "--ways", nargs="+", required=True, help="options of `snell render`, each way in quotes"
+    )
     parser.add_argument("--options", default="--size 320x200", help="options of all ways")
     parser.add_argument("--snell", default="snell", help="the command")
     parser.add_argument("--spp", type=int, default=64)
-    parser.add_argument("--many", type=int, default=4096, help="samples of the picture that errors are measured against")
+    parser.add_argument(
+        "--many",
+        type=int,
+        default=4096,
+        help="samples of the picture that errors are measured against",
+    )
     parser.add_argument("--repeat", type=int, default=3)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -57,14 +85,19 @@ def main() -> None:
         scene.render(ways[0], options.many, 12345, "reference.exr")
         found: list[list[tuple[float, float]]] = [[] for _ in ways]
         for seed in range(options.repeat):
-            for way, of_way in zip(ways, found):
+            for way, of_way in zip(ways, found, strict=True):
                 start = scene.render(way, 1, seed, "start.exr")
                 seconds = scene.render(way, options.spp, seed, "test.exr") - start
                 of_way.append((scene.error("test.exr"), max(seconds, 1e-3)))
-    print(f"{options.scene}, {options.spp} samples\n{'way':40} {'rel. MSE':>10} {'seconds':>8} {'the first gains':>16}")
-    for way, of_way in zip(options.ways, found):
-        error, seconds = (statistics.median(column) for column in zip(*of_way))
-        gain = statistics.median(e * s / (e0 * s0) for (e, s), (e0, s0) in zip(of_way, found[0]))
+    print(
+        f"{options.scene}, {options.spp} samples\n{'way':40} {'rel. MSE':>10} {'seconds':>8} "
+        f"{'the first gains':>16}"
+    )
+    for way, of_way in zip(options.ways, found, strict=True):
+        error, seconds = (statistics.median(column) for column in zip(*of_way, strict=True))
+        gain = statistics.median(
+            e * s / (e0 * s0) for (e, s), (e0, s0) in zip(of_way, found[0], strict=True)
+        )
         print(f"{way:40} {error:10.5f} {seconds:8.2f} {gain:16.2f}")
 
 

@@ -2,8 +2,9 @@
 
     python open3d_rays.py FOLDER... [--threads 1,4] [--repeat 5]
 
-Prints a line of JSON for each folder, kind of rays and number of threads, with the fields of `snell bench rays`. Open3D casts rays with
-Embree inside; its rays have no interval, so they are moved to their beginning here, and the shadow rays end a little behind the light.
+Prints a line of JSON for each folder, kind of rays and number of threads, with the fields of `snell
+bench rays`. Open3D casts rays with Embree inside; its rays have no interval, so they are moved to
+their beginning here, and the shadow rays end a little behind the light.
 """
 
 import argparse
@@ -35,7 +36,7 @@ def measure(folder: pathlib.Path, threads: list[int], repeat: int) -> None:
         expected = np.load(folder / f"{kind}-t.npy")
         tensor = o3d.core.Tensor(moved_to_their_beginning(rays))
 
-        def trace(nthreads: int) -> np.ndarray:
+        def trace(nthreads: int, kind=kind, tensor=tensor, rays=rays) -> np.ndarray:
             if kind == "shadow":
                 blocked = scene.test_occlusions(tensor, 0.0, 1.0, nthreads).numpy()
                 return np.where(blocked, 0.0, np.inf)
@@ -64,9 +65,13 @@ def measure(folder: pathlib.Path, threads: list[int], repeat: int) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("folders", nargs="+", type=pathlib.Path)
-    parser.add_argument("--threads", default="1", type=lambda text: [int(n) for n in text.split(",")])
+    parser.add_argument(
+        "--threads", default="1", type=lambda text: [int(n) for n in text.split(",")]
+    )
     parser.add_argument("--repeat", default=5, type=int)
     options = parser.parse_args()
     for folder in options.folders:

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# All that is measured of the Python package: bench/python.sh BUNNY.obj FOLDER. Needs Python 3.10 or later, a Rust compiler, and a quiet machine.
+# All that is measured of the Python package: bench/python.sh BUNNY.obj FOLDER. Needs Python 3.10 or
+# later, a Rust compiler, and a quiet machine.
 set -euo pipefail
 bunny=$(realpath "$1") folder=$2
 mkdir -p "$folder"
@@ -11,7 +12,9 @@ python3 -m venv "$work/fresh"
 fresh="$work/fresh/bin/python"
 
 {
-    echo "installation: $( { time -p "$fresh" -m pip install --quiet "$here/.."; } 2>&1 | awk '/real/ { print $2 }') s"
+    seconds=$({ time -p "$fresh" -m pip install --quiet "$here/.."; } 2>&1 |
+        awk '/real/ { print $2 }')
+    echo "installation: $seconds s"
     "$fresh" -m pip wheel --quiet --no-deps --wheel-dir "$work" "$here/.."
     echo "wheel: $(stat -c %s "$work"/snell-*.whl) bytes"
     cd "$work"

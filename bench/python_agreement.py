@@ -3,15 +3,18 @@
     pip install . open3d trimesh embreex rtree scipy
     python bench/python_agreement.py [MESH...] [--rays 500000] [--exact 2000] [--json]
 
-Without meshes: twenty made here, closed and open, smooth and sharp, tiny and at large coordinates. For each mesh, `--rays` random rays through its
-box go to Snell (float32) and Open3D: nearest hits, occlusions, counts and (of 100,000) lists of hits; and points to both, for distances, nearest points and, of
-closed meshes, insides and signed distances. `--exact` of the rays go, in float64, to Snell and trimesh's own exact path, with the same questions. Counts: rays that one
-side hits and the other does not, other numbers of crossings, and distances that differ by more than 1e-4 (trimesh: 1e-6) of the size of the mesh. A
-hundred of the rays that are counted differently are judged in float64 (`--no-truth` leaves that out): a side is wrong if its number is not one that
-rounding allows, or, for a closed mesh, is odd where it must be even.
+Without meshes: twenty made here, closed and open, smooth and sharp, tiny and at large coordinates.
+For each mesh, `--rays` random rays through its box go to Snell (float32) and Open3D: nearest hits,
+occlusions, counts and (of 100,000) lists of hits; and points to both, for distances, nearest points
+and, of closed meshes, insides and signed distances. `--exact` of the rays go, in float64, to Snell
+and trimesh's own exact path, with the same questions. Counts: rays that one side hits and the other
+does not, other numbers of crossings, and distances that differ by more than 1e-4 (trimesh: 1e-6) of
+the size of the mesh. A hundred of the rays that are counted differently are judged in float64
+(`--no-truth` leaves that out): a side is wrong if its number is not one that rounding allows, or,
+for a closed mesh, is odd where it must be even.
 
-The aimed probe: a closed sphere of 100 by 200 squares, and rays from six inner points to all of its vertices and middles of edges. Every one must
-be hit, and cross exactly once.
+The aimed probe: a closed sphere of 100 by 200 squares, and rays from six inner points to all of its
+vertices and middles of edges. Every one must be hit, and cross exactly once.
 """
 
 from __future__ import annotations
@@ -38,13 +41,26 @@ def sphere(rows: int, columns: int, radius: float = 1.0) -> tuple[np.ndarray, np
     """A closed sphere around the y axis."""
     theta = np.linspace(0, np.pi, rows + 1)[1:-1]
     phi = np.arange(columns) * (2 * np.pi / columns)
-    ring = np.stack([np.outer(np.sin(theta), np.sin(phi)), np.outer(np.cos(theta), np.ones(columns)), np.outer(np.sin(theta), np.cos(phi))], axis=-1)
+    ring = np.stack(
+        [
+            np.outer(np.sin(theta), np.sin(phi)),
+            np.outer(np.cos(theta), np.ones(columns)),
+            np.outer(np.sin(theta), np.cos(phi)),
+        ],
+        axis=-1,
+    )
     vertices = np.concatenate([[[0, 1, 0]], ring.reshape(-1, 3), [[0, -1, 0]]]) * radius
     at = lambda i, j: 1 + i * columns + j % columns  # noqa: E731
     j = np.arange(columns)
-    faces = [np.stack([np.zeros_like(j), at(0, j), at(0, j + 1)], -1), np.stack([np.full_like(j, len(vertices) - 1), at(rows - 2, j + 1), at(rows - 2, j)], -1)]
+    faces = [
+        np.stack([np.zeros_like(j), at(0, j), at(0, j + 1)], -1),
+        np.stack([np.full_like(j, len(vertices) - 1), at(rows - 2, j + 1), at(rows - 2, j)], -1),
+    ]
     for i in range(rows - 2):
-        faces += [np.stack([at(i, j), at(i + 1, j), at(i + 1, j + 1)], -1), np.stack([at(i, j), at(i + 1, j + 1), at(i, j + 1)], -1)]
+        faces += [
+            np.stack([at(i, j), at(i + 1, j), at(i + 1, j + 1)], -1),
+            np.stack([at(i, j), at(i + 1, j + 1), at(i, j + 1)], -1),
+        ]
     return vertices, np.concatenate(faces)
 
 
@@ -59,7 +75,9 @@ def grid(n: int, height) -> tuple[np.ndarray, np.ndarray]:
 
 def torus(n: int, m: int, r: float) -> tuple[np.ndarray, np.ndarray]:
     u, v = np.meshgrid(np.arange(n) * 2 * np.pi / n, np.arange(m) * 2 * np.pi / m, indexing="ij")
-    vertices = np.stack([(1 + r * np.cos(v)) * np.cos(u), r * np.sin(v), (1 + r * np.cos(v)) * np.sin(u)], axis=-1).reshape(-1, 3)
+    vertices = np.stack(
+        [(1 + r * np.cos(v)) * np.cos(u), r * np.sin(v), (1 + r * np.cos(v)) * np.sin(u)], axis=-1
+    ).reshape(-1, 3)
     i, j = (a.ravel() for a in np.meshgrid(np.arange(n), np.arange(m), indexing="ij"))
     at = lambda i, j: i % n * m + j % m  # noqa: E731
     quads = np.stack([at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)], axis=-1)
@@ -74,9 +92,28 @@ def soup(n: int, size: float, rng: np.random.Generator) -> tuple[np.ndarray, np.
 def cubes(n: int) -> tuple[np.ndarray, np.ndarray]:
     """Cubes in a lattice: rays along edges and through corners are common."""
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
-    faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])
-    places = 2 * np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 1, 3)
-    return (corners + places).reshape(-1, 3), (faces + 8 * np.arange(len(places))[:, None, None]).reshape(-1, 3)
+    faces = np.array(
+        [
+            [0, 1, 3],
+            [0, 3, 2],
+            [4, 6, 7],
+            [4, 7, 5],
+            [0, 4, 5],
+            [0, 5, 1],
+            [2, 3, 7],
+            [2, 7, 6],
+            [0, 2, 6],
+            [0, 6, 4],
+            [1, 5, 7],
+            [1, 7, 3],
+        ]
+    )
+    places = 2 * np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(
+        -1, 1, 3
+    )
+    return (corners + places).reshape(-1, 3), (
+        faces + 8 * np.arange(len(places))[:, None, None]
+    ).reshape(-1, 3)
 
 
 def meshes() -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -108,7 +145,9 @@ def meshes() -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 def random_rays(vertices: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
-    """Rays from around the box of a mesh to points in it; a tenth of them goes exactly to vertices, a tenth along axes."""
+    """Rays from around the box of a mesh to points in it; a tenth of them goes exactly to vertices,
+    a tenth along axes.
+    """
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     size = np.maximum(high - low, 1e-3 * (high - low).max())
     origins = (low + high) / 2 + size * rng.uniform(-2, 2, (n, 3))
@@ -116,7 +155,9 @@ def random_rays(vertices: np.ndarray, n: int, rng: np.random.Generator) -> np.nd
     directions = targets - origins
     tenth = n // 10
     directions[:tenth] = vertices[rng.integers(len(vertices), size=tenth)] - origins[:tenth]
-    directions[tenth : 2 * tenth] = np.eye(3)[rng.integers(3, size=tenth)] * rng.choice([-1, 1], (tenth, 1))
+    directions[tenth : 2 * tenth] = np.eye(3)[rng.integers(3, size=tenth)] * rng.choice(
+        [-1, 1], (tenth, 1)
+    )
     return np.concatenate([origins, directions], axis=1)
 
 
@@ -125,7 +166,9 @@ ROUNDING = {np.dtype(np.float32): 4e-7, np.dtype(np.float64): 1e-14}
 
 
 def crossings(ray: np.ndarray, triangles: np.ndarray, rounding: float) -> tuple[int, int]:
-    """How many triangles a ray crosses for certain, and how many more it may cross, because it passes so near to an edge that rounding may decide."""
+    """How many triangles a ray crosses for certain, and how many more it may cross, because it
+    passes so near to an edge that rounding may decide.
+    """
     low, high = triangles.min(axis=1), triangles.max(axis=1)
     o, d = ray[:3], ray[3:]
     margin = rounding * max(np.abs(triangles).max(), np.abs(o).max())
@@ -141,7 +184,8 @@ def crossings(ray: np.ndarray, triangles: np.ndarray, rounding: float) -> tuple[
     longest = np.max([np.linalg.norm(x, axis=1) for x in (b - a, c - b, a - c)], axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         least = np.min([u / total, v / total, w / total], axis=0)
-        # How much a barycentric coordinate changes if a corner moves by the margin, seen along the ray.
+        # How much a barycentric coordinate changes if a corner moves by the margin, seen along the
+        # ray.
         doubt = 2 * margin * longest * np.linalg.norm(d) / np.abs(total)
         t = (normal * a).sum(axis=1) / (normal @ d)
         near_plane = np.abs((normal * a).sum(axis=1)) <= 2 * margin * np.linalg.norm(normal, axis=1)
@@ -150,18 +194,26 @@ def crossings(ray: np.ndarray, triangles: np.ndarray, rounding: float) -> tuple[
     return int(certain.sum()), int((~is_out & ~certain).sum())
 
 
-def truth(rays, triangles, ours, theirs, is_closed: bool, dtype: type, most: int = 100) -> dict[str, int]:
-    """Of rays with other numbers of crossings: who counts more or fewer than rounding explains, or through a closed mesh an odd number too many."""
+def truth(
+    rays, triangles, ours, theirs, is_closed: bool, dtype: type, most: int = 100
+) -> dict[str, int]:
+    """Of rays with other numbers of crossings: who counts more or fewer than rounding explains, or
+    through a closed mesh an odd number too many.
+    """
     found = {"judged": 0, "near_edges": 0, "snell_wrong": 0, "other_wrong": 0}
     rng = np.random.default_rng(5)
     rounding = ROUNDING[np.dtype(dtype)]
-    for ray, mine, other in list(zip(rays, ours.astype(int), theirs.astype(int), strict=True))[:most]:
+    for ray, mine, other in list(zip(rays, ours.astype(int), theirs.astype(int), strict=True))[
+        :most
+    ]:
         certain, more = crossings(ray, triangles, rounding)
         allowed = range(certain, certain + more + 1)
         if is_closed:
             # Whether the ray begins inside, by another one from there that passes no edge.
             for _ in range(20):
-                count, doubt = crossings(np.concatenate([ray[:3], rng.normal(size=3)]), triangles, rounding)
+                count, doubt = crossings(
+                    np.concatenate([ray[:3], rng.normal(size=3)]), triangles, rounding
+                )
                 if doubt == 0:
                     allowed = [n for n in allowed if n % 2 == count % 2]
                     break
@@ -194,17 +246,31 @@ def compare_with_open3d(vertices, faces, rays, judge: bool, is_closed: bool) -> 
         "distances_apart": int(apart.sum()),
         "occlusions_differ": int((blocked[0] != blocked[1]).sum()),
         "counts_differ": int(other.sum()),
-        "snell_differs_from_itself": int((blocked[0] != hit[0]).sum() + (np.diff(listed.ray_splits) != counts[0]).sum()),
+        "snell_differs_from_itself": int(
+            (blocked[0] != hit[0]).sum() + (np.diff(listed.ray_splits) != counts[0]).sum()
+        ),
     }
     if judge and other.any():
         triangles = vertices.astype(np.float64)[faces]
-        row |= truth(rays[other].astype(np.float64), triangles, counts[0][other], counts[1][other], is_closed, np.float32)
+        row |= truth(
+            rays[other].astype(np.float64),
+            triangles,
+            counts[0][other],
+            counts[1][other],
+            is_closed,
+            np.float32,
+        )
     row |= compare_lists(ours, theirs, rays[:100_000], size)
-    points = np.ascontiguousarray((rays[:2000, :3] + rays[:2000, :3].mean(axis=0)) * np.float32(0.5))
+    points = np.ascontiguousarray(
+        (rays[:2000, :3] + rays[:2000, :3].mean(axis=0)) * np.float32(0.5)
+    )
     tensor = o3d.core.Tensor(points)
     near_us, near_them = ours.distance(points), theirs.compute_distance(tensor).numpy()
     row["distances_of_points_apart"] = int((np.abs(near_us - near_them) > 1e-4 * size).sum())
-    closest = ours.closest_points(points).points, theirs.compute_closest_points(tensor)["points"].numpy()
+    closest = (
+        ours.closest_points(points).points,
+        theirs.compute_closest_points(tensor)["points"].numpy(),
+    )
     # Two points may be equally near: each must be as near as the other.
     far = [np.linalg.norm(points - c, axis=1) for c in closest]
     row["closest_points_apart"] = int((np.abs(far[0] - far[1]) > 1e-4 * size).sum())
@@ -225,7 +291,10 @@ def compare_lists(ours, theirs, rays, size) -> dict[str, int]:
     lengths = np.linalg.norm(rays[:, 3:], axis=1)
     apart = 0
     for i in same[counts[0][same] > 0]:
-        a, b = mine.t_hit[mine.ray_splits[i] : mine.ray_splits[i + 1]], np.sort(t[splits[i] : splits[i + 1]])
+        a, b = (
+            mine.t_hit[mine.ray_splits[i] : mine.ray_splits[i + 1]],
+            np.sort(t[splits[i] : splits[i + 1]]),
+        )
         apart += bool((np.abs(a - b) * lengths[i] > 1e-4 * size).any())
     return {"lists_apart": apart}
 
@@ -260,16 +329,25 @@ def compare_with_trimesh(vertices, faces, rays, judge: bool, is_closed: bool) ->
     index = np.asarray(index, dtype=np.int64)
     along = (np.reshape(places, (-1, 3)) - origins[index]) * directions[index]
     theirs_t = along.sum(axis=1) / (directions[index] ** 2).sum(axis=1)
-    counts = ours.count_intersections((origins, directions)), np.bincount(index, minlength=len(rays))
+    counts = (
+        ours.count_intersections((origins, directions)),
+        np.bincount(index, minlength=len(rays)),
+    )
     other = counts[0] != counts[1]
     row["counts_differ"] = int(other.sum())
     listed = ours.list_intersections((origins, directions))
     order = np.lexsort((theirs_t, index))
     same_mine, same_theirs = ~other[listed.ray_ids], ~other[index[order]]
     lengths = np.linalg.norm(directions, axis=1)[listed.ray_ids[same_mine]]
-    row["lists_apart"] = int((np.abs(listed.t_hit[same_mine] - theirs_t[order][same_theirs]) * lengths > 1e-6 * size).sum())
+    row["lists_apart"] = int(
+        (
+            np.abs(listed.t_hit[same_mine] - theirs_t[order][same_theirs]) * lengths > 1e-6 * size
+        ).sum()
+    )
     if judge and other.any():
-        row |= truth(rays[other], vertices[faces], counts[0][other], counts[1][other], is_closed, np.float64)
+        row |= truth(
+            rays[other], vertices[faces], counts[0][other], counts[1][other], is_closed, np.float64
+        )
     points = (origins[:300] + origins[:300].mean(axis=0)) * 0.5
     _, far, _ = trimesh.proximity.closest_point(mesh, points)
     near = ours.distance(points)
@@ -287,7 +365,16 @@ def compare_with_trimesh(vertices, faces, rays, judge: bool, is_closed: bool) ->
 def probe() -> list[dict]:
     """The aimed rays."""
     rows = []
-    inner = np.array([[0, 0, 0], [0.5, 0.2, -0.3], [-0.9, 0.4, 0.1], [0.1, -1.1, 0.6], [1.2, 0.3, 0.8], [-0.2, 0.7, -1.2]])
+    inner = np.array(
+        [
+            [0, 0, 0],
+            [0.5, 0.2, -0.3],
+            [-0.9, 0.4, 0.1],
+            [0.1, -1.1, 0.6],
+            [1.2, 0.3, 0.8],
+            [-0.2, 0.7, -1.2],
+        ]
+    )
     for place in ([0, 0, 0], [148376, 1234, -223423]):
         vertices, faces = sphere(100, 200, 2.0)
         vertices = vertices + place
@@ -297,7 +384,17 @@ def probe() -> list[dict]:
             used = vertices.astype(dtype)
             targets = np.concatenate([used, (used[edges[:, 0]] + used[edges[:, 1]]) / 2])
             origins = (inner + place).astype(dtype)
-            rays = np.concatenate([np.broadcast_to(origins[:, None], (6, len(targets), 3)), targets - origins[:, None]], axis=-1).astype(dtype).reshape(-1, 6)
+            rays = (
+                np.concatenate(
+                    [
+                        np.broadcast_to(origins[:, None], (6, len(targets), 3)),
+                        targets - origins[:, None],
+                    ],
+                    axis=-1,
+                )
+                .astype(dtype)
+                .reshape(-1, 6)
+            )
             scene = snell.Scene()
             scene.add_mesh(used, faces)
             row = {"at": place, "dtype": np.dtype(dtype).name, "rays": len(rays)}
@@ -306,14 +403,20 @@ def probe() -> list[dict]:
             if o3d is not None and dtype == np.float32:
                 other = o3d.t.geometry.RaycastingScene()
                 other.add_triangles(o3d.core.Tensor(used), o3d.core.Tensor(faces.astype(np.uint32)))
-                row["open3d_misses"] = int(np.isinf(other.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy()).sum())
-                row["open3d_miscounts"] = int((other.count_intersections(o3d.core.Tensor(rays)).numpy() != 1).sum())
+                row["open3d_misses"] = int(
+                    np.isinf(other.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy()).sum()
+                )
+                row["open3d_miscounts"] = int(
+                    (other.count_intersections(o3d.core.Tensor(rays)).numpy() != 1).sum()
+                )
             rows.append(row)
     return rows
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("meshes", nargs="*", type=pathlib.Path)
     parser.add_argument("--rays", type=int, default=500_000)
     parser.add_argument("--exact", type=int, default=2000)
@@ -324,17 +427,29 @@ def main() -> None:
     for path in options.meshes:
         loaded = trimesh.load(path, force="mesh")
         all_meshes[path.stem] = np.asarray(loaded.vertices), np.asarray(loaded.faces)
-    show = (lambda row: print(json.dumps(row), flush=True)) if options.json else (lambda row: print(*(f"{k}={v}" for k, v in row.items()), flush=True))
+    show = (
+        (lambda row: print(json.dumps(row), flush=True))
+        if options.json
+        else (lambda row: print(*(f"{k}={v}" for k, v in row.items()), flush=True))
+    )
     for number, (name, (vertices, faces)) in enumerate(all_meshes.items()):
         rays = random_rays(vertices, options.rays, np.random.default_rng(number))
         about = {"mesh": name, "triangles": len(faces), "rays": len(rays)}
         is_closed = name.startswith(("sphere", "torus", "cube"))
         if o3d is not None:
-            show(about | {"peer": "open3d"} | compare_with_open3d(vertices, faces, rays, not options.no_truth, is_closed))
+            show(
+                about
+                | {"peer": "open3d"}
+                | compare_with_open3d(vertices, faces, rays, not options.no_truth, is_closed)
+            )
         # Its own exact path takes hours on large meshes.
         if trimesh is not None and len(faces) <= 50_000:
             few = rays[np.linspace(0, len(rays) - 1, options.exact).astype(int)]
-            show(about | {"peer": "trimesh", "rays": len(few)} | compare_with_trimesh(vertices, faces, few, not options.no_truth, is_closed))
+            show(
+                about
+                | {"peer": "trimesh", "rays": len(few)}
+                | compare_with_trimesh(vertices, faces, few, not options.no_truth, is_closed)
+            )
     for row in probe():
         show({"probe": "aimed rays"} | row)
 

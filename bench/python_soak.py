@@ -2,8 +2,9 @@
 
     python bench/python_soak.py [--calls 10000] [--bad 100000] [--seed 0]
 
-`--calls` queries, edits and small renders of each kind: the memory of the process after a tenth of them and at the end. `--bad` calls of everything
-public with arguments of the wrong kind, shape, size and value: only exceptions may come of it, and the scene must answer as before.
+`--calls` queries, edits and small renders of each kind: the memory of the process after a tenth of
+them and at the end. `--bad` calls of everything public with arguments of the wrong kind, shape,
+size and value: only exceptions may come of it, and the scene must answer as before.
 """
 
 from __future__ import annotations
@@ -23,7 +24,11 @@ import snell
 
 def resident() -> float:
     """Megabytes of the process that are in memory."""
-    return int(pathlib.Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+    return (
+        int(pathlib.Path("/proc/self/statm").read_text().split()[1])
+        * os.sysconf("SC_PAGE_SIZE")
+        / 1e6
+    )
 
 
 def grow(calls: int) -> dict[str, float]:
@@ -61,8 +66,9 @@ def grow(calls: int) -> dict[str, float]:
             call()
         gc.collect()
         found[name] = round(resident() - before, 2)
-    # Ids are never used again, so a scene that is edited holds a little more each time: measured apart.
-    for i in range(calls // 10):
+    # Ids are never used again, so a scene that is edited holds a little more each time: measured
+    # apart.
+    for _ in range(calls // 10):
         edit()
     return found
 
@@ -77,39 +83,120 @@ def attack(count: int, seed: int) -> tuple[int, int]:
     rng = np.random.default_rng(seed)
     special = [0.0, -0.0, 1.0, -1.0, np.nan, np.inf, -np.inf, 1e-45, 3e38, 1e300, 7.0, 2.0**40]
     texture = snell.Texture(np.ones((2, 2)))
-    material, light = snell.Material("diffuse", reflectance=1), snell.Light("point", position=(0, 0, 0), intensity=1)
+    material, light = (
+        snell.Material("diffuse", reflectance=1),
+        snell.Light("point", position=(0, 0, 0), intensity=1),
+    )
     camera, picture = snell.Camera(eye=(0, 0, 1)), snell.Image(np.ones((2, 2)))
 
     def array():
         shape = tuple(rng.integers(0, 5, size=rng.integers(0, 4)))
         if rng.random() < 0.5:
             shape = (*shape, int(rng.choice([2, 3, 4, 6])))
-        kind = rng.choice([np.float16, np.float32, np.float64, np.int8, np.int32, np.uint64, np.complex64, np.bool_, object])
+        kind = rng.choice(
+            [
+                np.float16,
+                np.float32,
+                np.float64,
+                np.int8,
+                np.int32,
+                np.uint64,
+                np.complex64,
+                np.bool_,
+                object,
+            ]
+        )
         with np.errstate(all="ignore"):
             return rng.choice(special, size=shape).astype(kind)
 
     def anything():
-        simple = [None, True, "", "x", "path", "#12zz34", b"", (), [], {}, {"factor": 1}, -1, 0, 1, 7, 2**70, 1.5, float("nan"), 1j, object(), int, array]
+        simple = [
+            None,
+            True,
+            "",
+            "x",
+            "path",
+            "#12zz34",
+            b"",
+            (),
+            [],
+            {},
+            {"factor": 1},
+            -1,
+            0,
+            1,
+            7,
+            2**70,
+            1.5,
+            float("nan"),
+            1j,
+            object(),
+            int,
+            array,
+        ]
         things = [scene, texture, texture.channel("r"), material, light, camera, picture, snell]
         pick = rng.integers(4)
-        return array() if pick == 0 else simple[rng.integers(len(simple))] if pick < 3 else things[rng.integers(len(things))]
+        return (
+            array()
+            if pick == 0
+            else simple[rng.integers(len(simple))]
+            if pick < 3
+            else things[rng.integers(len(things))]
+        )
 
     def target():
-        classes = [snell.Material, snell.Light, snell.Camera, snell.Texture, snell.Image, snell.Hits, snell.Scene]
+        classes = [
+            snell.Material,
+            snell.Light,
+            snell.Camera,
+            snell.Texture,
+            snell.Image,
+            snell.Hits,
+            snell.Scene,
+        ]
         things = [scene, scene, scene, texture, material, light, camera, picture]
         pick = rng.integers(8)
         if pick == 0:
-            return rng.choice(["load", "render", "compare", "create_rays_pinhole"]), lambda name: getattr(snell, name)
+            return rng.choice(
+                ["load", "render", "compare", "create_rays_pinhole"]
+            ), lambda name: getattr(snell, name)
         if pick == 1:
             return str(rng.integers(len(classes))), lambda name: classes[int(name)]
         thing = things[rng.integers(len(things))]
         # Names of files would be written to.
-        names = [name for name in dir(type(thing)) if not name.startswith("__") and name not in ("save", "open")]
+        names = [
+            name
+            for name in dir(type(thing))
+            if not name.startswith("__") and name not in ("save", "open")
+        ]
         return str(rng.choice(names)), lambda name: getattr(thing, name)
 
     kinds = [*snell.MATERIALS, *snell.LIGHTS, *snell.PROJECTIONS, *snell.SHAPES]
-    keys = sorted({key for table in (snell.MATERIALS, snell.LIGHTS, snell.PROJECTIONS, snell.SHAPES) for names in table.values() for key in names})
-    keys += ["material", "mask", "transform", "t_min", "t_max", "threads", "normals", "uvs", "colors", "emission", "eye", "target", "fov", "encoding", "wrap"]
+    keys = sorted(
+        {
+            key
+            for table in (snell.MATERIALS, snell.LIGHTS, snell.PROJECTIONS, snell.SHAPES)
+            for names in table.values()
+            for key in names
+        }
+    )
+    keys += [
+        "material",
+        "mask",
+        "transform",
+        "t_min",
+        "t_max",
+        "threads",
+        "normals",
+        "uvs",
+        "colors",
+        "emission",
+        "eye",
+        "target",
+        "fov",
+        "encoding",
+        "wrap",
+    ]
     succeeded = failed = 0
     small = {"spp": 1, "size": (4, 4), "progress": False}
     for i in range(count):
@@ -143,7 +230,9 @@ def attack(count: int, seed: int) -> tuple[int, int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--calls", type=int, default=10_000)
     parser.add_argument("--bad", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=0)
@@ -154,7 +243,10 @@ def main() -> None:
     print(f"{time.perf_counter() - start:.0f} s")
     start = time.perf_counter()
     succeeded, failed = attack(options.bad, options.seed)
-    print(f"{options.bad} bad calls: {failed} exceptions, {succeeded} were fine after all; the interpreter lives ({time.perf_counter() - start:.0f} s)")
+    print(
+        f"{options.bad} bad calls: {failed} exceptions, {succeeded} were fine after all; the "
+        f"interpreter lives ({time.perf_counter() - start:.0f} s)"
+    )
 
 
 if __name__ == "__main__":

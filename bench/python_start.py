@@ -1,5 +1,5 @@
-"""How long the Python package takes to begin: its import over NumPy's, and the first picture from the start of the process; and how soon Ctrl-C ends a
-call.
+"""How long the Python package takes to begin: its import over NumPy's, and the first picture from
+the start of the process; and how soon Ctrl-C ends a call.
 
     python bench/python_start.py [--repeat 15]
 """
@@ -12,7 +12,10 @@ import subprocess
 import sys
 import time
 
-IMPORT = "import time, numpy; start = time.perf_counter(); import snell; print(time.perf_counter() - start)"
+IMPORT = (
+    "import time, numpy; start = time.perf_counter(); import snell; print(time.perf_counter() - "
+    "start)"
+)
 PICTURE = 'import snell; snell.render("cornell-box", spp=1, size=(320, 240)).save("first.png")'
 INTERRUPT = """
 import os, signal, threading, time, numpy as np, snell
@@ -45,21 +48,31 @@ for name, call in work.items():
 
 
 def run(code: str) -> str:
-    return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+    return subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True
+    ).stdout
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--repeat", type=int, default=15)
     repeat = parser.parse_args().repeat
     imports = [float(run(IMPORT)) for _ in range(repeat)]
-    print(f"import over NumPy's: {1e3 * statistics.median(imports):.1f} ms (least {1e3 * min(imports):.1f})")
+    print(
+        f"import over NumPy's: {1e3 * statistics.median(imports):.1f} ms (least "
+        f"{1e3 * min(imports):.1f})"
+    )
     pictures = []
     for _ in range(repeat):
         start = time.perf_counter()
         run(PICTURE)
         pictures.append(time.perf_counter() - start)
-    print(f"first picture from the start of the process: {1e3 * statistics.median(pictures):.0f} ms (least {1e3 * min(pictures):.0f})")
+    print(
+        f"first picture from the start of the process: {1e3 * statistics.median(pictures):.0f} ms "
+        f"(least {1e3 * min(pictures):.0f})"
+    )
     print("seconds from Ctrl-C to KeyboardInterrupt:")
     print(run(INTERRUPT), end="")
 

@@ -1,17 +1,23 @@
-"""Rays per second from Python: Snell beside Open3D, embreex, trimesh and Mitsuba, on the same meshes and rays in one run.
+"""Rays per second from Python: Snell beside Open3D, embreex, trimesh and Mitsuba, on the same
+meshes and rays in one run.
 
     pip install . open3d embreex trimesh rtree mitsuba
-    python bench/python_throughput.py bunny.obj [--triangles 1000000,10000000] [--rays 10000,1000000,10000000] [--threads 1,4] [--repeat 5]
+    python bench/python_throughput.py bunny.obj [--triangles 1000000,10000000]
+        [--rays 10000,1000000,10000000] [--threads 1,4] [--repeat 5]
 
-For each mesh (the given one, and terrains of so many triangles), kind of rays and number of rays in a call: millions of rays a second of the call as a
-user makes it, arrays in and arrays out, the nearest hit with its distance and triangle. Sides alternate, and the median of the repeats counts; a
-batch of few rays is cast several times for one measurement. `ratio` is Snell (float32) over the best of the others, `float64` Snell's
-own double precision over its single, `over_trimesh` over trimesh with embreex. `primary` rays are those of a pinhole camera, row by row; `random` ones
-go from around the box to points in it; `diffuse` ones leave the hits of primary rays in random directions. trimesh is measured up to 100,000 rays, and
-its rate there compared further up. Sides that are not installed are left out; Mitsuba needs LLVM.
+For each mesh (the given one, and terrains of so many triangles), kind of rays and number of rays in
+a call: millions of rays a second of the call as a user makes it, arrays in and arrays out, the
+nearest hit with its distance and triangle. Sides alternate, and the median of the repeats counts; a
+batch of few rays is cast several times for one measurement. `ratio` is Snell (float32) over the
+best of the others, `float64` Snell's own double precision over its single, `over_trimesh` over
+trimesh with embreex. `primary` rays are those of a pinhole camera, row by row; `random` ones go
+from around the box to points in it; `diffuse` ones leave the hits of primary rays in random
+directions. trimesh is measured up to 100,000 rays, and its rate there compared further up. Sides
+that are not installed are left out; Mitsuba needs LLVM.
 
-Memory is what the process grows by when the structure is built, by triangle, with all that the side keeps. On a machine that does other work,
-`--clock processor` counts the processor time of all threads instead of the time that passes: then only rows with one thread mean something.
+Memory is what the process grows by when the structure is built, by triangle, with all that the side
+keeps. On a machine that does other work, `--clock processor` counts the processor time of all
+threads instead of the time that passes: then only rows with one thread mean something.
 """
 
 from __future__ import annotations
@@ -30,7 +36,7 @@ import numpy as np
 import snell
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from python_agreement import grid  # noqa: E402
+from python_agreement import grid
 
 
 def module(name: str):
@@ -49,7 +55,9 @@ class Snell:
     name = "snell"
 
     def __init__(self, vertices, faces, dtype=np.float32):
-        self.name, self.dtype = ("snell", dtype) if dtype == np.float32 else ("snell float64", dtype)
+        self.name, self.dtype = (
+            ("snell", dtype) if dtype == np.float32 else ("snell float64", dtype)
+        )
         self.scene = snell.Scene()
         self.scene.add_mesh(vertices.astype(dtype), faces)
         self.scene.commit(dtype)
@@ -68,7 +76,10 @@ class Open3D:
     def __init__(self, vertices, faces):
         self.o3d = module("open3d")
         self.scene = self.o3d.t.geometry.RaycastingScene()
-        self.scene.add_triangles(self.o3d.core.Tensor(vertices.astype(np.float32)), self.o3d.core.Tensor(faces.astype(np.uint32)))
+        self.scene.add_triangles(
+            self.o3d.core.Tensor(vertices.astype(np.float32)),
+            self.o3d.core.Tensor(faces.astype(np.uint32)),
+        )
         self.scene.cast_rays(self.o3d.core.Tensor(np.zeros((1, 6), np.float32)))
 
     def prepare(self, rays):
@@ -152,7 +163,14 @@ def camera_rays(low, high, n: int) -> np.ndarray:
     width = max(int((n * 4 / 3) ** 0.5), 1)
     height = -(-n // width)
     center, size = (low + high) / 2, np.linalg.norm(high - low)
-    rays = snell.create_rays_pinhole(fov_deg=40, center=center, eye=center + size * np.array([0.5, 0.5, 1.0]), up=[0, 1, 0], width_px=width, height_px=height)
+    rays = snell.create_rays_pinhole(
+        fov_deg=40,
+        center=center,
+        eye=center + size * np.array([0.5, 0.5, 1.0]),
+        up=[0, 1, 0],
+        width_px=width,
+        height_px=height,
+    )
     return rays.reshape(-1, 6)[:n]
 
 
@@ -161,7 +179,9 @@ def kinds(vertices, faces, n: int) -> dict[str, np.ndarray]:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     primary = camera_rays(low, high, n)
     origins = (low + high) / 2 + (high - low) * rng.uniform(-1.5, 1.5, (n, 3))
-    random = np.concatenate([origins, low + (high - low) * rng.random((n, 3)) - origins], axis=1).astype(np.float32)
+    random = np.concatenate(
+        [origins, low + (high - low) * rng.random((n, 3)) - origins], axis=1
+    ).astype(np.float32)
     scene = snell.Scene()
     scene.add_mesh(vertices.astype(np.float32), faces)
     hits = scene.cast_rays(primary)
@@ -171,13 +191,17 @@ def kinds(vertices, faces, n: int) -> dict[str, np.ndarray]:
     away = rng.normal(size=normals.shape)
     directions = normals + away / np.linalg.norm(away, axis=1, keepdims=True)
     size = np.linalg.norm(high - low)
-    diffuse = np.concatenate([hits.points[seen] + 1e-4 * size * normals, directions], axis=1).astype(np.float32)
+    diffuse = np.concatenate(
+        [hits.points[seen] + 1e-4 * size * normals, directions], axis=1
+    ).astype(np.float32)
     diffuse = diffuse[rng.integers(len(diffuse), size=n)] if 0 < len(diffuse) < n else diffuse
     return {"primary": primary, "random": random, "diffuse": diffuse}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("mesh", nargs="?", type=pathlib.Path)
     numbers = lambda text: [int(n) for n in text.split(",") if n]  # noqa: E731
     parser.add_argument("--triangles", type=numbers, default=[1_000_000, 10_000_000])
@@ -195,10 +219,18 @@ def main() -> None:
     noise = np.random.default_rng(0).random((4096, 4096), dtype=np.float32)
     for count in options.triangles:
         n = int((count / 2) ** 0.5) + 1
-        height = lambda x, z: 0.15 * np.sin(9 * x) * np.cos(7 * z) + 0.002 * noise[: x.shape[0], : x.shape[1]]  # noqa: E731
+
+        def height(x: np.ndarray, z: np.ndarray) -> np.ndarray:
+            rough = 0.002 * noise[: x.shape[0], : x.shape[1]]
+            return 0.15 * np.sin(9 * x) * np.cos(7 * z) + rough
+
         meshes[f"terrain of {count}"] = grid(n, height)
     peers = {"open3d": Open3D, "embreex": Embreex, "trimesh": Trimesh, "mitsuba": Mitsuba}
-    show = (lambda row: print(json.dumps(row), flush=True)) if options.json else (lambda row: print(*(f"{k}={v}" for k, v in row.items()), flush=True))
+    show = (
+        (lambda row: print(json.dumps(row), flush=True))
+        if options.json
+        else (lambda row: print(*(f"{k}={v}" for k, v in row.items()), flush=True))
+    )
     for name, (vertices, faces) in meshes.items():
         makers = {"snell": Snell, "snell float64": lambda v, f: Snell(v, f, np.float64)}
         makers |= {key: kind for key, kind in peers.items() if module(key) is not None}
@@ -214,18 +246,35 @@ def main() -> None:
             seconds = time.perf_counter() - start
             gc.collect()
             bytes_each = (resident() - before) / len(faces)
-            show({"mesh": name, "triangles": len(faces), "side": key, "build_seconds": round(seconds, 3), "bytes_per_triangle": round(bytes_each, 1)})
+            show(
+                {
+                    "mesh": name,
+                    "triangles": len(faces),
+                    "side": key,
+                    "build_seconds": round(seconds, 3),
+                    "bytes_per_triangle": round(bytes_each, 1),
+                }
+            )
         rates_of_trimesh: dict[tuple[str, int], float] = {}
         for count in options.rays:
             for kind, rays in kinds(vertices, faces, count).items():
                 for threads in options.threads:
-                    able = [s for s in sides if threads <= getattr(s, "most_threads", 10**6) and len(rays) <= getattr(s, "most_rays", 10**12)]
+                    able = [
+                        s
+                        for s in sides
+                        if threads <= getattr(s, "most_threads", 10**6)
+                        and len(rays) <= getattr(s, "most_rays", 10**12)
+                    ]
                     rates = measure(able, rays, threads, options.repeat, clock)
                     # What has one thread is measured with one.
                     key = (kind, threads)
-                    rates_of_trimesh[key] = rates.get("trimesh", rates_of_trimesh.get(key, rates_of_trimesh.get((kind, 1), 0.0)))
+                    rates_of_trimesh[key] = rates.get(
+                        "trimesh", rates_of_trimesh.get(key, rates_of_trimesh.get((kind, 1), 0.0))
+                    )
                     others = [rate for name, rate in rates.items() if not name.startswith("snell")]
-                    row = {"mesh": name, "kind": kind, "rays": len(rays), "threads": threads} | {k: round(v, 2) for k, v in rates.items()}
+                    row = {"mesh": name, "kind": kind, "rays": len(rays), "threads": threads} | {
+                        k: round(v, 2) for k, v in rates.items()
+                    }
                     if others:
                         row["ratio"] = round(rates["snell"] / max(others), 2)
                     row["float64"] = round(rates["snell float64"] / rates["snell"], 2)

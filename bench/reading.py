@@ -2,11 +2,12 @@
 
     python bench/reading.py --snell target/release/snell [--folder FOLDER] [--repeat 5] [--json]
 
-Writes files of known size first, the same at every run: a wavy sheet as binary PLY (100 MB), as OBJ (50 MB) and as pbrt text (20 MB),
-each with and without what a renderer needs beside positions (normals, texture coordinates). Then every reader reads every file that it
-knows in a process of its own, in turn; what counts is the median time from the call to the mesh in memory (starting the program does
-not), and the largest memory of the process less what it took before the call. The files have been read before, so the disk does not
-count.
+Writes files of known size first, the same at every run: a wavy sheet as binary PLY (100 MB), as OBJ
+(50 MB) and as pbrt text (20 MB), each with and without what a renderer needs beside positions
+(normals, texture coordinates). Then every reader reads every file that it knows in a process of its
+own, in turn; what counts is the median time from the call to the mesh in memory (starting the
+program does not), and the largest memory of the process less what it took before the call. The
+files have been read before, so the disk does not count.
 
 Needs numpy; trimesh and Open3D where they are installed.
 """
@@ -25,8 +26,8 @@ import numpy as np
 
 MEGABYTE = 1_000_000
 
-# What a process of a peer runs: FILE is read after the imports, and a line of JSON says how long that took, how many triangles came,
-# and how much memory the process has needed before and in all.
+# What a process of a peer runs: FILE is read after the imports, and a line of JSON says how long
+# that took, how many triangles came, and how much memory the process has needed before and in all.
 PEER = """
 import json, pathlib, resource, sys, time
 def peak():
@@ -66,7 +67,14 @@ class Sheet:
         x, y = np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 1, n))
         z = 0.05 * np.sin(23 * x) * np.cos(17 * y)
         self.positions = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-        slope = np.stack([-1.15 * np.cos(23 * x) * np.cos(17 * y), 0.85 * np.sin(23 * x) * np.sin(17 * y), np.ones_like(x)], axis=-1)
+        slope = np.stack(
+            [
+                -1.15 * np.cos(23 * x) * np.cos(17 * y),
+                0.85 * np.sin(23 * x) * np.sin(17 * y),
+                np.ones_like(x),
+            ],
+            axis=-1,
+        )
         self.normals = (slope / np.linalg.norm(slope, axis=-1, keepdims=True)).reshape(-1, 3)
         self.uvs = np.stack([x, y], axis=-1).reshape(-1, 2)
         corner = np.arange(n * n).reshape(n, n)
@@ -75,7 +83,9 @@ class Sheet:
 
 
 def sheet_of(size: int, bytes_of_part: float) -> Sheet:
-    """A sheet for a file of about this size, if a vertex with its two triangles takes so many bytes."""
+    """A sheet for a file of about this size, if a vertex with its two triangles takes so many
+    bytes.
+    """
     return Sheet(round((size / bytes_of_part) ** 0.5))
 
 
@@ -87,7 +97,12 @@ def write_ply(path: pathlib.Path, size: int, full: bool) -> None:
     faces["count"], faces["corners"] = 3, sheet.faces
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
     header += [f"property float {name}" for name in names]
-    header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""]
+    header += [
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header",
+        "",
+    ]
     with path.open("wb") as file:
         file.write("\n".join(header).encode())
         file.write(vertices.astype("<f4").tobytes())
@@ -144,8 +159,11 @@ FILES = {
 def readers(snell: pathlib.Path) -> dict[str, list[str]]:
     """How each reader is called, but for the file."""
     command = [str(snell), "bench", "read", "--repeat", "1", "--json"]
-    found = {"Snell": command + ["--as-written"], "Snell, with shading normals": command}
-    peers = {"trimesh": [("trimesh", TRIMESH)], "open3d": [("Open3D", OPEN3D), ("Open3D, tensors", OPEN3D_TENSOR)]}
+    found = {"Snell": [*command, "--as-written"], "Snell, with shading normals": command}
+    peers = {
+        "trimesh": [("trimesh", TRIMESH)],
+        "open3d": [("Open3D", OPEN3D), ("Open3D, tensors", OPEN3D_TENSOR)],
+    }
     for package, programs in peers.items():
         if importlib.util.find_spec(package):
             found |= {name: [sys.executable, "-c", program] for name, program in programs}
@@ -159,7 +177,11 @@ def measure(folder: pathlib.Path, snell: pathlib.Path, repeat: int):
         if not path.exists():
             write(path, size, full)
         path.read_bytes()
-        ways = {n: c for n, c in readers(snell).items() if n.startswith("Snell") or path.suffix != ".pbrt"}
+        ways = {
+            n: c
+            for n, c in readers(snell).items()
+            if n.startswith("Snell") or path.suffix != ".pbrt"
+        }
         runs = {reader: [] for reader in ways}
         # In turn, so that whatever else the machine does troubles all.
         for _ in range(repeat):
@@ -168,7 +190,11 @@ def measure(folder: pathlib.Path, snell: pathlib.Path, repeat: int):
                 if done.returncode != 0:
                     sys.exit(f"{reader}: {name}: {done.stderr.strip()}")
                 runs[reader].append(json.loads(done.stdout.strip().splitlines()[-1]))
-        peers = [statistics.median(r["seconds"] for r in rows) for n, rows in runs.items() if not n.startswith("Snell")]
+        peers = [
+            statistics.median(r["seconds"] for r in rows)
+            for n, rows in runs.items()
+            if not n.startswith("Snell")
+        ]
         for reader, rows in runs.items():
             seconds = statistics.median(row["seconds"] for row in rows)
             memory = statistics.median(row["memory_bytes"] for row in rows)
@@ -188,9 +214,13 @@ def measure(folder: pathlib.Path, snell: pathlib.Path, repeat: int):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--snell", required=True, type=pathlib.Path)
-    parser.add_argument("--folder", type=pathlib.Path, help="where the files are kept; default: none are kept")
+    parser.add_argument(
+        "--folder", type=pathlib.Path, help="where the files are kept; default: none are kept"
+    )
     parser.add_argument("--repeat", default=5, type=int)
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
@@ -199,14 +229,19 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         if not options.json:
             print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
-            print(f"{'file':18} {'reader':28} {'seconds':>8} {'MB/s':>8} {'Mtri/s':>7} {'memory':>7} {'times':>6}")
+            print(
+                f"{'file':18} {'reader':28} {'seconds':>8} {'MB/s':>8} {'Mtri/s':>7} "
+                f"{'memory':>7} "
+                f"{'times':>6}"
+            )
         for row in measure(folder, options.snell.resolve(), options.repeat):
             if options.json:
                 print(json.dumps(row), flush=True)
                 continue
             times = row["times_the_fastest_peer"] or float("nan")
             print(
-                f"{row['file']:18} {row['reader']:28} {row['seconds']:8.3f} {row['mb_per_second']:8.1f} "
+                f"{row['file']:18} {row['reader']:28} {row['seconds']:8.3f} "
+                f"{row['mb_per_second']:8.1f} "
                 f"{row['mtriangles_per_second']:7.2f} {row['memory_of_file']:6.2f}x {times:6.2f}",
                 flush=True,
             )

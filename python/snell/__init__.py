@@ -1,4 +1,5 @@
-"""Rays in, hits out; scenes in, pictures out: exact and fast ray casting, and physically based rendering, for NumPy.
+"""Rays in, hits out; scenes in, pictures out: exact and fast ray casting, and physically based
+rendering, for NumPy.
 
 Examples
 --------

@@ -23,7 +23,9 @@ def _matrix(value: ArrayLike, side: int, name: str) -> NDArray[np.float64]:
         raise ValueError(f"{name}: shape is {matrix.shape}, expected ({side}, {side})")
     if not np.isfinite(matrix).all():
         first = np.argwhere(~np.isfinite(matrix))[0]
-        raise ValueError(f"{name}[{first[0]}, {first[1]}] is {matrix[tuple(first)]}, expected a finite number")
+        raise ValueError(
+            f"{name}[{first[0]}, {first[1]}] is {matrix[tuple(first)]}, expected a finite number"
+        )
     return matrix
 
 
@@ -45,14 +47,17 @@ def create_rays_pinhole(
     up: ArrayLike | None = None,
     dtype: DTypeLike = np.float32,
 ) -> NDArray[Any]:
-    """Rays of a pinhole camera, one through the centre of each pixel: an array ``(height_px, width_px, 6)``.
+    """Rays of a pinhole camera, one through the centre of each pixel: an array ``(height_px,
+    width_px, 6)``.
 
-    Either by matrices or by ``fov_deg``, ``center``, ``eye`` and ``up``; the meanings are those of Open3D.
+    Either by matrices or by ``fov_deg``, ``center``, ``eye`` and ``up``; the meanings are those of
+    Open3D.
 
     Parameters
     ----------
     intrinsic_matrix : array (3, 3)
-        From camera coordinates (x right, y down, z forward) to pixels; the upper left corner of the picture is (0, 0).
+        From camera coordinates (x right, y down, z forward) to pixels; the upper left corner of the
+        picture is (0, 0).
     extrinsic_matrix : array (4, 4)
         From the scene's coordinates to those of the camera.
     width_px, height_px : int
@@ -71,7 +76,8 @@ def create_rays_pinhole(
     Returns
     -------
     numpy.ndarray
-        Directions have depth 1 in camera coordinates, so ``t_hit`` is the depth and not the distance.
+        Directions have depth 1 in camera coordinates, so ``t_hit`` is the depth and not the
+        distance.
 
     Examples
     --------

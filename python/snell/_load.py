@@ -15,8 +15,9 @@ def load(path: str | os.PathLike[str], *, threads: int | None = None) -> _snell.
     Parameters
     ----------
     path : str or PathLike
-        A file of any format that Snell reads, or the name of a built-in scene. USD (``.usd``, ``.usda``, ``.usdc``, ``.usdz``) needs the
-        package ``usd-core``: ``pip install 'snell[usd]'``; `snell.usd.load` also chooses variants and a time.
+        A file of any format that Snell reads, or the name of a built-in scene. USD (``.usd``,
+        ``.usda``, ``.usdc``, ``.usdz``) needs the package ``usd-core``: ``pip install
+        'snell[usd]'``; `snell.usd.load` also chooses variants and a time.
 
     threads : int, optional
         Threads that work on it, but for USD, which has its own. Default: one per core.

@@ -1,4 +1,4 @@
-"""Progress of a render: by tqdm or rich if the program uses one of them, else a line on a terminal."""
+"""Progress of a render: by tqdm or rich if the program uses one of them, else a line of text."""
 
 from __future__ import annotations
 
@@ -44,7 +44,12 @@ class _Bar:
 class _Tqdm(_Bar):
     def open(self) -> None:
         tqdm = importlib.import_module("tqdm.auto").tqdm
-        self._bar: Any = tqdm(total=100, unit="%", bar_format="{l_bar}{bar}| {elapsed}<{remaining}{postfix}", leave=False)
+        self._bar: Any = tqdm(
+            total=100,
+            unit="%",
+            bar_format="{l_bar}{bar}| {elapsed}<{remaining}{postfix}",
+            leave=False,
+        )
 
     def show(self, share: float, rate: str) -> None:
         self._bar.set_postfix_str(rate, refresh=False)

@@ -33,9 +33,17 @@ def _warn(image: Image) -> None:
 
 
 def _denoiser(denoise: Any) -> Any:
-    """Where Open Image Denoise is: in a Python package, if one is installed, else wherever the system finds it."""
-    spec = importlib.import_module("importlib.util").find_spec("pyoidn") if denoise is True else None
-    return spec.submodule_search_locations[0] if spec is not None and spec.submodule_search_locations else denoise
+    """Where Open Image Denoise is: in a Python package, if one is installed, else wherever the
+    system finds it.
+    """
+    spec = (
+        importlib.import_module("importlib.util").find_spec("pyoidn") if denoise is True else None
+    )
+    return (
+        spec.submodule_search_locations[0]
+        if spec is not None and spec.submodule_search_locations
+        else denoise
+    )
 
 
 def render(
@@ -74,17 +82,20 @@ def render(
 ) -> Image:
     """Renders a scene.
 
-    What is left out is as the scene's file says, else as below. A scene without a camera is framed; one without any light is put under a grey
-    sky. The scene is compiled at the first render and kept until it changes. Work is done without Python's lock; Ctrl-C ends it at once.
+    What is left out is as the scene's file says, else as below. A scene without a camera is framed;
+    one without any light is put under a grey sky. The scene is compiled at the first render and
+    kept until it changes. Work is done without Python's lock; Ctrl-C ends it at once.
 
     Parameters
     ----------
     scene : Scene, str or os.PathLike
         A scene, a file that :func:`load` reads, or the name of a built-in scene.
     integrator : str
-        How light is computed: ``"path"`` (all of it; the default), ``"direct"``, ``"ao"``, ``"whitted"``, ``"raycast"``, ``"flat"`` or ``"aov"``.
+        How light is computed: ``"path"`` (all of it; the default), ``"direct"``, ``"ao"``,
+        ``"whitted"``, ``"raycast"``, ``"flat"`` or ``"aov"``.
     spp : int
-        Samples per pixel: 64 for ``"path"``. With `noise` or `time` the most, and as many as it takes if left out.
+        Samples per pixel: 64 for ``"path"``. With `noise` or `time` the most, and as many as it
+        takes if left out.
     size : tuple of int
         Width and height in pixels: (960, 720).
     camera : Camera, int, str
@@ -92,7 +103,8 @@ def render(
     aovs : list of str
         Extra layers, such as ``["depth", "normal", "albedo"]``, or ``"all"``.
     noise : float
-        Each pixel stops when its 95 % confidence interval is this narrow on both sides, such as 0.02 for 2 % of its light (of some grey, where it is dark).
+        Each pixel stops when its 95 % confidence interval is this narrow on both sides, such as
+        0.02 for 2 % of its light (of some grey, where it is dark).
     time : float
         Stop after so many seconds, once every pixel has a sample.
     max_depth : int
@@ -104,25 +116,30 @@ def render(
     crop : tuple of int
         ``(x0, y0, x1, y1)``: only these pixels, right and lower border excluded.
     guiding : bool or int
-        Learn where light comes from before rendering, for caustics and hidden lights (``"path"``); a number says in how many passes.
+        Learn where light comes from before rendering, for caustics and hidden lights (``"path"``);
+        a number says in how many passes.
     denoise : bool, str or os.PathLike
-        Remove noise with Open Image Denoise, if it is installed (such as by ``pip install pyoidn``) or in this folder. What the colours were is the
-        layer ``"noisy"``.
+        Remove noise with Open Image Denoise, if it is installed (such as by ``pip install pyoidn``)
+        or in this folder. What the colours were is the layer ``"noisy"``.
     color : str
         ``"rgb"``, or ``"spectral"``: four wavelengths for each sample.
     clamp : float
         Dim light of two or more bounces to this radiance: no fireflies, but too dark.
     light_groups : dict
-        Show the light of some lights apart, as layers: names with lists of numbers of lights, names of emissive materials, and ``"environment"``.
+        Show the light of some lights apart, as layers: names with lists of numbers of lights, names
+        of emissive materials, and ``"environment"``.
     ao_distance : float
         How far ``"ao"`` looks, in units of the scene: half of the scene's radius.
     exposure, tonemap
-        How the picture is shown: stops; ``"none"``, ``"aces"`` or ``"agx"``. `noise` looks at it with this exposure.
-    sampler, filter, shadows, terminator, light_samples, light_sampler, accelerator, quality, bvh_cache, bvh_compact
+        How the picture is shown: stops; ``"none"``, ``"aces"`` or ``"agx"``. `noise` looks at it
+        with this exposure.
+    sampler, filter, shadows, terminator, light_samples, light_sampler, accelerator, quality,
+    bvh_cache, bvh_compact
         As the options of the command ``snell render``.
     progress : bool or callable
-        True shows how far it is, after a second, by tqdm or rich if the program has imported one of them, else as a line of text on a terminal. A
-        callable is given the share that is done and the rays so far, and stops the render by answering False.
+        True shows how far it is, after a second, by tqdm or rich if the program has imported one of
+        them, else as a line of text on a terminal. A callable is given the share that is done and
+        the rays so far, and stops the render by answering False.
 
     Returns
     -------
@@ -161,10 +178,11 @@ def render_iter(
     progress: bool | Callable[[float, int], object] = False,
     **options: Any,
 ) -> Iterator[Image]:
-    """Renders a scene and yields the picture whenever it has four times the samples: 1, 4, 16 and so on per pixel. The last picture is that of
-    :func:`render`.
+    """Renders a scene and yields the picture whenever it has four times the samples: 1, 4, 16 and
+    so on per pixel. The last picture is that of :func:`render`.
 
-    Each picture is whole, and nothing is rendered twice. With `noise`, pixels that have stopped stay as they are.
+    Each picture is whole, and nothing is rendered twice. With `noise`, pixels that have stopped
+    stay as they are.
 
     Parameters
     ----------
@@ -173,7 +191,8 @@ def render_iter(
     time : float
         Stop after so many seconds altogether.
     view : bool
-        Show the pictures in the notebook, each in the place of the one before. Left out: if this is a notebook.
+        Show the pictures in the notebook, each in the place of the one before. Left out: if this is
+        a notebook.
 
     Examples
     --------
@@ -229,6 +248,8 @@ class _View:
 
     def __call__(self, image: Image) -> None:
         if self._handle is None:
-            self._handle = importlib.import_module("IPython.display").display(image, display_id=True)
+            self._handle = importlib.import_module("IPython.display").display(
+                image, display_id=True
+            )
         else:
             self._handle.update(image)

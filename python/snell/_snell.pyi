@@ -4,46 +4,45 @@ from collections.abc import Iterator, Sequence
 from os import PathLike
 from typing import Any, final, type_check_only
 
-from typing_extensions import Self
-
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
+from typing_extensions import Self
 
 __all__ = [
-    "Scene",
-    "Hits",
-    "Intersections",
-    "ClosestPoints",
-    "Image",
+    "INVALID_ID",
+    "LIGHTS",
+    "MATERIALS",
+    "MEDIA",
+    "PATTERNS",
+    "PROJECTIONS",
+    "SHAPES",
     "Camera",
+    "Channel",
+    "ClosestPoints",
+    "Hits",
+    "Image",
+    "Intersections",
     "Light",
     "Material",
     "Medium",
-    "Texture",
-    "Channel",
     "Pattern",
+    "Scene",
+    "Texture",
     "View",
-    "load",
-    "_explain",
-    "_view",
-    "_restore",
-    "_restore_image",
+    "_Render",
+    "__version__",
     "_compare",
+    "_explain",
+    "_restore",
     "_restore_camera",
+    "_restore_image",
     "_restore_light",
     "_restore_material",
     "_restore_medium",
-    "_restore_texture",
     "_restore_pattern",
-    "_Render",
-    "__version__",
-    "INVALID_ID",
-    "SHAPES",
-    "MATERIALS",
-    "PATTERNS",
-    "MEDIA",
-    "LIGHTS",
-    "PROJECTIONS",
+    "_restore_texture",
+    "_view",
+    "load",
 ]
 
 INVALID_ID: int
@@ -63,16 +62,52 @@ _Floats = NDArray[np.float32] | NDArray[np.float64]
 
 def load(path: str | PathLike[str], *, threads: int | None = None) -> Scene: ...
 def _compare(reference: Any, test: Any) -> tuple[dict[str, Any], NDArray[np.float32]]: ...
-def _restore_image(picture: tuple[Any, ...], variance: tuple[Any, ...] | None, look: tuple[float, str, bool], facts: dict[str, Any]) -> Image: ...
-def _explain(scene: Scene, options: dict[str, Any], pixel: tuple[int, int], sample: int | None, followed: list[str]) -> str: ...
+def _restore_image(
+    picture: tuple[Any, ...],
+    variance: tuple[Any, ...] | None,
+    look: tuple[float, str, bool],
+    facts: dict[str, Any],
+) -> Image: ...
+def _explain(
+    scene: Scene,
+    options: dict[str, Any],
+    pixel: tuple[int, int],
+    sample: int | None,
+    followed: list[str],
+) -> str: ...
 def _view(scene: Scene, options: dict[str, Any], port: int, frames_per_second: float) -> View: ...
 def _restore_camera(json: str) -> Camera: ...
-def _restore_light(json: str, textures: list[Texture | Pattern], media: list[Medium], arrays: dict[str, NDArray[Any]]) -> Light: ...
-def _restore_material(json: str, textures: list[Texture | Pattern], media: list[Medium], arrays: dict[str, NDArray[Any]]) -> Material: ...
-def _restore_medium(json: str, textures: list[Texture | Pattern], media: list[Medium], arrays: dict[str, NDArray[Any]]) -> Medium: ...
+def _restore_light(
+    json: str,
+    textures: list[Texture | Pattern],
+    media: list[Medium],
+    arrays: dict[str, NDArray[Any]],
+) -> Light: ...
+def _restore_material(
+    json: str,
+    textures: list[Texture | Pattern],
+    media: list[Medium],
+    arrays: dict[str, NDArray[Any]],
+) -> Material: ...
+def _restore_medium(
+    json: str,
+    textures: list[Texture | Pattern],
+    media: list[Medium],
+    arrays: dict[str, NDArray[Any]],
+) -> Medium: ...
 def _restore_texture(pixels: NDArray[Any], srgb: bool, declared: str) -> Texture: ...
-def _restore_pattern(json: str, textures: list[Texture | Pattern], media: list[Medium], arrays: dict[str, NDArray[Any]]) -> Pattern: ...
-def _restore(slots: list[dict[str, Any] | None], stage: bytes, warnings: list[tuple[str, int]], compact: bool = False) -> Scene: ...
+def _restore_pattern(
+    json: str,
+    textures: list[Texture | Pattern],
+    media: list[Medium],
+    arrays: dict[str, NDArray[Any]],
+) -> Pattern: ...
+def _restore(
+    slots: list[dict[str, Any] | None],
+    stage: bytes,
+    warnings: list[tuple[str, int]],
+    compact: bool = False,
+) -> Scene: ...
 
 @final
 class View:
@@ -89,11 +124,61 @@ class View:
 @final
 class Scene:
     def __new__(cls) -> Scene: ...
-    def add_mesh(self, vertices: _Array, faces: _Array | None = None, transform: _Array | None = None, name: str | None = None, *, mask: int | None = None, normals: _Array | None = None, uvs: _Array | None = None, colors: _Array | None = None, material: Material | list[Material] | None = None, material_ids: _Array | None = None) -> int: ...
-    def add_shape(self, shape: str, transform: _Array | None = None, name: str | None = None, *, mask: int | None = None, material: Material | None = None, **parameters: Any) -> int: ...
-    def add_curves(self, points: _Array, radii: _Array, strands: _Array | None = None, basis: str = "bezier", transform: _Array | None = None, name: str | None = None, *, mask: int | None = None, material: Material | None = None) -> int: ...
-    def add_spheres(self, centers: _Array, radii: _Array, transform: _Array | None = None, name: str | None = None, *, mask: int | None = None, material: Material | None = None) -> int: ...
-    def add_instance(self, scene: Scene, transform: _Array | None = None, name: str | None = None, *, mask: int | None = None, material: Material | None = None) -> int: ...
+    def add_mesh(
+        self,
+        vertices: _Array,
+        faces: _Array | None = None,
+        transform: _Array | None = None,
+        name: str | None = None,
+        *,
+        mask: int | None = None,
+        normals: _Array | None = None,
+        uvs: _Array | None = None,
+        colors: _Array | None = None,
+        material: Material | list[Material] | None = None,
+        material_ids: _Array | None = None,
+    ) -> int: ...
+    def add_shape(
+        self,
+        shape: str,
+        transform: _Array | None = None,
+        name: str | None = None,
+        *,
+        mask: int | None = None,
+        material: Material | None = None,
+        **parameters: Any,
+    ) -> int: ...
+    def add_curves(
+        self,
+        points: _Array,
+        radii: _Array,
+        strands: _Array | None = None,
+        basis: str = "bezier",
+        transform: _Array | None = None,
+        name: str | None = None,
+        *,
+        mask: int | None = None,
+        material: Material | None = None,
+    ) -> int: ...
+    def add_spheres(
+        self,
+        centers: _Array,
+        radii: _Array,
+        transform: _Array | None = None,
+        name: str | None = None,
+        *,
+        mask: int | None = None,
+        material: Material | None = None,
+    ) -> int: ...
+    def add_instance(
+        self,
+        scene: Scene,
+        transform: _Array | None = None,
+        name: str | None = None,
+        *,
+        mask: int | None = None,
+        material: Material | None = None,
+    ) -> int: ...
     def update_transform(self, id: int, transform: _Array) -> None: ...
     def update_vertices(self, id: int, vertices: _Array, normals: _Array | None = None) -> None: ...
     def update_mask(self, id: int, mask: int) -> None: ...
@@ -113,16 +198,80 @@ class Scene:
     def __len__(self) -> int: ...
     def commit(self, dtype: DTypeLike | None = None) -> None: ...
     def statistics(self, dtype: DTypeLike | None = None) -> dict[str, int]: ...
-    def cast_rays(self, rays: _Array | tuple[_Array, _Array], *, t_min: _Array | None = None, t_max: _Array | None = None, mask: _Array | None = None, threads: int | None = None, warn_invalid: bool = False) -> Hits: ...
-    def test_occlusions(self, rays: _Array | tuple[_Array, _Array], *, t_min: _Array | None = None, t_max: _Array | None = None, mask: _Array | None = None, threads: int | None = None, warn_invalid: bool = False) -> NDArray[np.bool_]: ...
-    def count_intersections(self, rays: _Array | tuple[_Array, _Array], *, t_min: _Array | None = None, t_max: _Array | None = None, mask: _Array | None = None, threads: int | None = None, warn_invalid: bool = False) -> NDArray[np.uint32]: ...
-    def list_intersections(self, rays: _Array | tuple[_Array, _Array], *, t_min: _Array | None = None, t_max: _Array | None = None, mask: _Array | None = None, threads: int | None = None, warn_invalid: bool = False) -> Intersections: ...
-    def closest_points(self, points: _Array, *, max_distance: _Array | None = None, mask: int | None = None, threads: int | None = None) -> ClosestPoints: ...
-    def distance(self, points: _Array, *, max_distance: _Array | None = None, mask: int | None = None, threads: int | None = None) -> Any: ...
-    def signed_distance(self, points: _Array, *, max_distance: _Array | None = None, mask: int | None = None, threads: int | None = None) -> Any: ...
+    def cast_rays(
+        self,
+        rays: _Array | tuple[_Array, _Array],
+        *,
+        t_min: _Array | None = None,
+        t_max: _Array | None = None,
+        mask: _Array | None = None,
+        threads: int | None = None,
+        warn_invalid: bool = False,
+    ) -> Hits: ...
+    def test_occlusions(
+        self,
+        rays: _Array | tuple[_Array, _Array],
+        *,
+        t_min: _Array | None = None,
+        t_max: _Array | None = None,
+        mask: _Array | None = None,
+        threads: int | None = None,
+        warn_invalid: bool = False,
+    ) -> NDArray[np.bool_]: ...
+    def count_intersections(
+        self,
+        rays: _Array | tuple[_Array, _Array],
+        *,
+        t_min: _Array | None = None,
+        t_max: _Array | None = None,
+        mask: _Array | None = None,
+        threads: int | None = None,
+        warn_invalid: bool = False,
+    ) -> NDArray[np.uint32]: ...
+    def list_intersections(
+        self,
+        rays: _Array | tuple[_Array, _Array],
+        *,
+        t_min: _Array | None = None,
+        t_max: _Array | None = None,
+        mask: _Array | None = None,
+        threads: int | None = None,
+        warn_invalid: bool = False,
+    ) -> Intersections: ...
+    def closest_points(
+        self,
+        points: _Array,
+        *,
+        max_distance: _Array | None = None,
+        mask: int | None = None,
+        threads: int | None = None,
+    ) -> ClosestPoints: ...
+    def distance(
+        self,
+        points: _Array,
+        *,
+        max_distance: _Array | None = None,
+        mask: int | None = None,
+        threads: int | None = None,
+    ) -> Any: ...
+    def signed_distance(
+        self,
+        points: _Array,
+        *,
+        max_distance: _Array | None = None,
+        mask: int | None = None,
+        threads: int | None = None,
+    ) -> Any: ...
     def occupancy(self, points: _Array, *, threads: int | None = None) -> NDArray[np.bool_]: ...
-    def winding_number(self, points: _Array, *, threads: int | None = None) -> NDArray[np.float64]: ...
-    def create_rays_camera(self, camera: Camera | int | str | None = None, width_px: int | None = None, height_px: int | None = None) -> NDArray[np.float32]: ...
+    def winding_number(
+        self, points: _Array, *, threads: int | None = None
+    ) -> NDArray[np.float64]: ...
+    def create_rays_camera(
+        self,
+        camera: Camera | int | str | None = None,
+        width_px: int | None = None,
+        height_px: int | None = None,
+    ) -> NDArray[np.float32]: ...
     @property
     def name(self) -> str: ...
     @name.setter
@@ -147,7 +296,9 @@ class Scene:
     def environment(self) -> Any: ...
     @environment.setter
     def environment(self, value: Any) -> None: ...
-    def set_environment(self, value: Any, *, scale: _Color | None = None, transform: _Array | None = None) -> None: ...
+    def set_environment(
+        self, value: Any, *, scale: _Color | None = None, transform: _Array | None = None
+    ) -> None: ...
     @property
     def medium(self) -> Medium | None: ...
     @medium.setter
@@ -232,9 +383,23 @@ class Image:
     def variance(self) -> NDArray[np.float32] | None: ...
     @property
     def metadata(self) -> dict[str, Any]: ...
-    def to_uint8(self, *, exposure: float | None = None, tonemap: str | None = None) -> NDArray[np.uint8]: ...
-    def save(self, path: str | PathLike[str], *, exposure: float | None = None, tonemap: str | None = None, bits: int = 8, half: bool = False, variance: bool = False, threads: int | None = None) -> None: ...
-    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]: ...
+    def to_uint8(
+        self, *, exposure: float | None = None, tonemap: str | None = None
+    ) -> NDArray[np.uint8]: ...
+    def save(
+        self,
+        path: str | PathLike[str],
+        *,
+        exposure: float | None = None,
+        tonemap: str | None = None,
+        bits: int = 8,
+        half: bool = False,
+        variance: bool = False,
+        threads: int | None = None,
+    ) -> None: ...
+    def __array__(
+        self, dtype: DTypeLike | None = None, copy: bool | None = None
+    ) -> NDArray[Any]: ...
     def _repr_png_(self) -> bytes: ...
     def __copy__(self) -> Image: ...
     def __deepcopy__(self, _memo: Any) -> Image: ...
@@ -247,16 +412,35 @@ class _Render:
     def samples(self) -> int: ...
     @property
     def is_done(self) -> bool: ...
-    def render(self, samples: int | None = None, time: float | None = None, report: Any | None = None) -> Image: ...
+    def render(
+        self, samples: int | None = None, time: float | None = None, report: Any | None = None
+    ) -> Image: ...
 
 @final
 class Camera:
-    def __new__(cls, projection: str = "perspective", /, *, eye: _Array, target: _Array | None = None, towards: _Array | None = None, up: _Array | None = None, fov: float | None = None, aperture_radius: float = 0.0, focus_distance: float | None = None, resolution: Sequence[int] | None = None, name: str | None = None, **parameters: Any) -> Camera: ...
+    def __new__(
+        cls,
+        projection: str = "perspective",
+        /,
+        *,
+        eye: _Array,
+        target: _Array | None = None,
+        towards: _Array | None = None,
+        up: _Array | None = None,
+        fov: float | None = None,
+        aperture_radius: float = 0.0,
+        focus_distance: float | None = None,
+        resolution: Sequence[int] | None = None,
+        name: str | None = None,
+        **parameters: Any,
+    ) -> Camera: ...
     @property
     def kind(self) -> str: ...
     @property
     def parameters(self) -> dict[str, Any]: ...
-    def rays(self, width_px: int | None = None, height_px: int | None = None) -> NDArray[np.float32]: ...
+    def rays(
+        self, width_px: int | None = None, height_px: int | None = None
+    ) -> NDArray[np.float32]: ...
     def project(self, points: _Array, size: Sequence[int]) -> NDArray[np.float64]: ...
     def __getattr__(self, name: str, /) -> Any: ...
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...

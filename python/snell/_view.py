@@ -37,17 +37,20 @@ def explain(
     sample : int
         The sample whose path is told; the one whose colour is nearest to that of the pixel.
     structures : list of str
-        Acceleration structures through which the camera ray is followed, such as ``["bvh", "kdtree"]``.
+        Acceleration structures through which the camera ray is followed, such as ``["bvh",
+        "kdtree"]``.
     **options
         As for :func:`render`: ``spp``, ``size``, ``camera`` and so on.
 
     Returns
     -------
     dict
-        ``value`` is the pixel (red, green, blue, alpha). ``samples`` are the colours of its samples, whose mean it is; ``convergence`` is the mean
-        after some of them. ``classes`` is its light by the way it took: E for the eye, then D (diffuse), G (glossy), S (mirror), T (through a
-        surface) or V (in a medium), and L for the light. ``tree`` is one sample: ``vertices`` with what each adds to its ``color``. ``journeys`` is
-        what each structure did for the camera ray.
+        ``value`` is the pixel (red, green, blue, alpha). ``samples`` are the colours of its
+        samples, whose mean it is; ``convergence`` is the mean after some of them. ``classes`` is
+        its light by the way it took: E for the eye, then D (diffuse), G (glossy), S (mirror), T
+        (through a surface) or V (in a medium), and L for the light. ``tree`` is one sample:
+        ``vertices`` with what each adds to its ``color``. ``journeys`` is what each structure did
+        for the camera ray.
 
     Examples
     --------
@@ -56,7 +59,9 @@ def explain(
     >>> [vertex["material"] for vertex in told["tree"]["vertices"]][:1]
     ['white']
     """
-    told: dict[str, Any] = json.loads(_explain(_scene(scene), options, pixel, sample, list(structures)))
+    told: dict[str, Any] = json.loads(
+        _explain(_scene(scene), options, pixel, sample, list(structures))
+    )
     return told
 
 
@@ -68,7 +73,8 @@ def view(
     fps: float = 30.0,
     **options: Any,
 ) -> View:
-    """Shows a scene in the browser, as ``snell view`` does: it moves while you steer and is refined when you rest.
+    """Shows a scene in the browser, as ``snell view`` does: it moves while you steer and is refined
+    when you rest.
 
     Parameters
     ----------
@@ -77,7 +83,8 @@ def view(
     port : int
         Where the server listens, on this machine only; any that is free.
     open : bool
-        Whether the page is opened in the browser. In a notebook the cell shows it; elsewhere it is opened.
+        Whether the page is opened in the browser. In a notebook the cell shows it; elsewhere it is
+        opened.
     fps : float
         Frames per second while something moves, 1 to 240.
     **options

@@ -1,6 +1,7 @@
 """Open3D's ray casting on NumPy arrays: no tensors, no 400 MB, exact at edges.
 
-:class:`RaycastingScene` has the methods, arguments, keys and meanings of ``open3d.t.geometry.RaycastingScene``.
+:class:`RaycastingScene` has the methods, arguments, keys and meanings of
+``open3d.t.geometry.RaycastingScene``.
 
 Examples
 --------
@@ -40,7 +41,8 @@ def _threads(nthreads: int) -> int | None:
 class RaycastingScene:
     """A scene of triangle meshes for ray casting and closest points.
 
-    All is in float32, as Open3D has it; for float64 use :class:`snell.Scene`. Answers are dictionaries of NumPy arrays.
+    All is in float32, as Open3D has it; for float64 use :class:`snell.Scene`. Answers are
+    dictionaries of NumPy arrays.
 
     Parameters
     ----------
@@ -64,7 +66,9 @@ class RaycastingScene:
         self._scene = Scene()
 
     def add_triangles(self, *args: Any, **kwargs: Any) -> int:
-        """Adds a mesh and gives its id: ``(vertex_positions, triangle_indices)``, or one mesh of Open3D."""
+        """Adds a mesh and gives its id: ``(vertex_positions, triangle_indices)``, or one mesh of
+        Open3D.
+        """
         values = [*args, *kwargs.values()]
         if len(values) == 1:
             return self._scene.add_mesh(values[0])
@@ -74,8 +78,8 @@ class RaycastingScene:
         return self._scene.add_mesh(_single(positions), indices)
 
     def cast_rays(self, rays: ArrayLike, nthreads: int = 0) -> dict[str, NDArray[Any]]:
-        """The first hit of each ray ``(..., 6)``: ``t_hit`` (inf for a miss), ``geometry_ids``, ``primitive_ids``, ``primitive_uvs``,
-        ``primitive_normals``."""
+        """The first hit of each ray ``(..., 6)``: ``t_hit`` (inf for a miss), ``geometry_ids``,
+        ``primitive_ids``, ``primitive_uvs``, ``primitive_normals``."""
         hits = self._scene.cast_rays(_single(rays), threads=_threads(nthreads))
         names = ("t_hit", "geometry_ids", "primitive_ids", "primitive_uvs", "primitive_normals")
         return {name: hits[name] for name in names}
@@ -84,48 +88,65 @@ class RaycastingScene:
         self, rays: ArrayLike, tnear: float = 0.0, tfar: float = np.inf, nthreads: int = 0
     ) -> NDArray[np.bool_]:
         """Whether each ray ``(..., 6)`` hits anything between ``tnear`` and ``tfar``."""
-        return self._scene.test_occlusions(_single(rays), t_min=tnear, t_max=tfar, threads=_threads(nthreads))
+        return self._scene.test_occlusions(
+            _single(rays), t_min=tnear, t_max=tfar, threads=_threads(nthreads)
+        )
 
     def count_intersections(self, rays: ArrayLike, nthreads: int = 0) -> NDArray[np.int32]:
         """The number of hits of each ray ``(..., 6)``."""
-        return self._scene.count_intersections(_single(rays), threads=_threads(nthreads)).astype(np.int32)
+        return self._scene.count_intersections(_single(rays), threads=_threads(nthreads)).astype(
+            np.int32
+        )
 
     def list_intersections(self, rays: ArrayLike, nthreads: int = 0) -> dict[str, NDArray[Any]]:
-        """All hits of each ray ``(..., 6)``: ``ray_splits``, ``ray_ids``, ``t_hit``, ``geometry_ids``, ``primitive_ids``, ``primitive_uvs``."""
+        """All hits of each ray ``(..., 6)``: ``ray_splits``, ``ray_ids``, ``t_hit``,
+        ``geometry_ids``, ``primitive_ids``, ``primitive_uvs``.
+        """
         found = self._scene.list_intersections(_single(rays), threads=_threads(nthreads))
         names = ("ray_splits", "ray_ids", "t_hit", "geometry_ids", "primitive_ids", "primitive_uvs")
         return {name: found[name] for name in names}
 
-    def compute_closest_points(self, query_points: ArrayLike, nthreads: int = 0) -> dict[str, NDArray[Any]]:
-        """The nearest surface point of each point ``(..., 3)``: ``points``, ``geometry_ids``, ``primitive_ids``, ``primitive_uvs``,
-        ``primitive_normals``."""
+    def compute_closest_points(
+        self, query_points: ArrayLike, nthreads: int = 0
+    ) -> dict[str, NDArray[Any]]:
+        """The nearest surface point of each point ``(..., 3)``: ``points``, ``geometry_ids``,
+        ``primitive_ids``, ``primitive_uvs``, ``primitive_normals``."""
         near = self._scene.closest_points(_single(query_points), threads=_threads(nthreads))
         names = ("points", "geometry_ids", "primitive_ids", "primitive_uvs", "primitive_normals")
         return {name: near[name] for name in names}
 
     def compute_distance(self, query_points: ArrayLike, nthreads: int = 0) -> NDArray[np.float32]:
         """The distance of each point ``(..., 3)`` to the nearest surface."""
-        distance: NDArray[np.float32] = self._scene.distance(_single(query_points), threads=_threads(nthreads))
+        distance: NDArray[np.float32] = self._scene.distance(
+            _single(query_points), threads=_threads(nthreads)
+        )
         return distance
 
     def compute_signed_distance(
         self, query_points: ArrayLike, nthreads: int = 0, nsamples: int = 1
     ) -> NDArray[np.float32]:
-        """The same, negative inside. By winding numbers, so ``nsamples`` (rays that vote, in Open3D) is not needed."""
+        """The same, negative inside. By winding numbers, so ``nsamples`` (rays that vote, in
+        Open3D) is not needed.
+        """
         distance: NDArray[np.float32] = self._scene.signed_distance(
             _single(query_points), threads=_threads(nthreads)
         )
         return distance
 
-    def compute_occupancy(self, query_points: ArrayLike, nthreads: int = 0, nsamples: int = 1) -> NDArray[np.float32]:
+    def compute_occupancy(
+        self, query_points: ArrayLike, nthreads: int = 0, nsamples: int = 1
+    ) -> NDArray[np.float32]:
         """1 for points ``(..., 3)`` inside, 0 for others."""
-        return self._scene.occupancy(_single(query_points), threads=_threads(nthreads)).astype(np.float32)
+        return self._scene.occupancy(_single(query_points), threads=_threads(nthreads)).astype(
+            np.float32
+        )
 
     @staticmethod
     def create_rays_pinhole(*args: Any, **kwargs: Any) -> NDArray[np.float32]:
-        """The rays of a pinhole camera, ``(height_px, width_px, 6)``: by ``(intrinsic_matrix, extrinsic_matrix, width_px, height_px)`` or
-        ``(fov_deg, center, eye, up, width_px, height_px)``."""
+        """The rays of a pinhole camera, ``(height_px, width_px, 6)``: by ``(intrinsic_matrix,
+        extrinsic_matrix, width_px, height_px)`` or ``(fov_deg, center, eye, up, width_px,
+        height_px)``."""
         names = ["intrinsic_matrix", "extrinsic_matrix", "width_px", "height_px"]
         if len(args) == 6 or "fov_deg" in kwargs or (args and np.ndim(args[0]) == 0):
             names = ["fov_deg", "center", "eye", "up", "width_px", "height_px"]
-        return create_rays_pinhole(**dict(zip(names, args)), **kwargs)
+        return create_rays_pinhole(**dict(zip(names, args, strict=False)), **kwargs)

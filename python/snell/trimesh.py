@@ -1,7 +1,7 @@
 """A ray engine for trimesh: exact, on all cores.
 
-:class:`RayMeshIntersector` has the methods, arguments, shapes and meanings of ``mesh.ray`` of trimesh; where its two engines differ in the
-order of arguments, those of the one on Embree.
+:class:`RayMeshIntersector` has the methods, arguments, shapes and meanings of ``mesh.ray`` of
+trimesh; where its two engines differ in the order of arguments, those of the one on Embree.
 
 Examples
 --------
@@ -38,13 +38,15 @@ def _vectors(value: ArrayLike, name: str) -> NDArray[np.float64]:
 class RayMeshIntersector:
     """Casts rays at one mesh, in double precision.
 
-    Hits lie ahead of the origin: at ``t > 0``. Unlike trimesh's own engines, a ray through an edge or a vertex crosses a closed mesh as often
-    as it should; nothing is moved a little to go on behind a hit.
+    Hits lie ahead of the origin: at ``t > 0``. Unlike trimesh's own engines, a ray through an edge
+    or a vertex crosses a closed mesh as often as it should; nothing is moved a little to go on
+    behind a hit.
 
     Parameters
     ----------
     geometry : trimesh.Trimesh
-        Or anything with ``vertices`` and ``faces``. When trimesh sees the mesh change, a new intersector is needed.
+        Or anything with ``vertices`` and ``faces``. When trimesh sees the mesh change, a new
+        intersector is needed.
     **kwargs
         Options of other engines, such as ``scale_to_box``: not needed here, and not looked at.
 
@@ -55,7 +57,8 @@ class RayMeshIntersector:
     >>> import snell.trimesh
     >>> mesh = SimpleNamespace(vertices=np.eye(3), faces=np.array([[0, 1, 2]]))
     >>> ray = snell.trimesh.RayMeshIntersector(mesh)
-    >>> locations, index_ray, index_tri = ray.intersects_location([[0, 0, 0], [9, 9, 9]], [[3, 3, 3], [1, 0, 0]])
+    >>> origins, directions = [[0, 0, 0], [9, 9, 9]], [[3, 3, 3], [1, 0, 0]]
+    >>> locations, index_ray, index_tri = ray.intersects_location(origins, directions)
     >>> locations.round(3).tolist(), index_ray.tolist(), index_tri.tolist()
     ([[0.333, 0.333, 0.333]], [0], [0])
     """
@@ -63,18 +66,30 @@ class RayMeshIntersector:
     def __init__(self, geometry: Any, **kwargs: Any) -> None:
         self.mesh = geometry
         self._scene = Scene()
-        self._scene.add_mesh(np.asarray(geometry.vertices, dtype=np.float64), np.asarray(geometry.faces))
+        self._scene.add_mesh(
+            np.asarray(geometry.vertices, dtype=np.float64), np.asarray(geometry.faces)
+        )
 
-    def _rays(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        origins, directions = _vectors(ray_origins, "ray_origins"), _vectors(ray_directions, "ray_directions")
+    def _rays(
+        self, ray_origins: ArrayLike, ray_directions: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        origins, directions = (
+            _vectors(ray_origins, "ray_origins"),
+            _vectors(ray_directions, "ray_directions"),
+        )
         if origins.shape != directions.shape:
             raise ValueError(
-                f"ray_origins: shape is {origins.shape}, but that of ray_directions is {directions.shape}"
+                f"ray_origins: shape is {origins.shape}, but that of ray_directions is "
+                f"{directions.shape}"
             )
         return origins, directions
 
     def intersects_location(
-        self, ray_origins: ArrayLike, ray_directions: ArrayLike, multiple_hits: bool = True, **kwargs: Any
+        self,
+        ray_origins: ArrayLike,
+        ray_directions: ArrayLike,
+        multiple_hits: bool = True,
+        **kwargs: Any,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
         """Where rays meet the mesh.
 
@@ -142,15 +157,21 @@ class RayMeshIntersector:
             return index_tri, index_ray, found.points[keep]
         return index_tri, index_ray
 
-    def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike, **kwargs: Any) -> NDArray[np.int64]:
+    def intersects_first(
+        self, ray_origins: ArrayLike, ray_directions: ArrayLike, **kwargs: Any
+    ) -> NDArray[np.int64]:
         """The first triangle that each ray meets, -1 for a miss: an array ``(n,)`` of int64."""
         found = self._scene.cast_rays(self._rays(ray_origins, ray_directions))
         return np.where(np.isfinite(found.t_hit), found.primitive_ids.astype(np.int64), -1)
 
-    def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike, **kwargs: Any) -> NDArray[np.bool_]:
+    def intersects_any(
+        self, ray_origins: ArrayLike, ray_directions: ArrayLike, **kwargs: Any
+    ) -> NDArray[np.bool_]:
         """Whether each ray meets the mesh: an array ``(n,)`` of bool."""
         return self._scene.test_occlusions(self._rays(ray_origins, ray_directions))
 
     def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Whether each point ``(n, 3)`` is inside of the mesh: an array ``(n,)`` of bool. Sensible for open meshes too."""
+        """Whether each point ``(n, 3)`` is inside of the mesh: an array ``(n,)`` of bool. Sensible
+        for open meshes too.
+        """
         return self._scene.occupancy(_vectors(points, "points"))

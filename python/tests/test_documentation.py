@@ -14,7 +14,9 @@ MODULES = ["snell", "snell.trimesh", "snell.open3d"]
 
 
 def documented() -> list[tuple[str, str]]:
-    """Names and docstrings of the modules, of what they export, and of the public members of classes."""
+    """Names and docstrings of the modules, of what they export, and of the public members of
+    classes.
+    """
     found = []
     for module in map(importlib.import_module, MODULES):
         found.append((module.__name__, module.__doc__ or ""))
@@ -24,8 +26,13 @@ def documented() -> list[tuple[str, str]]:
                 continue
             found.append((f"{module.__name__}.{name}", thing.__doc__ or ""))
             if inspect.isclass(thing):
-                members = {key: value for key, value in vars(thing).items() if not key.startswith("_")}
-                found += [(f"{module.__name__}.{name}.{key}", value.__doc__ or "") for key, value in members.items()]
+                members = {
+                    key: value for key, value in vars(thing).items() if not key.startswith("_")
+                }
+                found += [
+                    (f"{module.__name__}.{name}.{key}", value.__doc__ or "")
+                    for key, value in members.items()
+                ]
     return found
 
 
@@ -39,7 +46,7 @@ def test_examples_run(name, text):
 
 
 def test_what_is_called_has_an_example():
-    thing_of = {name: text for name, text in documented()}
+    thing_of = dict(documented())
     for name in vars(snell.Scene):
         if not name.startswith("_") and callable(getattr(snell.Scene, name)):
             assert ">>> " in thing_of[f"snell.Scene.{name}"], name

@@ -16,14 +16,19 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="limits as on Linux")
 
 
 def run_within(gigabytes: float, code: str, **environment: str) -> str:
-    """Run a program that may add this much to the address space it has after it has imported snell."""
+    """Run a program that may add this much to the address space it has once snell is imported."""
     head = f"""
         import resource, snell, numpy as np
         size = 4096 * int(open("/proc/self/statm").read().split()[0])
         resource.setrlimit(resource.RLIMIT_AS, (size + int({gigabytes} * 1e9),) * 2)
     """
     program = textwrap.dedent(head) + textwrap.dedent(code)
-    known = {"env": {**os.environ, **environment}, "capture_output": True, "text": True, "timeout": 120}
+    known = {
+        "env": {**os.environ, **environment},
+        "capture_output": True,
+        "text": True,
+        "timeout": 120,
+    }
     done = subprocess.run([sys.executable, "-c", program], check=False, **known)  # type: ignore[call-overload]
     assert done.returncode == 0, done.stderr
     return str(done.stdout)
@@ -35,7 +40,11 @@ def test_a_picture_that_does_not_fit_is_a_memory_error_and_python_goes_on():
         0.9,
         """
         scene = snell.load("cornell-box")
-        for options in [{"size": (3000, 3000)}, {"size": (9000, 9000)}, {"size": (2500, 2500), "aovs": "all"}]:
+        for options in [
+            {"size": (3000, 3000)},
+            {"size": (9000, 9000)},
+            {"size": (2500, 2500), "aovs": "all"},
+        ]:
             try:
                 snell.render(scene, integrator="flat", spp=1, threads=2, **options)
             except MemoryError as error:
@@ -99,7 +108,8 @@ def test_one_thread_loads_renders_and_saves_whatever_the_environment_says(tmp_pa
         """,
         RAYON_NUM_THREADS="300",
     )
-    # The thread of the pool, the one that renders, and the one that gives up work when it is asked to.
+    # The thread of the pool, the one that renders, and the one that gives up work when it is asked
+    # to.
     assert int(out) <= 3
 
 

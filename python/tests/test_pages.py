@@ -17,7 +17,9 @@ NOTEBOOKS = sorted((FOLDER / "notebooks").glob("*.ipynb"))
 
 
 def blocks(page: pathlib.Path) -> list[str]:
-    """The examples of a page, each with as many empty lines before it that errors show the line of the page."""
+    """The examples of a page, each with as many empty lines before it that errors show the line of
+    the page.
+    """
     text = page.read_text(encoding="utf-8")
     found = re.finditer(r"^```python\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
     return ["\n" * (text[: match.start()].count("\n") + 1) + match[1] for match in found]
@@ -80,7 +82,11 @@ def test_the_pages_have_every_name():
     text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
     names = [*snell.__all__, *(name for name in vars(snell.Scene) if not name.startswith("_"))]
     for kind in (snell.Hits, snell.Image, snell.Camera):
-        names += [name for name in vars(kind) if not name.startswith("_") and name not in ("keys", "values", "items", "shape")]
+        names += [
+            name
+            for name in vars(kind)
+            if not name.startswith("_") and name not in ("keys", "values", "items", "shape")
+        ]
     missing = [name for name in names if name not in text and name not in ("__version__", "SHAPES")]
     assert not missing
     for shape, parameters in snell.SHAPES.items():

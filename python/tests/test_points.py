@@ -28,14 +28,18 @@ def test_answers_keep_the_leading_shape_and_the_dtype(sphere, dtype, shape):
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("mesh_dtype", [np.float32, np.float64])
-def test_nearest_points_lie_on_their_triangles_and_no_other_is_nearer(sphere, rng, dtype, mesh_dtype):
+def test_nearest_points_lie_on_their_triangles_and_no_other_is_nearer(
+    sphere, rng, dtype, mesh_dtype
+):
     vertices, faces = sphere[0].astype(mesh_dtype), sphere[1]
     scene = snell.Scene()
     scene.add_mesh(vertices, faces)
     points = (rng.normal(size=(300, 3)) * 1.5).astype(dtype)
     near = scene.closest_points(points)
     eps = 1e-6 if dtype == np.float32 else 1e-12
-    np.testing.assert_allclose(np.linalg.norm(near.points - points, axis=1), near.distances, atol=4 * eps)
+    np.testing.assert_allclose(
+        np.linalg.norm(near.points - points, axis=1), near.distances, atol=4 * eps
+    )
     u, v = near.primitive_uvs.T.astype(np.float64)
     corners = vertices.astype(np.float64)[faces[near.primitive_ids]]
     b = np.stack([1 - u - v, u, v], axis=1)
@@ -72,13 +76,21 @@ def test_occupancy_is_sensible_for_open_meshes(sphere):
     lid = vertices[faces].mean(1)[:, 1] > 0.9
     scene = snell.Scene()
     scene.add_mesh(vertices, faces[~lid])
-    assert scene.occupancy([[0, 0, 0], [0, -0.9, 0], [0, 1.5, 0], [3, 0, 0]]).tolist() == [True, True, False, False]
+    assert scene.occupancy([[0, 0, 0], [0, -0.9, 0], [0, 1.5, 0], [3, 0, 0]]).tolist() == [
+        True,
+        True,
+        False,
+        False,
+    ]
 
 
 def test_an_empty_scene_and_bad_points_have_defined_answers(sphere):
     scene = snell.Scene()
     assert scene.distance([0, 0, 0]) == scene.signed_distance([0, 0, 0]) == np.inf
-    assert not scene.occupancy([0, 0, 0]) and scene.closest_points([0, 0, 0]).geometry_ids == snell.INVALID_ID
+    assert (
+        not scene.occupancy([0, 0, 0])
+        and scene.closest_points([0, 0, 0]).geometry_ids == snell.INVALID_ID
+    )
     scene.add_mesh(*sphere)
     for dtype in (np.float32, np.float64):
         bad = np.array([[np.nan, 0, 0], [0, np.inf, 0]], dtype=dtype)
@@ -104,7 +116,9 @@ def test_double_precision_is_not_rounded_far_from_the_origin(sphere, rng):
         np.testing.assert_allclose(near.points - UTM, expected.points, atol=1e-8)
         np.testing.assert_allclose(near.primitive_normals, expected.primitive_normals, atol=2e-2)
         np.testing.assert_array_equal(scene.occupancy(points + UTM), here.occupancy(points))
-        np.testing.assert_allclose(scene.signed_distance(points + UTM), here.signed_distance(points), atol=1e-8)
+        np.testing.assert_allclose(
+            scene.signed_distance(points + UTM), here.signed_distance(points), atol=1e-8
+        )
 
 
 def test_masks_choose_what_counts():
@@ -132,7 +146,9 @@ def test_double_precision_tells_sides_of_a_millimetre_in_a_city(rng):
         corners = (vertices * radius + UTM)[faces].reshape(-1, 3)
         least = np.linalg.norm(corners[None] - points[:, None], axis=2).min(1)
         assert (near.distances <= least + 1e-12).all()
-        np.testing.assert_allclose(np.linalg.norm(near.points - points, axis=1), near.distances, atol=4e-9)
+        np.testing.assert_allclose(
+            np.linalg.norm(near.points - points, axis=1), near.distances, atol=4e-9
+        )
 
 
 def test_edits_show_in_double_precision():
@@ -143,7 +159,9 @@ def test_edits_show_in_double_precision():
     origin = UTM - [0, 0, 5]
     before = scene.cast_rays((origin, [0, 0.01, 1.0])).t_hit
     scene.update_vertices(ball, vertices + UTM + [0, 0, 0.125])
-    np.testing.assert_allclose(scene.cast_rays((origin, [0, 0.01, 1.0])).t_hit, before + 0.125, atol=1e-2)
+    np.testing.assert_allclose(
+        scene.cast_rays((origin, [0, 0.01, 1.0])).t_hit, before + 0.125, atol=1e-2
+    )
     assert scene.distance(UTM + [0, 0, 0.125]) > 0.9
     scene.remove(ball)
     assert np.isinf(scene.cast_rays((origin, [0, 0.01, 1.0])).t_hit)

@@ -27,7 +27,11 @@ def scene_and_rays(count: int = 20_000) -> tuple[snell.Scene, np.ndarray]:
 
 def ask(scene: snell.Scene, rays: np.ndarray) -> float:
     t = scene.cast_rays(rays).t_hit
-    few = scene.list_intersections(rays[:10]).t_hit.sum() + scene.distance(rays[0, :3]) + scene.bounds.sum()
+    few = (
+        scene.list_intersections(rays[:10]).t_hit.sum()
+        + scene.distance(rays[0, :3])
+        + scene.bounds.sum()
+    )
     return float(t[np.isfinite(t)].sum() + scene.occupancy(rays[:500, :3]).sum() + few)
 
 
@@ -65,7 +69,7 @@ def test_many_threads_ask_one_scene_while_it_changes():
             while not stop.is_set():
                 found.add(scene.cast_rays(rays).t_hit.tobytes())
                 scene.signed_distance(rays[:100, :3])
-        except Exception as error:  # noqa: BLE001
+        except Exception as error:
             errors.append(error)
 
     threads = [threading.Thread(target=read) for _ in range(6)]
@@ -145,5 +149,7 @@ def test_importing_needs_numpy_only():
         more = {name.split(".")[0] for name in new} - {"snell", *sys.stdlib_module_names}
         print(sorted(more))
     """
-    run = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, check=True
+    )
     assert run.stdout.strip() == "[]"

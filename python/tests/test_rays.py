@@ -53,7 +53,11 @@ def test_a_miss_is_infinitely_far_and_has_no_ids(triangle):
     assert hits.t_hit == np.inf
     for name in ("geometry_ids", "instance_ids", "primitive_ids"):
         assert hits[name] == snell.INVALID_ID
-    assert np.isnan(hits.points).all() and (hits.normals == 0).all() and (hits.primitive_uvs == 0).all()
+    assert (
+        np.isnan(hits.points).all()
+        and (hits.normals == 0).all()
+        and (hits.primitive_uvs == 0).all()
+    )
 
 
 def test_a_pair_of_origins_and_directions_broadcasts(rng):
@@ -84,7 +88,11 @@ def test_the_dtype_of_the_rays_decides_and_plain_sequences_do_not_count_beside_a
         lambda rays: np.asfortranarray(rays),
         lambda rays: np.repeat(rays, 2, axis=1)[:, ::2],
         lambda rays: rays.astype(rays.dtype.newbyteorder()),
-        lambda rays: np.frombuffer(b"x" + rays.tobytes(), dtype=np.uint8)[1:].view(rays.dtype).reshape(rays.shape),
+        lambda rays: (
+            np.frombuffer(b"x" + rays.tobytes(), dtype=np.uint8)[1:]
+            .view(rays.dtype)
+            .reshape(rays.shape)
+        ),
         lambda rays: rays.tolist(),
     ],
 )
@@ -117,7 +125,12 @@ def test_limits_are_exclusive_and_per_ray(triangle, dtype):
     rays = np.broadcast_to(np.array([0.25, 0.5, -2, 0, 0, 1], dtype=dtype), (4, 6))
     t_min = np.array([0, 2, 1.5, 3])
     assert triangle.test_occlusions(rays, t_min=t_min).tolist() == [True, False, True, False]
-    assert triangle.test_occlusions(rays, t_max=[2, 2.5, 1, np.inf]).tolist() == [False, True, False, True]
+    assert triangle.test_occlusions(rays, t_max=[2, 2.5, 1, np.inf]).tolist() == [
+        False,
+        True,
+        False,
+        True,
+    ]
     assert triangle.test_occlusions(rays, t_min=np.array([2])).tolist() == [False] * 4
     assert triangle.test_occlusions(rays, t_max=np.float32(3), mask=np.array([1])).all()
     assert triangle.cast_rays(rays, t_min=2).t_hit.tolist() == [np.inf] * 4
@@ -141,10 +154,15 @@ def test_lists_are_sorted_rows_and_counts_are_their_lengths(rng, sphere, dtype):
     scene.add_mesh(*sphere)
     scene.add_mesh(sphere[0] * 0.5, sphere[1])
     scene.add_shape("sphere", radius=0.25)
-    rays = np.concatenate([rng.normal(size=(3000, 3)) * 2, rng.normal(size=(3000, 3))], axis=1).astype(dtype)
+    rays = np.concatenate(
+        [rng.normal(size=(3000, 3)) * 2, rng.normal(size=(3000, 3))], axis=1
+    ).astype(dtype)
     rays = rays.reshape(30, 100, 6)
     found, counts = scene.list_intersections(rays), scene.count_intersections(rays)
-    assert found.ray_splits.shape == (3001,) and found.ray_splits[-1] == found.t_hit.size == counts.sum()
+    assert (
+        found.ray_splits.shape == (3001,)
+        and found.ray_splits[-1] == found.t_hit.size == counts.sum()
+    )
     np.testing.assert_array_equal(np.diff(found.ray_splits), counts.ravel())
     np.testing.assert_array_equal(found.ray_ids, np.repeat(np.arange(3000), counts.ravel()))
     same_ray = found.ray_ids[1:] == found.ray_ids[:-1]
@@ -155,7 +173,9 @@ def test_lists_are_sorted_rows_and_counts_are_their_lengths(rng, sphere, dtype):
     np.testing.assert_array_equal(found.t_hit[first], hits.t_hit[is_hit])
     np.testing.assert_array_equal(found.points[first], hits.points[is_hit])
     along = rays.reshape(-1, 6)[found.ray_ids]
-    np.testing.assert_allclose(found.points, along[:, :3] + along[:, 3:] * found.t_hit[:, None], atol=2e-5)
+    np.testing.assert_allclose(
+        found.points, along[:, :3] + along[:, 3:] * found.t_hit[:, None], atol=2e-5
+    )
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
@@ -215,11 +235,18 @@ def test_pinhole_rays_meet_what_projects_to_their_pixels():
     seen = hits.points[is_hit] + [0, 0, 5]
     pixels = seen @ intrinsics.T
     row, column = np.nonzero(is_hit)
-    np.testing.assert_allclose(pixels[:, :2] / pixels[:, 2:], np.stack([column, row], 1) + 0.5, atol=1e-9)
+    np.testing.assert_allclose(
+        pixels[:, :2] / pixels[:, 2:], np.stack([column, row], 1) + 0.5, atol=1e-9
+    )
     np.testing.assert_allclose(hits.t_hit[is_hit], seen[:, 2], atol=1e-12)
     looking = snell.create_rays_pinhole(
-        fov_deg=np.degrees(2 * np.arctan(32 / 50)), center=[0, 0, 0], eye=[0, 0, -5], up=[0, -1, 0],
-        width_px=64, height_px=48, dtype=np.float64,
+        fov_deg=np.degrees(2 * np.arctan(32 / 50)),
+        center=[0, 0, 0],
+        eye=[0, 0, -5],
+        up=[0, -1, 0],
+        width_px=64,
+        height_px=48,
+        dtype=np.float64,
     )
     np.testing.assert_allclose(looking, rays, atol=1e-12)
 
@@ -249,7 +276,15 @@ def test_contiguous_rays_are_not_copied(dtype):
 def test_rays_in_any_order_and_shape_hit_the_same(dtype):
     scene = snell.Scene()
     scene.add_mesh(*sphere_mesh(20, 30))
-    rays = snell.create_rays_pinhole(fov_deg=40, center=[0, 0, 0], eye=[0.3, 1, 4], up=[0, 1, 0], width_px=80, height_px=60, dtype=dtype)
+    rays = snell.create_rays_pinhole(
+        fov_deg=40,
+        center=[0, 0, 0],
+        eye=[0.3, 1, 4],
+        up=[0, 1, 0],
+        width_px=80,
+        height_px=60,
+        dtype=dtype,
+    )
     picture = scene.cast_rays(rays)
     order = np.random.default_rng(1).permutation(80 * 60)
     mixed = scene.cast_rays(rays.reshape(-1, 6)[order])

@@ -1,4 +1,6 @@
-"""The drop-in for ``mesh.ray`` agrees with trimesh's own engine, except where that one is wrong at edges."""
+"""The drop-in for ``mesh.ray`` agrees with trimesh's own engine, except where that one is wrong at
+edges.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,10 @@ def rays(count: int = 400) -> tuple[np.ndarray, np.ndarray]:
 
 def in_order(index_tri, index_ray, locations=None):
     order = np.lexsort([index_tri, index_ray])
-    return [array[order] for array in (index_ray, index_tri, *(() if locations is None else (locations,)))]
+    return [
+        array[order]
+        for array in (index_ray, index_tri, *(() if locations is None else (locations,)))
+    ]
 
 
 def test_all_hits_agree(meshes):
@@ -43,13 +48,19 @@ def test_all_hits_agree(meshes):
     for mesh in meshes:
         theirs, ours = ray_triangle.RayMeshIntersector(mesh), RayMeshIntersector(mesh)
         for multiple in (True, False):
-            their_id = theirs.intersects_id(origins, directions, multiple_hits=multiple, return_locations=True)
-            our_id = ours.intersects_id(origins, directions, multiple_hits=multiple, return_locations=True)
+            their_id = theirs.intersects_id(
+                origins, directions, multiple_hits=multiple, return_locations=True
+            )
+            our_id = ours.intersects_id(
+                origins, directions, multiple_hits=multiple, return_locations=True
+            )
             assert [a.dtype.kind for a in our_id] == [a.dtype.kind for a in their_id]
             assert len(our_id[0]) > 100
-            for a, b in zip(in_order(*our_id), in_order(*their_id)):
+            for a, b in zip(in_order(*our_id), in_order(*their_id), strict=True):
                 np.testing.assert_allclose(a, b, atol=1e-9)
-            locations, index_ray, index_tri = ours.intersects_location(origins, directions, multiple_hits=multiple)
+            locations, index_ray, index_tri = ours.intersects_location(
+                origins, directions, multiple_hits=multiple
+            )
             np.testing.assert_array_equal(locations, our_id[2])
             np.testing.assert_array_equal(index_ray, our_id[1])
             np.testing.assert_array_equal(index_tri, our_id[0])
@@ -69,11 +80,15 @@ def test_points_inside_agree(meshes):
 
 
 def test_the_methods_and_their_arguments_are_those_of_the_embree_engine():
-    """Its file is read, not imported: that needs Embree. (trimesh's two engines differ in the order of two arguments.)"""
+    """Its file is read, not imported: that needs Embree. (trimesh's two engines differ in the order
+    of two arguments.)
+    """
     path = pathlib.Path(ray_triangle.__file__).with_name("ray_pyembree.py")
     classes = [n for n in ast.parse(path.read_text()).body if isinstance(n, ast.ClassDef)]
     theirs = next(c for c in classes if c.name == "RayMeshIntersector")
-    methods = {f.name: [a.arg for a in f.args.args] for f in theirs.body if isinstance(f, ast.FunctionDef)}
+    methods = {
+        f.name: [a.arg for a in f.args.args] for f in theirs.body if isinstance(f, ast.FunctionDef)
+    }
     methods = {name: arguments for name, arguments in methods.items() if not name.startswith("_")}
     assert len(methods) >= 5
     for name, arguments in methods.items():
@@ -89,7 +104,7 @@ def test_it_takes_the_place_of_a_meshs_ray(meshes):
 
 def test_max_hits_keeps_the_first(meshes):
     ours = RayMeshIntersector(meshes[3])
-    tri, ray = ours.intersects_id([[0.01, 0.02, -5]], [[0, 0, 1]])
+    tri, _ = ours.intersects_id([[0.01, 0.02, -5]], [[0, 0, 1]])
     assert len(tri) == 4
     some, _ = ours.intersects_id([[0.01, 0.02, -5]], [[0, 0, 1]], max_hits=3)
     np.testing.assert_array_equal(some, tri[:3])

@@ -8,6 +8,7 @@ import webbrowser
 
 import numpy as np
 import pytest
+
 import snell
 
 

@@ -1,13 +1,16 @@
 """USD stages as scenes of Snell, by way of its text format.
 
-Needs the official wheel ``usd-core`` (``pip install 'snell[usd]'``) and NumPy. As a program, ``python3 -m snell.usd IN OUT.snell`` writes the
-scene of a stage; the command ``snell`` runs the modules of this package whenever it is given a ``.usd``, ``.usda``, ``.usdc`` or ``.usdz``, so
-they use nothing else of Snell.
+Needs the official wheel ``usd-core`` (``pip install 'snell[usd]'``) and NumPy. As a program,
+``python3 -m snell.usd IN OUT.snell`` writes the scene of a stage; the command ``snell`` runs the
+modules of this package whenever it is given a ``.usd``, ``.usda``, ``.usdc`` or ``.usdz``, so they
+use nothing else of Snell.
 
-What is read: the composed stage (references, payloads, variants as they are chosen), instances and point instancers, meshes (polygons; those of
-subdivision schemes with smooth normals), spheres, cubes, cylinders, cones, capsules and planes, curves as tubes, points as balls, cameras, the
-lights of UsdLux, and materials: UsdPreviewSurface, and OpenPBR and standard surface as MaterialX networks. Units become metres, and the up axis
-is that of the stage. Transforms that change over time are the scene's motion. What is left out is told.
+What is read: the composed stage (references, payloads, variants as they are chosen), instances and
+point instancers, meshes (polygons; those of subdivision schemes with smooth normals), spheres,
+cubes, cylinders, cones, capsules and planes, curves as tubes, points as balls, cameras, the lights
+of UsdLux, and materials: UsdPreviewSurface, and OpenPBR and standard surface as MaterialX networks.
+Units become metres, and the up axis is that of the stage. Transforms that change over time are the
+scene's motion. What is left out is told.
 """
 
 from __future__ import annotations
@@ -20,7 +23,13 @@ __all__ = ["EXTENSIONS", "convert", "load"]
 EXTENSIONS = (".usd", ".usda", ".usdc", ".usdz")
 
 
-def load(path: Any, *, variants: dict[str, str] | None = None, time: float | None = None, allow_outside: bool = False) -> Any:
+def load(
+    path: Any,
+    *,
+    variants: dict[str, str] | None = None,
+    time: float | None = None,
+    allow_outside: bool = False,
+) -> Any:
     """The scene of a USD stage, as `snell.load` gives it for other files.
 
     Parameters
@@ -28,10 +37,11 @@ def load(path: Any, *, variants: dict[str, str] | None = None, time: float | Non
     path : str or PathLike
         A ``.usd``, ``.usda``, ``.usdc`` or ``.usdz`` file.
     variants : dict, optional
-        Variants to choose instead of those the file chooses: ``{"/Path/of/prim:set": "name"}``, or ``{"set": "name"}`` wherever there is
-        such a set.
+        Variants to choose instead of those the file chooses: ``{"/Path/of/prim:set": "name"}``, or
+        ``{"set": "name"}`` wherever there is such a set.
     time : float, optional
-        Time code at which values that change are read; without it, the default values, or else those of the first sample.
+        Time code at which values that change are read; without it, the default values, or else
+        those of the first sample.
     allow_outside : bool, optional
         Lets the stage name files outside of its folder.
     """
@@ -46,7 +56,11 @@ def load(path: Any, *, variants: dict[str, str] | None = None, time: float | Non
     try:
         text, remarks = convert(path, variants=variants, time=time, allow_outside=allow_outside)
     except ValueError as error:
-        raise ValueError(str(error).replace("give --allow-outside", "call snell.usd.load with allow_outside=True")) from error
+        raise ValueError(
+            str(error).replace(
+                "give --allow-outside", "call snell.usd.load with allow_outside=True"
+            )
+        ) from error
     for remark in remarks:
         warnings.warn(remark, snell.SceneWarning, stacklevel=2)
     with tempfile.TemporaryDirectory() as folder:
@@ -65,12 +79,17 @@ def convert(
     name: str | None = None,
     most_layers: int = 10_000,
 ) -> tuple[str, list[str]]:
-    """The text of a ``.snell`` file for a stage, and remarks on what was left out. `name` is that of the file in messages."""
+    """The text of a ``.snell`` file for a stage, and remarks on what was left out. `name` is that
+    of the file in messages.
+    """
     try:
         import numpy  # noqa: F401
         from pxr import Tf, Usd, UsdUtils
     except ImportError as error:
-        raise ImportError("reading USD needs the packages usd-core and numpy: pip install 'snell[usd]', or pip install usd-core numpy") from error
+        raise ImportError(
+            "reading USD needs the packages usd-core and numpy: pip install 'snell[usd]', or pip "
+            "install usd-core numpy"
+        ) from error
     from ._context import Context
     from ._files import Files, StageError, cause
     from ._tree import document
@@ -89,7 +108,9 @@ def convert(
         files.check_opened(stage)
         del layers
     except Tf.ErrorException as error:
-        raise ValueError(f"{name}: not a USD stage that can be opened: {cause(error)}; check the file") from error
+        raise ValueError(
+            f"{name}: not a USD stage that can be opened: {cause(error)}; check the file"
+        ) from error
     except StageError as error:
         raise ValueError(f"{name}: {error}") from error
     except RecursionError as error:
@@ -98,7 +119,10 @@ def convert(
         reported = [_reported(said.commentary) for said in diagnostics.TakeUncoalescedDiagnostics()]
     for remark in reported:
         context.remark(remark)
-    remarks = [remark if count == 1 else f"{remark} ({count} times)" for remark, count in context.remarks.items()]
+    remarks = [
+        remark if count == 1 else f"{remark} ({count} times)"
+        for remark, count in context.remarks.items()
+    ]
     return text, remarks
 
 
@@ -106,7 +130,11 @@ def _reported(text: str) -> str:
     """What USD reports, without the addresses of its own memory."""
     import re
 
-    return " ".join(re.sub(r"\((?:instantiating|recomposing) stage on stage .*?\)", "", text, flags=re.DOTALL).split())
+    return " ".join(
+        re.sub(
+            r"\((?:instantiating|recomposing) stage on stage .*?\)", "", text, flags=re.DOTALL
+        ).split()
+    )
 
 
 def _choose_variants(stage: Any, variants: dict[str, str]) -> None:
@@ -116,6 +144,10 @@ def _choose_variants(stage: Any, variants: dict[str, str]) -> None:
         found = False
         for prim in prims:
             if prim and set_name in prim.GetVariantSets().GetNames():
-                found |= bool(prim.GetVariantSets().GetVariantSet(set_name).SetVariantSelection(name))
+                found |= bool(
+                    prim.GetVariantSets().GetVariantSet(set_name).SetVariantSelection(name)
+                )
         if not found:
-            raise ValueError(f"there is no variant set {set_name!r}" + (f" on {prim_path}" if prim_path else ""))
+            raise ValueError(
+                f"there is no variant set {set_name!r}" + (f" on {prim_path}" if prim_path else "")
+            )

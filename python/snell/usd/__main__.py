@@ -13,16 +13,27 @@ _MOST_REMARKS = 10_000
 
 
 def main(arguments: list[str], name: str | None = None) -> int:
-    """Exit code 0 done, 1 failed, 2 wrong usage, 3 without the package ``usd-core``. `name` is that of the stage in messages."""
+    """Exit code 0 done, 1 failed, 2 wrong usage, 3 without the package ``usd-core``. `name` is that
+    of the stage in messages.
+    """
     trusted = arguments[:1] == ["--allow-outside"]
     arguments = arguments[trusted:]
     if len(arguments) != 2:
-        print("usage: python3 -m snell.usd [--allow-outside] IN OUT.snell (OUT may be - for standard output)", file=sys.stderr)
+        print(
+            "usage: python3 -m snell.usd [--allow-outside] IN OUT.snell (OUT may be - for "
+            "standard "
+            "output)",
+            file=sys.stderr,
+        )
         return 2
     try:
         text, remarks = convert(arguments[0], name=name, allow_outside=trusted)
     except (ImportError, MemoryError, ValueError) as error:
-        problem = f"{name or arguments[0]}: it needs more memory than there is" if isinstance(error, MemoryError) else error
+        problem = (
+            f"{name or arguments[0]}: it needs more memory than there is"
+            if isinstance(error, MemoryError)
+            else error
+        )
         _say("error", str(problem))
         return 3 if isinstance(error, ImportError) else 1
     for remark in remarks[:_MOST_REMARKS]:
@@ -34,7 +45,9 @@ def main(arguments: list[str], name: str | None = None) -> int:
         return 0
     # Whole or not at all.
     folder = os.path.dirname(os.path.abspath(arguments[1]))
-    with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=folder, suffix=".tmp", delete=False) as file:
+    with tempfile.NamedTemporaryFile(
+        "w", encoding="utf-8", dir=folder, suffix=".tmp", delete=False
+    ) as file:
         file.write(text)
     os.chmod(file.name, 0o644)
     os.replace(file.name, arguments[1])
@@ -43,7 +56,10 @@ def main(arguments: list[str], name: str | None = None) -> int:
 
 def _say(kind: str, text: str) -> None:
     """One line on standard error, whatever the names in it hold."""
-    print(f"{kind}: {' '.join(text.split())}".encode("utf-8", "backslashreplace").decode(), file=sys.stderr)
+    print(
+        f"{kind}: {' '.join(text.split())}".encode("utf-8", "backslashreplace").decode(),
+        file=sys.stderr,
+    )
 
 
 if __name__ == "__main__":

@@ -29,7 +29,9 @@ def material_of(context: Context, prim: Any) -> int:
         return display_material(context, (0.18, 0.18, 0.18))
     if len(colors) == 1:
         return display_material(context, colors[0])
-    number = context.add_material({"base_color": color_form((1, 1, 1))}, "displayColor", key=("display", "vertices"))
+    number = context.add_material(
+        {"base_color": color_form((1, 1, 1))}, "displayColor", key=("display", "vertices")
+    )
     context.vertex_colors[number] = "displayColor"
     return number
 
@@ -37,7 +39,9 @@ def material_of(context: Context, prim: Any) -> int:
 def display_material(context: Context, color: Any) -> int:
     """A surface of one colour."""
     factor = tuple(float(x) for x in color)
-    return context.add_material({"base_color": color_form(factor)}, "displayColor", key=("display", factor))
+    return context.add_material(
+        {"base_color": color_form(factor)}, "displayColor", key=("display", factor)
+    )
 
 
 def display_color(context: Context, prim: Any) -> np.ndarray | None:

@@ -1,4 +1,6 @@
-"""What is collected while a stage is read: the parts of a document of Snell's text format, and what could not be read."""
+"""What is collected while a stage is read: the parts of a document of Snell's text format, and what
+could not be read.
+"""
 
 from __future__ import annotations
 
@@ -99,13 +101,24 @@ class Context:
 
     def add_shape(self, shape: dict[str, Any], material: int | None, transform: Any = None) -> int:
         """A node with one shape."""
-        node: dict[str, Any] = {"name": shape["shape"], "surfaces": [{"shape": shape, "materials": [material]}]}
+        node: dict[str, Any] = {
+            "name": shape["shape"],
+            "surfaces": [{"shape": shape, "materials": [material]}],
+        }
         if transform is not None:
             node["transform"] = rows(transform)
         return self.add_node(node)
 
-    def add_mesh(self, points: np.ndarray, triangles: np.ndarray, attributes: dict[str, Any], slots: Any = None) -> int:
-        """Stores a mesh. Attributes are ("vertex", one for each point) or ("corner", one for each corner of each triangle)."""
+    def add_mesh(
+        self,
+        points: np.ndarray,
+        triangles: np.ndarray,
+        attributes: dict[str, Any],
+        slots: Any = None,
+    ) -> int:
+        """Stores a mesh. Attributes are ("vertex", one for each point) or ("corner", one for each
+        corner of each triangle).
+        """
         attributes = {name: value for name, value in attributes.items() if value is not None}
         if any(where == "corner" for where, _ in attributes.values()):
             flat = triangles.reshape(-1)
@@ -115,9 +128,13 @@ class Context:
                 attributes[name] = ("vertex", values)
                 parts.append(values.astype(np.float64))
             # Corners that are alike in everything are one vertex.
-            _, first, inverse = np.unique(np.concatenate(parts, axis=1), axis=0, return_index=True, return_inverse=True)
+            _, first, inverse = np.unique(
+                np.concatenate(parts, axis=1), axis=0, return_index=True, return_inverse=True
+            )
             points, triangles = points[flat[first]], inverse.reshape(-1, 3)
-            attributes = {name: ("vertex", values[first]) for name, (_, values) in attributes.items()}
+            attributes = {
+                name: ("vertex", values[first]) for name, (_, values) in attributes.items()
+            }
         form = {"positions": numbers(points, np.float32), "indices": numbers(triangles, np.uint32)}
         form.update({name: numbers(values, np.float32) for name, (_, values) in attributes.items()})
         if slots is not None:
@@ -126,7 +143,9 @@ class Context:
         return len(self.meshes) - 1
 
     def add_material(self, surface: dict[str, Any], name: str, key: Any = None, **more: Any) -> int:
-        """Stores a material, which is OpenPBR unless `more` says otherwise; the same `key` is the same material."""
+        """Stores a material, which is OpenPBR unless `more` says otherwise; the same `key` is the
+        same material.
+        """
         if key is not None and key in self.known:
             return int(self.known[key])
         material = {
@@ -150,7 +169,10 @@ class Context:
         """A picture as the file has it; the attribute is the one that names it."""
         content, problem = self.files.picture(asset, attribute)
         if content is None:
-            self.remark(f"{attribute.GetPrim().GetPath()}: the picture {asset.path!r}: {problem}; a magenta checkerboard stands in for this texture")
+            self.remark(
+                f"{attribute.GetPrim().GetPath()}: the picture {asset.path!r}: {problem}; a "
+                "magenta checkerboard stands in for this texture"
+            )
             return None
         return {"encoded": base64.b64encode(content).decode("ascii")}
 
@@ -161,12 +183,20 @@ class Context:
             picture = self.picture(asset, attribute)
             if picture is None:
                 checker = [255, 0, 255, 0, 0, 0, 0, 0, 0, 255, 0, 255]
-                picture = {"width": 2, "height": 2, "channels": 3, "encoding": "srgb", "pixels": {"u8": checker}}
+                picture = {
+                    "width": 2,
+                    "height": 2,
+                    "channels": 3,
+                    "encoding": "srgb",
+                    "pixels": {"u8": checker},
+                }
             self.images.append(picture)
             self.known[key] = len(self.images) - 1
         return int(self.known[key])
 
-    def texture(self, image: int, *, is_srgb: bool, wrap: list[str], uv_transform: np.ndarray) -> int:
+    def texture(
+        self, image: int, *, is_srgb: bool, wrap: list[str], uv_transform: np.ndarray
+    ) -> int:
         """The number of a texture; equal ones are one."""
         texture = {
             "image": image,

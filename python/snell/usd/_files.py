@@ -1,4 +1,6 @@
-"""The files of a stage: ordinary ones in its folder, unless the user trusts it. They are looked at before USD opens any of them."""
+"""The files of a stage: ordinary ones in its folder, unless the user trusts it. They are looked at
+before USD opens any of them.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,15 @@ class StageError(ValueError):
 
 
 def cause(error: Exception) -> str:
-    """The first of the errors that USD reports; what stands before the colon is where in the library."""
+    """The first of the errors that USD reports; what stands before the colon is where in the
+    library.
+    """
     lines = str(error).splitlines()
-    return next((line.split(" : '", 1)[1] for line in lines if " : '" in line), str(error)).strip().rstrip("'")
+    return (
+        next((line.split(" : '", 1)[1] for line in lines if " : '" in line), str(error))
+        .strip()
+        .rstrip("'")
+    )
 
 
 class Files:
@@ -36,7 +44,7 @@ class Files:
         self.folder = os.path.realpath(os.path.dirname(path) or ".")
 
     def layers(self) -> list[Any]:
-        """The layers of the stage, opened one after the other, each looked at by its name before."""
+        """The layers of the stage, opened one after the other; their names are looked at before."""
         if problem := _not_a_file(self.path):
             raise StageError(f"{problem}; name an ordinary file")
         resolver = Ar.GetResolver()
@@ -66,11 +74,18 @@ class Files:
         """Refuses a stage that used a layer which was not looked at before."""
         for layer in stage.GetUsedLayers(True):
             if not layer.anonymous:
-                self.check(_file(layer.realPath or layer.identifier), layer.identifier, stage.GetRootLayer())
+                self.check(
+                    _file(layer.realPath or layer.identifier),
+                    layer.identifier,
+                    stage.GetRootLayer(),
+                )
 
     def check(self, file: str, name: str, layer: Any = None, place: str = "") -> None:
         """Refuses a file outside of the folder. `layer` and `place` say where it is named."""
-        if self.allow_outside or (os.path.commonpath([self.folder, os.path.realpath(file)]) == self.folder and not _is_address(file)):
+        if self.allow_outside or (
+            os.path.commonpath([self.folder, os.path.realpath(file)]) == self.folder
+            and not _is_address(file)
+        ):
             return
         problem = f'it names the file "{name}", which lies outside of the scene\'s folder'
         place = place or (_place(layer, name) if layer else "")
@@ -79,7 +94,14 @@ class Files:
     def picture(self, asset: Any, attribute: Any) -> tuple[bytes | None, str]:
         """The content of a picture that an attribute names, or else why there is none."""
         path = asset.resolvedPath or asset.path
-        layer = next((spec.layer for spec in attribute.GetPropertyStack() if spec.HasDefaultValue() or spec.HasInfo("timeSamples")), None)
+        layer = next(
+            (
+                spec.layer
+                for spec in attribute.GetPropertyStack()
+                if spec.HasDefaultValue() or spec.HasInfo("timeSamples")
+            ),
+            None,
+        )
         file = self._beside(layer, path)
         self.check(file, asset.path, layer, str(attribute.GetPrim().GetPath()))
         if problem := _not_a_file(file):
@@ -88,10 +110,17 @@ class Files:
         return (bytes(found.GetBuffer()), "") if found else (None, "cannot be opened")
 
     def _vetted(self, layer: Any, name: str, place: str = "") -> str:
-        """The identifier of a layer that another one names, once it is known to be a file that may be opened."""
+        """The identifier of a layer that another one names, once it is known to be a file that may
+        be opened.
+        """
         if not self.allow_outside and Sdf.VariableExpression.IsExpression(name):
-            problem = f"it names a file by the expression {name}, which may lead out of the scene's folder"
-            raise self._error(layer, place or _place(layer, name), problem, f"write the name itself, {_TRUST}")
+            problem = (
+                f"it names a file by the expression {name}, which may lead out of the scene's "
+                "folder"
+            )
+            raise self._error(
+                layer, place or _place(layer, name), problem, f"write the name itself, {_TRUST}"
+            )
         plain, arguments = Sdf.Layer.SplitIdentifier(name)
         anchored = Sdf.ComputeAssetPathRelativeToLayer(layer, plain)
         path = str(Ar.GetResolver().Resolve(anchored)) or anchored
@@ -99,15 +128,27 @@ class Files:
         for match in _numbered(file):
             self.check(match, name, layer, place)
             if problem := _not_a_file(match):
-                raise self._error(layer, place or _place(layer, name), f'it names "{name}": {problem}', "name an ordinary file")
+                raise self._error(
+                    layer,
+                    place or _place(layer, name),
+                    f'it names "{name}": {problem}',
+                    "name an ordinary file",
+                )
         kind = os.path.splitext(path.rstrip("]"))[1].lower()
         if not self.allow_outside and kind not in _LAYERS and os.path.exists(file):
-            problem = f'it names the layer "{name}", of a kind that may read files outside of the scene\'s folder'
-            raise self._error(layer, place or _place(layer, name), problem, f"convert it to USD, {_TRUST}")
+            problem = (
+                f'it names the layer "{name}", of a kind that may read files outside of the '
+                "scene's folder"
+            )
+            raise self._error(
+                layer, place or _place(layer, name), problem, f"convert it to USD, {_TRUST}"
+            )
         return str(Sdf.Layer.CreateIdentifier(anchored, arguments))
 
     def _beside(self, layer: Any, path: str) -> str:
-        """The file that a path leads into; a name that USD did not find counts from the layer that names it."""
+        """The file that a path leads into; a name that USD did not find counts from the layer that
+        names it.
+        """
         folder = os.path.dirname(_file(layer.realPath)) if layer else self.folder
         file = _file(path)
         return file if _is_address(file) else os.path.join(folder, file)
@@ -121,7 +162,9 @@ class Files:
 
 
 def _opened(identifier: str) -> Any:
-    """The layer; nothing if there is none or it is broken, which USD says again when it composes the stage."""
+    """The layer; nothing if there is none or it is broken, which USD says again when it composes
+    the stage.
+    """
     try:
         return Sdf.Layer.FindOrOpen(identifier)
     except Tf.ErrorException:
@@ -130,7 +173,9 @@ def _opened(identifier: str) -> Any:
 
 def _file(path: str) -> str:
     """The file that a path leads into: of `a.usdz[b.usda]`, `a.usdz`."""
-    return str(Ar.SplitPackageRelativePathOuter(path)[0]) if Ar.IsPackageRelativePath(path) else path
+    return (
+        str(Ar.SplitPackageRelativePathOuter(path)[0]) if Ar.IsPackageRelativePath(path) else path
+    )
 
 
 def _is_address(name: str) -> bool:
@@ -139,7 +184,9 @@ def _is_address(name: str) -> bool:
 
 
 def _not_a_file(path: str) -> str:
-    """What a path leads to that would be read for ever; empty for files, folders, and where nothing is."""
+    """What a path leads to that would be read for ever; empty for files, folders, and where nothing
+    is.
+    """
     try:
         mode = os.stat(path).st_mode
     except (OSError, ValueError):
@@ -151,7 +198,9 @@ def _not_a_file(path: str) -> str:
 
 
 def _numbered(file: str) -> list[str]:
-    """The files that a name of a sequence stands for, `clip.###.usd`; another name stands for itself."""
+    """The files that a name of a sequence stands for, `clip.###.usd`; another name stands for
+    itself.
+    """
     if "#" not in file:
         return [file]
     return [file, *glob.glob(re.sub("#+", "*", glob.escape(file)))]
@@ -160,7 +209,12 @@ def _numbered(file: str) -> list[str]:
 def _prims(layer: Any) -> Iterator[Any]:
     """The prims of a layer, those of all variants too."""
     paths: list[Any] = []
-    layer.Traverse(Sdf.Path.absoluteRootPath, lambda path: paths.append(path) if path.IsPrimPath() or path.IsPrimVariantSelectionPath() else None)
+    layer.Traverse(
+        Sdf.Path.absoluteRootPath,
+        lambda path: (
+            paths.append(path) if path.IsPrimPath() or path.IsPrimVariantSelectionPath() else None
+        ),
+    )
     return (prim for path in paths if (prim := layer.GetPrimAtPath(path)))
 
 
@@ -180,6 +234,10 @@ def _clips(layer: Any) -> Iterator[tuple[str, str]]:
     for prim in _prims(layer):
         clips = prim.GetInfo("clips") if prim.HasInfo("clips") else {}
         for values in clips.values():
-            names = [values.get("manifestAssetPath"), values.get("templateAssetPath"), *(values.get("assetPaths") or [])]
+            names = [
+                values.get("manifestAssetPath"),
+                values.get("templateAssetPath"),
+                *(values.get("assetPaths") or []),
+            ]
             for name in filter(None, (getattr(name, "path", name) for name in names)):
                 yield str(name), str(prim.path)

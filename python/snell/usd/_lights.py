@@ -30,10 +30,16 @@ def light(context: Context, prim: Any, world: np.ndarray) -> list[int]:
         _distant(context, prim, world, color)
         return []
     cone = context.value(prim.GetAttribute("inputs:shaping:cone:angle"), None)
-    if kind == "SphereLight" and (_radius(context, prim) <= 0 or context.value(prim.GetAttribute("treatAsPoint"), False) or cone is not None):
+    if kind == "SphereLight" and (
+        _radius(context, prim) <= 0
+        or context.value(prim.GetAttribute("treatAsPoint"), False)
+        or cone is not None
+    ):
         _point(context, prim, world, color, cone)
         return []
-    found = _area_light(context, prim, kind, [float(np.linalg.norm(world[:3, i])) / context.scale for i in range(3)])
+    found = _area_light(
+        context, prim, kind, [float(np.linalg.norm(world[:3, i])) / context.scale for i in range(3)]
+    )
     if found is None:
         context.remark(f"{prim.GetPath()}: {kind} is not supported and was left out")
         return []
@@ -42,16 +48,25 @@ def light(context: Context, prim: Any, world: np.ndarray) -> list[int]:
         context.remark(f"{prim.GetPath()}: the cone of a light with an area is left out")
     radiance = color / area if _is_normalized(context, prim) and area > 0 else color
     emission = color_form(radiance, _picture(context, prim))
-    material = context.add_material({}, prim.GetName(), kind={"material": "black"}, emission=emission, emits_on_both_sides=False)
+    material = context.add_material(
+        {}, prim.GetName(), kind={"material": "black"}, emission=emission, emits_on_both_sides=False
+    )
     return [context.add_shape(shape, material, transform)]
 
 
 def mesh_light(context: Context, prim: Any, world: np.ndarray) -> list[Any]:
-    """The surfaces of a mesh that is a light: its material, which shines, tinted by what it shone before."""
+    """The surfaces of a mesh that is a light: its material, which shines, tinted by what it shone
+    before.
+    """
     radiance = _color(context, prim)
     if _is_normalized(context, prim):
         corners = triangles_of(context, prim) @ world[:3, :3].T / context.scale
-        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+        area = (
+            np.linalg.norm(
+                np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+            ).sum()
+            / 2
+        )
         radiance = radiance / area if area > 0 else radiance
     surfaces = mesh(context, prim)
     for surface in surfaces:
@@ -59,7 +74,11 @@ def mesh_light(context: Context, prim: Any, world: np.ndarray) -> list[Any]:
         for number in surface["materials"]:
             before = context.materials[number]
             glow = before["emission"]
-            emission = {**glow, "factor": [float(x) for x in radiance * glow["factor"]]} if any(glow["factor"]) else color_form(radiance)
+            emission = (
+                {**glow, "factor": [float(x) for x in radiance * glow["factor"]]}
+                if any(glow["factor"])
+                else color_form(radiance)
+            )
             context.materials.append({**before, "emission": emission, "emits_on_both_sides": False})
             lit.append(len(context.materials) - 1)
         surface["materials"] = lit
@@ -69,7 +88,9 @@ def mesh_light(context: Context, prim: Any, world: np.ndarray) -> list[Any]:
 def _color(context: Context, prim: Any) -> np.ndarray:
     """Colour by intensity, exposure and temperature."""
     given = UsdLux.LightAPI(prim)
-    strength = float(context.value(given.GetIntensityAttr(), 1.0)) * 2.0 ** float(context.value(given.GetExposureAttr(), 0.0))
+    strength = float(context.value(given.GetIntensityAttr(), 1.0)) * 2.0 ** float(
+        context.value(given.GetExposureAttr(), 0.0)
+    )
     color = np.array(context.value(given.GetColorAttr(), (1, 1, 1)), dtype=np.float64) * strength
     if context.value(given.GetEnableColorTemperatureAttr(), False):
         kelvin = float(context.value(given.GetColorTemperatureAttr(), 6500.0))
@@ -89,7 +110,9 @@ def _radius(context: Context, prim: Any) -> float:
 def _tell_what_is_left_out(context: Context, prim: Any) -> None:
     for name in ("diffuse", "specular"):
         if float(context.value(prim.GetAttribute(f"inputs:{name}"), 1.0)) != 1.0:
-            context.remark(f"{prim.GetPath()}: the factor of a light for {name} surfaces is left out")
+            context.remark(
+                f"{prim.GetPath()}: the factor of a light for {name} surfaces is left out"
+            )
     if context.value(prim.GetAttribute("inputs:shaping:ies:file")):
         context.remark(f"{prim.GetPath()}: the IES profile of the light is left out")
     if float(context.value(prim.GetAttribute("inputs:shaping:focus"), 0.0)) != 0.0:
@@ -100,11 +123,17 @@ def _distant(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) 
     angle = math.radians(float(context.value(prim.GetAttribute("inputs:angle"), 0.53)))
     solid = math.pi * math.sin(min(angle, math.pi) / 2) ** 2
     irradiance = color if _is_normalized(context, prim) or solid <= 0 else color * solid
-    form = {"light": "directional", "direction": direction(-world[:3, 2]), "irradiance": [float(x) for x in irradiance]}
+    form = {
+        "light": "directional",
+        "direction": direction(-world[:3, 2]),
+        "irradiance": [float(x) for x in irradiance],
+    }
     context.lights.append(form)
 
 
-def _area_light(context: Context, prim: Any, kind: str, scale: list[float]) -> tuple[dict[str, Any], Any, float] | None:
+def _area_light(
+    context: Context, prim: Any, kind: str, scale: list[float]
+) -> tuple[dict[str, Any], Any, float] | None:
     """The shape of a light, how it is turned, and its area in the world, in units of the stage."""
     get = lambda name: float(context.value(prim.GetAttribute(f"inputs:{name}"), 1.0))  # noqa: E731
     radius = _radius(context, prim)
@@ -112,9 +141,17 @@ def _area_light(context: Context, prim: Any, kind: str, scale: list[float]) -> t
         return {"shape": "sphere", "radius": radius}, None, 4 * math.pi * (radius * scale[0]) ** 2
     if kind == "RectLight":
         width, height = get("width"), get("height")
-        return {"shape": "rectangle", "half_size": [width / 2, height / 2]}, _TURNED, width * scale[0] * height * scale[1]
+        return (
+            {"shape": "rectangle", "half_size": [width / 2, height / 2]},
+            _TURNED,
+            width * scale[0] * height * scale[1],
+        )
     if kind == "DiskLight":
-        return {"shape": "disk", "radius": radius}, _TURNED, math.pi * radius**2 * scale[0] * scale[1]
+        return (
+            {"shape": "disk", "radius": radius},
+            _TURNED,
+            math.pi * radius**2 * scale[0] * scale[1],
+        )
     if kind == "CylinderLight":
         length = get("length")
         shape = {"shape": "cylinder", "radius": radius, "height": length, "caps": False}
@@ -128,10 +165,14 @@ def _picture(context: Context, prim: Any) -> int | None:
     asset = context.value(file)
     if prim.GetTypeName() != "RectLight" or not asset or not asset.path:
         return None
-    return context.texture(context.image(asset, file), is_srgb=True, wrap=["clamp", "clamp"], uv_transform=np.eye(3))
+    return context.texture(
+        context.image(asset, file), is_srgb=True, wrap=["clamp", "clamp"], uv_transform=np.eye(3)
+    )
 
 
-def _point(context: Context, prim: Any, world: np.ndarray, color: np.ndarray, cone: float | None) -> None:
+def _point(
+    context: Context, prim: Any, world: np.ndarray, color: np.ndarray, cone: float | None
+) -> None:
     """A sphere from afar: its radiance by the disk that is seen of it."""
     radius = _radius(context, prim) * float(np.linalg.norm(world[:3, 0]))
     if _is_normalized(context, prim):
@@ -140,14 +181,24 @@ def _point(context: Context, prim: Any, world: np.ndarray, color: np.ndarray, co
     else:
         intensity = color * math.pi * radius**2
         if radius <= 0:
-            context.remark(f"{prim.GetPath()}: a light without a radius that is not normalized is dark")
-    form: dict[str, Any] = {"light": "point", "position": [float(x) for x in world[:3, 3]], "intensity": [float(x) for x in intensity]}
+            context.remark(
+                f"{prim.GetPath()}: a light without a radius that is not normalized is dark"
+            )
+    form: dict[str, Any] = {
+        "light": "point",
+        "position": [float(x) for x in world[:3, 3]],
+        "intensity": [float(x) for x in intensity],
+    }
     if cone is not None and cone < 180:
         soft = float(context.value(prim.GetAttribute("inputs:shaping:cone:softness"), 0.0))
         outer = math.radians(float(cone))
         form["light"] = "spot"
         form["direction"] = direction(-world[:3, 2])
-        form["falloff"] = {"falloff": "smooth", "inner": outer * min(max(0.0, 1.0 - soft), 1.0), "outer": outer}
+        form["falloff"] = {
+            "falloff": "smooth",
+            "inner": outer * min(max(0.0, 1.0 - soft), 1.0),
+            "outer": outer,
+        }
     context.lights.append(form)
 
 
@@ -159,7 +210,10 @@ def _dome(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) -> 
     asset = context.value(file)
     layout = str(context.value(prim.GetAttribute("inputs:texture:format"), "automatic"))
     if layout not in ("automatic", "latlong"):
-        context.remark(f"{prim.GetPath()}: the layout {layout} of the picture of a dome is not supported; it is taken for latlong")
+        context.remark(
+            f"{prim.GetPath()}: the layout {layout} of the picture of a dome is not supported; it "
+            "is taken for latlong"
+        )
     picture = context.picture(asset, file) if asset and asset.path else None
     if picture is None:
         context.environment = {"constant": [float(x) for x in color]}
@@ -173,4 +227,10 @@ def _dome(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) -> 
     axes = world[:3, :3] / np.maximum(np.linalg.norm(world[:3, :3], axis=0), 1e-300)
     place = np.eye(4)
     place[:3, :3] = axes @ turn
-    context.environment = {"image": {"image": picture, "scale": [float(x) for x in color], "world_from_environment": rows(place)}}
+    context.environment = {
+        "image": {
+            "image": picture,
+            "scale": [float(x) for x in color],
+            "world_from_environment": rows(place),
+        }
+    }

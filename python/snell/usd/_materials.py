@@ -1,4 +1,6 @@
-"""Materials: UsdPreviewSurface, and standard surface and OpenPBR as MaterialX networks; all become OpenPBR surfaces."""
+"""Materials: UsdPreviewSurface, and standard surface and OpenPBR as MaterialX networks; all become
+OpenPBR surfaces.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +28,12 @@ def material(context: Context, prim: Any) -> int:
             found = shader
             break
     if found is None:
-        context.remark(f"{prim.GetPath()}: no surface of a kind that is known; a grey one was used instead")
-        number = context.add_material({"base_color": color_form((0.18, 0.18, 0.18))}, prim.GetName())
+        context.remark(
+            f"{prim.GetPath()}: no surface of a kind that is known; a grey one was used instead"
+        )
+        number = context.add_material(
+            {"base_color": color_form((0.18, 0.18, 0.18))}, prim.GetName()
+        )
     else:
         net = Network(context, found)
         number = _READERS[kind_of(found)](context, net, prim.GetName())
@@ -52,11 +58,17 @@ def _preview_surface(context: Context, net: Network, name: str) -> int:
         specular = net.color("specularColor", (0, 0, 0))
         strength = max(specular["factor"])
         # Reflectances that only metals have make a metal.
-        if strength > 0.25 and specular["texture"] is None and strength > max(surface["base_color"]["factor"]):
+        if (
+            strength > 0.25
+            and specular["texture"] is None
+            and strength > max(surface["base_color"]["factor"])
+        ):
             surface["base_color"], surface["base_metalness"] = specular, scalar_form(1.0)
         else:
             root = math.sqrt(min(max(strength, 0.0), 0.9))
-            surface["specular_ior"] = scalar_form((1 + root) / (1 - root)) if strength > 0 else scalar_form(1.5)
+            surface["specular_ior"] = (
+                scalar_form((1 + root) / (1 - root)) if strength > 0 else scalar_form(1.5)
+            )
             surface["specular_weight"] = scalar_form(1.0 if strength > 0 else 0.0)
             surface["base_metalness"] = scalar_form(0.0)
     alpha, threshold = net.scalar("opacity", 1.0), float(net.constant("opacityThreshold", 0.0))
@@ -65,13 +77,30 @@ def _preview_surface(context: Context, net: Network, name: str) -> int:
         more["alpha_mode"] = {"mask": threshold}
     elif alpha["texture"] is not None or alpha["factor"] < 1:
         more["alpha_mode"] = "blend"
-    if net.shader.GetInput("displacement") and net.shader.GetInput("displacement").HasConnectedSource():
+    if (
+        net.shader.GetInput("displacement")
+        and net.shader.GetInput("displacement").HasConnectedSource()
+    ):
         context.remark(f"{net.shader.GetPath()}: displacement is left out")
-    return context.add_material(surface, name, emission=net.color("emissiveColor", (0, 0, 0)), **more)
+    return context.add_material(
+        surface, name, emission=net.color("emissiveColor", (0, 0, 0)), **more
+    )
 
 
-def _finish(context: Context, net: Network, name: str, surface: dict[str, Any], opacity: dict[str, Any], emission: dict[str, Any], normal: str) -> int:
-    more: dict[str, Any] = {"emission": emission, "alpha": opacity, "normal_map": net.normal_map(normal)}
+def _finish(
+    context: Context,
+    net: Network,
+    name: str,
+    surface: dict[str, Any],
+    opacity: dict[str, Any],
+    emission: dict[str, Any],
+    normal: str,
+) -> int:
+    more: dict[str, Any] = {
+        "emission": emission,
+        "alpha": opacity,
+        "normal_map": net.normal_map(normal),
+    }
     if opacity["texture"] is not None or opacity["factor"] < 1:
         more["alpha_mode"] = "blend"
     return context.add_material(surface, name, **more)
@@ -117,7 +146,9 @@ def _standard_surface(context: Context, net: Network, name: str) -> int:
         # Nanometres to micrometres.
         surface["thin_film_thickness"] = {**thickness, "factor": thickness["factor"] * 1e-3}
         surface["thin_film_ior"] = net.scalar("thin_film_IOR", 1.5)
-    emission = _scaled(net.color("emission_color", (1, 1, 1)), net.scalar("emission", 0.0)["factor"])
+    emission = _scaled(
+        net.color("emission_color", (1, 1, 1)), net.scalar("emission", 0.0)["factor"]
+    )
     opacity = net.color("opacity", (1, 1, 1))
     channel = (opacity["texture"], 0) if opacity["texture"] is not None else None
     alpha = scalar_form(sum(opacity["factor"]) / 3, channel)
@@ -164,12 +195,24 @@ _OPEN_PBR_SCALARS = {
 
 
 def _open_pbr(context: Context, net: Network, name: str) -> int:
-    surface: dict[str, Any] = {key: net.color(key, default, may_be_primvar=key == "base_color") for key, default in _OPEN_PBR_COLORS.items()}
+    surface: dict[str, Any] = {
+        key: net.color(key, default, may_be_primvar=key == "base_color")
+        for key, default in _OPEN_PBR_COLORS.items()
+    }
     surface.update({key: net.scalar(key, default) for key, default in _OPEN_PBR_SCALARS.items()})
     surface["geometry_thin_walled"] = bool(net.constant("geometry_thin_walled", False))
-    emission = _scaled(net.color("emission_color", (1, 1, 1)), net.scalar("emission_luminance", 0.0)["factor"])
-    return _finish(context, net, name, surface, net.scalar("geometry_opacity", 1.0), emission, "geometry_normal")
-
+    emission = _scaled(
+        net.color("emission_color", (1, 1, 1)), net.scalar("emission_luminance", 0.0)["factor"]
+    )
+    return _finish(
+        context,
+        net,
+        name,
+        surface,
+        net.scalar("geometry_opacity", 1.0),
+        emission,
+        "geometry_normal",
+    )
 
 
 _READERS = {
@@ -178,5 +221,3 @@ _READERS = {
     "ND_standard_surface_surfaceshader": _standard_surface,
     "ND_open_pbr_surface_surfaceshader": _open_pbr,
 }
-
-

@@ -1,4 +1,6 @@
-"""Meshes: triangles of their polygons, what belongs to their points and corners, and the materials of their parts."""
+"""Meshes: triangles of their polygons, what belongs to their points and corners, and the materials
+of their parts.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,10 @@ class _Polygons:
 def mesh(context: Context, prim: Any) -> list[Any]:
     """The surface of a mesh; instances share what they show."""
     subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
-    materials = [material_of(context, prim), *(material_of(context, subset.GetPrim()) for subset in subsets)]
+    materials = [
+        material_of(context, prim),
+        *(material_of(context, subset.GetPrim()) for subset in subsets),
+    ]
     colors = _color_primvar(context, prim, materials)
     key = ("mesh", context.source(prim), colors)
     if key not in context.known:
@@ -62,7 +67,9 @@ def mesh(context: Context, prim: Any) -> list[Any]:
 def triangles_of(context: Context, prim: Any) -> np.ndarray:
     """Corners of the triangles of a mesh, in its own space."""
     polygons = _polygons(context, prim)
-    return polygons.points[polygons.triangles].astype(np.float64) if polygons else np.zeros((0, 3, 3))
+    return (
+        polygons.points[polygons.triangles].astype(np.float64) if polygons else np.zeros((0, 3, 3))
+    )
 
 
 def _color_primvar(context: Context, prim: Any, materials: list[int]) -> str | None:
@@ -72,7 +79,10 @@ def _color_primvar(context: Context, prim: Any, materials: list[int]) -> str | N
     if not wanted:
         return None
     if len(wanted) > 1 or None in names[1:]:
-        context.remark(f"{prim.GetPath()}: colours of vertices count for the whole mesh, and not for some of its materials only")
+        context.remark(
+            f"{prim.GetPath()}: colours of vertices count for the whole mesh, and not for some of "
+            "its materials only"
+        )
     return next(name for name in names if name is not None)
 
 
@@ -84,8 +94,15 @@ def _polygons(context: Context, prim: Any) -> _Polygons | None:
     if len(points) == 0 or len(counts) == 0:
         context.remark(f"{prim.GetPath()}: a mesh without points or faces is left out")
         return None
-    if counts.min() < 0 or counts.sum() != len(indices) or indices.min(initial=0) < 0 or indices.max(initial=0) >= len(points):
-        context.remark(f"{prim.GetPath()}: a mesh whose faces and points do not fit together is left out")
+    if (
+        counts.min() < 0
+        or counts.sum() != len(indices)
+        or indices.min(initial=0) < 0
+        or indices.max(initial=0) >= len(points)
+    ):
+        context.remark(
+            f"{prim.GetPath()}: a mesh whose faces and points do not fit together is left out"
+        )
         return None
     holes = np.array(context.value(given.GetHoleIndicesAttr(), []), dtype=np.int64)
     corners, faces = triangulated(points, counts, indices, holes)
@@ -107,10 +124,14 @@ def _made(context: Context, prim: Any, subsets: list[Any], colors: str | None) -
     for slot, subset in enumerate(subsets, start=1):
         members = np.array(context.value(subset.GetIndicesAttr(), []), dtype=np.int64)
         slots[np.isin(polygons.faces, members)] = slot
-    return context.add_mesh(polygons.points, polygons.triangles, attributes, slots if subsets else None)
+    return context.add_mesh(
+        polygons.points, polygons.triangles, attributes, slots if subsets else None
+    )
 
 
-def _primvar(context: Context, prim: Any, names: tuple[str, ...], width: int, polygons: _Polygons) -> Any:
+def _primvar(
+    context: Context, prim: Any, names: tuple[str, ...], width: int, polygons: _Polygons
+) -> Any:
     """The first primvar of these names."""
     primvars = UsdGeom.PrimvarsAPI(prim)
     for name in names:
@@ -120,9 +141,15 @@ def _primvar(context: Context, prim: Any, names: tuple[str, ...], width: int, po
             flat = primvar.ComputeFlattened() if flat is None else flat
             values = np.array(flat, dtype=np.float32)
             values = values.reshape(len(values), -1)[:, :width]
-            found = polygons.interpolated(values, primvar.GetInterpolation()) if values.shape[1] == width else None
+            found = (
+                polygons.interpolated(values, primvar.GetInterpolation())
+                if values.shape[1] == width
+                else None
+            )
             if found is None:
-                context.remark(f"{prim.GetPath()}: the primvar {name} does not fit the mesh and is left out")
+                context.remark(
+                    f"{prim.GetPath()}: the primvar {name} does not fit the mesh and is left out"
+                )
             return found
     return None
 
@@ -141,9 +168,13 @@ def _normals(context: Context, prim: Any, polygons: _Polygons) -> Any:
         found = _primvar(context, prim, ("normals",), 3, polygons)
         values = context.value(given.GetNormalsAttr())
         if found is None and values is not None and len(values) > 0:
-            found = polygons.interpolated(np.array(values, dtype=np.float32).reshape(-1, 3), given.GetNormalsInterpolation())
+            found = polygons.interpolated(
+                np.array(values, dtype=np.float32).reshape(-1, 3), given.GetNormalsInterpolation()
+            )
         return found
-    context.remark(f"{prim.GetPath()}: the mesh is not subdivided; its polygons are shown with smooth normals")
+    context.remark(
+        f"{prim.GetPath()}: the mesh is not subdivided; its polygons are shown with smooth normals"
+    )
     return ("vertex", _smooth(polygons))
 
 

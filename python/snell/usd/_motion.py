@@ -34,13 +34,18 @@ class Motion:
         return len(self.joints) - 1
 
     def follow(self, prim: Any, joint: int, rows: Any) -> None:
-        """Adds the channel of a prim, if its transform changes. Transforms that turn are not straight lines between their samples, so each
-        time code between the first and the last counts as well."""
+        """Adds the channel of a prim, if its transform changes. Transforms that turn are not
+        straight lines between their samples, so each time code between the first and the last
+        counts as well."""
         xformable = UsdGeom.Xformable(prim)
         samples = xformable.GetTimeSamples() if xformable else []
         if len(samples) < 2:
             return
-        between = range(int(samples[0]) + 1, int(samples[-1]) + 1) if samples[-1] - samples[0] < _MOST else []
+        between = (
+            range(int(samples[0]) + 1, int(samples[-1]) + 1)
+            if samples[-1] - samples[0] < _MOST
+            else []
+        )
         times = sorted({*samples, *map(float, between)})
         times = times[:: -(-len(times) // _MOST)]
         keys = []
@@ -55,4 +60,11 @@ class Motion:
         if not self.channels:
             return {}
         clips = [{"channels": self.channels}]
-        return {"motion": {"joints": self.joints, "clips": clips, "cameras": self.cameras, "lights": self.lights}}
+        return {
+            "motion": {
+                "joints": self.joints,
+                "clips": clips,
+                "cameras": self.cameras,
+                "lights": self.lights,
+            }
+        }

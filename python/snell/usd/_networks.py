@@ -16,8 +16,21 @@ __all__ = ["Network", "kind_of"]
 #: Longest chain of nodes that is followed.
 _MAX_DEPTH = 32
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3, "outr": 0, "outg": 1, "outb": 2, "outa": 3}
-_WRAPS = {"repeat": "repeat", "periodic": "repeat", "mirror": "mirror", "clamp": "clamp", "black": "black", "constant": "black"}
-_PICTURES = ("ND_image_", "ND_tiledimage_", "ND_UsdUVTexture", "ND_gltf_image", "ND_gltf_colorimage")
+_WRAPS = {
+    "repeat": "repeat",
+    "periodic": "repeat",
+    "mirror": "mirror",
+    "clamp": "clamp",
+    "black": "black",
+    "constant": "black",
+}
+_PICTURES = (
+    "ND_image_",
+    "ND_tiledimage_",
+    "ND_UsdUVTexture",
+    "ND_gltf_image",
+    "ND_gltf_colorimage",
+)
 _PRIMVARS = ("UsdPrimvarReader", "ND_geompropvalue", "ND_UsdPrimvarReader")
 
 
@@ -70,25 +83,39 @@ class Network:
             self.primvar = source.primvar
             return color_form((1, 1, 1))
         if source.primvar:
-            self.context.remark(f"{self.shader.GetPath()}: the primvar {source.primvar} as {name} is left out")
+            self.context.remark(
+                f"{self.shader.GetPath()}: the primvar {source.primvar} as {name} is left out"
+            )
         if source.picture is None:
             return color_form(_three(default if source.value is None else source.value))
         picture = source.picture
         if np.any(picture.bias[:3]):
-            self.context.remark(f"{self.shader.GetPath()}: the bias of the texture of {name} is left out")
-        factor = np.resize(picture.scale, 3) * (1.0 if source.value is None else _three(source.value))
+            self.context.remark(
+                f"{self.shader.GetPath()}: the bias of the texture of {name} is left out"
+            )
+        factor = np.resize(picture.scale, 3) * (
+            1.0 if source.value is None else _three(source.value)
+        )
         return color_form(factor, self._placed(picture, True))
 
     def scalar(self, name: str, default: float) -> dict[str, Any]:
         """A number."""
         source = self._read(name)
         if source.primvar:
-            self.context.remark(f"{self.shader.GetPath()}: the primvar {source.primvar} as {name} is left out")
-        value = None if source.value is None else float(np.array(source.value, dtype=np.float64).reshape(-1)[0])
+            self.context.remark(
+                f"{self.shader.GetPath()}: the primvar {source.primvar} as {name} is left out"
+            )
+        value = (
+            None
+            if source.value is None
+            else float(np.array(source.value, dtype=np.float64).reshape(-1)[0])
+        )
         if source.picture is None:
             return scalar_form(default if value is None else value)
         scale = source.picture.scale
-        factor = float(scale[min(source.channel, len(scale) - 1)]) * (1.0 if value is None else value)
+        factor = float(scale[min(source.channel, len(scale) - 1)]) * (
+            1.0 if value is None else value
+        )
         return scalar_form(factor, (self._placed(source.picture, False), source.channel))
 
     def normal_map(self, name: str) -> dict[str, Any] | None:
@@ -123,22 +150,36 @@ class Network:
         if kind.startswith("ND_constant"):
             return _Source(shader.GetInput("value").Get() if shader.GetInput("value") else None)
         if kind.startswith("ND_multiply"):
-            product = self._product([self._resolve(shader.GetInput(name), depth) for name in ("in1", "in2") if shader.GetInput(name)])
+            product = self._product(
+                [
+                    self._resolve(shader.GetInput(name), depth)
+                    for name in ("in1", "in2")
+                    if shader.GetInput(name)
+                ]
+            )
             if product is not None:
                 return product
         if kind.startswith("ND_extract"):
             source = self._resolve(shader.GetInput("in"), depth)
             index = int(self._value_of(shader, "index", 0))
-            value = source.value[index] if source.value is not None and source.picture is None else source.value
+            value = (
+                source.value[index]
+                if source.value is not None and source.picture is None
+                else source.value
+            )
             return _Source(value, source.picture, index)
         for name in ("in", "in1", "input", "base", "fg"):
             if shader.GetInput(name):
-                if not kind.startswith(("ND_normalmap", "ND_convert", "ND_swizzle", "ND_dot", "ND_separate")):
+                if not kind.startswith(
+                    ("ND_normalmap", "ND_convert", "ND_swizzle", "ND_dot", "ND_separate")
+                ):
                     self.context.remark(f"{shader.GetPath()}: a node of kind {kind} is passed by")
                 source = self._resolve(shader.GetInput(name), depth)
                 source.channel = channel if kind.startswith("ND_separate") else source.channel
                 return source
-        self.context.remark(f"{shader.GetPath()}: a node of kind {kind} is not supported and was left out")
+        self.context.remark(
+            f"{shader.GetPath()}: a node of kind {kind} is not supported and was left out"
+        )
         return _Source()
 
     def _primvar(self, shader: Any, kind: str) -> _Source:
@@ -158,7 +199,11 @@ class Network:
         factor = None
         for value in (side.value for side in sides if side.value is not None):
             factor = value if factor is None else np.asarray(factor) * np.asarray(value)
-        return _Source(factor, pictures[0].picture, pictures[0].channel) if pictures else _Source(factor)
+        return (
+            _Source(factor, pictures[0].picture, pictures[0].channel)
+            if pictures
+            else _Source(factor)
+        )
 
     def _value_of(self, shader: Any, name: str, default: Any) -> Any:
         given = shader.GetInput(name)
@@ -175,16 +220,36 @@ class Network:
         authored = file.GetAttr().GetColorSpace() if file.GetAttr().HasColorSpace() else ""
         if space == "auto" and authored:
             space = "sRGB" if "srgb" in authored.lower() else "raw"
-        names = ("wrapS", "wrapT") if shader.GetInput("wrapS") or shader.GetInput("wrapT") else ("uaddressmode", "vaddressmode")
-        wraps = [_WRAPS.get(str(self._value_of(shader, name, "repeat")), "repeat") for name in names]
-        scale = np.array(self._value_of(shader, "scale", (1, 1, 1, 1)), dtype=np.float64).reshape(-1)
+        names = (
+            ("wrapS", "wrapT")
+            if shader.GetInput("wrapS") or shader.GetInput("wrapT")
+            else ("uaddressmode", "vaddressmode")
+        )
+        wraps = [
+            _WRAPS.get(str(self._value_of(shader, name, "repeat")), "repeat") for name in names
+        ]
+        scale = np.array(self._value_of(shader, "scale", (1, 1, 1, 1)), dtype=np.float64).reshape(
+            -1
+        )
         bias = np.array(self._value_of(shader, "bias", (0, 0, 0, 0)), dtype=np.float64).reshape(-1)
         st = np.eye(3)
-        if (given := shader.GetInput("st") or shader.GetInput("texcoord")) and not kind.startswith("ND_gltf"):
+        if (given := shader.GetInput("st") or shader.GetInput("texcoord")) and not kind.startswith(
+            "ND_gltf"
+        ):
             st = self._placement(given)
         if tiling := shader.GetInput("uvtiling"):
-            st = np.diag([*np.array(self._resolve(tiling).value or (1, 1), dtype=np.float64), 1.0]) @ st
-        return _Picture(self.context.image(asset, (file.GetValueProducingAttributes() or [file.GetAttr()])[0]), space, wraps, scale, bias, st)
+            st = (
+                np.diag([*np.array(self._resolve(tiling).value or (1, 1), dtype=np.float64), 1.0])
+                @ st
+            )
+        return _Picture(
+            self.context.image(asset, (file.GetValueProducingAttributes() or [file.GetAttr()])[0]),
+            space,
+            wraps,
+            scale,
+            bias,
+            st,
+        )
 
     def _placement(self, given: Any, depth: int = 0) -> np.ndarray:
         """The map of texture coordinates before the picture."""
@@ -195,18 +260,35 @@ class Network:
         if kind_of(shader) not in ("UsdTransform2d", "ND_UsdTransform2d", "ND_place2d_vector2"):
             return np.eye(3)
         name = "in" if shader.GetInput("in") else "texcoord"
-        before = self._placement(shader.GetInput(name), depth + 1) if shader.GetInput(name) else np.eye(3)
-        angle = math.radians(float(self._value_of(shader, "rotation", self._value_of(shader, "rotate", 0.0))))
+        before = (
+            self._placement(shader.GetInput(name), depth + 1)
+            if shader.GetInput(name)
+            else np.eye(3)
+        )
+        angle = math.radians(
+            float(self._value_of(shader, "rotation", self._value_of(shader, "rotate", 0.0)))
+        )
         sx, sy = (float(x) for x in self._value_of(shader, "scale", (1, 1)))
-        tx, ty = (float(x) for x in self._value_of(shader, "translation", self._value_of(shader, "offset", (0, 0))))
-        turn = np.array([[math.cos(angle), -math.sin(angle), tx], [math.sin(angle), math.cos(angle), ty], [0, 0, 1]])
+        tx, ty = (
+            float(x)
+            for x in self._value_of(shader, "translation", self._value_of(shader, "offset", (0, 0)))
+        )
+        turn = np.array(
+            [
+                [math.cos(angle), -math.sin(angle), tx],
+                [math.sin(angle), math.cos(angle), ty],
+                [0, 0, 1],
+            ]
+        )
         return turn @ np.diag([sx, sy, 1.0]) @ before
 
     def _placed(self, picture: _Picture, is_color: bool) -> int:
         """The number of a texture of the scene; its v grows downwards."""
         is_srgb = is_color if picture.space == "auto" else picture.space.lower().startswith("srgb")
         flip = np.array([[1.0, 0, 0], [0, -1.0, 1.0], [0, 0, 1.0]])
-        return self.context.texture(picture.image, is_srgb=is_srgb, wrap=picture.wrap, uv_transform=flip @ picture.st)
+        return self.context.texture(
+            picture.image, is_srgb=is_srgb, wrap=picture.wrap, uv_transform=flip @ picture.st
+        )
 
 
 def _three(value: Any) -> np.ndarray:

@@ -7,8 +7,12 @@ import numpy as np
 __all__ = ["triangulated"]
 
 
-def triangulated(points: np.ndarray, counts: np.ndarray, indices: np.ndarray, holes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Positions of the corners of triangles in the list of corners of faces, and the face of each triangle."""
+def triangulated(
+    points: np.ndarray, counts: np.ndarray, indices: np.ndarray, holes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions of the corners of triangles in the list of corners of faces, and the face of each
+    triangle.
+    """
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
     keep = np.ones(len(counts), dtype=bool)
     keep[holes[(holes >= 0) & (holes < len(counts))]] = False
@@ -26,7 +30,7 @@ def triangulated(points: np.ndarray, counts: np.ndarray, indices: np.ndarray, ho
             parts.append(_halves(points, indices, first))
             owners.append(np.repeat(faces, 2))
         else:
-            for face, start in zip(faces, first):
+            for face, start in zip(faces, first, strict=True):
                 cut = _ears(points[indices[start : start + size]].astype(np.float64))
                 parts.append(start + cut)
                 owners.append(np.full(len(cut), face))
@@ -38,7 +42,9 @@ def triangulated(points: np.ndarray, counts: np.ndarray, indices: np.ndarray, ho
 
 
 def _halves(points: np.ndarray, indices: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Quadrilaterals along the diagonal that keeps both triangles on one side of the face, for faces that are not convex."""
+    """Quadrilaterals along the diagonal that keeps both triangles on one side of the face, for
+    faces that are not convex.
+    """
     p = points[indices[first[:, None] + np.arange(4)]].astype(np.float64)
     a = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
     b = np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 0])
@@ -76,7 +82,9 @@ def _is_ear(flat: np.ndarray, ear: list[int], rest: list[int]) -> bool:
     if _area(a, b, c) <= 0:
         return False
     others = (flat[i] for i in rest if i not in ear)
-    return not any(_area(a, b, q) >= 0 and _area(b, c, q) >= 0 and _area(c, a, q) >= 0 for q in others)
+    return not any(
+        _area(a, b, q) >= 0 and _area(b, c, q) >= 0 and _area(c, a, q) >= 0 for q in others
+    )
 
 
 def _area(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:

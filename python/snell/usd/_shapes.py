@@ -22,15 +22,25 @@ def shape(context: Context, prim: Any) -> list[int]:
     get = lambda name, default: float(context.value(prim.GetAttribute(name), default))  # noqa: E731
     axis = str(context.value(prim.GetAttribute("axis"), "Z"))
     if kind == "Sphere":
-        return [context.add_shape({"shape": "sphere", "radius": get("radius", 1)}, material_of(context, prim))]
+        return [
+            context.add_shape(
+                {"shape": "sphere", "radius": get("radius", 1)}, material_of(context, prim)
+            )
+        ]
     if kind == "Cube":
         half = get("size", 2) / 2
-        return [context.add_shape({"shape": "box", "min": [-half] * 3, "max": [half] * 3}, material_of(context, prim))]
+        return [
+            context.add_shape(
+                {"shape": "box", "min": [-half] * 3, "max": [half] * 3}, material_of(context, prim)
+            )
+        ]
     if kind in ("Cylinder", "Cone"):
         form = {"shape": kind.lower(), "radius": get("radius", 1), "height": get("height", 2)}
         return [context.add_shape(form, material_of(context, prim), from_y(axis))]
     if kind == "Capsule":
-        return _capsule(context, get("radius", 0.5), get("height", 1), material_of(context, prim), from_y(axis))
+        return _capsule(
+            context, get("radius", 0.5), get("height", 1), material_of(context, prim), from_y(axis)
+        )
     if kind == "Plane":
         # Its normal is the axis; ours is z.
         form = {"shape": "rectangle", "half_size": [get("width", 2) / 2, get("length", 2) / 2]}
@@ -40,12 +50,20 @@ def shape(context: Context, prim: Any) -> list[int]:
     return []
 
 
-def _capsule(context: Context, radius: float, height: float, material: int, turn: np.ndarray) -> list[int]:
-    found = [context.add_shape({"shape": "cylinder", "radius": radius, "height": height, "caps": False}, material, turn)]
+def _capsule(
+    context: Context, radius: float, height: float, material: int, turn: np.ndarray
+) -> list[int]:
+    found = [
+        context.add_shape(
+            {"shape": "cylinder", "radius": radius, "height": height, "caps": False}, material, turn
+        )
+    ]
     for side in (0.5, -0.5):
         move = np.eye(4)
         move[1, 3] = side * height
-        found.append(context.add_shape({"shape": "sphere", "radius": radius}, material, turn @ move))
+        found.append(
+            context.add_shape({"shape": "sphere", "radius": radius}, material, turn @ move)
+        )
     return found
 
 
@@ -55,13 +73,15 @@ def points(context: Context, prim: Any) -> list[int]:
     positions = context.array(given.GetPointsAttr(), 3)
     widths = context.array(given.GetWidthsAttr(), 1, [1.0]).reshape(-1)
     if len(positions) > _MAX_POINTS:
-        context.remark(f"{prim.GetPath()}: {len(positions)} points, of which the first {_MAX_POINTS} are shown")
+        context.remark(
+            f"{prim.GetPath()}: {len(positions)} points, of which the first {_MAX_POINTS} are shown"
+        )
         positions = positions[:_MAX_POINTS]
     if len(widths) < len(positions):
         widths = np.resize(widths if len(widths) else [1.0], len(positions))
     balls = _balls(context, prim, len(positions))
     found = []
-    for position, width, ball in zip(positions, widths, balls):
+    for position, width, ball in zip(positions, widths, balls, strict=False):
         place = np.diag([width, width, width, 1.0])
         place[:3, 3] = position
         found.append(context.add_node({"transform": rows(place), "children": [ball]}))
@@ -81,7 +101,11 @@ def _balls(context: Context, prim: Any, count: int) -> list[int]:
 
 def from_y(axis: str) -> np.ndarray:
     """Turns shapes that stand around y to another axis."""
-    columns = {"X": [[0, -1, 0], [1, 0, 0], [0, 0, 1]], "Y": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "Z": [[1, 0, 0], [0, 0, 1], [0, -1, 0]]}
+    columns = {
+        "X": [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
+        "Y": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        "Z": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+    }
     m = np.eye(4)
     m[:3, :3] = np.array(columns.get(axis, columns["Z"]), dtype=np.float64).T
     return m
@@ -89,7 +113,11 @@ def from_y(axis: str) -> np.ndarray:
 
 def _from_z(axis: str) -> np.ndarray:
     """Turns a rectangle with the normal z to another axis."""
-    columns = {"X": [[0, 0, -1], [0, 1, 0], [1, 0, 0]], "Y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]], "Z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}
+    columns = {
+        "X": [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
+        "Y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+        "Z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    }
     m = np.eye(4)
     m[:3, :3] = np.array(columns.get(axis, columns["Z"]), dtype=np.float64).T
     return m

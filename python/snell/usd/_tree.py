@@ -24,7 +24,9 @@ def document(context: Context, name: str) -> str:
     _pose(context)
     context.nodes[0]["transform"] = rows(context.world)
     root = context.motion.add_joint("stage", None, 0, rows(context.world))
-    context.nodes[0]["children"] = _children(context, context.stage.GetPseudoRoot(), context.world, root)
+    context.nodes[0]["children"] = _children(
+        context, context.stage.GetPseudoRoot(), context.world, root
+    )
     settings = _settings(context)
     form = {
         "format": "snell scene",
@@ -45,30 +47,45 @@ def document(context: Context, name: str) -> str:
     try:
         return json.dumps(form, allow_nan=False)
     except ValueError as error:
-        raise StageError("a number of what moves or of the sky is infinite or none at all; write them as the schema says") from error
+        raise StageError(
+            "a number of what moves or of the sky is infinite or none at all; write them as the "
+            "schema says"
+        ) from error
 
 
 def _settings(context: Context) -> dict[str, Any]:
-    """The up axis, and what the stage's render settings ask for: a size, and the camera that comes first."""
-    settings: dict[str, Any] = {"up": [0.0, 0.0, 1.0] if UsdGeom.GetStageUpAxis(context.stage) == "Z" else [0.0, 1.0, 0.0]}
+    """The up axis, and what the stage's render settings ask for: a size, and the camera that comes
+    first.
+    """
+    settings: dict[str, Any] = {
+        "up": [0.0, 0.0, 1.0] if UsdGeom.GetStageUpAxis(context.stage) == "Z" else [0.0, 1.0, 0.0]
+    }
     asked = UsdRender.Settings.GetStageRenderSettings(context.stage)
     if not asked:
         return settings
-    size = context.value(asked.GetResolutionAttr()) if asked.GetResolutionAttr().HasAuthoredValue() else None
+    size = (
+        context.value(asked.GetResolutionAttr())
+        if asked.GetResolutionAttr().HasAuthoredValue()
+        else None
+    )
     if size is not None and min(size) > 0:
         settings["size"] = [int(x) for x in size]
     for path in asked.GetCameraRel().GetForwardedTargets()[:1]:
         if (number := context.known.get(("camera", str(path)))) is not None:
             context.cameras.insert(0, context.cameras.pop(number))
             place = lambda i: 0 if i == number else i + (i < number)  # noqa: E731
-            context.motion.cameras = [(place(camera), joint) for camera, joint in context.motion.cameras]
+            context.motion.cameras = [
+                (place(camera), joint) for camera, joint in context.motion.cameras
+            ]
     return settings
 
 
 def _pose(context: Context) -> None:
     """Skins and blend shapes as points of meshes, in a layer that is not part of the file."""
     stage = context.stage
-    roots = [prim for prim in stage.Traverse(Usd.TraverseInstanceProxies()) if prim.IsA(UsdSkel.Root)]
+    roots = [
+        prim for prim in stage.Traverse(Usd.TraverseInstanceProxies()) if prim.IsA(UsdSkel.Root)
+    ]
     if not roots:
         return
     stage.SetEditTarget(stage.GetSessionLayer())
@@ -98,13 +115,18 @@ def _children(context: Context, prim: Any, world: np.ndarray, joint: int) -> lis
 
 
 def _node(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int | None:
-    """The node of a prim and what is below it. Values that are not what the schema says are errors with the prim's path."""
+    """The node of a prim and what is below it. Values that are not what the schema says are errors
+    with the prim's path.
+    """
     try:
         return _node_of(context, prim, parent, joint)
     except StageError:
         raise
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        raise StageError(f"at {prim.GetPath()}: its values cannot be used: {error}; write them as the schema says") from error
+        raise StageError(
+            f"at {prim.GetPath()}: its values cannot be used: {error}; write them as the schema "
+            "says"
+        ) from error
 
 
 def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int | None:
@@ -129,7 +151,9 @@ def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int
     number = context.add_node(node)
     joint = context.motion.add_joint(prim.GetName(), joint, number, rows(local))
     if not resets:
-        context.motion.follow(prim, joint, lambda matrix: rows(np.array(matrix, dtype=np.float64).reshape(4, 4).T))
+        context.motion.follow(
+            prim, joint, lambda matrix: rows(np.array(matrix, dtype=np.float64).reshape(4, 4).T)
+        )
     cameras, lights = len(context.cameras), len(context.lights)
     surfaces, below = _content(context, prim, world, joint)
     context.motion.cameras += [(i, joint) for i in range(cameras, len(context.cameras))]
@@ -145,13 +169,20 @@ def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int
 
 
 def _sizes(context: Context) -> list[tuple[list[Any], int]]:
-    return [(part, len(part)) for part in (context.nodes, context.materials, context.lights, context.cameras)]
+    return [
+        (part, len(part))
+        for part in (context.nodes, context.materials, context.lights, context.cameras)
+    ]
 
 
 def _check_finite(context: Context, before: list[tuple[list[Any], int]]) -> None:
     """Refuses what was added if it has a number that is none, which no file can hold."""
     try:
-        json.dumps([part[size:] for part, size in before] + [context.environment and context.environment.get("constant")], allow_nan=False)
+        json.dumps(
+            [part[size:] for part, size in before]
+            + [context.environment and context.environment.get("constant")],
+            allow_nan=False,
+        )
     except ValueError as error:
         raise ValueError("a number is infinite or none at all") from error
 
@@ -175,7 +206,9 @@ def _placed_in_the_world(context: Context) -> tuple[int, int, bool]:
     return len(context.lights), len(context.cameras), context.environment is None
 
 
-def _content(context: Context, prim: Any, world: np.ndarray, joint: int) -> tuple[list[Any], list[int]]:
+def _content(
+    context: Context, prim: Any, world: np.ndarray, joint: int
+) -> tuple[list[Any], list[int]]:
     """Surfaces of a prim itself, and further nodes."""
     is_light = prim.HasAPI(UsdLux.LightAPI)
     if prim.IsA(UsdGeom.Mesh):
@@ -201,16 +234,20 @@ def _point_instancer(context: Context, prim: Any, world: np.ndarray, joint: int)
         target = context.stage.GetPrimAtPath(path)
         prototypes.append(_node(context, target, world, joint) if target else None)
     indices = context.value(instancer.GetProtoIndicesAttr(), [])
-    transforms = instancer.ComputeInstanceTransformsAtTime(context.time, context.time, instancer.ExcludeProtoXform)
+    transforms = instancer.ComputeInstanceTransformsAtTime(
+        context.time, context.time, instancer.ExcludeProtoXform
+    )
     if len(transforms) == 0 and len(indices) > 0:
         context.remark(f"{prim.GetPath()}: the instances could not be placed and are left out")
     # Masked instances are left out of the transforms, but not of the indices.
     mask = instancer.ComputeMaskAtTime(context.time)
     if len(mask) == len(indices):
-        indices = [index for index, keep in zip(indices, mask) if keep]
+        indices = [index for index, keep in zip(indices, mask, strict=True) if keep]
     found = []
-    for index, matrix in zip(indices, transforms):
+    for index, matrix in zip(indices, transforms, strict=False):
         if 0 <= index < len(prototypes) and prototypes[index] is not None:
             place = np.array(matrix, dtype=np.float64).reshape(4, 4).T
-            found.append(context.add_node({"transform": rows(place), "children": [prototypes[index]]}))
+            found.append(
+                context.add_node({"transform": rows(place), "children": [prototypes[index]]})
+            )
     return found

@@ -1,4 +1,11 @@
-import importlib.abc, importlib.machinery, os, signal, site, sys, threading
+import contextlib
+import importlib.abc
+import importlib.machinery
+import os
+import signal
+import site
+import sys
+import threading
 
 
 def end_with_the_parent():
@@ -13,29 +20,35 @@ def set_limits():
         import resource
     except ImportError:
         return
+
     def limit(kind, most):
         known = [value for value in resource.getrlimit(kind) if value != resource.RLIM_INFINITY]
         resource.setrlimit(kind, (min([most, *known]), resource.getrlimit(kind)[1]))
+
     memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     try:
         with open("/sys/fs/cgroup/memory.max") as file:
             memory = min(memory, int(file.read()))
     except (OSError, ValueError):
         pass
-    # The rest is for the scene, which grows on the other side. Files that are mapped and space that is only reserved count for
-    # the addresses alone.
+    # The rest is for the scene, which grows on the other side. Files that are mapped and space that
+    # is only reserved count for the addresses alone.
     memory = memory // 4 * 3
-    for kind, most in (("RLIMIT_DATA", memory), ("RLIMIT_AS", memory + (256 << 30)), ("RLIMIT_CORE", 0)):
-        try:
+    for kind, most in (
+        ("RLIMIT_DATA", memory),
+        ("RLIMIT_AS", memory + (256 << 30)),
+        ("RLIMIT_CORE", 0),
+    ):
+        with contextlib.suppress(AttributeError, OSError, ValueError):
             limit(getattr(resource, kind), most)
-        except (AttributeError, OSError, ValueError):
-            pass
 
 
 class Carried(importlib.abc.MetaPathFinder, importlib.abc.InspectLoader):
     def find_spec(self, name, path=None, target=None):
-        if name in TEXTS:
-            return importlib.machinery.ModuleSpec(name, self, origin=name, is_package=self.is_package(name))
+        if name not in TEXTS:
+            return None
+        is_package = self.is_package(name)
+        return importlib.machinery.ModuleSpec(name, self, origin=name, is_package=is_package)
 
     def is_package(self, name):
         return name == "snell_usd"
@@ -50,8 +63,8 @@ set_limits()
 # Only the scene goes to standard output; what libraries print goes where messages go.
 sys.stdout = open(os.dup(1), "w", encoding="utf-8", newline="\n")
 os.dup2(2, 1)
-# An isolated Python leaves out what the user installed without rights on the system (pip install --user): it is added, but
-# nothing in it is run before it is imported.
+# An isolated Python leaves out what the user installed without rights on the system (pip install
+# --user): it is added, but nothing in it is run before it is imported.
 if sys.prefix == sys.base_prefix and os.path.isabs(site.getusersitepackages()):
     sys.path.append(site.getusersitepackages())
 sys.meta_path.insert(0, Carried())
@@ -60,5 +73,6 @@ from snell_usd.__main__ import main
 code = main(sys.argv[3:], sys.argv[2])
 sys.stdout.flush()
 sys.stderr.flush()
-# Without taking USD apart, which takes long and may end in a crash while its threads are still there.
+# Without taking USD apart, which takes long and may end in a crash while its threads are still
+# there.
 os._exit(code)
