@@ -1,16 +1,20 @@
-// How fast the viewer is, as a browser sees it: frames a second and latency while the camera turns, by scene.
+// How fast the viewer is, as a browser sees it: frames a second and latency while the camera turns,
+// by scene.
 //
 //   SNELL=target/release/snell CHROME=chromium node bench/viewer_speed.mjs scene.glb night-town ...
 //
-// Each scene is opened at 1280x720 pixels and turned by the mouse for ten seconds. Latency is from the input to the frame that shows it.
-// The first line of each scene is from the command to the first picture on the page's canvas, browser already running. THREADS=2 limits
-// the renderer's threads.
+// Each scene is opened at 1280x720 pixels and turned by the mouse for ten seconds. Latency is from
+// the input to the frame that shows it. The first line of each scene is from the command to the
+// first picture on the page's canvas, browser already running. THREADS=2 limits the renderer's
+// threads.
 
 import { spawn } from "node:child_process";
 import { loadavg } from "node:os";
 import { createRequire } from "node:module";
 
-const { chromium } = createRequire(new URL("../web/package.json", import.meta.url))("playwright-core");
+const { chromium } = createRequire(new URL("../web/package.json", import.meta.url))(
+  "playwright-core",
+);
 const SNELL = process.env.SNELL ?? "snell";
 const SECONDS = Number(process.env.SECONDS ?? 10);
 const threads = process.env.THREADS ? ["--threads", process.env.THREADS] : [];
@@ -21,11 +25,17 @@ async function measure(browser, scene) {
   const page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
   // The bar and the status line take some; the picture gets 1280x720 by this.
   await page.addInitScript(() => {
-    const style = ".panel{display:none!important}.stage{flex:none!important;width:1280px!important;height:720px!important}";
-    addEventListener("DOMContentLoaded", () => document.head.append(Object.assign(document.createElement("style"), { textContent: style })));
+    const style =
+      ".panel{display:none!important}" +
+      ".stage{flex:none!important;width:1280px!important;height:720px!important}";
+    addEventListener("DOMContentLoaded", () =>
+      document.head.append(Object.assign(document.createElement("style"), { textContent: style })),
+    );
   });
   const start = performance.now();
-  const child = spawn(SNELL, ["view", scene, "--no-open", ...threads], { stdio: ["ignore", "pipe", "inherit"] });
+  const child = spawn(SNELL, ["view", scene, "--no-open", ...threads], {
+    stdio: ["ignore", "pipe", "inherit"],
+  });
   const url = await new Promise((resolve, reject) => {
     let text = "";
     child.stdout.on("data", (data) => (text += data).includes("\n") && resolve(text.trim()));
@@ -40,14 +50,26 @@ async function measure(browser, scene) {
   const box = await page.locator(".stage").boundingBox();
   await page.mouse.move(box.x + 640, box.y + 360);
   await page.mouse.down();
-  // The hand is in the page, at the browser's own rate: messages of the robot would come too slowly.
+  // The hand is in the page, at the browser's own rate: messages of the robot would come too
+  // slowly.
   await page.evaluate(() => {
     window.snellFrames = [];
     const stage = document.querySelector(".stage");
     const { left, top } = stage.getBoundingClientRect();
     const step = (i) => {
-      const [clientX, clientY] = [left + 640 + 200 * Math.sin(i / 40), top + 360 + 30 * Math.sin(i / 25)];
-      stage.dispatchEvent(new PointerEvent("pointermove", { pointerId: 1, clientX, clientY, buttons: 1, bubbles: true }));
+      const [clientX, clientY] = [
+        left + 640 + 200 * Math.sin(i / 40),
+        top + 360 + 30 * Math.sin(i / 25),
+      ];
+      stage.dispatchEvent(
+        new PointerEvent("pointermove", {
+          pointerId: 1,
+          clientX,
+          clientY,
+          buttons: 1,
+          bubbles: true,
+        }),
+      );
       requestAnimationFrame(() => step(i + 1));
     };
     step(0);
@@ -71,13 +93,18 @@ async function measure(browser, scene) {
   await new Promise((resolve) => (child.on("exit", resolve), child.kill("SIGINT")));
   const fps = frames.length / elapsed;
   console.log(
-    `${scene}: served ${served.toFixed(0)} ms, first picture ${first.toFixed(0)} ms; ${fps.toFixed(1)} frames/s, latency median ` +
-      `${quantile(latencies, 0.5)?.toFixed(0)} ms, 95 % ${quantile(latencies, 0.95)?.toFixed(0)} ms, scale ${quantile(scales, 0.5)?.toFixed(2)}, rendering median ` +
+    `${scene}: served ${served.toFixed(0)} ms, first picture ${first.toFixed(0)} ms; ` +
+      `${fps.toFixed(1)} frames/s, latency median ${quantile(latencies, 0.5)?.toFixed(0)} ms, ` +
+      `95 % ${quantile(latencies, 0.95)?.toFixed(0)} ms, ` +
+      `scale ${quantile(scales, 0.5)?.toFixed(2)}, rendering median ` +
       `${quantile(spent, 0.5)?.toFixed(0)} ms, 95 % ${quantile(spent, 0.95)?.toFixed(0)} ms, ` +
       `load ${loadavg()[0].toFixed(1)}`,
   );
 }
 
-const browser = await chromium.launch({ executablePath: process.env.CHROME ?? "/usr/bin/chromium", args: ["--no-sandbox"] });
+const browser = await chromium.launch({
+  executablePath: process.env.CHROME ?? "/usr/bin/chromium",
+  args: ["--no-sandbox"],
+});
 for (const scene of process.argv.slice(2)) await measure(browser, scene);
 await browser.close();

@@ -3,7 +3,12 @@
 
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| snell_fuzz::read_beside("fuzz.gltf", SCENE, "fuzz.ies", bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| snell_fuzz::read_beside(
+    "fuzz.gltf",
+    SCENE,
+    "fuzz.ies",
+    bytes
+));
 
 /// The scene that names the file.
 const SCENE: &str = "{\"asset\": {\"version\": \"2.0\"}, \"extensions\":\

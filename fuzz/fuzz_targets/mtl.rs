@@ -3,7 +3,9 @@
 
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| snell_fuzz::read_beside("fuzz.obj", SCENE, "fuzz.mtl", bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| snell_fuzz::read_beside(
+    "fuzz.obj", SCENE, "fuzz.mtl", bytes
+));
 
 /// The scene that names the file.
 const SCENE: &str = "mtllib fuzz.mtl\n\

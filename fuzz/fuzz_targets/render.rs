@@ -13,13 +13,15 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     if prepare(&mut scene, &FramingOptions { size, ..Default::default() }).is_err() {
         return;
     }
-    let settings = Settings { size, spp: 1, max_depth: 4, aovs: Aov::ALL.to_vec(), ..Settings::default() };
+    let settings =
+        Settings { size, spp: 1, max_depth: 4, aovs: Aov::ALL.to_vec(), ..Settings::default() };
     let Ok(compiled) = CompiledScene::new(&scene, &settings.build) else { return };
     for integrator in [IntegratorKind::Path, IntegratorKind::Whitted] {
         let settings = Settings { integrator, ..settings.clone() };
         let (film, _) = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true);
         let picture = film.image();
-        let is_finite = picture.layers.iter().all(|layer| layer.values.iter().all(|v| v.is_finite()));
+        let is_finite =
+            picture.layers.iter().all(|layer| layer.values.iter().all(|v| v.is_finite()));
         assert!(is_finite, "a pixel that is not finite");
     }
 });

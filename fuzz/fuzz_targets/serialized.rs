@@ -3,7 +3,12 @@
 
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| snell_fuzz::read_beside("fuzz.xml", SCENE, "fuzz.serialized", bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| snell_fuzz::read_beside(
+    "fuzz.xml",
+    SCENE,
+    "fuzz.serialized",
+    bytes
+));
 
 /// The scene that names the file.
 const SCENE: &str = "<scene version=\"3.0.0\">\

@@ -17,7 +17,8 @@ pub enum Places {
 /// Small limits: what is slow because it is large is no finding.
 fn options() -> ReadOptions {
     let (file_bytes, elements, image_pixels) = (1 << 20, 20_000, 1 << 16);
-    let limits = Limits { file_bytes, elements, image_pixels, depth: 32, files: 4, ..Limits::default() };
+    let limits =
+        Limits { file_bytes, elements, image_pixels, depth: 32, files: 4, ..Limits::default() };
     ReadOptions { limits, ..ReadOptions::default() }
 }
 
@@ -90,8 +91,10 @@ macro_rules! reader_target {
     ($name:literal, $places:ident, $before:literal, $after:literal) => {
         libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
             let start = $before.trim_ascii_end();
-            let is_whole = !start.is_empty() && bytes.windows(start.len()).any(|part| part == start);
-            let bytes = if is_whole { bytes.to_vec() } else { [&$before[..], bytes, &$after[..]].concat() };
+            let is_whole =
+                !start.is_empty() && bytes.windows(start.len()).any(|part| part == start);
+            let bytes =
+                if is_whole { bytes.to_vec() } else { [&$before[..], bytes, &$after[..]].concat() };
             $crate::read($name, bytes, $crate::Places::$places);
         });
     };
@@ -102,7 +105,11 @@ macro_rules! reader_target {
 macro_rules! image_target {
     ($name:literal, $start:literal) => {
         libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-            let bytes = if bytes.starts_with($start) { bytes.to_vec() } else { [&$start[..], bytes].concat() };
+            let bytes = if bytes.starts_with($start) {
+                bytes.to_vec()
+            } else {
+                [&$start[..], bytes].concat()
+            };
             $crate::read_image($name, bytes);
         });
     };

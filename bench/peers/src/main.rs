@@ -39,7 +39,8 @@ pub enum Query {
 }
 
 fn main() -> Result<(), Error> {
-    let (mut folders, mut threads, mut repeat) = (Vec::new(), vec![1, rayon::current_num_threads()], 5);
+    let (mut folders, mut threads, mut repeat) =
+        (Vec::new(), vec![1, rayon::current_num_threads()], 5);
     let mut arguments = std::env::args().skip(1);
     while let Some(word) = arguments.next() {
         match word.as_str() {
@@ -85,8 +86,10 @@ fn measure(folder: &Path, threads: &[usize], repeat: usize) -> Result<(), Error>
                 let (seconds, found) = trace(&*built, query, &rays, threads, repeat)?;
                 let agree = found.iter().zip(&expected).filter(|(a, b)| agrees(**a, b[0])).count();
                 println!(
-                    "{{\"scene\":\"{}\",\"triangles\":{},\"rays\":\"{kind}\",\"ray_count\":{},\"threads\":{threads},\
-                     \"peer\":\"{peer}\",\"build_seconds\":{build_seconds:.4},\"mrays_per_second\":{:.4},\"agree\":{:.6}}}",
+                    "{{\"scene\":\"{}\",\"triangles\":{},\"rays\":\"{kind}\",\"ray_count\":{},\
+                     \"threads\":{threads},\"peer\":\"{peer}\",\
+                     \"build_seconds\":{build_seconds:.4},\
+                     \"mrays_per_second\":{:.4},\"agree\":{:.6}}}",
                     folder.file_name().unwrap_or_default().to_string_lossy(),
                     triangles.len(),
                     rays.len(),
@@ -100,7 +103,13 @@ fn measure(folder: &Path, threads: &[usize], repeat: usize) -> Result<(), Error>
 }
 
 /// Median of the times, and the answers.
-fn trace(peer: &dyn Peer, query: Query, rays: &[Ray], threads: usize, repeat: usize) -> Result<(f64, Vec<f32>), Error> {
+fn trace(
+    peer: &dyn Peer,
+    query: Query,
+    rays: &[Ray],
+    threads: usize,
+    repeat: usize,
+) -> Result<(f64, Vec<f32>), Error> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     let mut found = vec![f32::INFINITY; rays.len()];
     let mut seconds = Vec::new();

@@ -20,8 +20,13 @@ fn rows<T: Copy + Default, const N: usize>(
     read: fn([u8; 4]) -> T,
 ) -> Result<Vec<[T; N]>, Error> {
     let bytes = std::fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
-    let wrong = || format!("{}: not an array as `snell bench rays --dump-rays` writes \
-        it", path.display());
+    let wrong = || {
+        format!(
+            "{}: not an array as `snell bench rays --dump-rays` writes \
+        it",
+            path.display()
+        )
+    };
     let length = bytes.get(8..10).ok_or_else(wrong)?;
     let begin = 10 + usize::from(u16::from_le_bytes([length[0], length[1]]));
     let (header, body) = bytes.split_at_checked(begin).ok_or_else(wrong)?;

@@ -14,8 +14,13 @@ use obvhs::triangle::Triangle;
 use std::time::Duration;
 
 /// Their names: crate, structure, and how carefully it is built.
-pub const NAMES: [&str; 5] =
-    ["obvhs cwbvh medium", "obvhs cwbvh very slow", "obvhs bvh2 medium", "obvhs bvh2 very slow", "bvh"];
+pub const NAMES: [&str; 5] = [
+    "obvhs cwbvh medium",
+    "obvhs cwbvh very slow",
+    "obvhs bvh2 medium",
+    "obvhs bvh2 very slow",
+    "bvh",
+];
 
 /// A structure that answers for a batch.
 pub trait Peer: Sync {
@@ -27,13 +32,20 @@ pub fn build(name: &str, triangles: &Triangles) -> Box<dyn Peer> {
     if name == "bvh" {
         return Box::new(BinaryTree::build(triangles));
     }
-    let corners: Vec<Triangle> =
-        triangles.iter().map(|t| t.map(Vec3A::from_array)).map(|[v0, v1, v2]| Triangle { v0, v1, v2 }).collect();
-    let quality =
-        if name.ends_with("slow") { BvhBuildParams::very_slow_build() } else { BvhBuildParams::medium_build() };
+    let corners: Vec<Triangle> = triangles
+        .iter()
+        .map(|t| t.map(Vec3A::from_array))
+        .map(|[v0, v1, v2]| Triangle { v0, v1, v2 })
+        .collect();
+    let quality = if name.ends_with("slow") {
+        BvhBuildParams::very_slow_build()
+    } else {
+        BvhBuildParams::medium_build()
+    };
     let mut time = Duration::default();
     // Triangles in the order of the leaves, as its examples have them.
-    let ordered = |indices: &[u32]| indices.iter().map(|&i| RtTriangle::from(&corners[i as usize])).collect();
+    let ordered =
+        |indices: &[u32]| indices.iter().map(|&i| RtTriangle::from(&corners[i as usize])).collect();
     if name.contains("cwbvh") {
         let tree = build_cwbvh_from_tris(&corners, quality, &mut time);
         Box::new(Obvhs { triangles: ordered(&tree.primitive_indices), tree })
@@ -54,7 +66,8 @@ macro_rules! obvhs_peer {
         impl Peer for Obvhs<$tree> {
             fn trace(&self, query: Query, rays: &[Ray], found: &mut [f32]) {
                 for (ray, found) in rays.iter().zip(found) {
-                    let (origin, direction) = (Vec3A::from_array(ray.origin), Vec3A::from_array(ray.direction));
+                    let (origin, direction) =
+                        (Vec3A::from_array(ray.origin), Vec3A::from_array(ray.direction));
                     let ray = obvhs::ray::Ray::new(origin, direction, ray.t_min, ray.t_max);
                     let test = |ray: &obvhs::ray::Ray, i: usize| self.triangles[i].intersect(ray);
                     *found = match query {
@@ -105,7 +118,12 @@ impl BHShape<f32, 3> for Corners {
 
 impl Corners {
     /// The distance along a ray, infinite if it is not hit within the interval.
-    fn distance(&self, origin: &Point3<f32>, direction: &Vector3<f32>, [t_min, t_max]: [f32; 2]) -> f32 {
+    fn distance(
+        &self,
+        origin: &Point3<f32>,
+        direction: &Vector3<f32>,
+        [t_min, t_max]: [f32; 2],
+    ) -> f32 {
         let [a, b, c] = &self.corners;
         let (ab, ac) = (b - a, c - a);
         let p = direction.cross(&ac);
@@ -133,14 +151,17 @@ impl Peer for BinaryTree {
         for (ray, found) in rays.iter().zip(found) {
             // It makes directions unit vectors, so distances are in other units inside.
             let length = Vector3::from(ray.direction).norm();
-            let inner = ::bvh::ray::Ray::new(Point3::from(ray.origin), Vector3::from(ray.direction));
+            let inner =
+                ::bvh::ray::Ray::new(Point3::from(ray.origin), Vector3::from(ray.direction));
             let interval = [ray.t_min * length, ray.t_max * length];
             let distance = |t: &Corners| t.distance(&inner.origin, &inner.direction, interval);
             *found = match query {
                 Query::Closest => {
                     let mut nearest = f32::INFINITY;
                     for triangle in self.tree.nearest_traverse_iterator(&inner, &self.triangles) {
-                        let entry = inner.intersection_slice_for_aabb(&triangle.aabb()).map_or(f32::INFINITY, |s| s.0);
+                        let entry = inner
+                            .intersection_slice_for_aabb(&triangle.aabb())
+                            .map_or(f32::INFINITY, |s| s.0);
                         if entry > nearest {
                             break;
                         }
@@ -150,7 +171,11 @@ impl Peer for BinaryTree {
                 }
                 Query::Occluded => {
                     let mut candidates = self.tree.traverse_iterator(&inner, &self.triangles);
-                    if candidates.any(|triangle| distance(triangle).is_finite()) { 0.0 } else { f32::INFINITY }
+                    if candidates.any(|triangle| distance(triangle).is_finite()) {
+                        0.0
+                    } else {
+                        f32::INFINITY
+                    }
                 }
             };
         }

@@ -8,13 +8,15 @@ use snell_scene::Warning;
 
 macro_rules! eprintln {
     ($($message:tt)*) => {{
-        let _ = ::std::io::Write::write_all(&mut ::std::io::stderr(), format!("{}\n", format_args!($($message)*)).as_bytes());
+        let line = format!("{}\n", format_args!($($message)*));
+        let _ = ::std::io::Write::write_all(&mut ::std::io::stderr(), line.as_bytes());
     }};
 }
 
 macro_rules! println {
     ($($message:tt)*) => {{
-        let _ = ::std::io::Write::write_all(&mut ::std::io::stdout(), format!("{}\n", format_args!($($message)*)).as_bytes());
+        let line = format!("{}\n", format_args!($($message)*));
+        let _ = ::std::io::Write::write_all(&mut ::std::io::stdout(), line.as_bytes());
     }};
 }
 

@@ -104,8 +104,9 @@ impl Reporter {
             Style::Json => eprintln!(
                 "{}",
                 serde_json::json!({
-                    "scene": self.scene, "done": share, "samples": progress.done, "samples_total": progress.total,
-                    "rays": progress.rays, "mrays_per_second": rate, "seconds": seconds, "seconds_left": left,
+                    "scene": self.scene, "done": share, "samples": progress.done,
+                    "samples_total": progress.total, "rays": progress.rays,
+                    "mrays_per_second": rate, "seconds": seconds, "seconds_left": left,
                 })
             ),
             Style::Silent => {}
@@ -131,7 +132,8 @@ impl Reporter {
             Style::Json => eprintln!(
                 "{}",
                 serde_json::json!({
-                    "scene": self.scene, "training_pass": pass, "training_pass_done": share, "seconds": seconds,
+                    "scene": self.scene, "training_pass": pass, "training_pass_done": share,
+                    "seconds": seconds,
                 })
             ),
             Style::Silent => {}

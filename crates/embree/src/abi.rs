@@ -112,7 +112,8 @@ macro_rules! functions {
                     $(
                         // SAFETY: the caller says that this is Embree 4, whose functions have these
                         // signatures.
-                        $field: *unsafe { library.get::<$signature>($symbol.as_bytes()) }.map_err(|_| $symbol)?,
+                        $field: *unsafe { library.get::<$signature>($symbol.as_bytes()) }
+                            .map_err(|_| $symbol)?,
                     )*
                 })
             }
@@ -125,7 +126,8 @@ functions! {
     release_device: "rtcReleaseDevice" = unsafe extern "C" fn(Handle);
     device_property: "rtcGetDeviceProperty" = unsafe extern "C" fn(Handle, c_int) -> isize;
     device_error: "rtcGetDeviceError" = unsafe extern "C" fn(Handle) -> c_int;
-    set_memory_monitor: "rtcSetDeviceMemoryMonitorFunction" = unsafe extern "C" fn(Handle, MemoryMonitor, *mut c_void);
+    set_memory_monitor: "rtcSetDeviceMemoryMonitorFunction" =
+        unsafe extern "C" fn(Handle, MemoryMonitor, *mut c_void);
     new_scene: "rtcNewScene" = unsafe extern "C" fn(Handle) -> Handle;
     release_scene: "rtcReleaseScene" = unsafe extern "C" fn(Handle);
     set_scene_quality: "rtcSetSceneBuildQuality" = unsafe extern "C" fn(Handle, c_int);
@@ -139,7 +141,8 @@ functions! {
     set_new_buffer: "rtcSetNewGeometryBuffer"
         = unsafe extern "C" fn(Handle, c_int, c_uint, c_int, usize, usize) -> *mut c_void;
     set_instanced_scene: "rtcSetGeometryInstancedScene" = unsafe extern "C" fn(Handle, Handle);
-    set_transform: "rtcSetGeometryTransform" = unsafe extern "C" fn(Handle, c_uint, c_int, *const c_void);
+    set_transform: "rtcSetGeometryTransform" =
+        unsafe extern "C" fn(Handle, c_uint, c_int, *const c_void);
     intersect_1: "rtcIntersect1" = TraceOne<RayHits<1>>;
     intersect_8: "rtcIntersect8" = TracePacket<RayHits<8>>;
     intersect_16: "rtcIntersect16" = TracePacket<RayHits<16>>;

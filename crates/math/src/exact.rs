@@ -350,12 +350,15 @@ mod tests {
         }
 
         #[test]
-        fn numbers_of_two_parts_keep_their_bounds(a in number(), b in number(), c in number(), d in number()) {
+        fn numbers_of_two_parts_keep_their_bounds(
+            a in number(), b in number(), c in number(), d in number(),
+        ) {
             let (x, y) = (DoubleDouble::difference(a, b), DoubleDouble::difference(c, d));
             let (ex, ey) = (Expansion::difference(a, b), Expansion::difference(c, d));
             let near = |got: DoubleDouble, exact: &Expansion| {
                 let parts = Expansion::difference(got.high, -got.low);
-                parts.plus(&exact.negated()).rounded().high.abs() <= exact.rounded().high.abs() * 2f64.powi(-103)
+                let error = parts.plus(&exact.negated()).rounded().high.abs();
+                error <= exact.rounded().high.abs() * 2f64.powi(-103)
             };
             prop_assert!(near(x.plus(y), &ex.plus(&ey)));
             prop_assert!(near(x.minus(y), &ex.plus(&ey.negated())));
@@ -364,13 +367,17 @@ mod tests {
         }
 
         #[test]
-        fn products_of_plain_numbers_are_ordered_as_expansions_are(a in number(), b in number(), c in number()) {
+        fn products_of_plain_numbers_are_ordered_as_expansions_are(
+            a in number(), b in number(), c in number(),
+        ) {
             // Products that are equal or nearly so.
             let d = a * b / c;
             prop_assume!(d.is_finite());
             let single = |x: f64| Expansion::difference(x, 0.0);
-            let difference = single(a).times(&single(b)).plus(&single(c).times(&single(d)).negated());
-            prop_assert_eq!(compare_products(a, b, c, d), difference.rounded().high.partial_cmp(&0.0));
+            let (ab, cd) = (single(a).times(&single(b)), single(c).times(&single(d)));
+            let difference = ab.plus(&cd.negated());
+            let sign = difference.rounded().high;
+            prop_assert_eq!(compare_products(a, b, c, d), sign.partial_cmp(&0.0));
         }
     }
 }

@@ -51,11 +51,17 @@
 /// ```
 #[macro_export]
 macro_rules! kinds {
-    ($(#[$attribute:meta])* pub enum $any:ident by $matching:ident! { $($name:literal => $kind:ident,)* }) => {
+    ($(#[$attribute:meta])* pub enum $any:ident by $matching:ident! {
+        $($name:literal => $kind:ident,)*
+    }) => {
         #[derive(Clone, Debug, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
         $(#[$attribute])*
         pub enum $any {
-            $(#[doc = concat!("See [`", stringify!($kind), "`].")] #[serde(rename = $name)] $kind($kind),)*
+            $(
+                #[doc = concat!("See [`", stringify!($kind), "`].")]
+                #[serde(rename = $name)]
+                $kind($kind),
+            )*
         }
 
         impl $any {

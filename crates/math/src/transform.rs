@@ -135,7 +135,7 @@ impl Transform {
         if b.is_empty() {
             return Bounds3d::EMPTY;
         }
-        // Arvo, Transforming axis-aligned bounding boxes (Graphics Gems, 1990); 0 * inf counts as 0.
+        // Arvo, Transforming axis-aligned bounding boxes (Graphics Gems, 1990). 0 * inf is 0.
         let times = |m: f64, x: f64| if m == 0.0 { 0.0 } else { m * x };
         let mut result = Bounds3d { min: self.forward.translation, max: self.forward.translation };
         for column in 0..3 {

@@ -261,7 +261,9 @@ impl Named {
 
 /// Declares a kind of answers: a class with these arrays, as attributes and as a mapping.
 macro_rules! answers {
-    ($(#[doc = $doc:expr])* $class:ident by $scalar:ident { $($(#[doc = $about:expr])* $name:ident,)* }) => {
+    ($(#[doc = $doc:expr])* $class:ident by $scalar:ident {
+        $($(#[doc = $about:expr])* $name:ident,)*
+    }) => {
         $(#[doc = $doc])*
         #[pyclass(frozen, mapping, module = "snell")]
         pub struct $class(pub Named);
@@ -320,12 +322,15 @@ macro_rules! answers {
                 Ok(self.0.all(py, Self::NAMES)?.items())
             }
 
-            fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyDict>,))> {
+            fn __reduce__<'py>(
+                slf: &Bound<'py, Self>,
+            ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyDict>,))> {
                 Ok((slf.get_type().into_any(), (slf.get().0.all(slf.py(), Self::NAMES)?,)))
             }
 
             fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-                Ok(format!("{} of shape {}", stringify!($class), self.0.shape(py, stringify!($scalar))?))
+                let shape = self.0.shape(py, stringify!($scalar))?;
+                Ok(format!("{} of shape {shape}", stringify!($class)))
             }
         }
     };

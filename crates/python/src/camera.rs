@@ -106,7 +106,10 @@ fn projection(
 #[pymethods]
 impl Camera {
     #[new]
-    #[pyo3(signature = (projection="perspective", /, *, eye, target=None, towards=None, up=None, fov=None, aperture_radius=0.0, focus_distance=None, resolution=None, name=None, **parameters))]
+    #[pyo3(signature = (
+        projection="perspective", /, *, eye, target=None, towards=None, up=None, fov=None,
+        aperture_radius=0.0, focus_distance=None, resolution=None, name=None, **parameters
+    ))]
     fn new(
         projection: &str,
         eye: &Bound<'_, PyAny>,

@@ -221,7 +221,8 @@ pub fn make<T: DeserializeOwned>(
 
 /// True for the form of a colour: three numbers in single precision.
 fn is_color(form: &Tree) -> bool {
-    matches!(form, Tree::List(items) if items.len() == 3 && items.iter().all(|item| matches!(item, Tree::Single(_))))
+    let Tree::List(items) = form else { return false };
+    items.len() == 3 && items.iter().all(|item| matches!(item, Tree::Single(_)))
 }
 
 /// The form of a factor with a texture.

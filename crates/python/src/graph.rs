@@ -83,8 +83,8 @@ impl Writer {
     /// twice, too.
     fn instance(&mut self, node: &mut Node, child: &Arc<Contents>) -> Result<(), String> {
         let mut objects = child.objects();
-        if let (Some((_, Object { kind: Kind::Mesh(mesh), transform: None, materials, .. })), None) =
-            (objects.next(), objects.next())
+        if let (Some((_, only)), None) = (objects.next(), objects.next())
+            && let Object { kind: Kind::Mesh(mesh), transform: None, materials, .. } = only
             && let (mesh, own) = mesh.rendered()
             && own.is_identity()
         {

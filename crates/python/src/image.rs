@@ -378,7 +378,9 @@ impl Image {
     /// >>> import pathlib, tempfile, snell
     /// >>> with tempfile.TemporaryDirectory() as folder:
     /// ...     snell.Image([[0.0, 1.0]]).save(pathlib.Path(folder, "two-pixels.png"))
-    #[pyo3(signature = (path, *, exposure=None, tonemap=None, bits=8, half=false, variance=false, threads=None))]
+    #[pyo3(signature = (
+        path, *, exposure=None, tonemap=None, bits=8, half=false, variance=false, threads=None,
+    ))]
     fn save(
         &self,
         py: Python<'_>,

@@ -290,7 +290,8 @@ pub type Stored<'py> = (String, Vec<AnyTexture>, Vec<Py<Medium>>, Bound<'py, PyD
 /// Declares the class of a family of declared things, and the function that makes one from what was
 /// stored.
 macro_rules! declared_class {
-    ($(#[doc = $doc:expr])* $class:ident of $value:ty, restored by $restore:ident; $(#[doc = $about:expr])* replace) => {
+    ($(#[doc = $doc:expr])* $class:ident of $value:ty, restored by $restore:ident;
+        $(#[doc = $about:expr])* replace) => {
         $(#[doc = $doc])*
         #[pyclass(frozen, module = "snell")]
         pub struct $class(pub $crate::said::Said<$value>);
@@ -315,7 +316,10 @@ macro_rules! declared_class {
 
             /// All parameters by name. Each is an attribute, too.
             #[getter]
-            fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyDict>> {
+            fn parameters<'py>(
+                &self,
+                py: Python<'py>,
+            ) -> PyResult<Bound<'py, pyo3::types::PyDict>> {
                 self.0.parameters(py)
             }
 

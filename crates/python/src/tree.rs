@@ -181,7 +181,9 @@ impl ser::Serializer for Writer {
         serialize_f64(f64) => Tree::Double;
         serialize_char(char) => |c| Tree::Text(c.to_string());
         serialize_str(&str) => |text| Tree::Text(text.to_string());
-        serialize_bytes(&[u8]) => |bytes| Tree::List(bytes.iter().map(|&b| Tree::Whole(b.into())).collect());
+        serialize_bytes(&[u8]) => |bytes| {
+            Tree::List(bytes.iter().map(|&b| Tree::Whole(b.into())).collect())
+        };
     }
 
     fn serialize_none(self) -> Result<Tree, Unsaid> {
@@ -304,7 +306,11 @@ macro_rules! field_writer {
             type Ok = Tree;
             type Error = Unsaid;
 
-            fn serialize_field<T: Serialize + ?Sized>(&mut self, key: &'static str, value: &T) -> Result<(), Unsaid> {
+            fn serialize_field<T: Serialize + ?Sized>(
+                &mut self,
+                key: &'static str,
+                value: &T,
+            ) -> Result<(), Unsaid> {
                 self.fields.push((key.to_string(), value.serialize(Writer)?));
                 Ok(())
             }

@@ -514,7 +514,10 @@ mod tests {
         vec![
             json!({"type": "camera", "seq": 1, "camera": camera}),
             json!({"type": "size", "size": [9, 7]}),
-            json!({"type": "render", "integrator": "whitted", "spp": 2, "max_depth": 3, "aov": "normal", "accelerator": "grid"}),
+            json!({
+                "type": "render", "integrator": "whitted", "spp": 2, "max_depth": 3,
+                "aov": "normal", "accelerator": "grid"
+            }),
             json!({"type": "render", "integrator": "aov", "aov": ""}),
             json!({"type": "display", "exposure": 1, "tonemap": "aces"}),
             json!({"type": "edit", "key": "light.0.intensity", "value": [1, 1, 1]}),
@@ -534,8 +537,9 @@ mod tests {
     fn spoilt(message: &Value) -> Vec<Value> {
         let long = "x".repeat(2000);
         let bad = json!([
-            null, -1, 0, 0.5, 1e300, -1e300, 1e-300, 1e19, 4294967295_u32, 4294967296_u64, 65535, "", "nope", "NaN", long, true,
-            [], {}, [0, 0, 0], [null, null], [1e300, 1, 1], [16384, 16384], {"type": "x"}
+            null, -1, 0, 0.5, 1e300, -1e300, 1e-300, 1e19, 4294967295_u32, 4294967296_u64, 65535,
+            "", "nope", "NaN", long, true, [], {}, [0, 0, 0], [null, null], [1e300, 1, 1],
+            [16384, 16384], {"type": "x"}
         ]);
         let mut places = Vec::new();
         fn walk(value: &Value, place: String, places: &mut Vec<String>) {

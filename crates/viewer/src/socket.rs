@@ -101,8 +101,12 @@ impl Connection {
             message = socket.recv() => {
                 self.heard = Instant::now();
                 match message {
-                    Some(Ok(Message::Text(text))) => self.received(socket, session, client, &text).await,
-                    Some(Ok(Message::Binary(_))) => send_error(socket, "messages are JSON text".into()).await,
+                    Some(Ok(Message::Text(text))) => {
+                        self.received(socket, session, client, &text).await
+                    }
+                    Some(Ok(Message::Binary(_))) => {
+                        send_error(socket, "messages are JSON text".into()).await
+                    }
                     // Sent here and waited for: answers to a flood of pings must not pile up.
                     Some(Ok(Message::Ping(bytes))) => transmit(socket, Message::Pong(bytes)).await,
                     Some(Ok(Message::Pong(_))) => true,
@@ -112,11 +116,14 @@ impl Connection {
             event = events.recv() => match event {
                 Ok(event) => send(socket, &event).await,
                 // A page that was too slow has missed some.
-                Err(broadcast::error::RecvError::Lagged(_)) => send_all(socket, &session.all()).await,
+                Err(broadcast::error::RecvError::Lagged(_)) => {
+                    send_all(socket, &session.all()).await
+                }
                 Err(broadcast::error::RecvError::Closed) => false,
             },
             _ = self.beat.tick() => {
-                self.heard.elapsed() < SILENCE && transmit(socket, Message::Ping(Default::default())).await
+                self.heard.elapsed() < SILENCE
+                    && transmit(socket, Message::Ping(Default::default())).await
             }
             changed = frames.changed(), if self.underway < MAX_UNDERWAY => {
                 if changed.is_err() {
@@ -124,7 +131,9 @@ impl Connection {
                 }
                 // Only the newest: a slow page skips pictures and never makes a queue.
                 let frame = frames.borrow_and_update().clone();
-                let Some(frame) = frame.filter(|f| self.newest != Some(f.number)) else { return true };
+                let Some(frame) = frame.filter(|f| self.newest != Some(f.number)) else {
+                    return true;
+                };
                 self.underway += 1;
                 self.newest = Some(frame.number);
                 transmit(socket, Message::Binary(frame.bytes.clone())).await

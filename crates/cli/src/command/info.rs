@@ -96,12 +96,16 @@ impl Facts<'_> {
             "name": scene.name,
             "nodes": counts.nodes, "meshes": counts.meshes, "shapes": counts.shapes,
             "strands": counts.strands, "curve_segments": counts.curve_segments,
-            "triangles": counts.triangles, "vertices": counts.vertices, "degenerate_triangles": counts.degenerate,
+            "triangles": counts.triangles, "vertices": counts.vertices,
+            "degenerate_triangles": counts.degenerate,
             "bounds": bounds_json(&self.scene_bounds()),
             "materials": scene.materials,
             "textures": scene.textures.len(),
-            "patterns": scene.textures.iter().filter_map(|texture| texture.as_pattern()).collect::<Vec<_>>(),
-            "images": scene.images.iter().map(|i| json!({ "width": i.width, "height": i.height, "channels": i.channels }))
+            "patterns": scene.textures.iter()
+                .filter_map(|texture| texture.as_pattern())
+                .collect::<Vec<_>>(),
+            "images": scene.images.iter()
+                .map(|i| json!({ "width": i.width, "height": i.height, "channels": i.channels }))
                 .collect::<Vec<_>>(),
             "lights": scene.lights,
             "media": scene.media,
@@ -110,7 +114,9 @@ impl Facts<'_> {
             "cameras": scene.cameras,
             "animations": scene.motion.iter().flat_map(|m| &m.clips).map(|clip| {
                 let [start, end] = clip.span();
-                json!({ "name": clip.name, "start": start, "end": end, "channels": clip.channels.len() })
+                json!({
+                    "name": clip.name, "start": start, "end": end, "channels": clip.channels.len(),
+                })
             }).collect::<Vec<_>>(),
             "variants": scene.variants,
             "scenes": scene.scenes,

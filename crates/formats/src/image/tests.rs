@@ -522,7 +522,8 @@ proptest! {
         flips in prop::collection::vec((0.0f64..1.0, any::<u8>()), 0..4),
     ) {
         let format = IMAGE_FORMATS.iter().filter(|f| f.writes()).nth(format).unwrap();
-        let mut bytes = encode_image_as(format.name, &picture(13, 20), &WriteOptions::default()).unwrap();
+        let options = WriteOptions::default();
+        let mut bytes = encode_image_as(format.name, &picture(13, 20), &options).unwrap();
         for (place, value) in flips {
             let index = (place * bytes.len() as f64) as usize;
             bytes[index] ^= value;

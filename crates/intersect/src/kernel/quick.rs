@@ -336,7 +336,9 @@ mod tests {
     proptest! {
         #[test]
         fn boxes_around_points_on_the_ray_are_met(
-            o in vector(), d in vector(), t in 0.0f64..1.0, e in -6i32..6, below in vector(), above in vector(),
+            o in vector(), d in vector(),
+            t in 0.0f64..1.0, e in -6i32..6,
+            below in vector(), above in vector(),
         ) {
             let ray = Ray::new(o, if d == Vec3::ZERO { Vec3::Y } else { d });
             // A box around the exact point, as tight as it may be.
@@ -348,7 +350,8 @@ mod tests {
                 prop_assert_ne!(is_met::<Portable8>(&ray, &bounds, cull), Some(false));
                 #[cfg(target_arch = "x86_64")]
                 if snell_math::simd::Level::Avx2.is_supported() {
-                    prop_assert_ne!(is_met::<snell_math::simd::Avx8>(&ray, &bounds, cull), Some(false));
+                    let is_met = is_met::<snell_math::simd::Avx8>(&ray, &bounds, cull);
+                    prop_assert_ne!(is_met, Some(false));
                 }
             }
         }

@@ -490,7 +490,9 @@ mod tests {
     proptest! {
         #[test]
         fn boxes_around_blocks_are_those_around_their_triangles(
-            corners in prop::collection::vec(prop::array::uniform3(prop::array::uniform3(-1e3f32..1e3)), 1..=8),
+            corners in prop::collection::vec(
+                prop::array::uniform3(prop::array::uniform3(-1e3f32..1e3)), 1..=8
+            ),
             exponent in -60..36,
         ) {
             let scale = 2f32.powi(3 * exponent);
@@ -540,7 +542,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_filter_never_drops_a_hit(corners in [point(), point(), point()], o in point(), d in point(), scale in -30i32..30) {
+        fn the_filter_never_drops_a_hit(
+            corners in [point(), point(), point()],
+            o in point(), d in point(), scale in -30i32..30,
+        ) {
             prop_assume!(d != [0.0; 3]);
             let scale = 2.0f32.powi(scale);
             let corners = corners.map(|v| v.map(|x| x * scale));
@@ -554,7 +559,10 @@ mod tests {
             let is_quick = quick.set_from_exact::<Portable8>(&origin, &direction);
             if exact_hit(&ray, &corners, 0.0).is_some() {
                 prop_assert!(mask & 8 != 0);
-                prop_assert!(!is_quick || lines_through_at_all_levels(&block, &quick).iter().all(|lanes| lanes & 8 != 0));
+                let is_found = |lanes: &u32| lanes & 8 != 0;
+                prop_assert!(
+                    !is_quick || lines_through_at_all_levels(&block, &quick).iter().all(is_found)
+                );
             }
             if is_quick {
                 let again = exact_hit_on(&quick.exact(origin, direction), &corners, 0.0);

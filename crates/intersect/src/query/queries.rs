@@ -9,7 +9,10 @@ use crate::world::double::DWorld;
 use crate::world::{BuildStats, World};
 
 macro_rules! queries {
-    ($(#[doc = $doc:literal] fn $name:ident(&self, $($argument:ident: $type:ty),+) $(-> $answer:ty)?;)+) => {
+    ($(
+        #[doc = $doc:literal]
+        fn $name:ident(&self, $($argument:ident: $type:ty),+) $(-> $answer:ty)?;
+    )+) => {
         /// The queries of a [`World`] or a [`DWorld`], by the names they have there.
         pub trait Queries: Sync {
             /// Of coordinates, rays and answers.
@@ -59,9 +62,21 @@ type DistanceOf<W> = <<W as Queries>::Precision as Precision>::Distance;
 
 queries! {
     /// As [`World::closest`].
-    fn closest(&self, rays: RaysOf<'_, Self>, grouping: Grouping, filter: FilterOf<'_, Self>, hits: &mut [HitOf<Self>]);
+    fn closest(
+        &self,
+        rays: RaysOf<'_, Self>,
+        grouping: Grouping,
+        filter: FilterOf<'_, Self>,
+        hits: &mut [HitOf<Self>]
+    );
     /// As [`World::occluded`].
-    fn occluded(&self, rays: RaysOf<'_, Self>, grouping: Grouping, filter: FilterOf<'_, Self>, blocked: &mut [bool]);
+    fn occluded(
+        &self,
+        rays: RaysOf<'_, Self>,
+        grouping: Grouping,
+        filter: FilterOf<'_, Self>,
+        blocked: &mut [bool]
+    );
     /// As [`World::count`].
     fn count(&self, rays: RaysOf<'_, Self>, filter: FilterOf<'_, Self>, counts: &mut [u32]);
     /// As [`World::all`].

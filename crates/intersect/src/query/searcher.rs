@@ -34,12 +34,22 @@ macro_rules! searches {
         /// called, and the kernels are large: so the methods of worlds, which take many kinds of
         /// arguments, call these, and these are compiled once, here.
         impl Searcher<'_, $precision> {
-            pub fn closest(&self, rays: Rays<$precision>, grouping: Grouping, hits: &mut [HitOf<$precision>]) {
+            pub fn closest(
+                &self,
+                rays: Rays<$precision>,
+                grouping: Grouping,
+                hits: &mut [HitOf<$precision>],
+            ) {
                 assert_eq!(rays.len(), hits.len(), "one hit per ray");
                 self.search_into(rays, grouping, Closest::new, Slice(hits));
             }
 
-            pub fn occluded(&self, rays: Rays<$precision>, grouping: Grouping, blocked: &mut [bool]) {
+            pub fn occluded(
+                &self,
+                rays: Rays<$precision>,
+                grouping: Grouping,
+                blocked: &mut [bool],
+            ) {
                 assert_eq!(rays.len(), blocked.len(), "one answer per ray");
                 self.search_into(rays, grouping, Any::new, Slice(blocked));
             }
@@ -67,7 +77,10 @@ macro_rules! searches {
                 self.run(search);
             }
 
-            pub fn closest_counted(&self, ray: RayQuery<$precision>) -> (HitOf<$precision>, TraversalCounters) {
+            pub fn closest_counted(
+                &self,
+                ray: RayQuery<$precision>,
+            ) -> (HitOf<$precision>, TraversalCounters) {
                 let counted = self.search(ray, |ray| Counted::new(Closest::new(ray)));
                 (counted.goal.result(), counted.counters)
             }

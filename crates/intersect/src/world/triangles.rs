@@ -160,10 +160,18 @@ impl TriangleHits {
     pub fn points(&self, to: &mut TrianglePoints, wide: Option<Wide>) {
         match self.has_normals() {
             true => {
-                at_level!(wide, points::<true>, (hits: &TriangleHits = self, to: &mut TrianglePoints = to))
+                at_level!(
+                    wide,
+                    points::<true>,
+                    (hits: &TriangleHits = self, to: &mut TrianglePoints = to)
+                )
             }
             false => {
-                at_level!(wide, points::<false>, (hits: &TriangleHits = self, to: &mut TrianglePoints = to))
+                at_level!(
+                    wide,
+                    points::<false>,
+                    (hits: &TriangleHits = self, to: &mut TrianglePoints = to)
+                )
             }
         }
     }

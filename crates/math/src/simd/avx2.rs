@@ -229,7 +229,11 @@ impl Lanes8 for Avx8 {
 unsafe fn unknown(mut numbers: __m256) -> __m256 {
     // SAFETY: no instructions.
     unsafe {
-        std::arch::asm!("/* {0} */", inout(ymm_reg) numbers, options(pure, nomem, nostack, preserves_flags))
+        std::arch::asm!(
+            "/* {0} */",
+            inout(ymm_reg) numbers,
+            options(pure, nomem, nostack, preserves_flags)
+        )
     };
     numbers
 }

@@ -51,7 +51,8 @@ macro_rules! at_level {
             $function($($argument),*)
         }
         #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+        #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
+        #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
         fn in_widest_registers$(<$parameter: $bound>)?($($argument: $type),*) $(-> $result)? {
             $function($($argument),*)
         }

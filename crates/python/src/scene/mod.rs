@@ -101,7 +101,10 @@ impl Scene {
     /// >>> scene = snell.Scene()
     /// >>> scene.add_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], name="triangle")
     /// 0
-    #[pyo3(signature = (vertices, faces=None, transform=None, name=None, *, mask=None, normals=None, uvs=None, colors=None, material=None, material_ids=None))]
+    #[pyo3(signature = (
+        vertices, faces=None, transform=None, name=None, *, mask=None, normals=None, uvs=None,
+        colors=None, material=None, material_ids=None,
+    ))]
     fn add_mesh(
         &self,
         vertices: &Bound<'_, PyAny>,
@@ -143,7 +146,9 @@ impl Scene {
     /// >>> scene = snell.Scene()
     /// >>> scene.add_shape("cylinder", radius=0.5, height=2)
     /// 0
-    #[pyo3(signature = (shape, transform=None, name=None, *, mask=None, material=None, **parameters))]
+    #[pyo3(signature = (
+        shape, transform=None, name=None, *, mask=None, material=None, **parameters
+    ))]
     fn add_shape(
         &self,
         py: Python<'_>,
@@ -216,7 +221,10 @@ impl Scene {
     /// >>> wire = scene.add_curves([[0, 0, 0], [0, 1, 0], [1, 1, 0]], 0.25, basis="linear")
     /// >>> float(scene.cast_rays([0, 0.5, 2, 0, 0, -1]).t_hit)
     /// 1.75
-    #[pyo3(signature = (points, radii, strands=None, basis="bezier", transform=None, name=None, *, mask=None, material=None))]
+    #[pyo3(signature = (
+        points, radii, strands=None, basis="bezier", transform=None, name=None, *, mask=None,
+        material=None,
+    ))]
     #[expect(clippy::too_many_arguments, reason = "these are the arguments of Python")]
     fn add_curves(
         &self,

@@ -207,7 +207,9 @@ macro_rules! queries {
         #[pymethods]
         impl Scene {
             $($(#[doc = $doc])*
-            #[pyo3(signature = (rays, *, t_min=None, t_max=None, mask=None, threads=None, warn_invalid=false))]
+            #[pyo3(signature = (
+                rays, *, t_min=None, t_max=None, mask=None, threads=None, warn_invalid=false,
+            ))]
             fn $name<'py>(
                 &self,
                 py: Python<'py>,
@@ -221,7 +223,8 @@ macro_rules! queries {
                 let rays = RayArgument::new(rays)?;
                 let zero = 0.0f64.into_pyobject(py)?.into_any();
                 let infinity = f64::INFINITY.into_pyobject(py)?.into_any();
-                let limits = Limits { t_min: t_min.unwrap_or(&zero), t_max: t_max.unwrap_or(&infinity), mask };
+                let (t_min, t_max) = (t_min.unwrap_or(&zero), t_max.unwrap_or(&infinity));
+                let limits = Limits { t_min, t_max, mask };
                 let options = Options { threads: Threads::new(threads)?, warn_invalid };
                 if rays.is_double {
                     self.$method::<f64>(&rays, &limits, options)

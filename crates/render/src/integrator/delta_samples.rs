@@ -95,7 +95,11 @@ impl DeltaSamples {
         at_level!(
             wide,
             sample_punctual,
-            (positions: &HitVectors = positions, to: &mut DeltaSamples = self, radiance: &mut HitColors = radiance)
+            (
+                positions: &HitVectors = positions,
+                to: &mut DeltaSamples = self,
+                radiance: &mut HitColors = radiance
+            )
         );
         for &lane in lanes {
             let lane = lane as usize % LANES;

@@ -109,7 +109,11 @@ impl GuidedLanes {
             put(&mut self.anchor, i, anchor);
             self.nearness[i] = nearness;
         }
-        at_level!(wide, find_shifts, (guided: &mut GuidedLanes = self, position: &HitVectors = receivers.position));
+        at_level!(
+            wide,
+            find_shifts,
+            (guided: &mut GuidedLanes = self, position: &HitVectors = receivers.position)
+        );
     }
 
     /// Replaces directions that were drawn from BSDFs by those of the mixture. `choice`, `quad` and
@@ -137,7 +141,11 @@ impl GuidedLanes {
         );
         let is_known = self.is_known;
         self.look_up(field, &is_known);
-        at_level!(wide, weigh, (guided: &GuidedLanes = self, directions: &mut Directions<'_> = directions));
+        at_level!(
+            wide,
+            weigh,
+            (guided: &GuidedLanes = self, directions: &mut Directions<'_> = directions)
+        );
     }
 
     /// Weighs light samples against the mixture.
@@ -153,7 +161,11 @@ impl GuidedLanes {
             (guided: &mut GuidedLanes = self, directions: &HitVectors = arrivals.directions())
         );
         self.look_up(field, &arrivals.exists);
-        at_level!(wide, weigh_lights, (guided: &GuidedLanes = self, arrivals: &mut LightArrivals = arrivals));
+        at_level!(
+            wide,
+            weigh_lights,
+            (guided: &GuidedLanes = self, arrivals: &mut LightArrivals = arrivals)
+        );
     }
 
     /// Works out by what roulette decides, for paths that have come to surfaces of this

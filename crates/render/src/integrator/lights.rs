@@ -403,7 +403,11 @@ impl LightSamples {
         for &lane in &changed[..changes] {
             self.put(lane, found[lane]);
         }
-        at_level!(wide, tell_far, (lights: &mut LightSamples = self, positions: &HitVectors = positions));
+        at_level!(
+            wide,
+            tell_far,
+            (lights: &mut LightSamples = self, positions: &HitVectors = positions)
+        );
     }
 
     /// Puts the light that was chosen for a lane into it, if it `found` one of those that are held
@@ -516,12 +520,22 @@ impl LightSamples {
             (true, true) => at_level!(
                 wide,
                 <S: Scatterers> arrive::<true, S>,
-                (lights: &LightSamples = self, to: &S = to, u: &[HitLanes; 2] = u, all: &mut LightArrivals = arrivals)
+                (
+                    lights: &LightSamples = self,
+                    to: &S = to,
+                    u: &[HitLanes; 2] = u,
+                    all: &mut LightArrivals = arrivals
+                )
             ),
             (true, false) => at_level!(
                 wide,
                 <S: Scatterers> arrive::<false, S>,
-                (lights: &LightSamples = self, to: &S = to, u: &[HitLanes; 2] = u, all: &mut LightArrivals = arrivals)
+                (
+                    lights: &LightSamples = self,
+                    to: &S = to,
+                    u: &[HitLanes; 2] = u,
+                    all: &mut LightArrivals = arrivals
+                )
             ),
             (false, _) => arrivals.exists = [0; LANES],
         }

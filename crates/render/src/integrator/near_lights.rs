@@ -110,8 +110,8 @@ impl NearLights {
         [normal, error]: [&mut HitVectors; 2],
         wide: Option<Wide>,
     ) {
-        let Self { lanes, of_kind, viewers, rectangles, triangles, spheres, round, found, samples } =
-            self;
+        let Self { lanes, of_kind, viewers, round, found, samples, .. } = self;
+        let Self { rectangles, triangles, spheres, .. } = self;
         samples.is_seen = [0; LANES];
         for kind in [RECTANGLE, TRIANGLE, SPHERE] {
             of_kind.clear();
@@ -126,7 +126,11 @@ impl NearLights {
                         at_level!(
                             wide,
                             near_rectangles,
-                            (of: &NearRectangles = of, by: &Viewers = by, to: &mut NearSamples<NEAR_LANES> = found)
+                            (
+                                of: &NearRectangles = of,
+                                by: &Viewers = by,
+                                to: &mut NearSamples<NEAR_LANES> = found
+                            )
                         );
                     }
                     TRIANGLE => {
@@ -135,7 +139,11 @@ impl NearLights {
                         at_level!(
                             wide,
                             near_triangles,
-                            (of: &NearTriangles = of, by: &Viewers = by, to: &mut NearSamples<NEAR_LANES> = found)
+                            (
+                                of: &NearTriangles = of,
+                                by: &Viewers = by,
+                                to: &mut NearSamples<NEAR_LANES> = found
+                            )
                         );
                     }
                     _ => {
@@ -343,7 +351,11 @@ mod tests {
             at_level!(
                 level.wide(),
                 near_rectangles,
-                (of: &NearRectangles = of, by: &Viewers = by, to: &mut NearSamples<NEAR_LANES> = &mut found)
+                (
+                    of: &NearRectangles = of,
+                    by: &Viewers = by,
+                    to: &mut NearSamples<NEAR_LANES> = &mut found
+                )
             );
             for (i, (rectangle, from, u)) in cases.iter().enumerate() {
                 let single = rectangle.sample(*from, *u);
@@ -385,7 +397,11 @@ mod tests {
             at_level!(
                 level.wide(),
                 near_triangles,
-                (of: &NearTriangles = of, by: &Viewers = by, to: &mut NearSamples<NEAR_LANES> = &mut found)
+                (
+                    of: &NearTriangles = of,
+                    by: &Viewers = by,
+                    to: &mut NearSamples<NEAR_LANES> = &mut found
+                )
             );
             for (i, (triangle, from, u)) in cases.iter().enumerate() {
                 let (single, found) = (triangle.sample(*from, *u), found.get(i));

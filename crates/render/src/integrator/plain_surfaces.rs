@@ -132,7 +132,11 @@ impl Frames {
         at_level!(
             lanes.wide,
             turn,
-            (points: &TrianglePoints = &lanes.points, wo: &HitVectors = &lanes.wo, frames: &mut Frames = self)
+            (
+                points: &TrianglePoints = &lanes.points,
+                wo: &HitVectors = &lanes.wo,
+                frames: &mut Frames = self
+            )
         );
     }
 }
@@ -184,7 +188,11 @@ impl Bends {
     /// Bends the shading normals of lanes that are placed.
     pub fn bend(&self, lanes: &mut VertexLanes) {
         if self.is_any {
-            at_level!(lanes.wide, bend, (bends: &Bends = self, points: &mut TrianglePoints = &mut lanes.points));
+            at_level!(
+                lanes.wide,
+                bend,
+                (bends: &Bends = self, points: &mut TrianglePoints = &mut lanes.points)
+            );
         }
     }
 }

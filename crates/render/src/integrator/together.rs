@@ -119,7 +119,11 @@ impl<'a> Together<'a> {
         if !self.is_any {
             return;
         }
-        at_level!(wide, look, (seen: &Seen<'_> = seen, to: &mut Together<'_> = self, facing: &mut HitVectors = facing));
+        at_level!(
+            wide,
+            look,
+            (seen: &Seen<'_> = seen, to: &mut Together<'_> = self, facing: &mut HitVectors = facing)
+        );
     }
 
     /// Asks the surfaces how they scatter light from where it comes, and draws where the paths go
@@ -134,7 +138,11 @@ impl<'a> Together<'a> {
         if !self.is_any {
             return;
         }
-        at_level!(wide, turn, (frames: &Frames = frames, from: &HitVectors = wi, to: &mut HitVectors = &mut self.wi));
+        at_level!(
+            wide,
+            turn,
+            (frames: &Frames = frames, from: &HitVectors = wi, to: &mut HitVectors = &mut self.wi)
+        );
         let mut answers = ManyAnswers::default();
         for block in 0..LANES / MANY {
             let questions = ManyQuestions {
@@ -208,7 +216,12 @@ impl Found {
             wide,
             color,
             take,
-            (block: usize = block, of: &[u32; MANY] = of, answers: &ManyAnswers = answers, to: &mut Found = self)
+            (
+                block: usize = block,
+                of: &[u32; MANY] = of,
+                answers: &ManyAnswers = answers,
+                to: &mut Found = self
+            )
         );
     }
 }

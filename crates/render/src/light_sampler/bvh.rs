@@ -142,7 +142,11 @@ impl LightBvh {
         at_level!(
             self.wide,
             sample,
-            (tree: &LightBvh = self, receiver: &Receiver = receiver, u: f32 = u) -> Option<ChosenLight>
+            (
+                tree: &LightBvh = self,
+                receiver: &Receiver = receiver,
+                u: f32 = u
+            ) -> Option<ChosenLight>
         )
     }
 
@@ -281,7 +285,11 @@ impl Node {
     /// The intensity, times the cosine of the least angle between a main direction and the way to
     /// the receiver, over the squared distance, times the cosine of the least angle of incidence.
     fn importance(&self, receiver: &Receiver, wide: Option<Wide>) -> [f32; WIDTH] {
-        at_level!(wide, importance, (node: &Node = self, receiver: &Receiver = receiver) -> [f32; WIDTH])
+        at_level!(
+            wide,
+            importance,
+            (node: &Node = self, receiver: &Receiver = receiver) -> [f32; WIDTH]
+        )
     }
 }
 

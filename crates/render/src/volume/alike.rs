@@ -124,7 +124,11 @@ impl AlikeWays {
         for (lane, numbers) in &mut self.later {
             [u[0][*lane], u[1][*lane]] = numbers.next().to_array();
         }
-        at_level!(Some(self.wide), travel, (u: &[HitLanes; 2] = &u, ways: &mut Ways = &mut self.ways));
+        at_level!(
+            Some(self.wide),
+            travel,
+            (u: &[HitLanes; 2] = &u, ways: &mut Ways = &mut self.ways)
+        );
     }
 
     /// Sends all light rays along their ways.

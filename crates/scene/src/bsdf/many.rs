@@ -225,7 +225,11 @@ impl ManyBsdf {
                 at_level!(
                     wide,
                     $answer,
-                    (bsdf: &$type = $bsdf, asked: &ManyQuestions<'_> = asked, answers: &mut ManyAnswers = answers)
+                    (
+                        bsdf: &$type = $bsdf,
+                        asked: &ManyQuestions<'_> = asked,
+                        answers: &mut ManyAnswers = answers
+                    )
                 )
             };
         }

@@ -69,7 +69,7 @@ pub struct BsdfSample {
 }
 
 impl BsdfSample {
-    /// The sample of a direction with its value (`f |cos|`) and density. `None` if the density is 0.
+    /// A sample of a direction with its value (`f |cos|`) and density. `None` if the density is 0.
     fn of(wi: Vec3, value: SampledSpectrum, pdf: f32, is_transmission: bool) -> Option<Self> {
         (pdf > 0.0).then(|| Self { wi, weight: value / pdf, pdf, is_delta: false, is_transmission })
     }
@@ -267,7 +267,8 @@ pub trait Lobes: Sized {
 /// Makes an enum of BSDFs from their list, the enum of what they know of a direction, and the
 /// dispatch.
 macro_rules! bsdfs {
-    ($(#[$doc:meta])* $name:ident, $(#[$seen_doc:meta])* $seen:ident, $($kind:ident => $type:ty, $known:ty;)*) => {
+    ($(#[$doc:meta])* $name:ident, $(#[$seen_doc:meta])* $seen:ident,
+        $($kind:ident => $type:ty, $known:ty;)*) => {
         $(#[$doc])*
         pub enum $name {
             $(#[doc = concat!("`", stringify!($type), "`.")] $kind($type),)*
@@ -282,7 +283,9 @@ macro_rules! bsdfs {
         impl Lobes for $name {
             type Seen = $seen;
 
-            fn seen(&self, wo: Vec3) -> $seen { match self { $(Self::$kind(b) => $seen::$kind(b.seen(wo)),)* } }
+            fn seen(&self, wo: Vec3) -> $seen {
+                match self { $(Self::$kind(b) => $seen::$kind(b.seen(wo)),)* }
+            }
             fn value_and_pdf_from(&self, seen: &$seen, wi: Vec3) -> (SampledSpectrum, f32) {
                 match (self, seen) {
                     $((Self::$kind(b), $seen::$kind(seen)) => b.value_and_pdf_from(seen, wi),)*
@@ -307,14 +310,30 @@ macro_rules! bsdfs {
                     _ => unreachable!("a BSDF is asked with what it has seen itself"),
                 }
             }
-            fn albedo(&self, wo: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.albedo(wo),)* } }
-            fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.diffuse(wo, wi),)* } }
-            fn is_delta(&self) -> bool { match self { $(Self::$kind(b) => b.is_delta(),)* } }
-            fn is_opaque(&self) -> bool { match self { $(Self::$kind(b) => b.is_opaque(),)* } }
-            fn eval_classic(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.eval_classic(wo, wi),)* } }
-            fn ambient(&self, wo: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.ambient(wo),)* } }
-            fn crossing_scale(&self, wo: Vec3) -> f32 { match self { $(Self::$kind(b) => b.crossing_scale(wo),)* } }
-            fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] { match self { $(Self::$kind(b) => b.specular_branches(wo),)* } }
+            fn albedo(&self, wo: Vec3) -> SampledSpectrum {
+                match self { $(Self::$kind(b) => b.albedo(wo),)* }
+            }
+            fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+                match self { $(Self::$kind(b) => b.diffuse(wo, wi),)* }
+            }
+            fn is_delta(&self) -> bool {
+                match self { $(Self::$kind(b) => b.is_delta(),)* }
+            }
+            fn is_opaque(&self) -> bool {
+                match self { $(Self::$kind(b) => b.is_opaque(),)* }
+            }
+            fn eval_classic(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+                match self { $(Self::$kind(b) => b.eval_classic(wo, wi),)* }
+            }
+            fn ambient(&self, wo: Vec3) -> SampledSpectrum {
+                match self { $(Self::$kind(b) => b.ambient(wo),)* }
+            }
+            fn crossing_scale(&self, wo: Vec3) -> f32 {
+                match self { $(Self::$kind(b) => b.crossing_scale(wo),)* }
+            }
+            fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
+                match self { $(Self::$kind(b) => b.specular_branches(wo),)* }
+            }
         }
     };
 }

@@ -70,7 +70,8 @@ fn energy_scale(kind: &MaterialKind, wo: Vec3, is_transmission: bool) -> f32 {
 
 /// True if light goes on in a medium inside, whose BSDF is not the whole story.
 fn has_walk(kind: &MaterialKind) -> bool {
-    matches!(kind, MaterialKind::OpenPbr(p) if p.subsurface_weight.factor > 0.0 && !p.geometry_thin_walled)
+    let MaterialKind::OpenPbr(p) = kind else { return false };
+    p.subsurface_weight.factor > 0.0 && !p.geometry_thin_walled
 }
 
 /// True for materials whose layers or lobes are weighted by the viewer's direction alone (and fuzz,

@@ -215,9 +215,9 @@ impl Camera {
     }
 
     /// Where a point in the world is seen in a picture of `size` pixels (through the centre of the
-    /// lens), in the coordinates of
-    /// [`CameraSample::film`]: the inverse of [`Self::ray`]. May lie outside the picture. `None` for points that are not in front
-    /// of a flat view, or not in a fisheye's circle.
+    /// lens), in the coordinates of [`CameraSample::film`]: the inverse of [`Self::ray`]. May lie
+    /// outside the picture. `None` for points that are not in front of a flat view, or not in a
+    /// fisheye's circle.
     pub fn project(&self, point: DVec3, size: [u32; 2]) -> Option<DVec2> {
         let [w, h] = size.map(|s| f64::from(s.max(1)));
         let d = point - self.eye;
@@ -321,8 +321,10 @@ impl<'a> CameraView<'a> {
                     pinhole: &Pinhole = pinhole,
                     film: [&[f64]; 2] = [&film[0], &film[1]],
                     u: [&[f32]; 2] = [&u_lens[0], &u_lens[1]],
-                    origin: [&mut [f32]; 3] = rays.origin.each_mut().map(|axis| axis.as_mut_slice()),
-                    direction: [&mut [f32]; 3] = rays.direction.each_mut().map(|axis| axis.as_mut_slice()),
+                    origin: [&mut [f32]; 3] =
+                        rays.origin.each_mut().map(|axis| axis.as_mut_slice()),
+                    direction: [&mut [f32]; 3] =
+                        rays.direction.each_mut().map(|axis| axis.as_mut_slice()),
                     spread: &mut [f32] = &mut rays.spread,
                 ) -> bool
             );
@@ -337,7 +339,8 @@ impl<'a> CameraView<'a> {
                 pinhole: &Pinhole = pinhole,
                 axes: &[DVec3; 3] = &axes,
                 film: [&[f64]; 2] = [&film[0], &film[1]],
-                direction: [&mut [f32]; 3] = rays.direction.each_mut().map(|axis| axis.as_mut_slice()),
+                direction: [&mut [f32]; 3] =
+                    rays.direction.each_mut().map(|axis| axis.as_mut_slice()),
                 spread: &mut [f32] = &mut rays.spread,
             ) -> bool
         )

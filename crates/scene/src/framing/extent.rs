@@ -139,13 +139,17 @@ mod tests {
             let transform = DAffine3::from_translation(offset.into())
                 * DAffine3::from_rotation_z(angle)
                 * DAffine3::from_scale(DVec3::splat(scale));
-            let points: Vec<DVec3> = positions.iter().map(|p| transform.transform_point3(p.as_dvec3())).collect();
-            let mesh = TriangleMesh { positions, indices: vec![[0, 1, 2]], ..TriangleMesh::default() };
+            let placed = |p: &Vec3| transform.transform_point3(p.as_dvec3());
+            let points: Vec<DVec3> = positions.iter().map(placed).collect();
+            let indices = vec![[0, 1, 2]];
+            let mesh = TriangleMesh { positions, indices, ..TriangleMesh::default() };
             let mut scene = Scene::new("mesh");
             let surfaces = vec![Surface::new(Geometry::Mesh(Arc::new(mesh)))];
             let child = scene.add_node(Node { surfaces, ..Node::named("mesh") });
-            scene.add_child(scene.root, Node { transform, children: vec![child], ..Node::named("place") });
-            prepare(&mut scene, &FramingOptions { size: SIZE, ..Default::default() }).expect("no cycle");
+            let place = Node { transform, children: vec![child], ..Node::named("place") };
+            scene.add_child(scene.root, place);
+            let options = FramingOptions { size: SIZE, ..Default::default() };
+            prepare(&mut scene, &options).expect("no cycle");
             // Slivers that point at the camera cannot fill it.
             assert_fits(projected(&scene, &points), 0.5);
         }

@@ -15,7 +15,7 @@ pub struct Plastic {
     /// Factor on the reflection of the layer, `[0, 1]`: white for a real dielectric.
     #[serde(default = "super::usual::white")]
     pub specular: ColorParam,
-    /// Index of refraction of the layer: 1.5 reflects 4 % at normal incidence. Positive, otherwise 1.
+    /// Index of refraction of the layer: 1.5 reflects 4 % at normal incidence. Positive, else 1.
     #[serde(default = "super::usual::glass")]
     pub ior: f32,
     /// Roughness of the layer, `[0, 1]`; the distribution's `alpha` is its square.

@@ -19,7 +19,8 @@ pub fn svg(report: &Report) -> String {
     let tree = tree(&mut body, report);
     let right = right_column(&mut body, report);
     let height = tree.max(right) + MARGIN;
-    let style = "text{font:13px system-ui,sans-serif;fill:#1c2430}.s{font-size:11px;fill:#5b6675}.h{font-size:16px;font-weight:600}\
+    let style = "text{font:13px system-ui,sans-serif;fill:#1c2430}.s{font-size:11px;\
+                 fill:#5b6675}.h{font-size:16px;font-weight:600}\
                  .m{font-family:ui-monospace,monospace;font-size:12px}";
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{height}\" \

@@ -27,7 +27,12 @@ pub struct Options {
     #[arg(value_name = "SCENE")]
     scene: String,
     /// Acceleration structures
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_values_t = AcceleratorKind::ALL.map(|k| k.name().to_string()))]
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_values_t = AcceleratorKind::ALL.map(|k| k.name().to_string()),
+    )]
     accelerator: Vec<String>,
     /// The largest number of triangles to which the scene is refined
     #[arg(long, value_name = "N", default_value_t = 1_200_000)]

@@ -27,7 +27,12 @@ pub struct Options {
     #[command(flatten)]
     variants: variants::Options,
     /// Builds of each kind; medians count
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 5,
+        value_parser = clap::value_parser!(u32).range(1..=1000),
+    )]
     repeat: u32,
     /// Whom to compare with: embree=PATH, where PATH is its shared library or the wheel `embreex`
     /// of PyPI

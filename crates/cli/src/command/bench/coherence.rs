@@ -33,7 +33,12 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = parse_side)]
     side: u32,
     /// Runs of each way but cones, which run once; medians count
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 3,
+        value_parser = clap::value_parser!(u32).range(1..=1000),
+    )]
     repeat: u32,
     /// Pencils may be off by this, relative to the distance
     #[arg(long, value_name = "X", default_value_t = 1e-4, value_parser = parse_tolerance)]

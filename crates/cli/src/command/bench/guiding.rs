@@ -22,7 +22,12 @@ pub struct Options {
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = parse_seconds)]
     seconds: f64,
     /// Width of the pictures; the scene says how high
-    #[arg(long, value_name = "N", default_value_t = 320, value_parser = clap::value_parser!(u32).range(1..=16384))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 320,
+        value_parser = clap::value_parser!(u32).range(1..=16384),
+    )]
     width: u32,
     /// Bounces after the first hit at most
     #[arg(long, value_name = "N", default_value_t = Settings::MAX_DEPTH)]
@@ -119,7 +124,9 @@ fn measure(name: &str, read: &ReadOptions, options: &Options) -> Result<Value, F
         "scene": name,
         "size": [options.width, height],
         "seconds": options.seconds,
-        "plain": { "spp": plain_spp, "relative_mse": plain.mean, "without_outliers": plain.trimmed },
+        "plain": {
+            "spp": plain_spp, "relative_mse": plain.mean, "without_outliers": plain.trimmed,
+        },
         "guided": {
             "spp": guided_spp, "relative_mse": guided.mean, "without_outliers": guided.trimmed,
             "passes": statistics.training_passes,

@@ -41,7 +41,12 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = parse_side)]
     side: u32,
     /// Runs of each method, but none after ten seconds; medians count
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 3,
+        value_parser = clap::value_parser!(u32).range(1..=1000),
+    )]
     repeat: u32,
     /// Also write what each method saw and where it worked, as PNG, and the visible lines, as SVG
     #[arg(long, value_name = "DIR")]
@@ -346,7 +351,9 @@ impl Row {
                 "seconds": m.seconds,
                 "runs": m.runs,
                 "memory_bytes": m.memory,
-                "work": m.work.iter().map(|(what, count)| (what.replace(' ', "_"), json!(count))).collect::<Map<_, _>>(),
+                "work": m.work.iter()
+                    .map(|(what, count)| (what.replace(' ', "_"), json!(count)))
+                    .collect::<Map<_, _>>(),
                 "agree": m.agree,
                 "borderline": m.borderline,
                 "unexplained": m.unexplained,

@@ -41,7 +41,12 @@ pub struct Options {
     #[command(flatten)]
     variants: variants::Options,
     /// Runs of each side; medians count
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 5,
+        value_parser = clap::value_parser!(u32).range(1..=1000),
+    )]
     repeat: u32,
     /// Width and height of the picture whose rays are traced; a power of two
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = kinds::parse_side)]

@@ -23,7 +23,12 @@ pub struct Options {
     #[arg(long)]
     as_written: bool,
     /// How often each is read; medians count
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 5,
+        value_parser = clap::value_parser!(u32).range(1..=1000),
+    )]
     repeat: u32,
     /// Print JSON, a line for each file
     #[arg(long)]

@@ -28,10 +28,20 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = kinds::parse_side)]
     side: u32,
     /// Samples per pixel
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 16,
+        value_parser = clap::value_parser!(u32).range(1..=65536),
+    )]
     spp: u32,
     /// Runs of each; medians count
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 5,
+        value_parser = clap::value_parser!(u32).range(1..=1000),
+    )]
     repeat: u32,
     /// Print JSON, a line for each measurement
     #[arg(long)]

@@ -24,13 +24,29 @@ pub struct Options {
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     sampler: Vec<String>,
     /// Numbers of samples per pixel
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "1,2,4,8,16,32,64,128,256,512,1024", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "1,2,4,8,16,32,64,128,256,512,1024",
+        value_parser = clap::value_parser!(u32).range(1..=1 << 20),
+    )]
     spp: Vec<u32>,
     /// Pictures, each with another seed, whose pixels are estimates
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 8,
+        value_parser = clap::value_parser!(u32).range(1..=10_000),
+    )]
     pictures: u32,
     /// Width and height of a picture
-    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(8..=1024))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 32,
+        value_parser = clap::value_parser!(u32).range(8..=1024),
+    )]
     side: u32,
     /// Seed of the first picture
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -135,7 +151,8 @@ fn lines(series: &[Series]) -> String {
         let (integrand, sampler) = (s.integrand.name, s.sampler.name());
         for p in &s.points {
             let line = json!({
-                "integrand": integrand, "sampler": sampler, "spp": p.spp, "error": p.error, "blurred_error": p.blurred,
+                "integrand": integrand, "sampler": sampler, "spp": p.spp, "error": p.error,
+                "blurred_error": p.blurred,
             });
             text += &format!("{line}\n");
         }

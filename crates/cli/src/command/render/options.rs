@@ -76,18 +76,39 @@ pub struct Options {
     #[arg(short, long, value_name = "NAME", help_heading = "How light is computed")]
     pub integrator: Option<String>,
     /// How light is computed with colours: rgb, or spectral (four wavelengths for each sample)
-    #[arg(long, value_name = "NAME", default_value = ColorModel::default().name(), help_heading = "How light is computed")]
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = ColorModel::default().name(),
+        help_heading = "How light is computed",
+    )]
     pub color: String,
     /// Samples per pixel
-    #[arg(long, visible_alias = "samples", value_name = "N", value_parser = parse_spp, help_heading = "How light is computed")]
+    #[arg(
+        long,
+        visible_alias = "samples",
+        value_name = "N",
+        value_parser = parse_spp,
+        help_heading = "How light is computed",
+    )]
     pub spp: Option<u32>,
     /// Stop each pixel when its 95 % confidence interval is this narrow on both sides, such as
     /// 0.02: relative to the light where it is bright, see the documents. --spp and --time are caps
-    #[arg(long, value_name = "ERROR", value_parser = parse_noise, help_heading = "How light is computed")]
+    #[arg(
+        long,
+        value_name = "ERROR",
+        value_parser = parse_noise,
+        help_heading = "How light is computed",
+    )]
     pub noise: Option<f64>,
     /// Stop after this time, such as 30s, 5m or 1h (the first pass over the picture is always
     /// finished)
-    #[arg(long, value_name = "TIME", value_parser = parse_duration, help_heading = "How light is computed")]
+    #[arg(
+        long,
+        value_name = "TIME",
+        value_parser = parse_duration,
+        help_heading = "How light is computed",
+    )]
     pub time: Option<Duration>,
     /// Bounces after the first hit at most. Default: 1000 for path, 8 for whitted
     #[arg(long, value_name = "N", help_heading = "How light is computed")]
@@ -99,7 +120,13 @@ pub struct Options {
     #[arg(long, value_name = "NAME|INDEX", help_heading = "What is rendered")]
     pub camera: Option<String>,
     /// The moment that is shown, in seconds of the scene's animation
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_seconds, help_heading = "Motion")]
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        allow_negative_numbers = true,
+        value_parser = parse_seconds,
+        help_heading = "Motion",
+    )]
     pub at: Option<f64>,
     /// Play this animation of the file (`all` for all together). Default: the first, with those
     /// that move other things
@@ -108,7 +135,14 @@ pub struct Options {
     /// Render many pictures: from a time until just before another, so many a second, such as
     /// 0..2s@24 (@24 for all of the animation). Numbered files; one animated picture if the output
     /// is .apng, .gif or .y4m; a video stream (Y4M) if it is `-`
-    #[arg(long, value_name = "START..END@RATE", allow_hyphen_values = true, value_parser = frames::parse_frames, conflicts_with_all = ["at", "turntable"], help_heading = "Motion")]
+    #[arg(
+        long,
+        value_name = "START..END@RATE",
+        allow_hyphen_values = true,
+        value_parser = frames::parse_frames,
+        conflicts_with_all = ["at", "turntable"],
+        help_heading = "Motion",
+    )]
     pub frames: Option<FrameRange>,
     /// Turn the scene once about its middle in this many pictures (N@RATE for an animated picture
     /// of another rate than 24 a second)
@@ -116,7 +150,13 @@ pub struct Options {
     pub turntable: Option<Turntable>,
     /// Blur what moves between these times, in seconds from the moment that is shown, such as
     /// 0..0.02. Default: what the file says
-    #[arg(long, value_name = "OPEN..CLOSE", allow_hyphen_values = true, value_parser = frames::parse_shutter, help_heading = "Motion")]
+    #[arg(
+        long,
+        value_name = "OPEN..CLOSE",
+        allow_hyphen_values = true,
+        value_parser = frames::parse_shutter,
+        help_heading = "Motion",
+    )]
     pub shutter: Option<[f64; 2]>,
     /// Go on with frames that were interrupted: only those that are missing are rendered
     #[arg(long, help_heading = "Motion")]
@@ -128,13 +168,30 @@ pub struct Options {
     #[arg(long = "scene", value_name = "NAME|INDEX", help_heading = "What is rendered")]
     pub scene_of_file: Option<String>,
     /// Render only this rectangle of pixels (right and lower border exclusive)
-    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_crop, help_heading = "What is rendered")]
+    #[arg(
+        long,
+        value_name = "x0,y0,x1,y1",
+        value_parser = parse_crop,
+        help_heading = "What is rendered",
+    )]
     pub crop: Option<Crop>,
     /// Seed of the random numbers
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_seed, help_heading = "How light is computed")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        value_parser = parse_seed,
+        help_heading = "How light is computed",
+    )]
     pub seed: u32,
     /// Threads. Default: one per core
-    #[arg(short, long, value_name = "N", value_parser = threads::number(), help_heading = "How light is computed")]
+    #[arg(
+        short,
+        long,
+        value_name = "N",
+        value_parser = threads::number(),
+        help_heading = "How light is computed",
+    )]
     pub threads: Option<u32>,
     /// independent, stratified, sobol or zsobol
     #[arg(long, value_name = "NAME", help_heading = "How light is computed")]
@@ -143,17 +200,37 @@ pub struct Options {
     #[arg(long, value_name = "NAME", help_heading = "How light is computed")]
     pub filter: Option<String>,
     /// Shadows of raycast and whitted: none, hard or soft
-    #[arg(long, value_name = "NAME", default_value = Shadows::default().name(), help_heading = "How light is computed")]
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = Shadows::default().name(),
+        help_heading = "How light is computed",
+    )]
     pub shadows: String,
     /// Where light and shadow meet on coarse meshes with smooth normals: smooth or faceted
-    #[arg(long, value_name = "NAME", default_value = Terminator::default().name(), help_heading = "How light is computed")]
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = Terminator::default().name(),
+        help_heading = "How light is computed",
+    )]
     pub terminator: String,
     /// Acceleration structure: bvh, none, graph, spheres, grid, octree, octree-hierarchical, bsp or
     /// kdtree. Never changes the picture
-    #[arg(long, value_name = "NAME", default_value = AcceleratorKind::default().name(), help_heading = "How light is computed")]
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = AcceleratorKind::default().name(),
+        help_heading = "How light is computed",
+    )]
     pub accelerator: String,
     /// How the bvh is built: fast, medium or high. Never changes the picture
-    #[arg(long, value_name = "NAME", default_value = Quality::default().name(), help_heading = "How light is computed")]
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = Quality::default().name(),
+        help_heading = "How light is computed",
+    )]
     pub quality: String,
     /// Keep acceleration structures of large meshes in this folder, for the next render
     #[arg(long, value_name = "FOLDER", help_heading = "How light is computed")]
@@ -163,21 +240,49 @@ pub struct Options {
     #[arg(long, help_heading = "How light is computed")]
     pub bvh_compact: bool,
     /// Which samples find lights in path and direct: mis, light or bsdf
-    #[arg(long, value_name = "NAME", default_value = LightStrategy::default().name(), help_heading = "How light is computed")]
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = LightStrategy::default().name(),
+        help_heading = "How light is computed",
+    )]
     pub light_samples: String,
     /// How a light is chosen among many: bvh, power or uniform
-    #[arg(long, value_name = "NAME", default_value = LightSamplerKind::default().name(), help_heading = "How light is computed")]
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = LightSamplerKind::default().name(),
+        help_heading = "How light is computed",
+    )]
     pub light_sampler: String,
     /// Learn where light comes from before rendering, for caustics and hidden lights (path). PASSES
     /// is how often; default: auto, as long as that takes a quarter of the samples, or of the time
-    #[arg(long, value_name = "PASSES", num_args = 0..=1, require_equals = true, default_missing_value = "auto", value_parser = parse_guiding, help_heading = "How light is computed")]
+    #[arg(
+        long,
+        value_name = "PASSES",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "auto",
+        value_parser = parse_guiding,
+        help_heading = "How light is computed",
+    )]
     pub guiding: Option<GuidingPasses>,
     /// Dim light of two or more bounces to this radiance: no fireflies, but the picture becomes too
     /// dark. Default: off
-    #[arg(long, value_name = "RADIANCE", value_parser = parse_radiance, help_heading = "How light is computed")]
+    #[arg(
+        long,
+        value_name = "RADIANCE",
+        value_parser = parse_radiance,
+        help_heading = "How light is computed",
+    )]
     pub clamp: Option<f32>,
     /// How far ao looks, in scene units. Default: half of the scene's radius
-    #[arg(long, value_name = "DISTANCE", value_parser = parse_distance, help_heading = "How light is computed")]
+    #[arg(
+        long,
+        value_name = "DISTANCE",
+        value_parser = parse_distance,
+        help_heading = "How light is computed",
+    )]
     pub ao_distance: Option<f32>,
     /// Extra layers, separated by commas, such as depth,normal,albedo (`all` for all)
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "The picture")]
@@ -187,13 +292,26 @@ pub struct Options {
     #[arg(long, value_name = "NAME=LIST", help_heading = "The picture")]
     pub light_group: Vec<String>,
     /// Remove noise with Open Image Denoise, if it is installed; PATH is its library or folder
-    #[arg(long, value_name = "PATH", num_args = 0..=1, require_equals = true, default_missing_value = "", help_heading = "The picture")]
+    #[arg(
+        long,
+        value_name = "PATH",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "",
+        help_heading = "The picture",
+    )]
     pub denoise: Option<OsString>,
     /// Also write the variance of the picture and the layers (OpenEXR)
     #[arg(long, help_heading = "The picture")]
     pub variance: bool,
     /// Exposure in stops, for display formats
-    #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = parse_exposure, help_heading = "The picture")]
+    #[arg(
+        long,
+        value_name = "EV",
+        allow_negative_numbers = true,
+        value_parser = parse_exposure,
+        help_heading = "The picture",
+    )]
     pub exposure: Option<f64>,
     /// Tone map for display formats: none, aces or agx
     #[arg(long, value_name = "NAME", help_heading = "The picture")]
@@ -219,7 +337,12 @@ pub struct Options {
     #[arg(long, value_name = "FILE", help_heading = "What is rendered")]
     pub environment: Option<OsString>,
     /// Fill the scene with fog that takes this share of light per scene unit, such as 0.001
-    #[arg(long, value_name = "DENSITY", value_parser = parse_density, help_heading = "What is rendered")]
+    #[arg(
+        long,
+        value_name = "DENSITY",
+        value_parser = parse_density,
+        help_heading = "What is rendered",
+    )]
     pub fog: Option<f32>,
     /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, medium.NUMBER.…,
     /// `ambient=[r,g,b]`; or NAME=VALUE, a parameter of a Mitsuba scene

@@ -138,7 +138,7 @@ pub(super) fn read_ies(
     Ok(())
 }
 
-/// Adds the default sky to a scene that only its own emission would light, if that is never above 1.
+/// Adds the default sky to a scene that only its own emission would light, if that is at most 1.
 /// Such emission (displays, small lamps, unlit surfaces) is there to be seen, and the scene is made
 /// for viewers that bring their light. More needs `KHR_materials_emissive_strength`: then the
 /// surfaces are meant as lights, and there is no sky.

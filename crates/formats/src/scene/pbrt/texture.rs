@@ -329,13 +329,16 @@ impl Builder<'_> {
             }
             "planar" => {
                 let world = self.texture_from_world(params);
-                let axis = |name: &str, default: Vec3, shift: f32| match params.directions(name)?[..]
-                {
-                    [] => Ok(planar(&world, default, shift)),
-                    [axis] if axis.is_finite() => Ok(planar(&world, axis, shift)),
-                    _ => {
-                        Err(params.fault(format!("{name} is not one vector"), "give three numbers"))
-                    }
+                let axis = |name: &str, default: Vec3, shift: f32| {
+                    let axis = match params.directions(name)?[..] {
+                        [] => default,
+                        [axis] if axis.is_finite() => axis,
+                        _ => {
+                            let what = format!("{name} is not one vector");
+                            return Err(params.fault(what, "give three numbers"));
+                        }
+                    };
+                    Ok(planar(&world, axis, shift))
                 };
                 let (du, dv) = (get("udelta", 0.0)?, get("vdelta", 0.0)?);
                 Mapping::Planar {

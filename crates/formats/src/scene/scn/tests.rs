@@ -215,9 +215,8 @@ fn lights_and_camera_stand_in_the_world_whatever_group_is_open() {
                 point_light 1 1 1  1 2 3  0 0 1
                 camera 4 5 6  0 0 -2  0 3 1  .3  .1 9 end";
     let scene = scene(text);
-    assert!(
-        matches!(scene.lights[0], Light::Point(Point { position, .. }) if position == DVec3::new(1.0, 2.0, 3.0))
-    );
+    let Light::Point(Point { position, .. }) = scene.lights[0] else { panic!("no point light") };
+    assert_eq!(position, DVec3::new(1.0, 2.0, 3.0));
     let camera = &scene.cameras[0];
     assert_eq!((camera.eye, camera.towards), (DVec3::new(4.0, 5.0, 6.0), DVec3::NEG_Z));
     assert_eq!(camera.up, DVec3::Y);

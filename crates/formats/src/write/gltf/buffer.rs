@@ -62,8 +62,9 @@ impl Buffer {
     /// Vertex numbers.
     pub fn indices(&mut self, indices: &[u32]) -> usize {
         let view = self.view(indices.iter().flat_map(|x| x.to_le_bytes()), Some(INDICES));
-        self.accessor(
-            json!({ "bufferView": view, "componentType": UNSIGNED_INT, "count": indices.len(), "type": "SCALAR" }),
-        )
+        self.accessor(json!({
+            "bufferView": view, "componentType": UNSIGNED_INT, "count": indices.len(),
+            "type": "SCALAR",
+        }))
     }
 }

@@ -136,7 +136,9 @@ impl Document<'_, '_> {
         is_binary: bool,
     ) -> Value {
         let mut json = json!({
-            "asset": { "version": "2.0", "generator": concat!("Snell ", env!("CARGO_PKG_VERSION")) },
+            "asset": {
+                "version": "2.0", "generator": concat!("Snell ", env!("CARGO_PKG_VERSION")),
+            },
             "scene": 0,
             "scenes": [{ "name": self.scene.name, "nodes": top }],
             "nodes": self.nodes,

@@ -182,7 +182,9 @@ proptest! {
     /// triangle.
     #[test]
     fn the_filter_never_drops_a_hit(
-        v in [point(), point(), point()], o in point(), d in point(), far in -20i32..40, scale in -300i32..300, around in 0i32..30
+        v in [point(), point(), point()],
+        (o, d) in (point(), point()),
+        (far, scale, around) in (-20i32..40, -300i32..300, 0i32..30),
     ) {
         prop_assume!(d != DVec3::ZERO);
         let (far, scale) = (2f64.powi(far), 2f64.powi(scale));
@@ -190,7 +192,7 @@ proptest! {
         let corners = v.map(|v| (v + place) * scale);
         let origin = (o + d * -far + place) * scale;
         let mesh = DTriangleMesh {
-            positions: corners.iter().copied().chain([(place + 2f64.powi(around)) * scale]).collect(),
+            positions: [&corners[..], &[(place + 2f64.powi(around)) * scale]].concat(),
             indices: vec![[0, 1, 2], [0, 1, 3]],
         };
         let mut frame = Frame::of(&mesh.bounds());
@@ -215,7 +217,8 @@ proptest! {
             let mut node = WideNode::EMPTY;
             node.set(2, &bounds, ChildRef::triangles(0, 1));
             // SAFETY: portable code.
-            let (enter, leave) = unsafe { box_distances::<Portable8>(&node, &local, t.below(), cull) };
+            let (enter, leave) =
+                unsafe { box_distances::<Portable8>(&node, &local, t.below(), cull) };
             prop_assert_eq!(enter.le(leave), 4);
             // Nor do the fast kernels.
             let mut quick = QuickRay::UNSET;
@@ -235,7 +238,9 @@ proptest! {
     /// Rays through a vertex of a closed fan, or through its edges, meet it once.
     #[test]
     fn a_fan_holds_a_ray_through_its_middle_once(
-        middle in point(), o in point(), n in 3usize..9, phase in 0.0f64..1.0, far in -20i32..40, at in 0.0f64..1.0
+        (middle, o) in (point(), point()),
+        (n, phase) in (3usize..9, 0.0f64..1.0),
+        (far, at) in (-20i32..40, 0.0f64..1.0),
     ) {
         let offset = DVec3::new(1.0, -0.7, 0.3) * 2f64.powi(far);
         let middle = middle + offset;

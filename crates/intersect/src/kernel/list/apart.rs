@@ -117,9 +117,11 @@ mod tests {
         })
         .expect("invertible");
         match ground {
-            Ground::Floor => drop(builder.add_mesh(WorldBuilder::ROOT, quads(&[quad(flat)]))),
+            Ground::Floor => {
+                builder.add_mesh(WorldBuilder::ROOT, quads(&[quad(flat)]));
+            }
             Ground::FloorAndWall => {
-                drop(builder.add_mesh(WorldBuilder::ROOT, quads(&[quad(flat), quad(wall)])))
+                builder.add_mesh(WorldBuilder::ROOT, quads(&[quad(flat), quad(wall)]));
             }
             Ground::Slope => {
                 let slope = flat.map(|[x, y, z]| [x, y + 0.25 * x - 0.125 * z, z]);
@@ -224,7 +226,8 @@ mod tests {
         fn what_stands_apart_is_hit_as_the_oracle_says(
             (seed, ground) in (any::<u32>(), 0usize..GROUNDS.len()),
             // In the middle of the heap too: then grounds and triangles cut each other.
-            (level, scale) in (prop_oneof![Just(-3.0f32), Just(0.0), Just(1.5), -4.0f32..2.0], -10i32..10),
+            level in prop_oneof![Just(-3.0f32), Just(0.0), Just(1.5), -4.0f32..2.0],
+            scale in -10i32..10,
             (has_instances, restricted) in (any::<bool>(), any::<bool>()),
         ) {
             let scale = 2.0f32.powi(scale);
@@ -237,7 +240,8 @@ mod tests {
                 build(builder, accelerator, simd)
             };
             let rays = rays_around(seed, 200, level, scale);
-            let masks: Vec<u32> = (0..rays.len() as u32).map(|i| [u32::MAX, 1, 2, 0][(i / 3 % 4) as usize]).collect();
+            let mask = |i: usize| [u32::MAX, 1, 2, 0][i / 3 % 4];
+            let masks: Vec<u32> = (0..rays.len()).map(mask).collect();
             let oracle = make(AcceleratorKind::None, Level::Scalar);
             for simd in levels() {
                 let world = make(AcceleratorKind::Bvh, simd);

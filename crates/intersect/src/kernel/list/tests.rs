@@ -76,7 +76,8 @@ proptest! {
         (first, second) in (meshes(), meshes()),
         lines in proptest::collection::vec((point(), point(), 0u32..5), 1..50),
         (spheres, plane, restricted) in (0usize..3, any::<bool>(), any::<bool>()),
-        (scale, far) in (prop_oneof![Just(0), -18i32..18], prop_oneof![Just(0.0f32), Just(0.0f32), Just(1000.0)]),
+        scale in prop_oneof![Just(0), -18i32..18],
+        far in prop_oneof![Just(0.0f32), Just(0.0f32), Just(1000.0)],
     ) {
         let scale = 2.0f32.powi(scale);
         let moved = |p: Vec3| (p + Vec3::new(far, -far, far * 0.5)) * scale;
@@ -91,7 +92,8 @@ proptest! {
             for i in 0..spheres {
                 let center = moved(Vec3::new(i as f32 * 2.0 - 3.0, 0.5, 0.25));
                 let sphere = Sphere { radius: f64::from(scale) };
-                builder.add_shape(WorldBuilder::ROOT, Arc::new(sphere), Transform::translation(center.as_dvec3()));
+                let at = Transform::translation(center.as_dvec3());
+                builder.add_shape(WorldBuilder::ROOT, Arc::new(sphere), at);
             }
             if plane {
                 let at = Transform::translation(moved(Vec3::new(0.0, -2.25, 0.0)).as_dvec3());
@@ -113,7 +115,8 @@ proptest! {
                 _ => Ray { t_min: 0.25, ..Ray::new(from, to - from) },
             }
         }).collect();
-        let masks: Vec<u32> = (0..rays.len() as u32).map(|i| [u32::MAX, 1, 2, 0][(i / 3 % 4) as usize]).collect();
+        let mask = |i: usize| [u32::MAX, 1, 2, 0][i / 3 % 4];
+        let masks: Vec<u32> = (0..rays.len()).map(mask).collect();
         let oracle = make(AcceleratorKind::None, Level::Scalar);
         for level in levels() {
             let world = make(AcceleratorKind::Bvh, level);

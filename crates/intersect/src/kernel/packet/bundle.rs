@@ -25,8 +25,9 @@ pub(super) const RAYS: usize = 16;
 /// One number per ray.
 pub(crate) type PerRay<T> = [T; RAYS];
 
-/// Relative padding of everything that follows from rounded coordinates, as [`super::super::node::BOX_PADDING`]:
-/// roundings of `f32` here, and of the drawing of triangles, come to less than half of it.
+/// Relative padding of everything that follows from rounded coordinates, as
+/// [`super::super::node::BOX_PADDING`]: roundings of `f32` here, and of the drawing of triangles,
+/// come to less than half of it.
 const PADDING: f32 = 1.0e-6;
 
 /// Coordinates and directions beyond this are left to the other kernels: here nothing may overflow.

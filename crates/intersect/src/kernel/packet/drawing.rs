@@ -44,7 +44,7 @@ pub(super) unsafe fn sides<W: Lanes16>(
 /// A corner of a triangle as rays draw it: [`super::super::triangle::Drawing::draw`].
 ///
 /// # Safety
-/// The machine must have the instructions of `W`; the axes must be below 3, and the triangle below 8.
+/// The machine must have the instructions of `W`; axes must be below 3, and the triangle below 8.
 #[inline(always)]
 unsafe fn draw<W: Lanes16>(
     corner: &[[f32; 8]; 3],

@@ -99,12 +99,15 @@ proptest! {
         let offset = DVec3::new(far, -far, far * 0.5);
         let make = |accelerator, simd| {
             let mut builder = WorldBuilder::default();
-            builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh.transformed(&Transform::translation(offset))));
+            let moved = mesh.transformed(&Transform::translation(offset));
+            builder.add_mesh(WorldBuilder::ROOT, Arc::new(moved));
             let child = builder.add_group();
             builder.add_mesh(child, mesh.clone());
-            let turned = DAffine3::from_rotation_y(0.3) * DAffine3::from_scale(DVec3::new(1.0, 0.7, 1.3));
+            let turned =
+                DAffine3::from_rotation_y(0.3) * DAffine3::from_scale(DVec3::new(1.0, 0.7, 1.3));
             for shift in [DVec3::ZERO, DVec3::X, DVec3::new(0.1, 2.0, 0.3)] {
-                let placed = Transform::new(DAffine3::from_translation(offset + shift) * turned).expect("invertible");
+                let there = DAffine3::from_translation(offset + shift) * turned;
+                let placed = Transform::new(there).expect("invertible");
                 builder.add_instance(WorldBuilder::ROOT, child, placed);
             }
             build(builder, accelerator, simd)
@@ -123,7 +126,8 @@ proptest! {
         corners in proptest::collection::vec(proptest::array::uniform3(0u32..1000), 10..60),
         (kind, seed, size) in (kinds(), 0u32..1_000_000, sizes()),
         (from, to, width) in (lattice_point(), lattice_point(), widths()),
-        (scale, far) in (prop_oneof![Just(1.0), Just(1e-3), Just(0.1)], prop_oneof![Just(0.0), Just(1.0f64)]),
+        scale in prop_oneof![Just(1.0), Just(1e-3), Just(0.1)],
+        far in prop_oneof![Just(0.0), Just(1.0f64)],
     ) {
         // A city in metres.
         let place = DVec3::new(500_000.123, 4_649_776.22, 300.0) * far;
@@ -138,15 +142,22 @@ proptest! {
             builder.add_mesh(DWorldBuilder::ROOT, mesh.clone());
             let child = builder.add_group();
             builder.add_mesh(child, mesh.clone());
-            let turned = DAffine3::from_rotation_y(0.3) * DAffine3::from_scale(DVec3::new(1.0, 0.7, 1.3));
+            let turned =
+                DAffine3::from_rotation_y(0.3) * DAffine3::from_scale(DVec3::new(1.0, 0.7, 1.3));
             for shift in [DVec3::X, DVec3::new(0.1, 2.0, 0.3)] {
                 let there = DAffine3::from_translation(place + shift * scale) * turned;
-                let placed = Transform::new(there * DAffine3::from_translation(-place)).expect("invertible");
+                let there = there * DAffine3::from_translation(-place);
+                let placed = Transform::new(there).expect("invertible");
                 builder.add_instance(DWorldBuilder::ROOT, child, placed);
             }
-            builder.build(&BuildOptions { accelerator, simd, ..BuildOptions::default() }).expect("a world")
+            let options = BuildOptions { accelerator, simd, ..BuildOptions::default() };
+            builder.build(&options).expect("a world")
         };
-        let exact = |ray: &Ray| DRay { origin: moved(ray.origin), direction: ray.direction.as_dvec3() * scale, ..DRay::from(ray) };
+        let exact = |ray: &Ray| DRay {
+            origin: moved(ray.origin),
+            direction: ray.direction.as_dvec3() * scale,
+            ..DRay::from(ray)
+        };
         let rays: Vec<DRay> = rays(kind, seed, size, from, to, width).iter().map(exact).collect();
         let oracle = make(AcceleratorKind::None, Level::Scalar);
         for level in levels() {
@@ -167,7 +178,10 @@ proptest! {
     fn boxes_that_rays_pass_through_are_met(
         (kind, seed, backward) in (kinds(), 0u32..1_000_000, any::<bool>()),
         (from, to, width) in (lattice_point(), lattice_point(), widths()),
-        (at, sizes) in (0.0f32..1.0, prop::array::uniform3(prop_oneof![Just(0.0f32), Just(1e-3), Just(0.1), Just(20.0)])),
+        at in 0.0f32..1.0,
+        sizes in prop::array::uniform3(
+            prop_oneof![Just(0.0f32), Just(1e-3), Just(0.1), Just(20.0)]
+        ),
         (scale, far) in (-20i32..20, prop_oneof![Just(0.0f32), Just(100.0)]),
     ) {
         let (scale, far) = (2.0f32.powi(scale), Vec3::new(far, -far, far));
@@ -182,15 +196,22 @@ proptest! {
             for (lane, ray) in rays.iter().enumerate() {
                 // A corner, an edge or the inside of the box is on the ray.
                 let on_ray = ray.origin.as_dvec3() + ray.direction.as_dvec3() * f64::from(at);
-                let share = (vector(seed, 40 + lane as u32) * 1.5).clamp(Vec3::NEG_ONE, Vec3::ONE) * 0.5 + 0.5;
+                let side = vector(seed, 40 + lane as u32) * 1.5;
+                let share = side.clamp(Vec3::NEG_ONE, Vec3::ONE) * 0.5 + 0.5;
                 let size = Vec3::from_array(sizes) * scale;
-                let (low, high) = (on_ray - (share * size).as_dvec3(), on_ray + ((1.0 - share) * size).as_dvec3());
+                let low = on_ray - (share * size).as_dvec3();
+                let high = on_ray + ((1.0 - share) * size).as_dvec3();
                 let (low, high) = (low.as_vec3(), high.as_vec3());
                 // (As for triangles there.)
-                let bounds = Bounds3 { min: low - low.abs() * f32::EPSILON, max: high + high.abs() * f32::EPSILON };
+                let bounds = Bounds3 {
+                    min: low - low.abs() * f32::EPSILON,
+                    max: high + high.abs() * f32::EPSILON,
+                };
                 node.set(lane & 7, &bounds, ChildRef::node(0));
                 // SAFETY: portable code.
-                let met = unsafe { bundle.rays_meeting(&bundle.one_box::<Pair<Portable8>>(&node, lane & 7)) };
+                let met = unsafe {
+                    bundle.rays_meeting(&bundle.one_box::<Pair<Portable8>>(&node, lane & 7))
+                };
                 prop_assert!(met >> lane & 1 == 1, "{ray:?} {low} {high}");
             }
         }
@@ -200,7 +221,8 @@ proptest! {
     fn what_the_exact_test_takes_passes_the_filter_and_gets_the_same_bits(
         (kind, seed) in (kinds(), 0u32..1_000_000),
         (from, to, width) in (lattice_point(), lattice_point(), widths()),
-        (size, scale, far) in (prop_oneof![Just(0.0f32), Just(1e-3), Just(1.0)], -20i32..20, prop_oneof![Just(0.0f32), Just(100.0)]),
+        size in prop_oneof![Just(0.0f32), Just(1e-3), Just(1.0)],
+        (scale, far) in (-20i32..20, prop_oneof![Just(0.0f32), Just(100.0)]),
     ) {
         let scale = 2.0f32.powi(scale);
         let far = Vec3::new(far, -far, far);

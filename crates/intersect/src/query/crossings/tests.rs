@@ -147,23 +147,35 @@ fn number() -> impl Strategy<Value = f32> {
     prop_oneof![
         8 => -3.0f32..3.0,
         4 => (-3i32..=3).prop_map(|i| i as f32),
-        1 => prop::sample::select(vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e-42, -1e30, f32::MAX, -0.0]),
+        1 => prop::sample::select(
+            vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e-42, -1e30, f32::MAX, -0.0]
+        ),
     ]
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
     #[test]
-    fn any_is_closest_is_count_is_all(seed in 0usize..4, numbers in prop::collection::vec([number(), number(), number(), number(), number(), number(), number(), number()], 1..40)) {
+    fn any_is_closest_is_count_is_all(
+        seed in 0usize..4,
+        numbers in prop::collection::vec(prop::array::uniform8(number()), 1..40),
+    ) {
         static WORLDS: OnceLock<Vec<World>> = OnceLock::new();
-        let worlds = WORLDS.get_or_init(|| (0..4).map(|seed| default_world(nested_scene(seed))).collect());
+        let make = || (0..4).map(|seed| default_world(nested_scene(seed))).collect();
+        let worlds = WORLDS.get_or_init(make);
         let world = &worlds[seed];
         let vector = |n: &[f32]| Vec3::new(n[0], n[1], n[2]);
         let rays: Vec<Ray> = numbers
             .iter()
-            .map(|n| Ray { origin: vector(n), direction: vector(&n[3..]), t_min: n[6], t_max: n[6] + n[7].abs() })
+            .map(|n| Ray {
+                origin: vector(n),
+                direction: vector(&n[3..]),
+                t_min: n[6],
+                t_max: n[6] + n[7].abs(),
+            })
             .collect();
-        let (mut hits, mut blocked, mut counts) = (vec![Hit::MISS; rays.len()], vec![true; rays.len()], vec![7; rays.len()]);
+        let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![true; rays.len()]);
+        let mut counts = vec![7; rays.len()];
         world.closest(&rays, crate::Grouping::None, &AcceptAll, &mut hits);
         world.occluded(&rays, Grouping::None, &AcceptAll, &mut blocked);
         world.count(&rays, &AcceptAll, &mut counts);

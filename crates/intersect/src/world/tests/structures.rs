@@ -106,11 +106,14 @@ mod properties {
                 build(builder, accelerator, simd)
             };
             let rays: Vec<_> =
-                rays.into_iter().map(|(o, d, t_min)| Ray { t_min: t_min.into(), ..Ray::new(o, d) }).collect();
+                rays.into_iter()
+                    .map(|(o, d, t_min)| Ray { t_min: t_min.into(), ..Ray::new(o, d) })
+                    .collect();
             let oracle = make(AcceleratorKind::None, Level::Scalar);
             for level in levels() {
                 let world = make(AcceleratorKind::Bvh, level);
-                let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+                let mut hits = vec![Hit::MISS; rays.len()];
+                let mut blocked = vec![false; rays.len()];
                 world.closest(&rays, Grouping::None, &AcceptAll, &mut hits);
                 world.occluded(&rays, Grouping::None, &AcceptAll, &mut blocked);
                 for ((ray, hit), blocked) in rays.iter().zip(&hits).zip(blocked) {

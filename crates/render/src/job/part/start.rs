@@ -99,7 +99,11 @@ fn modes_of(
     let mut modes = [ColorMode::Rgb; LANES];
     if color == ColorModel::Spectral {
         let u = randoms.numbers(WAVELENGTH, wide);
-        at_level!(wide, draw_wavelengths, (u: &[f32; LANES] = &u, to: &mut [ColorMode; LANES] = &mut modes));
+        at_level!(
+            wide,
+            draw_wavelengths,
+            (u: &[f32; LANES] = &u, to: &mut [ColorMode; LANES] = &mut modes)
+        );
     }
     modes
 }

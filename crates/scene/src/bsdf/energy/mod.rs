@@ -389,7 +389,7 @@ pub(super) struct DielectricReflection {
 }
 
 impl DielectricReflection {
-    /// Seen from the side of lower index; `ior` is that of the other side over this one, at least 1.
+    /// Seen from the side of lower index; `ior` is the other side's over this one's, at least 1.
     pub(super) fn new(facets: Microfacets, ior: f32) -> Self {
         Self::at(facets, ior, indices(ior))
     }

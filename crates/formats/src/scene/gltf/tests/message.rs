@@ -57,7 +57,10 @@ fn dangling_references() {
 fn hierarchies_that_are_no_trees() {
     assert_snapshot!(message(r#""nodes": [{"children": [1]}, {"children": [0]}]"#), @"test.gltf:1:41: at /nodes/0: the node is its own descendant; nodes must form trees; export the file again, or see what the glTF validator says about it");
     assert_snapshot!(message(r#""nodes": [{"children": [2]}, {"children": [2]}, {}]"#), @"test.gltf:1:74: at /nodes/1/children/0: node 2 is a child already; a node has one parent at most; export the file again, or see what the glTF validator says about it");
-    assert_snapshot!(message(r#""nodes": [{"children": [1]}, {}], "scenes": [{"nodes": [0, 1]}]"#), @"test.gltf:1:90: at /scenes/0/nodes/1: node 1 is at the top of a scene, but is a child of another node; export the file again, or see what the glTF validator says about it");
+    assert_snapshot!(
+        message(r#""nodes": [{"children": [1]}, {}], "scenes": [{"nodes": [0, 1]}]"#),
+        @"test.gltf:1:90: at /scenes/0/nodes/1: node 1 is at the top of a scene, but is a child of another node; export the file again, or see what the glTF validator says about it"
+    );
 }
 
 #[test]
@@ -89,9 +92,18 @@ fn buffers() {
 fn accessors() {
     let positions = r#""attributes": {"POSITION": 0}"#;
     let of = |accessor: &str| primitive_message(positions, accessor);
-    assert_snapshot!(of(r#"{"componentType": 5126, "type": "VEC3", "count": 4, "bufferView": 0}"#), @"test.gltf:1:132: at /accessors/0: 4 elements of 12 bytes, 12 bytes apart, from byte 0 do not fit into the 36 bytes of the buffer view; export the file again, or see what the glTF validator says about it");
-    assert_snapshot!(of(r#"{"componentType": 5126, "type": "VEC2", "count": 3, "bufferView": 0}"#), @"test.gltf:1:132: at /accessors/0: its elements have 2 components, expected 3; export the file again, or see what the glTF validator says about it");
-    assert_snapshot!(of(r#"{"componentType": 5124, "type": "VEC3", "count": 3, "bufferView": 0}"#), @"test.gltf:1:150: at /accessors/0/componentType: 5124 is not a component type; expected one of 5120, 5121, 5122, 5123, 5125, 5126; export the file again, or see what the glTF validator says about it");
+    assert_snapshot!(
+        of(r#"{"componentType": 5126, "type": "VEC3", "count": 4, "bufferView": 0}"#),
+        @"test.gltf:1:132: at /accessors/0: 4 elements of 12 bytes, 12 bytes apart, from byte 0 do not fit into the 36 bytes of the buffer view; export the file again, or see what the glTF validator says about it"
+    );
+    assert_snapshot!(
+        of(r#"{"componentType": 5126, "type": "VEC2", "count": 3, "bufferView": 0}"#),
+        @"test.gltf:1:132: at /accessors/0: its elements have 2 components, expected 3; export the file again, or see what the glTF validator says about it"
+    );
+    assert_snapshot!(
+        of(r#"{"componentType": 5124, "type": "VEC3", "count": 3, "bufferView": 0}"#),
+        @"test.gltf:1:150: at /accessors/0/componentType: 5124 is not a component type; expected one of 5120, 5121, 5122, 5123, 5125, 5126; export the file again, or see what the glTF validator says about it"
+    );
     assert_snapshot!(of(r#"{"componentType": 5126, "type": "VEC3", "count": 4000000000}"#), @"test.gltf:1:132: at /accessors/0: the accessor declares 4000000000 elements without any data; at most 4194304 are possible so; export the file again, or see what the glTF validator says about it");
 }
 

@@ -18,8 +18,10 @@ impl Numbers {
     fn add(&mut self, kind: &str, width: usize, numbers: &[f32]) -> usize {
         let (offset, count) = (self.bytes.len(), numbers.len() / width);
         numbers.iter().for_each(|x| self.bytes.extend(x.to_le_bytes()));
-        self.accessors
-            .push(json!({"bufferView": 0, "byteOffset": offset, "componentType": 5126, "count": count, "type": kind}));
+        self.accessors.push(json!({
+            "bufferView": 0, "byteOffset": offset, "componentType": 5126, "count": count,
+            "type": kind,
+        }));
         self.accessors.len() - 1
     }
 }
@@ -32,7 +34,8 @@ fn file() -> Value {
     let (mut samplers, mut channels) = (Vec::new(), Vec::new());
     let mut change = |pointer: &str, kind: &str, keys: &[f32], interpolation: &str| {
         let output = numbers.add(kind, keys.len() / 2, keys);
-        let target = json!({"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": pointer}}});
+        let extensions = json!({"KHR_animation_pointer": {"pointer": pointer}});
+        let target = json!({"path": "pointer", "extensions": extensions});
         channels.push(json!({"sampler": samplers.len(), "target": target}));
         samplers.push(json!({"input": times, "output": output, "interpolation": interpolation}));
     };
@@ -42,14 +45,16 @@ fn file() -> Value {
     change("/materials/0/emissiveFactor", "VEC3", &[0.0, 0.0, 0.0, 1.0, 1.0, 1.0], "LINEAR");
     let strength = "/materials/0/extensions/KHR_materials_emissive_strength/emissiveStrength";
     change(strength, "SCALAR", &[2.0, 4.0], "LINEAR");
-    let offset = "/materials/0/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform/offset";
+    let offset = "/materials/0/pbrMetallicRoughness/baseColorTexture/extensions/\
+        KHR_texture_transform/offset";
     change(offset, "VEC2", &[0.0, 0.0, 1.0, 0.5], "LINEAR");
     change("/cameras/0/perspective/yfov", "SCALAR", &[0.5, 1.5], "LINEAR");
     change("/extensions/KHR_lights_punctual/lights/0/intensity", "SCALAR", &[1.0, 3.0], "LINEAR");
     change("/nodes/0/translation", "VEC3", &[0.0, 0.0, 0.0, 0.0, 4.0, 0.0], "LINEAR");
     change("/nodes/0/extensions/KHR_node_visibility/visible", "SCALAR", &[1.0, 0.0], "STEP");
     change("/asset/version", "SCALAR", &[1.0, 0.0], "STEP");
-    let image = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR4nGP4z8DwHwAFAAH/iZk9HQAAAABJRU5ErkJggg==";
+    let image = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR4nG\
+        P4z8DwHwAFAAH/iZk9HQAAAABJRU5ErkJggg==";
     let data = base64::engine::general_purpose::STANDARD.encode(&numbers.bytes);
     let length = numbers.bytes.len();
     json!({
@@ -161,8 +166,8 @@ fn pointers_into_nothing_are_warnings() {
         "/materials/-/a~1b",
     ] {
         let mut file = file();
-        file["animations"][0]["channels"][0]["target"]["extensions"]["KHR_animation_pointer"]["pointer"] =
-            pointer.into();
+        let target = &mut file["animations"][0]["channels"][0]["target"];
+        target["extensions"]["KHR_animation_pointer"]["pointer"] = pointer.into();
         let scene = read_text(&file.to_string()).expect("the file can be shown");
         assert!(scene.warnings.len() >= 2, "{pointer}: {:?}", scene.warnings);
         at(&scene, 1.0);
