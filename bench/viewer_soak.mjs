@@ -14,7 +14,10 @@ const { chromium } = createRequire(new URL("../web/package.json", import.meta.ur
 const MINUTES = Number(process.env.MINUTES ?? 10);
 const scene = process.argv[2] ?? "cornell-box";
 let seed = 1;
-const random = () => (seed = (seed * 1103515245 + 12345) % 2147483648) / 2147483648;
+const random = () => {
+  seed = (seed * 1103515245 + 12345) % 2147483648;
+  return seed / 2147483648;
+};
 
 const child = spawn(
   process.env.SNELL ?? "snell",

@@ -9,8 +9,8 @@
 // threads.
 
 import { spawn } from "node:child_process";
-import { loadavg } from "node:os";
 import { createRequire } from "node:module";
+import { loadavg } from "node:os";
 
 const { chromium } = createRequire(new URL("../web/package.json", import.meta.url))(
   "playwright-core",
@@ -38,7 +38,10 @@ async function measure(browser, scene) {
   });
   const url = await new Promise((resolve, reject) => {
     let text = "";
-    child.stdout.on("data", (data) => (text += data).includes("\n") && resolve(text.trim()));
+    child.stdout.on("data", (data) => {
+      text += data;
+      if (text.includes("\n")) resolve(text.trim());
+    });
     child.on("exit", (code) => reject(new Error(`snell view ended with ${code}`)));
   });
   child.removeAllListeners("exit");
@@ -90,7 +93,10 @@ async function measure(browser, scene) {
   scales.sort((a, b) => a - b);
   spent.sort((a, b) => a - b);
   await page.close();
-  await new Promise((resolve) => (child.on("exit", resolve), child.kill("SIGINT")));
+  await new Promise((resolve) => {
+    child.on("exit", resolve);
+    child.kill("SIGINT");
+  });
   const fps = frames.length / elapsed;
   console.log(
     `${scene}: served ${served.toFixed(0)} ms, first picture ${first.toFixed(0)} ms; ` +

@@ -1,6 +1,7 @@
 import { defineConfig } from "vite";
 
-// Three files with fixed names, which the server has inside its binary. No chunks, no hashes, no requests elsewhere.
+// Three files with fixed names, which the server has inside its binary. No chunks, no hashes, no
+// requests elsewhere.
 export default defineConfig({
   base: "./",
   esbuild: { jsx: "automatic", jsxImportSource: "preact" },
@@ -9,7 +10,11 @@ export default defineConfig({
     emptyOutDir: true,
     modulePreload: false,
     rollupOptions: {
-      output: { entryFileNames: "app.js", assetFileNames: "app[extname]", inlineDynamicImports: true },
+      output: {
+        entryFileNames: "app.js",
+        assetFileNames: "app[extname]",
+        inlineDynamicImports: true,
+      },
     },
   },
 });

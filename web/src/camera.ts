@@ -36,7 +36,10 @@ export function oriented(camera: Camera, towards: Vec3, up: Vec3): Camera {
   return { ...camera, towards: t, up: cross(r, t) };
 }
 
-/** How far the view may tilt from the horizon: not quite to the pole, where left and right would swap. */
+/**
+ * How far the view may tilt from the horizon: not quite to the pole, where left and right would
+ * swap.
+ */
 const MOST_TILT = Math.PI / 2 - 0.01;
 
 /** Turns the camera about the pivot: to the right by `yaw`, up by `pitch`, radians. */
@@ -68,7 +71,7 @@ export function move(rig: Rig, alongRight: number, alongUp: number, forward: num
   return { ...rig, camera: { ...camera, eye: add(camera.eye, step) }, pivot: add(rig.pivot, step) };
 }
 
-/** Moves the eye to the pivot: the distance is multiplied by `factor`. Parallel views grow instead. */
+/** Moves the eye to the pivot: the distance is multiplied by `factor`. Parallel views grow. */
 export function dolly(rig: Rig, factor: number): Rig {
   const { camera, pivot } = rig;
   const from = sub(camera.eye, pivot);
@@ -77,14 +80,21 @@ export function dolly(rig: Rig, factor: number): Rig {
     projection.projection === "orthographic"
       ? {
           ...projection,
-          half_size: (projection as { half_size: (number | null)[] }).half_size.map((s) => s && s * factor),
+          half_size: (projection as { half_size: (number | null)[] }).half_size.map(
+            (s) => s && s * factor,
+          ),
         }
       : projection;
   const ratio = length(from) > 0 ? factor : 1;
   const focus = camera.focus_distance * ratio;
   return {
     ...rig,
-    camera: { ...camera, eye: add(pivot, mul(from, ratio)), projection: scaled as Projection, focus_distance: focus },
+    camera: {
+      ...camera,
+      eye: add(pivot, mul(from, ratio)),
+      projection: scaled as Projection,
+      focus_distance: focus,
+    },
   };
 }
 
@@ -131,16 +141,27 @@ export function frameBall(rig: Rig, center: Vec3, radius: number, size: [number,
 }
 
 /** A view along an axis, of a ball. `direction` is where the camera looks. */
-export function preset(rig: Rig, direction: Vec3, center: Vec3, radius: number, size: [number, number]): Rig {
+export function preset(
+  rig: Rig,
+  direction: Vec3,
+  center: Vec3,
+  radius: number,
+  size: [number, number],
+): Rig {
   const vertical = Math.abs(dot(direction, rig.worldUp)) > 0.99;
-  const up: Vec3 = vertical ? (Math.abs(rig.worldUp[1]) > 0.5 ? [0, 0, -1] : [0, 1, 0]) : rig.worldUp;
+  const up: Vec3 = vertical
+    ? Math.abs(rig.worldUp[1]) > 0.5
+      ? [0, 0, -1]
+      : [0, 1, 0]
+    : rig.worldUp;
   return frameBall({ ...rig, camera: oriented(rig.camera, direction, up) }, center, radius, size);
 }
 
 /** The vertical angle of view in degrees, of perspective cameras. */
 export function fieldOfView(camera: Camera, size: [number, number]): number | null {
   if (camera.projection.projection !== "perspective") return null;
-  const [x, y] = (camera.projection as { tan_half_fov: [number | null, number | null] }).tan_half_fov;
+  const [x, y] = (camera.projection as { tan_half_fov: [number | null, number | null] })
+    .tan_half_fov;
   return (Math.atan(y ?? ((x ?? 1) * size[1]) / size[0]) * 360) / Math.PI;
 }
 
@@ -156,5 +177,9 @@ export function rigOf(camera: Camera, bounds: [Vec3, Vec3], worldUp: Vec3): Rig 
   const radius = length(sub(bounds[1], bounds[0])) / 2;
   const depth = dot(sub(center, camera.eye), camera.towards);
   const distance = depth > 0.01 * radius ? depth : Math.max(radius, 1e-3);
-  return { camera, worldUp: normalize(worldUp, [0, 1, 0]), pivot: add(camera.eye, mul(camera.towards, distance)) };
+  return {
+    camera,
+    worldUp: normalize(worldUp, [0, 1, 0]),
+    pivot: add(camera.eye, mul(camera.towards, distance)),
+  };
 }

@@ -91,7 +91,8 @@ export class Connection {
     }
     const frame = parseFrame(data);
     if (!frame) return;
-    // One after another: a picture that takes longer to decode must not cover the one that came after it.
+    // One after another: a picture that takes longer to decode must not cover the one that came
+    // after it.
     this.shown = this.shown
       .then(() => this.listener.frame(frame))
       .catch(reportError)

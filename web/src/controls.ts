@@ -24,7 +24,12 @@ export function presetDirection(direction: Vec3, up: Vec3): Vec3 {
 }
 
 const FLY: Record<string, Vec3> = {
-  KeyW: [0, 0, 1], KeyS: [0, 0, -1], KeyA: [-1, 0, 0], KeyD: [1, 0, 0], KeyE: [0, 1, 0], KeyQ: [0, -1, 0],
+  KeyW: [0, 0, 1],
+  KeyS: [0, 0, -1],
+  KeyA: [-1, 0, 0],
+  KeyD: [1, 0, 0],
+  KeyE: [0, 1, 0],
+  KeyQ: [0, -1, 0],
 };
 
 interface Point {
@@ -72,7 +77,12 @@ export function listen(element: HTMLElement, store: Store, actions: Actions): ()
     element.focus({ preventScroll: true });
     pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
     moved = 0;
-    mode = event.button === 1 || event.button === 2 || event.shiftKey ? "pan" : event.altKey ? "look" : "orbit";
+    mode =
+      event.button === 1 || event.button === 2 || event.shiftKey
+        ? "pan"
+        : event.altKey
+          ? "look"
+          : "orbit";
   };
   const moveTo = (event: PointerEvent): void => {
     at = { clientX: event.clientX, clientY: event.clientY };
@@ -87,12 +97,14 @@ export function listen(element: HTMLElement, store: Store, actions: Actions): ()
       pan(dx / 2, dy / 2);
       zoom(distance(before) / Math.max(1, distance(now)));
     } else if (mode === "pan") pan(dx, dy);
-    else if (mode === "look" || held.size > 0) store.setRig(look(store.rig, -dx * TURN * 0.5, dy * TURN * 0.5));
+    else if (mode === "look" || held.size > 0)
+      store.setRig(look(store.rig, -dx * TURN * 0.5, dy * TURN * 0.5));
     else store.setRig(orbit(store.rig, dx * TURN, -dy * TURN));
     pointers.set(event.pointerId, now);
   };
   const up = (event: PointerEvent): void => {
-    if (pointers.delete(event.pointerId) && moved < 4 && event.button === 0) actions.select(...inPicture(event));
+    if (pointers.delete(event.pointerId) && moved < 4 && event.button === 0)
+      actions.select(...inPicture(event));
   };
   const wheel = (event: WheelEvent): void => {
     event.preventDefault();
@@ -108,7 +120,9 @@ export function listen(element: HTMLElement, store: Store, actions: Actions): ()
         return;
       }
       const step = store.stride * Math.min(0.1, (now - last) / 1000);
-      const sum = [...held].map((code) => FLY[code]!).reduce((a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
+      const sum = [...held]
+        .map((code) => FLY[code])
+        .reduce((a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
       store.setRig(move(store.rig, sum[0] * step, sum[1] * step, sum[2] * step));
       fly(now);
     });
@@ -141,9 +155,14 @@ export function listen(element: HTMLElement, store: Store, actions: Actions): ()
     else if (event.key === "c") actions.compare();
     else if (event.key === "x" && at) actions.explain(...inPicture(at));
     else if (event.key.startsWith("Arrow") && store.rig) {
-      const [x, y] = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key]!;
+      const [x, y] = {
+        ArrowLeft: [-1, 0],
+        ArrowRight: [1, 0],
+        ArrowUp: [0, 1],
+        ArrowDown: [0, -1],
+      }[event.key]!;
       event.preventDefault();
-      store.setRig(orbit(store.rig, x! * 0.08, y! * 0.08));
+      store.setRig(orbit(store.rig, x * 0.08, y * 0.08));
     } else if (event.key === "+" || event.key === "=") zoom(0.9);
     else if (event.key === "-") zoom(1.1);
   };

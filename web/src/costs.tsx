@@ -24,28 +24,47 @@ const MEASURES: Record<string, (nodes: number, tests: number) => number> = {
 /** Reads what the server sends. */
 export function parseCosts(name: string, buffer: ArrayBuffer): CostMap {
   const words = new Uint32Array(buffer);
-  return { name, size: [words[0]!, words[1]!], counts: words.subarray(2) };
+  return { name, size: [words[0], words[1]], counts: words.subarray(2) };
 }
 
-/** From black over violet and orange to pale yellow: brighter is more, for any eyes. Smith's and van der Walt's inferno, in five steps. */
-const RAMP = [[0, 0, 4], [87, 16, 110], [188, 55, 84], [249, 142, 9], [252, 255, 164]];
+/**
+ * From black over violet and orange to pale yellow: brighter is more, for any eyes. Smith's and van
+ * der Walt's inferno, in five steps.
+ */
+const RAMP = [
+  [0, 0, 4],
+  [87, 16, 110],
+  [188, 55, 84],
+  [249, 142, 9],
+  [252, 255, 164],
+];
 
 export function heat(share: number): [number, number, number] {
   const x = Math.max(0, Math.min(0.9999, share)) * (RAMP.length - 1);
-  const [a, b] = [RAMP[Math.floor(x)]!, RAMP[Math.floor(x) + 1]!];
-  const mix = (i: number): number => Math.round(a[i]! + (b[i]! - a[i]!) * (x % 1));
+  const [a, b] = [RAMP[Math.floor(x)], RAMP[Math.floor(x) + 1]];
+  const mix = (i: number): number => Math.round(a[i] + (b[i] - a[i]) * (x % 1));
   return [mix(0), mix(1), mix(2)];
 }
 
 /** Mean of a measure over a map, and its value in nearly the dearest pixel. */
-export function statistics(map: CostMap, measure: (nodes: number, tests: number) => number): { mean: number; high: number } {
-  const values = Array.from({ length: map.counts.length / 2 }, (_, i) => measure(map.counts[2 * i]!, map.counts[2 * i + 1]!));
+export function statistics(
+  map: CostMap,
+  measure: (nodes: number, tests: number) => number,
+): { mean: number; high: number } {
+  const values = Array.from({ length: map.counts.length / 2 }, (_, i) =>
+    measure(map.counts[2 * i], map.counts[2 * i + 1]),
+  );
   values.sort((a, b) => a - b);
   const mean = values.reduce((sum, v) => sum + v, 0) / Math.max(1, values.length);
   return { mean, high: values[Math.floor(values.length * 0.99)] ?? 0 };
 }
 
-function Heat(props: { map: CostMap; measure: (nodes: number, tests: number) => number; low: number; most: number }): JSX.Element {
+function Heat(props: {
+  map: CostMap;
+  measure: (nodes: number, tests: number) => number;
+  low: number;
+  most: number;
+}): JSX.Element {
   const canvas = useRef<HTMLCanvasElement>(null);
   const { map, measure, low, most } = props;
   const { mean, high } = statistics(map, measure);
@@ -55,16 +74,29 @@ function Heat(props: { map: CostMap; measure: (nodes: number, tests: number) => 
     const image = new ImageData(map.size[0], map.size[1]);
     const [from, to] = [Math.log(Math.max(1, low)), Math.log(Math.max(2, most))];
     for (let i = 0; i < map.size[0] * map.size[1]; i++) {
-      const value = measure(map.counts[2 * i]!, map.counts[2 * i + 1]!);
-      image.data.set([...heat((Math.log(Math.max(1, value)) - from) / Math.max(1e-6, to - from)), 255], 4 * i);
+      const value = measure(map.counts[2 * i], map.counts[2 * i + 1]);
+      image.data.set(
+        [...heat((Math.log(Math.max(1, value)) - from) / Math.max(1e-6, to - from)), 255],
+        4 * i,
+      );
     }
     element.getContext("2d")!.putImageData(image, 0, 0);
   }, [map, measure, low, most]);
   const number = (x: number): string => Number(x.toPrecision(3)).toLocaleString("en");
   return (
     <figure class="journey">
-      <figcaption><strong>{map.name}</strong><span class="quiet">mean {number(mean)}, dearest {number(high)}</span></figcaption>
-      <canvas ref={canvas} class="heat" role="img" aria-label={`${map.name}: on the average ${number(mean)} a pixel`} />
+      <figcaption>
+        <strong>{map.name}</strong>
+        <span class="quiet">
+          mean {number(mean)}, dearest {number(high)}
+        </span>
+      </figcaption>
+      <canvas
+        ref={canvas}
+        class="heat"
+        role="img"
+        aria-label={`${map.name}: on the average ${number(mean)} a pixel`}
+      />
     </figure>
   );
 }
@@ -80,7 +112,9 @@ export function Costs(): JSX.Element {
       maps.value = [];
       failed.value = "";
       for (const name of choices.value?.accelerators ?? []) {
-        const response = await fetch(`cost?structure=${name}&width=${WIDTH}`, { signal: abort.signal });
+        const response = await fetch(`cost?structure=${name}&width=${WIDTH}`, {
+          signal: abort.signal,
+        });
         if (!response.ok) {
           failed.value = (await response.text()).trim();
           return;
@@ -91,7 +125,7 @@ export function Costs(): JSX.Element {
     ask().catch(() => {});
     return () => abort.abort();
   }, [command]);
-  const of = MEASURES[measure.value]!;
+  const of = MEASURES[measure.value];
   const highs = maps.value.map((m) => statistics(m, of).high);
   const [low, most] = [1, Math.max(2, ...highs)];
   const missing = (choices.value?.accelerators.length ?? 0) - maps.value.length;
@@ -99,18 +133,28 @@ export function Costs(): JSX.Element {
     <div class="explain" role="dialog" aria-label="acceleration structures compared">
       <header>
         <h2>What each pixel costs</h2>
-        <select aria-label="measure" value={measure.value} onChange={(e) => (measure.value = e.currentTarget.value)}>
-          {Object.keys(MEASURES).map((name) => <option>{name}</option>)}
+        <select
+          aria-label="measure"
+          value={measure.value}
+          onChange={(e) => (measure.value = e.currentTarget.value)}
+        >
+          {Object.keys(MEASURES).map((name) => (
+            <option>{name}</option>
+          ))}
         </select>
         <span class="scale" aria-hidden="true" />
-        <span class="quiet">{low} to {Number(most.toPrecision(3)).toLocaleString("en")} a camera ray, logarithmic</span>
+        <span class="quiet">
+          {low} to {Number(most.toPrecision(3)).toLocaleString("en")} a camera ray, logarithmic
+        </span>
         {missing > 0 && !failed.value && <span role="status">building {missing} more …</span>}
         {failed.value && <span role="status">{failed.value}</span>}
         <span class="space" />
         <button onClick={() => (costs.value = false)}>Close</button>
       </header>
       <div class="journeys maps">
-        {maps.value.map((map) => <Heat key={map.name} map={map} measure={of} low={low} most={most} />)}
+        {maps.value.map((map) => (
+          <Heat key={map.name} map={map} measure={of} low={low} most={most} />
+        ))}
       </div>
     </div>
   );

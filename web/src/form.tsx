@@ -23,7 +23,16 @@ const VECTORS = /position|direction|axes|center|lengths|eye|up|towards/;
 
 const toHex = (rgb: number[]): string => {
   const most = Math.max(1, ...rgb);
-  return "#" + rgb.map((v) => Math.round(linearToSrgb(Math.max(0, v / most)) * 255).toString(16).padStart(2, "0")).join("");
+  return (
+    "#" +
+    rgb
+      .map((v) =>
+        Math.round(linearToSrgb(Math.max(0, v / most)) * 255)
+          .toString(16)
+          .padStart(2, "0"),
+      )
+      .join("")
+  );
 };
 
 const fromHex = (hex: string, before: number[]): number[] => {
@@ -44,7 +53,17 @@ function NumberField({ label, value, path, change }: FieldProps & { value: numbe
   return (
     <label class="field">
       <span>{readable(label)}</span>
-      {unit && <input type="range" min="0" max="1" step="0.005" value={value} onInput={set} aria-label={readable(label)} />}
+      {unit && (
+        <input
+          type="range"
+          min="0"
+          max="1"
+          step="0.005"
+          value={value}
+          onInput={set}
+          aria-label={readable(label)}
+        />
+      )}
       <input type="number" step="any" value={value} onChange={set} aria-label={readable(label)} />
     </label>
   );
@@ -67,7 +86,12 @@ function ColorField({ label, value, path, change }: FieldProps & { value: number
           class="narrow"
           value={Number(v.toPrecision(4))}
           aria-label={`${readable(label)} ${"red green blue".split(" ")[i]}`}
-          onChange={(e) => change(path, value.map((old, j) => (j === i ? Number(e.currentTarget.value) : old)))}
+          onChange={(e) =>
+            change(
+              path,
+              value.map((old, j) => (j === i ? Number(e.currentTarget.value) : old)),
+            )
+          }
         />
       ))}
     </div>
@@ -82,7 +106,11 @@ export function Field(props: FieldProps): JSX.Element | null {
     return (
       <label class="field">
         <span>{readable(label)}</span>
-        <input type="checkbox" checked={value} onChange={(e) => change(path, e.currentTarget.checked)} />
+        <input
+          type="checkbox"
+          checked={value}
+          onChange={(e) => change(path, e.currentTarget.checked)}
+        />
       </label>
     );
   }
@@ -99,7 +127,12 @@ export function Field(props: FieldProps): JSX.Element | null {
               class="narrow"
               value={Number(v.toPrecision(6))}
               aria-label={`${readable(label)} ${i + 1}`}
-              onChange={(e) => change(path, value.map((old, j) => (j === i ? Number(e.currentTarget.value) : old)))}
+              onChange={(e) =>
+                change(
+                  path,
+                  value.map((old, j) => (j === i ? Number(e.currentTarget.value) : old)),
+                )
+              }
             />
           ) : (
             <em>{JSON.stringify(v)}</em>
@@ -118,7 +151,7 @@ export function Field(props: FieldProps): JSX.Element | null {
       <fieldset>
         <legend>{readable(label)}</legend>
         {keys.map((key) => (
-          <Field key={key} label={key} value={value[key]!} path={`${path}.${key}`} change={change} />
+          <Field key={key} label={key} value={value[key]} path={`${path}.${key}`} change={change} />
         ))}
       </fieldset>
     );

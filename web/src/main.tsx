@@ -1,13 +1,30 @@
 // The page: the picture, a bar above, a panel beside, numbers below.
 
 import { useSignal, useSignalEffect } from "@preact/signals";
-import { render, type JSX } from "preact";
+import { type ComponentChildren, type JSX, render } from "preact";
 import { useEffect, useRef } from "preact/hooks";
+import { listen, PRESETS, presetDirection } from "./controls";
 import { Costs } from "./costs";
 import { Explain } from "./explain";
-import { listen, PRESETS, presetDirection } from "./controls";
 import { Panel } from "./panels";
-import { busy, choices, comparing, connected, costs, focusing, gallery, notices, numbers, picked, pickedPixel, scene, steering, steers, Store, view } from "./store";
+import {
+  busy,
+  choices,
+  comparing,
+  connected,
+  costs,
+  focusing,
+  gallery,
+  notices,
+  numbers,
+  picked,
+  pickedPixel,
+  Store,
+  scene,
+  steering,
+  steers,
+  view,
+} from "./store";
 import "./style.css";
 
 const socketUrl = new URL("ws", document.baseURI);
@@ -55,7 +72,17 @@ function Stage(): JSX.Element {
     reference.style.clipPath = `inset(0 ${100 - split.value}% 0 0)`;
   });
   return (
-    <div class="stage" ref={box} tabIndex={0} role="application" aria-label="the picture: drag to turn, wheel to come closer, double-click to focus, ? for all keys">
+    <div
+      class="stage"
+      ref={box}
+      // biome-ignore lint/a11y/noNoninteractiveTabindex: an application takes keys
+      tabIndex={0}
+      role="application"
+      aria-label={
+        "the picture: drag to turn, wheel to come closer, double-click to focus, " +
+        "? for all keys"
+      }
+    >
       {comparing.value && (
         <input
           class="split"
@@ -69,8 +96,16 @@ function Stage(): JSX.Element {
           onInput={(e) => (split.value = Number(e.currentTarget.value))}
         />
       )}
-      {busy.value && <p class="busy" role="status">{busy.value} …</p>}
-      {!connected.value && <p class="busy" role="status">No connection to the server; trying again …</p>}
+      {busy.value && (
+        <p class="busy" role="status">
+          {busy.value} …
+        </p>
+      )}
+      {!connected.value && (
+        <p class="busy" role="status">
+          No connection to the server; trying again …
+        </p>
+      )}
     </div>
   );
 }
@@ -103,11 +138,21 @@ async function copyCommand(): Promise<void> {
   }
 }
 
-/** Menus close when something in them is chosen. */
-const close = (event: JSX.TargetedEvent<HTMLElement>): void => {
-  const details = event.currentTarget.closest("details");
-  if (details) details.open = false;
-};
+/** A menu of buttons in the bar. It closes when one of them is chosen. */
+function Menu(props: { name: string; class?: string; children: ComponentChildren }): JSX.Element {
+  const close = (event: JSX.TargetedEvent<HTMLElement>): void => {
+    const details = event.currentTarget.closest("details");
+    if (details) details.open = false;
+  };
+  return (
+    <details class={`menu ${props.class ?? ""}`}>
+      <summary>{props.name}</summary>
+      {/* biome-ignore lint/a11y/useKeyWithClickEvents: its buttons have keys */}
+      {/* biome-ignore lint/a11y/noStaticElementInteractions: its buttons have keys */}
+      <div onClick={close}>{props.children}</div>
+    </details>
+  );
+}
 
 function Bar(): JSX.Element {
   const file = useRef<HTMLInputElement>(null);
@@ -116,18 +161,17 @@ function Bar(): JSX.Element {
   return (
     <header class="bar" role="toolbar" aria-label="scene">
       <strong class="logo">Snell</strong>
-      <details class="menu">
-        <summary>{scene.value?.name || "no scene"}</summary>
-        <div onClick={close}>
-          <button onClick={() => file.current?.click()}>Open a file …</button>
-          <button onClick={() => store.send({ type: "reload" })}>Read again</button>
-          <hr />
-          <button onClick={() => (gallery.value = true)}>Gallery …</button>
-          {choices.value?.scenes.map(({ name }) => (
-            <button onClick={() => void store.open(`builtin=${encodeURIComponent(name)}`)}>{name}</button>
-          ))}
-        </div>
-      </details>
+      <Menu name={scene.value?.name || "no scene"}>
+        <button onClick={() => file.current?.click()}>Open a file …</button>
+        <button onClick={() => store.send({ type: "reload" })}>Read again</button>
+        <hr />
+        <button onClick={() => (gallery.value = true)}>Gallery …</button>
+        {choices.value?.scenes.map(({ name }) => (
+          <button onClick={() => void store.open(`builtin=${encodeURIComponent(name)}`)}>
+            {name}
+          </button>
+        ))}
+      </Menu>
       <input
         ref={file}
         type="file"
@@ -151,38 +195,67 @@ function Bar(): JSX.Element {
           if (!chosen) return;
           store.picture.keepFile(chosen).then(
             () => (comparing.value = true),
-            () => store.notice(`${chosen.name}: the browser cannot read this picture; PNG, JPEG and WebP it can`),
+            () =>
+              store.notice(
+                `${chosen.name}: the browser cannot read this picture; PNG, JPEG and WebP it can`,
+              ),
           );
         }}
       />
-      <details class="menu">
-        <summary>View</summary>
-        <div onClick={close}>
-          <button onClick={() => reference.current?.click()}>Compare with a picture …</button>
-          <button onClick={() => store.frameAll()}>Frame all <kbd>F</kbd></button>
-          {PRESETS.map((p) => (
-            <button onClick={() => store.look(presetDirection(p.direction, store.rig?.worldUp ?? [0, 1, 0]))}>
-              {p.name} <kbd>{p.key}</kbd>
-            </button>
-          ))}
-        </div>
-      </details>
-      <button disabled={!history[0]} onClick={() => store.send({ type: "undo" })} title="Undo (Ctrl+Z)">Undo</button>
-      <button disabled={!history[1]} onClick={() => store.send({ type: "redo" })} title="Redo (Ctrl+Shift+Z)">Redo</button>
-      <button aria-pressed={comparing.value} onClick={toggleCompare} title="Keep this picture and compare (C)">A | B</button>
+      <Menu name="View">
+        <button onClick={() => reference.current?.click()}>Compare with a picture …</button>
+        <button onClick={() => store.frameAll()}>
+          Frame all <kbd>F</kbd>
+        </button>
+        {PRESETS.map((p) => (
+          <button
+            onClick={() =>
+              store.look(presetDirection(p.direction, store.rig?.worldUp ?? [0, 1, 0]))
+            }
+          >
+            {p.name} <kbd>{p.key}</kbd>
+          </button>
+        ))}
+      </Menu>
+      <button
+        disabled={!history[0]}
+        onClick={() => store.send({ type: "undo" })}
+        title="Undo (Ctrl+Z)"
+      >
+        Undo
+      </button>
+      <button
+        disabled={!history[1]}
+        onClick={() => store.send({ type: "redo" })}
+        title="Redo (Ctrl+Shift+Z)"
+      >
+        Redo
+      </button>
+      <button
+        aria-pressed={comparing.value}
+        onClick={toggleCompare}
+        title="Keep this picture and compare (C)"
+      >
+        A | B
+      </button>
       <span class="space" />
-      {!steers.value && <button class="accent" onClick={() => store.send({ type: "steer" })}>Take over</button>}
+      {!steers.value && (
+        <button class="accent" onClick={() => store.send({ type: "steer" })}>
+          Take over
+        </button>
+      )}
       {steering.value.watching > 1 && <span class="quiet">{steering.value.watching} watch</span>}
-      <details class="menu right">
-        <summary>Save</summary>
-        <div onClick={close}>
-          <button onClick={() => void save("png")}>PNG, as shown</button>
-          <button onClick={() => void save("exr")}>OpenEXR, linear</button>
-          <button onClick={() => void copyCommand()}>Copy the command</button>
-        </div>
-      </details>
-      <button onClick={() => showsPanel.current()} title="Panel (P)">Panel</button>
-      <button onClick={() => showsHelp.current()} title="Keys (?)" aria-label="keys">?</button>
+      <Menu name="Save" class="right">
+        <button onClick={() => void save("png")}>PNG, as shown</button>
+        <button onClick={() => void save("exr")}>OpenEXR, linear</button>
+        <button onClick={() => void copyCommand()}>Copy the command</button>
+      </Menu>
+      <button onClick={() => showsPanel.current()} title="Panel (P)">
+        Panel
+      </button>
+      <button onClick={() => showsHelp.current()} title="Keys (?)" aria-label="keys">
+        ?
+      </button>
     </header>
   );
 }
@@ -199,8 +272,18 @@ function Gallery(): JSX.Element {
       </header>
       <div class="cards">
         {choices.value?.scenes.map(({ name, description }) => (
-          <button class="card" aria-label={name} onClick={() => void store.open(`builtin=${encodeURIComponent(name)}`)}>
-            <img src={`thumbnail?scene=${encodeURIComponent(name)}`} alt="" width="288" height="180" loading="lazy" />
+          <button
+            class="card"
+            aria-label={name}
+            onClick={() => void store.open(`builtin=${encodeURIComponent(name)}`)}
+          >
+            <img
+              src={`thumbnail?scene=${encodeURIComponent(name)}`}
+              alt=""
+              width="288"
+              height="180"
+              loading="lazy"
+            />
             <strong>{name}</strong>
             <small class="quiet">{description}</small>
           </button>
@@ -225,15 +308,21 @@ function Status(): JSX.Element {
         </>
       ) : (
         <>
-          <span data-testid="samples">{n.samples} of {n.wanted} samples</span>
+          <span data-testid="samples">
+            {n.samples} of {n.wanted} samples
+          </span>
           {Number.isFinite(n.noise) && <span>noise {percent(n.noise)}</span>}
           <span>{n.seconds.toFixed(1)} s</span>
         </>
       )}
       <span class="space" />
-      <span>{n.size[0]} × {n.size[1]}</span>
+      <span>
+        {n.size[0]} × {n.size[1]}
+      </span>
       {scene.value && <span>{scene.value.triangles.toLocaleString("en")} triangles</span>}
-      {!moving && n.wanted > 0 && <progress max={n.wanted} value={n.samples} aria-label="samples" />}
+      {!moving && n.wanted > 0 && (
+        <progress max={n.wanted} value={n.samples} aria-label="samples" />
+      )}
     </footer>
   );
 }
@@ -263,11 +352,18 @@ function Help(props: { close(): void }): JSX.Element {
       <table>
         <tbody>
           {KEYS.map(([key, what]) => (
-            <tr><th><kbd>{key}</kbd></th><td>{what}</td></tr>
+            <tr>
+              <th>
+                <kbd>{key}</kbd>
+              </th>
+              <td>{what}</td>
+            </tr>
           ))}
         </tbody>
       </table>
-      <form method="dialog"><button>Close</button></form>
+      <form method="dialog">
+        <button>Close</button>
+      </form>
     </dialog>
   );
 }
@@ -290,7 +386,9 @@ function App(): JSX.Element {
         e.preventDefault();
         dropping.value = true;
       }}
-      onDragLeave={(e) => e.relatedTarget === null && (dropping.value = false)}
+      onDragLeave={(e) => {
+        if (e.relatedTarget === null) dropping.value = false;
+      }}
       onDrop={drop}
     >
       <Bar />
@@ -308,7 +406,12 @@ function App(): JSX.Element {
         {notices.value.map((n) => (
           <p key={n.id}>
             {n.text}
-            <button aria-label="dismiss" onClick={() => (notices.value = notices.value.filter((m) => m.id !== n.id))}>×</button>
+            <button
+              aria-label="dismiss"
+              onClick={() => (notices.value = notices.value.filter((m) => m.id !== n.id))}
+            >
+              ×
+            </button>
           </p>
         ))}
       </div>

@@ -1,7 +1,7 @@
 // The canvas: shows frames, and shows them again when only the display changes.
 
 import type { Frame } from "./connection";
-import { toDisplay, type Display } from "./tonemap";
+import { type Display, toDisplay } from "./tonemap";
 
 export class Picture {
   readonly canvas = document.createElement("canvas");

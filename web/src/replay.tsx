@@ -1,6 +1,7 @@
-// The way of a ray through acceleration structures, side by side in 3D: what each looks at, in order.
+// The way of a ray through acceleration structures, side by side in 3D: what each looks at, in
+// order.
 
-import { useSignal, useSignalEffect, type Signal } from "@preact/signals";
+import { type Signal, useSignal, useSignalEffect } from "@preact/signals";
 import type { JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import type { JourneyReport, Report, StopReport } from "./protocol.gen";
@@ -28,7 +29,8 @@ const SECONDS = 8;
 const EDGES: [number, number][] = [];
 for (let a = 0; a < 8; a++) for (const bit of [1, 2, 4]) if (!(a & bit)) EDGES.push([a, a | bit]);
 
-const counted = (n: number, what: string): string => `${n.toLocaleString("en")} ${what}${n === 1 ? "" : "s"}`;
+const counted = (n: number, what: string): string =>
+  `${n.toLocaleString("en")} ${what}${n === 1 ? "" : "s"}`;
 
 /** Lines that show a place, in world space. */
 export function outline(stop: Pick<StopReport, "kind" | "center" | "axes">): Vec3[][] {
@@ -48,7 +50,9 @@ export function outline(stop: Pick<StopReport, "kind" | "center" | "axes">): Vec
       ];
     }
     default:
-      return EDGES.map(([a, b]) => [a, b].map((n) => at(n & 1 ? 1 : -1, n & 2 ? 1 : -1, n & 4 ? 1 : -1)));
+      return EDGES.map(([a, b]) =>
+        [a, b].map((n) => at(n & 1 ? 1 : -1, n & 2 ? 1 : -1, n & 4 ? 1 : -1)),
+      );
   }
 }
 
@@ -56,7 +60,8 @@ export function outline(stop: Pick<StopReport, "kind" | "center" | "axes">): Vec
 export function stageOf(report: Report, up: Vec3): Stage {
   const points = report.cloud as Vec3[];
   const all = points.length > 0 ? points : (report.bounds as Vec3[]);
-  const middle = (axis: number): number => all.map((p) => p[axis]!).sort((a, b) => a - b)[Math.floor(all.length / 2)]!;
+  const middle = (axis: number): number =>
+    all.map((p) => p[axis]).sort((a, b) => a - b)[Math.floor(all.length / 2)];
   const center: Vec3 = [middle(0), middle(1), middle(2)];
   const distances = all.map((p) => length(sub(p, center))).sort((a, b) => a - b);
   const radius = 1.3 * (distances[Math.floor(distances.length * 0.7)] ?? 0) || 1;
@@ -64,10 +69,19 @@ export function stageOf(report: Report, up: Vec3): Stage {
 }
 
 /** A point of the world on a canvas. */
-function projector(stage: Stage, look: Look, width: number, height: number): (p: Vec3) => [number, number] {
+function projector(
+  stage: Stage,
+  look: Look,
+  width: number,
+  height: number,
+): (p: Vec3) => [number, number] {
   const flat: Vec3 = Math.abs(stage.up[1]) > 0.5 ? [0, 0, 1] : [0, -1, 0];
   const towards = rotate(flat, stage.up, look.yaw);
-  const right: Vec3 = rotate(Math.abs(stage.up[1]) > 0.5 ? [1, 0, 0] : [1, 0, 0], stage.up, look.yaw);
+  const right: Vec3 = rotate(
+    Math.abs(stage.up[1]) > 0.5 ? [1, 0, 0] : [1, 0, 0],
+    stage.up,
+    look.yaw,
+  );
   const back = rotate(towards, right, -look.pitch);
   const top = rotate(stage.up, right, -look.pitch);
   const scale = ((0.42 * Math.min(width, height)) / stage.radius) * look.zoom;
@@ -78,7 +92,13 @@ function projector(stage: Stage, look: Look, width: number, height: number): (p:
   };
 }
 
-function draw(canvas: HTMLCanvasElement, stage: Stage, look: Look, journey: JourneyReport, step: number): void {
+function draw(
+  canvas: HTMLCanvasElement,
+  stage: Stage,
+  look: Look,
+  journey: JourneyReport,
+  step: number,
+): void {
   const ratio = devicePixelRatio;
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
   if (width === 0) return;
@@ -93,7 +113,11 @@ function draw(canvas: HTMLCanvasElement, stage: Stage, look: Look, journey: Jour
     context.lineWidth = lineWidth;
     context.setLineDash(dash);
     context.beginPath();
-    for (const path of paths) path.forEach((p, i) => (i === 0 ? context.moveTo(...project(p)) : context.lineTo(...project(p))));
+    for (const path of paths)
+      path.forEach((p, i) => {
+        if (i === 0) context.moveTo(...project(p));
+        else context.lineTo(...project(p));
+      });
     context.stroke();
   };
 
@@ -118,26 +142,44 @@ function draw(canvas: HTMLCanvasElement, stage: Stage, look: Look, journey: Jour
   const far = (v: { origin: number[]; direction: number[] }): Vec3 =>
     add(v.origin as Vec3, mul(v.direction as Vec3, stage.radius * 2));
   context.globalAlpha = 0.45;
-  for (const v of vertices.slice(1)) lines([[v.origin as Vec3, (v.position as Vec3 | null) ?? far(v)]], color("--path"), 1);
+  for (const v of vertices.slice(1))
+    lines([[v.origin as Vec3, (v.position as Vec3 | null) ?? far(v)]], color("--path"), 1);
   for (const light of vertices.flatMap((v) => v.lights)) {
     const end = (light.end as Vec3 | null) ?? far(light);
-    lines([[light.origin as Vec3, end]], color(light.is_blocked ? "--blocked" : "--light"), 1, light.is_blocked ? [3, 3] : []);
+    lines(
+      [[light.origin as Vec3, end]],
+      color(light.is_blocked ? "--blocked" : "--light"),
+      1,
+      light.is_blocked ? [3, 3] : [],
+    );
   }
   context.globalAlpha = 1;
-  lines([[first.origin as Vec3, (first.position as Vec3 | null) ?? far(first)]], color("--ray"), 1.6);
+  lines(
+    [[first.origin as Vec3, (first.position as Vec3 | null) ?? far(first)]],
+    color("--ray"),
+    1.6,
+  );
   context.setLineDash([]);
   const [ex, ey] = project(first.origin as Vec3);
   context.fillStyle = color("--ray");
   context.fillRect(ex - 2.5, ey - 2.5, 5, 5);
   if (journey.distance !== null && step >= journey.stops.length) {
-    const [x, y] = project(add(first.origin as Vec3, mul(first.direction as Vec3, journey.distance)));
+    const [x, y] = project(
+      add(first.origin as Vec3, mul(first.direction as Vec3, journey.distance)),
+    );
     context.beginPath();
     context.arc(x, y, 3.5, 0, 7);
     context.fill();
   }
 }
 
-function One(props: { stage: Stage; look: Signal<Look>; step: Signal<number>; journey: JourneyReport; most: number }): JSX.Element {
+function One(props: {
+  stage: Stage;
+  look: Signal<Look>;
+  step: Signal<number>;
+  journey: JourneyReport;
+  most: number;
+}): JSX.Element {
   const { stage, look, step, journey } = props;
   const canvas = useRef<HTMLCanvasElement>(null);
   const size = useSignal(0);
@@ -155,29 +197,49 @@ function One(props: { stage: Stage; look: Signal<Look>; step: Signal<number>; jo
   const drag = (event: PointerEvent): void => {
     if (event.buttons === 0) return;
     const { yaw, pitch, zoom } = look.value;
-    look.value = { yaw: yaw - event.movementX * 0.01, pitch: Math.max(-1.5, Math.min(1.5, pitch + event.movementY * 0.01)), zoom };
+    look.value = {
+      yaw: yaw - event.movementX * 0.01,
+      pitch: Math.max(-1.5, Math.min(1.5, pitch + event.movementY * 0.01)),
+      zoom,
+    };
   };
   return (
     <figure class="journey">
       <figcaption>
         <strong>{journey.accelerator}</strong>
         <span class="quiet">
-          {[counted(journey.nodes, "node"), counted(journey.cells, "cell"), counted(journey.primitives, "test")].filter((t) => !t.startsWith("0")).join(", ")}
+          {[
+            counted(journey.nodes, "node"),
+            counted(journey.cells, "cell"),
+            counted(journey.primitives, "test"),
+          ]
+            .filter((t) => !t.startsWith("0"))
+            .join(", ")}
         </span>
       </figcaption>
       <canvas
         ref={canvas}
         role="img"
-        aria-label={`${journey.accelerator}: ${journey.nodes} nodes, ${journey.cells} cells, ${journey.primitives} tests`}
+        aria-label={
+          `${journey.accelerator}: ${journey.nodes} nodes, ${journey.cells} cells, ` +
+          `${journey.primitives} tests`
+        }
         onPointerDown={(e) => e.currentTarget.setPointerCapture(e.pointerId)}
         onPointerMove={drag}
         onWheel={(e) => {
           e.preventDefault();
-          look.value = { ...look.value, zoom: Math.max(0.2, Math.min(40, look.value.zoom * Math.exp(-e.deltaY * 0.001))) };
+          look.value = {
+            ...look.value,
+            zoom: Math.max(0.2, Math.min(40, look.value.zoom * Math.exp(-e.deltaY * 0.001))),
+          };
         }}
       />
       <small class={isDone ? "end" : ""}>
-        {isDone ? (journey.distance === null ? "nothing hit" : `hit after ${counted(journey.stops.length, "stop")}`) : `stop ${step.value} of ${journey.stops.length}`}
+        {isDone
+          ? journey.distance === null
+            ? "nothing hit"
+            : `hit after ${counted(journey.stops.length, "stop")}`
+          : `stop ${step.value} of ${journey.stops.length}`}
         {!isDone && now && now.tested > 0 && `, ${tested} tested`}
         {journey.left_out > 0 && ` and ${journey.left_out} more`}
       </small>
@@ -214,7 +276,9 @@ export function Replay(props: { report: Report; up: Vec3; askAll?: () => void })
   return (
     <section class="replay" aria-label="the ray's way through acceleration structures">
       <div class="controls">
-        <button class="accent" onClick={() => (playing.value = !playing.value)}>{playing.value ? "Pause" : "Replay"}</button>
+        <button class="accent" onClick={() => (playing.value = !playing.value)}>
+          {playing.value ? "Pause" : "Replay"}
+        </button>
         <input
           type="range"
           min="0"
@@ -227,12 +291,24 @@ export function Replay(props: { report: Report; up: Vec3; askAll?: () => void })
             step.value = Number(e.currentTarget.value);
           }}
         />
-        <span class="legend"><i class="node" /> node <i class="leaf" /> leaf or cell <i class="ray" /> ray <i class="light" /> light</span>
-        {props.askAll && report.journeys.length === 1 && <button onClick={props.askAll}>Build the others too</button>}
+        <span class="legend">
+          <i class="node" /> node <i class="leaf" /> leaf or cell <i class="ray" /> ray{" "}
+          <i class="light" /> light
+        </span>
+        {props.askAll && report.journeys.length === 1 && (
+          <button onClick={props.askAll}>Build the others too</button>
+        )}
       </div>
       <div class="journeys">
         {report.journeys.map((journey) => (
-          <One key={journey.accelerator} stage={stage} look={look} step={step} journey={journey} most={most} />
+          <One
+            key={journey.accelerator}
+            stage={stage}
+            look={look}
+            step={step}
+            journey={journey}
+            most={most}
+          />
         ))}
       </div>
     </section>

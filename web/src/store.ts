@@ -1,10 +1,18 @@
 // What the page knows, as signals, and what it can do.
 
 import { computed, signal } from "@preact/signals";
-import { frameBall, move, preset, rigOf, type Camera, type Rig } from "./camera";
+import { type Camera, frameBall, move, preset, type Rig, rigOf } from "./camera";
 import { Connection, type Frame } from "./connection";
-import type { Choices, PickedHit, Report, SceneInfo, ToPage, ToServer, ViewInfo } from "./protocol.gen";
 import { Picture } from "./picture";
+import type {
+  Choices,
+  PickedHit,
+  Report,
+  SceneInfo,
+  ToPage,
+  ToServer,
+  ViewInfo,
+} from "./protocol.gen";
 import { add, length, mul, sub, type Vec3 } from "./vec";
 
 export interface Notice {
@@ -28,11 +36,22 @@ export const connected = signal(false);
 export const choices = signal<Choices | null>(null);
 export const scene = signal<SceneInfo | null>(null);
 export const view = signal<ViewInfo | null>(null);
-export const steering = signal<{ client: number; watching: number; me: number }>({ client: 0, watching: 0, me: 0 });
+export const steering = signal<{ client: number; watching: number; me: number }>({
+  client: 0,
+  watching: 0,
+  me: 0,
+});
 export const notices = signal<Notice[]>([]);
 export const busy = signal("");
 export const numbers = signal<Numbers>({
-  samples: 0, wanted: 0, seconds: 0, noise: NaN, size: [0, 0], scale: 1, framesPerSecond: 0, latency: 0,
+  samples: 0,
+  wanted: 0,
+  seconds: 0,
+  noise: NaN,
+  size: [0, 0],
+  scale: 1,
+  framesPerSecond: 0,
+  latency: 0,
 });
 export const picked = signal<PickedHit | null>(null);
 /** The pixel that was picked. */
@@ -48,7 +67,9 @@ export const costs = signal(false);
 export const exposure = signal(0);
 export const tonemap = signal("none");
 export const comparing = signal(false);
-export const steers = computed(() => steering.value.client === steering.value.me || steering.value.client === 0);
+export const steers = computed(
+  () => steering.value.client === steering.value.me || steering.value.client === 0,
+);
 
 /** Frames are counted over this long. */
 const RATE_WINDOW = 1000;
@@ -119,7 +140,11 @@ export class Store {
     exposure.value = next.exposure ?? exposure.value;
     tonemap.value = next.tonemap ?? tonemap.value;
     this.send({ type: "display", exposure: exposure.value, tonemap: tonemap.value });
-    this.picture.display = { exposure: exposure.value, tonemap: tonemap.value, srgb: view.value?.srgb ?? true };
+    this.picture.display = {
+      exposure: exposure.value,
+      tonemap: tonemap.value,
+      srgb: view.value?.srgb ?? true,
+    };
     this.picture.redraw();
   }
 
@@ -146,12 +171,22 @@ export class Store {
     const hit = await this.pick(x, y);
     if (!hit || !this.rig) return;
     const { camera } = this.rig;
-    const depth = sub(hit.position, camera.eye).reduce((sum, v, i) => sum + v * camera.towards[i]!, 0);
-    this.setRig({ ...this.rig, pivot: turns ? hit.position : this.rig.pivot, camera: { ...camera, focus_distance: Math.max(depth, 1e-6) } });
+    const depth = sub(hit.position, camera.eye).reduce(
+      (sum, v, i) => sum + v * camera.towards[i],
+      0,
+    );
+    this.setRig({
+      ...this.rig,
+      pivot: turns ? hit.position : this.rig.pivot,
+      camera: { ...camera, focus_distance: Math.max(depth, 1e-6) },
+    });
   }
 
   private ball(): [Vec3, number] {
-    const bounds = scene.value?.bounds ?? [[-1, -1, -1], [1, 1, 1]];
+    const bounds = scene.value?.bounds ?? [
+      [-1, -1, -1],
+      [1, 1, 1],
+    ];
     const [low, high] = bounds as [Vec3, Vec3];
     return [mul(add(low, high), 0.5), length(sub(high, low)) / 2];
   }
@@ -246,7 +281,11 @@ export class Store {
     const [info, now] = [scene.value, view.value];
     if (!info || !now) return;
     if (!this.rig || !steers.value) {
-      this.rig = rigOf(now.camera, info.bounds as [Vec3, Vec3], this.rig?.worldUp ?? (info.up as Vec3));
+      this.rig = rigOf(
+        now.camera,
+        info.bounds as [Vec3, Vec3],
+        this.rig?.worldUp ?? (info.up as Vec3),
+      );
     }
   }
 
@@ -258,10 +297,18 @@ export class Store {
     for (const seq of this.sent.keys()) if (seq <= frame.seq) this.sent.delete(seq);
     this.generation = Math.max(this.generation, frame.generation);
     // For bench/viewer_speed.mjs, which makes the list.
-    const list = (window as unknown as { snellFrames?: { latency: number; scale: number; milliseconds: number }[] }).snellFrames;
+    const list = (
+      window as unknown as {
+        snellFrames?: { latency: number; scale: number; milliseconds: number }[];
+      }
+    ).snellFrames;
     if (frame.wanted === 0) {
       const latency = start === undefined ? -1 : now - start;
-      list?.push({ latency, scale: frame.size[0] / this.size[0], milliseconds: frame.milliseconds });
+      list?.push({
+        latency,
+        scale: frame.size[0] / this.size[0],
+        milliseconds: frame.milliseconds,
+      });
     }
     numbers.value = {
       samples: frame.samples,

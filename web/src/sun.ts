@@ -2,7 +2,10 @@
 
 import { add, cross, dot, mul, normalize, type Vec3 } from "./vec";
 
-/** Degrees: `height` over the horizon, `side` from ahead (-z, or +y where z is up) to the left, seen from above. */
+/**
+ * Degrees: `height` over the horizon, `side` from ahead (-z, or +y where z is up) to the left, seen
+ * from above.
+ */
 export interface SunPosition {
   height: number;
   side: number;

@@ -1,4 +1,5 @@
-// From scene-linear half floats to display bytes, as the server does it (crates/formats/src/image/tonemap.rs).
+// From scene-linear half floats to display bytes, as the server does it
+// (crates/formats/src/image/tonemap.rs).
 
 export interface Display {
   exposure: number;
@@ -28,14 +29,22 @@ export function linearToSrgb(x: number): number {
 type Matrix = readonly (readonly [number, number, number])[];
 
 function multiply(m: Matrix, v: number[], out: number[]): void {
-  for (let i = 0; i < 3; i++) out[i] = m[i]![0] * v[0]! + m[i]![1] * v[1]! + m[i]![2] * v[2]!;
+  for (let i = 0; i < 3; i++) out[i] = m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2];
 }
 
 /** Stephen Hill's fit of the ACES transforms. */
 const ACES: [Matrix, (v: number) => number, Matrix] = [
-  [[0.59719, 0.35458, 0.04823], [0.076, 0.90834, 0.01566], [0.0284, 0.13383, 0.83777]],
+  [
+    [0.59719, 0.35458, 0.04823],
+    [0.076, 0.90834, 0.01566],
+    [0.0284, 0.13383, 0.83777],
+  ],
   (v) => (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.432951) + 0.238081),
-  [[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]],
+  [
+    [1.60475, -0.53108, -0.07367],
+    [-0.10208, 1.10813, -0.00605],
+    [-0.00327, -0.07276, 1.07602],
+  ],
 ];
 
 const AGX_TERMS = [-0.00232, 0.1191, 0.4298, -6.868, 31.96, -40.14, 15.5];
@@ -48,7 +57,9 @@ const AGX: [Matrix, (v: number) => number, Matrix] = [
     [0.0423756549057051, 0.0784336, 0.879142973793104],
   ],
   (v) => {
-    const x = (Math.max(-12.47393, Math.min(4.026069, Math.log2(Math.max(v, 1e-38)))) + 12.47393) / 16.499999;
+    const x =
+      (Math.max(-12.47393, Math.min(4.026069, Math.log2(Math.max(v, 1e-38)))) + 12.47393) /
+      16.499999;
     return AGX_TERMS.reduceRight((sum, c) => sum * x + c, 0);
   },
   [
@@ -75,31 +86,37 @@ export function toDisplay(halves: Uint16Array, out: Uint8ClampedArray, display: 
   const curves = display.tonemap === "aces" ? ACES : display.tonemap === "agx" ? AGX : null;
   if (!curves) {
     const table = new Uint8Array(65536);
-    for (let i = 0; i < 65536; i++) table[i] = byte(VALUES[i]! * gain, display.srgb);
+    for (let i = 0; i < 65536; i++) table[i] = byte(VALUES[i] * gain, display.srgb);
     for (let i = 0, a = 0, b = 0; i < pixels; i++, a += 3, b += 4) {
-      out[b] = table[halves[a]!]!;
-      out[b + 1] = table[halves[a + 1]!]!;
-      out[b + 2] = table[halves[a + 2]!]!;
+      out[b] = table[halves[a]];
+      out[b + 1] = table[halves[a + 1]];
+      out[b + 2] = table[halves[a + 2]];
       out[b + 3] = 255;
     }
     return;
   }
   const [input, curve, output] = curves;
   const power = display.tonemap === "agx" ? 2.2 : 1;
-  const table = Float32Array.from({ length: STEPS + 2 }, (_, i) => curve(2 ** (LOW + ((HIGH - LOW) * i) / STEPS)));
+  const table = Float32Array.from({ length: STEPS + 2 }, (_, i) =>
+    curve(2 ** (LOW + ((HIGH - LOW) * i) / STEPS)),
+  );
   const last = Uint8Array.from({ length: 4097 }, (_, i) => byte((i / 4096) ** power, display.srgb));
-  const [v, w] = [[0, 0, 0], [0, 0, 0]];
+  const [v, w] = [
+    [0, 0, 0],
+    [0, 0, 0],
+  ];
   for (let i = 0, a = 0, b = 0; i < pixels; i++, a += 3, b += 4) {
-    for (let c = 0; c < 3; c++) v[c] = Math.min(1e6, VALUES[halves[a + c]!]! * gain);
+    for (let c = 0; c < 3; c++) v[c] = Math.min(1e6, VALUES[halves[a + c]] * gain);
     multiply(input, v, w);
     for (let c = 0; c < 3; c++) {
-      const x = ((Math.log2(Math.max(w[c]!, 1e-6)) - LOW) / (HIGH - LOW)) * STEPS;
+      const x = ((Math.log2(Math.max(w[c], 1e-6)) - LOW) / (HIGH - LOW)) * STEPS;
       const at = Math.max(0, Math.min(STEPS, x));
       const low = Math.floor(at);
-      v[c] = table[low]! + (table[low + 1]! - table[low]!) * (at - low);
+      v[c] = table[low] + (table[low + 1] - table[low]) * (at - low);
     }
     multiply(output, v, w);
-    for (let c = 0; c < 3; c++) out[b + c] = last[Math.round(Math.max(0, Math.min(1, w[c]!)) * 4096)]!;
+    for (let c = 0; c < 3; c++)
+      out[b + c] = last[Math.round(Math.max(0, Math.min(1, w[c])) * 4096)];
     out[b + 3] = 255;
   }
 }

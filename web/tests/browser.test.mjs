@@ -1,4 +1,5 @@
-// The page in a real browser, against the real server. `cargo xtask web` runs this; SNELL and CHROME name the programs.
+// The page in a real browser, against the real server. `cargo xtask web` runs this; SNELL and
+// CHROME name the programs.
 
 import assert from "node:assert/strict";
 import { execFileSync, spawn } from "node:child_process";
@@ -6,8 +7,8 @@ import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { request } from "node:http";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { fileURLToPath } from "node:url";
 import { after, before, test } from "node:test";
+import { fileURLToPath } from "node:url";
 import { chromium } from "playwright-core";
 
 const SNELL = process.env.SNELL ?? "snell";
@@ -21,7 +22,10 @@ const folder = mkdtempSync(join(tmpdir(), "snell-view-"));
 
 before(async () => {
   assert.ok(CHROME, "CHROME names a Chromium or Chrome");
-  browser = await chromium.launch({ executablePath: CHROME, args: ["--no-sandbox", "--disable-gpu"] });
+  browser = await chromium.launch({
+    executablePath: CHROME,
+    args: ["--no-sandbox", "--disable-gpu"],
+  });
 });
 
 after(async () => {
@@ -31,7 +35,9 @@ after(async () => {
 
 /** Starts `snell view`; gives its address and a way to stop it. */
 async function serve(...words) {
-  const child = spawn(SNELL, ["view", "--no-open", ...words], { stdio: ["ignore", "pipe", "pipe"] });
+  const child = spawn(SNELL, ["view", "--no-open", ...words], {
+    stdio: ["ignore", "pipe", "pipe"],
+  });
   const wait = new Promise((resolve, reject) => {
     let text = "";
     child.stdout.on("data", (data) => {
@@ -75,7 +81,10 @@ const fingerprint = (page) =>
     return hash;
   });
 
-/** The number of the picture once it is the expected one, or that of the last when patience is over. (A dot that is green may still be that of the picture before.) */
+/**
+ * The number of the picture once it is the expected one, or that of the last when patience is over.
+ * (A dot that is green may still be that of the picture before.)
+ */
 async function settled(page, expected) {
   for (const end = Date.now() + 10000; ; await page.waitForTimeout(50)) {
     const found = await fingerprint(page);
@@ -93,7 +102,10 @@ async function drag(page, dx, dy) {
 }
 
 /** The words of a command as a shell reads them. */
-const words = (command) => [...command.matchAll(/'((?:[^']|'\\'')*)'|(\S+)/g)].map((m) => m[2] ?? m[1].replaceAll("'\\''", "'"));
+const words = (command) =>
+  [...command.matchAll(/'((?:[^']|'\\'')*)'|(\S+)/g)].map(
+    (m) => m[2] ?? m[1].replaceAll("'\\''", "'"),
+  );
 
 /** Status of a request with headers of one's own choice. */
 const status = (url, headers) =>
@@ -108,10 +120,20 @@ const status = (url, headers) =>
 
 /** The command that the page copies. */
 async function copiedCommand(page) {
-  await page.evaluate(() => Object.defineProperty(navigator, "clipboard", { value: { writeText: async () => { throw 0; } } }));
+  await page.evaluate(() =>
+    Object.defineProperty(navigator, "clipboard", {
+      value: {
+        writeText: async () => {
+          throw 0;
+        },
+      },
+    }),
+  );
   await page.getByText("Save", { exact: true }).click();
   await page.getByText("Copy the command").click();
-  const command = words((await page.locator(".notices p").first().innerText()).replace(/\n?×$/, "").trim());
+  const command = words(
+    (await page.locator(".notices p").first().innerText()).replace(/\n?×$/, "").trim(),
+  );
   assert.deepEqual(command.slice(0, 2), ["snell", "render"]);
   return command;
 }
@@ -119,13 +141,20 @@ async function copiedCommand(page) {
 /** The command makes the picture that the page shows, to the bit. */
 async function isRenderedBy(command, page) {
   const [shown, rendered] = [join(folder, "shown.pfm"), join(folder, "rendered.pfm")];
-  const bytes = await page.evaluate(async () => [...new Uint8Array(await (await fetch("save?format=pfm")).arrayBuffer())]);
+  const bytes = await page.evaluate(async () => [
+    ...new Uint8Array(await (await fetch("save?format=pfm")).arrayBuffer()),
+  ]);
   writeFileSync(shown, Buffer.from(bytes));
   execFileSync(SNELL, [...command.slice(1), "-o", rendered, "-q"]);
-  assert.ok(readFileSync(shown).equals(readFileSync(rendered)), "the picture at rest is the one of snell render");
+  assert.ok(
+    readFileSync(shown).equals(readFileSync(rendered)),
+    "the picture at rest is the one of snell render",
+  );
 }
 
-test("the page shows the scene, turns it, and at rest has the bits of snell render", { timeout: PATIENCE * 2 }, async () => {
+test("the page shows the scene, turns it, and at rest has the bits of snell render", {
+  timeout: PATIENCE * 2,
+}, async () => {
   const server = await serve("cornell-box", "--", "--spp", "4");
   try {
     const { page, faults } = await open(server.url);
@@ -137,7 +166,10 @@ test("the page shows the scene, turns it, and at rest has the bits of snell rend
     assert.notEqual(await fingerprint(page), first, "the picture has turned");
 
     const command = await copiedCommand(page);
-    assert.ok(command.some((w) => w.startsWith("camera.0.eye=")), command.join(" "));
+    assert.ok(
+      command.some((w) => w.startsWith("camera.0.eye=")),
+      command.join(" "),
+    );
     await isRenderedBy(command, page);
 
     // Exposure is a matter of the page: the same samples, another picture.
@@ -153,8 +185,15 @@ test("the page shows the scene, turns it, and at rest has the bits of snell rend
   }
 });
 
-test("a camera that was made for the scene is that of the command, whatever the shape of the page", { timeout: PATIENCE * 2 }, async () => {
-  const server = await serve(fileURLToPath(new URL("../../scenes/house.obj", import.meta.url)), "--", "--spp", "1");
+test("a camera that was made for the scene is that of the command, for any shape of the page", {
+  timeout: PATIENCE * 2,
+}, async () => {
+  const server = await serve(
+    fileURLToPath(new URL("../../scenes/house.obj", import.meta.url)),
+    "--",
+    "--spp",
+    "1",
+  );
   try {
     const { page } = await open(server.url);
     await page.setViewportSize({ width: 700, height: 900 });
@@ -167,7 +206,9 @@ test("a camera that was made for the scene is that of the command, whatever the 
   }
 });
 
-test("pixels are picked, materials changed and changed back, pictures saved", { timeout: PATIENCE * 2 }, async () => {
+test("pixels are picked, materials changed and changed back, pictures saved", {
+  timeout: PATIENCE * 2,
+}, async () => {
   const server = await serve("cornell-box", "--", "--spp", "1");
   try {
     const { page, faults } = await open(server.url);
@@ -178,7 +219,8 @@ test("pixels are picked, materials changed and changed back, pictures saved", { 
     const facts = await page.locator(".facts").innerText();
     assert.match(facts, /Material\s+white/);
 
-    const generation = (n) => page.waitForFunction((old) => document.querySelector("canvas").dataset.frame !== old, n);
+    const generation = (n) =>
+      page.waitForFunction((old) => document.querySelector("canvas").dataset.frame !== old, n);
     const shown = await page.evaluate(() => document.querySelector("canvas").dataset.frame);
     await page.getByLabel("reflectance red", { exact: true }).fill("0.05");
     await page.keyboard.press("Tab");
@@ -203,7 +245,9 @@ test("pixels are picked, materials changed and changed back, pictures saved", { 
   }
 });
 
-test("a pixel is explained, and its sample is that of snell explain", { timeout: PATIENCE * 2 }, async () => {
+test("a pixel is explained, and its sample is that of snell explain", {
+  timeout: PATIENCE * 2,
+}, async () => {
   const server = await serve("cornell-box", "--", "--spp", "8");
   try {
     const { page, faults } = await open(server.url);
@@ -220,14 +264,34 @@ test("a pixel is explained, and its sample is that of snell explain", { timeout:
     await page.getByText("Path of sample 3").waitFor();
     const shown = await dialog.locator(".total code").innerText();
     // The same from the command line, with the size that the page has.
-    const size = await page.evaluate(() => document.querySelector("canvas.picture")).then(() => page.locator(".status").innerText());
+    const size = await page
+      .evaluate(() => document.querySelector("canvas.picture"))
+      .then(() => page.locator(".status").innerText());
     const [, width, height] = size.match(/(\d+) × (\d+)/);
-    const text = execFileSync(SNELL, ["explain", "cornell-box", "--pixel", `${x},${y}`, "--sample", "3", "--json", "--structures", "none", "--", "--spp", "8", "--size", `${width}x${height}`]);
+    const text = execFileSync(SNELL, [
+      "explain",
+      "cornell-box",
+      "--pixel",
+      `${x},${y}`,
+      "--sample",
+      "3",
+      "--json",
+      "--structures",
+      "none",
+      "--",
+      "--spp",
+      "8",
+      "--size",
+      `${width}x${height}`,
+    ]);
     const told = JSON.parse(text);
-    const short = (v) => (v === 0 ? "0" : Math.abs(v) < 1e-4 ? v.toExponential(2) : Number(v.toPrecision(4)).toString());
+    const short = (v) =>
+      v === 0 ? "0" : Math.abs(v) < 1e-4 ? v.toExponential(2) : Number(v.toPrecision(4)).toString();
     assert.equal(shown, `= ${told.tree.sum.map(short).join("  ")}`);
     await dialog.getByRole("button", { name: "Replay" }).click();
-    await page.waitForFunction(() => [...document.querySelectorAll(".journey small")].some((s) => /^stop /.test(s.textContent)));
+    await page.waitForFunction(() =>
+      [...document.querySelectorAll(".journey small")].some((s) => /^stop /.test(s.textContent)),
+    );
     await page.getByRole("button", { name: "Close" }).click();
     await page.getByRole("button", { name: "Compare acceleration structures" }).click();
     await page.waitForFunction(() => document.querySelectorAll("canvas.heat").length === 9);
@@ -239,7 +303,9 @@ test("a pixel is explained, and its sample is that of snell explain", { timeout:
   }
 });
 
-test("without a scene there is a choice of scenes, with pictures", { timeout: PATIENCE * 2 }, async () => {
+test("without a scene there is a choice of scenes, with pictures", {
+  timeout: PATIENCE * 2,
+}, async () => {
   const server = await serve();
   try {
     const { page } = await open(server.url);
@@ -253,7 +319,9 @@ test("without a scene there is a choice of scenes, with pictures", { timeout: PA
   }
 });
 
-test("files are dropped, broken ones are a message, built-in scenes a choice", { timeout: PATIENCE * 2 }, async () => {
+test("files are dropped, broken ones are a message, built-in scenes a choice", {
+  timeout: PATIENCE * 2,
+}, async () => {
   const server = await serve("cornell-box", "--", "--spp", "1");
   try {
     const { page } = await open(server.url);
@@ -261,12 +329,24 @@ test("files are dropped, broken ones are a message, built-in scenes a choice", {
     await page.evaluate((text) => {
       const data = new DataTransfer();
       data.items.add(new File([text], "tetrahedron.off"));
-      document.querySelector("main").dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
+      document
+        .querySelector("main")
+        .dispatchEvent(
+          new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }),
+        );
     }, mesh);
     await page.waitForFunction(() => document.title.startsWith("tetrahedron"));
-    await page.waitForFunction(() => document.querySelector(".status").textContent.includes("4 triangles"));
-    await page.setInputFiles("input[type=file]", { name: "broken.ply", mimeType: "", buffer: Buffer.from("ply\nnonsense") });
-    await page.waitForFunction(() => document.querySelector(".notices").textContent.includes("broken.ply"));
+    await page.waitForFunction(() =>
+      document.querySelector(".status").textContent.includes("4 triangles"),
+    );
+    await page.setInputFiles("input[type=file]", {
+      name: "broken.ply",
+      mimeType: "",
+      buffer: Buffer.from("ply\nnonsense"),
+    });
+    await page.waitForFunction(() =>
+      document.querySelector(".notices").textContent.includes("broken.ply"),
+    );
     assert.match(await page.title(), /^tetrahedron/, "what was there still is");
     await page.locator(".menu summary").first().click();
     await page.getByRole("button", { name: "spheres", exact: true }).click();
@@ -287,16 +367,23 @@ test("one page steers, others watch and may take over", { timeout: PATIENCE * 2 
     await isDone(second);
     const shown = await first.evaluate(() => document.querySelector("canvas").dataset.frame);
     await drag(second, 40, 0);
-    await first.waitForFunction((old) => document.querySelector("canvas").dataset.frame !== old, shown);
+    await first.waitForFunction(
+      (old) => document.querySelector("canvas").dataset.frame !== old,
+      shown,
+    );
     await second.close();
-    await first.waitForFunction(() => !document.querySelector(".bar").textContent.includes("2 watch"));
+    await first.waitForFunction(
+      () => !document.querySelector(".bar").textContent.includes("2 watch"),
+    );
     await first.close();
   } finally {
     await server.stop();
   }
 });
 
-test("a picture that is slow to decode does not cover the one after it", { timeout: PATIENCE * 2 }, async () => {
+test("a picture that is slow to decode does not cover the one after it", {
+  timeout: PATIENCE * 2,
+}, async () => {
   const server = await serve("cornell-box", "--", "--spp", "1");
   try {
     const { page, faults } = await open(server.url, () => {
@@ -344,8 +431,16 @@ test("strangers are refused and nonsense does no harm", { timeout: PATIENCE * 2 
     assert.equal(await status(`${origin}/`, { host }), 403);
     assert.equal(await status(`${origin}/00000000000000000000000000000000/`, { host }), 403);
     assert.equal(await status(server.url, { host: "evil.example" }), 403);
-    const upgrade = { connection: "upgrade", upgrade: "websocket", "sec-websocket-version": "13", "sec-websocket-key": "AAAAAAAAAAAAAAAAAAAAAA==" };
-    assert.equal(await status(`${server.url}ws`, { host, origin: "http://evil.example", ...upgrade }), 403);
+    const upgrade = {
+      connection: "upgrade",
+      upgrade: "websocket",
+      "sec-websocket-version": "13",
+      "sec-websocket-key": "AAAAAAAAAAAAAAAAAAAAAA==",
+    };
+    assert.equal(
+      await status(`${server.url}ws`, { host, origin: "http://evil.example", ...upgrade }),
+      403,
+    );
 
     const { page } = await open(server.url);
     await isDone(page);
@@ -360,7 +455,9 @@ test("strangers are refused and nonsense does no harm", { timeout: PATIENCE * 2 
             socket.close();
             resolve({ errors, closed });
           };
-          socket.onopen = () => messages.forEach((m) => socket.send(m));
+          socket.onopen = () => {
+            for (const message of messages) socket.send(message);
+          };
           socket.onmessage = (e) => {
             if (typeof e.data !== "string") return;
             const message = JSON.parse(e.data);
@@ -371,7 +468,14 @@ test("strangers are refused and nonsense does no harm", { timeout: PATIENCE * 2 
           socket.onclose = () => end(true);
         });
       return {
-        malformed: await said(["", "{", "[]", '{"type":"camera"}', '{"type":"pick"}', new Uint8Array(9)]),
+        malformed: await said([
+          "",
+          "{",
+          "[]",
+          '{"type":"camera"}',
+          '{"type":"pick"}',
+          new Uint8Array(9),
+        ]),
         oversized: await said(["x".repeat(3 << 20)]),
       };
     });

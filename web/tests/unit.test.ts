@@ -1,5 +1,18 @@
 import { describe, expect, it } from "vitest";
-import { dolly, fieldOfView, frameBall, look, move, orbit, pixelAtPivot, preset, rigOf, withFieldOfView, type Camera, type Rig } from "../src/camera";
+import {
+  type Camera,
+  dolly,
+  fieldOfView,
+  frameBall,
+  look,
+  move,
+  orbit,
+  pixelAtPivot,
+  preset,
+  type Rig,
+  rigOf,
+  withFieldOfView,
+} from "../src/camera";
 import { parseFrame } from "../src/connection";
 import { heat, parseCosts, statistics } from "../src/costs";
 import { css, plotted, short } from "../src/explain";
@@ -19,7 +32,10 @@ const camera: Camera = {
   focus_distance: 5,
   resolution: null,
 };
-const bounds: [Vec3, Vec3] = [[-1, -1, -1], [1, 1, 1]];
+const bounds: [Vec3, Vec3] = [
+  [-1, -1, -1],
+  [1, 1, 1],
+];
 const rig = (): Rig => rigOf(camera, bounds, [0, 1, 0]);
 
 function expectUpright({ camera: c }: Rig): void {
@@ -59,7 +75,12 @@ describe("camera", () => {
     expect(length(sub(dolly(rig(), 0.5).camera.eye, [0, 0, 0]))).toBeCloseTo(2.5, 12);
   });
   it("sees all of the scene after framing, from every side", () => {
-    for (const direction of [[0, 0, -1], [0, -1, 0], [1, 0, 0], [0, 1, 0]] as Vec3[]) {
+    for (const direction of [
+      [0, 0, -1],
+      [0, -1, 0],
+      [1, 0, 0],
+      [0, 1, 0],
+    ] as Vec3[]) {
       const r = preset(rig(), direction, [0, 0, 0], 1, [200, 100]);
       expectUpright(r);
       expect(dot(r.camera.towards, direction)).toBeCloseTo(1, 9);
@@ -77,10 +98,18 @@ describe("frames", () => {
   it("are read from their header", () => {
     const bytes = new ArrayBuffer(46);
     const view = new DataView(bytes);
-    [1, 7, 3, 2, 1, 1, 16, 64].forEach((word, i) => view.setUint32(i * 4, word, true));
+    [1, 7, 3, 2, 1, 1, 16, 64].forEach((word, i) => {
+      view.setUint32(i * 4, word, true);
+    });
     view.setFloat32(32, 12.5, true);
     const frame = parseFrame(bytes)!;
-    expect([frame.kind, frame.number, frame.seq, frame.samples, frame.wanted]).toEqual(["half", 7, 3, 16, 64]);
+    expect([frame.kind, frame.number, frame.seq, frame.samples, frame.wanted]).toEqual([
+      "half",
+      7,
+      3,
+      16,
+      64,
+    ]);
     expect([frame.milliseconds, frame.payload.byteLength]).toEqual([12.5, 6]);
     expect(parseFrame(new ArrayBuffer(3))).toBeNull();
   });
@@ -88,30 +117,43 @@ describe("frames", () => {
 
 describe("display", () => {
   it("knows half floats", () => {
-    expect([0x0000, 0x3c00, 0xc000, 0x7bff, 0x0001].map(halfToNumber)).toEqual([0, 1, -2, 65504, 2 ** -24]);
+    expect([0x0000, 0x3c00, 0xc000, 0x7bff, 0x0001].map(halfToNumber)).toEqual([
+      0,
+      1,
+      -2,
+      65504,
+      2 ** -24,
+    ]);
   });
   it("has white, grey and black where they belong", () => {
     const out = new Uint8ClampedArray(12);
-    const halves = Uint16Array.from([0x3c00, 0x3c00, 0x3c00, 0x31c3, 0x31c3, 0x31c3, 0, 0x7e00, 0xfc00]);
+    const halves = Uint16Array.from([
+      0x3c00, 0x3c00, 0x3c00, 0x31c3, 0x31c3, 0x31c3, 0, 0x7e00, 0xfc00,
+    ]);
     toDisplay(halves, out, { exposure: 0, tonemap: "none", srgb: true });
     expect([...out.subarray(0, 4)]).toEqual([255, 255, 255, 255]);
     expect(out[4]).toBe(118);
     expect([...out.subarray(8, 11)]).toEqual([0, 0, 0]);
   });
   it("maps tones as the server does", () => {
-    // Values of the server's tests: white is 0.619 linear in ACES, and 0.783 on a display of gamma 2.2 in AgX.
+    // Values of the server's tests: white is 0.619 linear in ACES, and 0.783 on a display of gamma
+    // 2.2 in AgX.
     const out = new Uint8ClampedArray(4);
     const white = Uint16Array.from([0x3c00, 0x3c00, 0x3c00]);
     toDisplay(white, out, { exposure: 0, tonemap: "aces", srgb: false });
-    expect(out[1]! / 255).toBeCloseTo(0.619, 2);
+    expect(out[1] / 255).toBeCloseTo(0.619, 2);
     toDisplay(white, out, { exposure: 0, tonemap: "agx", srgb: false });
-    expect((out[1]! / 255) ** (1 / 2.2)).toBeCloseTo(0.783, 2);
+    expect((out[1] / 255) ** (1 / 2.2)).toBeCloseTo(0.783, 2);
   });
 });
 
 describe("explanations", () => {
   it("draws the outline of every kind of place", () => {
-    const axes: [Vec3, Vec3, Vec3] = [[2, 0, 0], [0, 1, 0], [0, 0, 1]];
+    const axes: [Vec3, Vec3, Vec3] = [
+      [2, 0, 0],
+      [0, 1, 0],
+      [0, 0, 1],
+    ];
     const center: Vec3 = [10, 0, 0];
     const box = outline({ kind: "box", center, axes });
     expect(box.length).toBe(12);
@@ -119,11 +161,20 @@ describe("explanations", () => {
     for (const p of outline({ kind: "ball", center, axes }).flat()) {
       expect(((p[0] - 10) / 2) ** 2 + p[1] ** 2 + p[2] ** 2).toBeCloseTo(1, 9);
     }
-    expect(outline({ kind: "stretch", center, axes })).toEqual([[[8, 0, 0], [12, 0, 0]]]);
-    expect(outline({ kind: "plane", center, axes })[0]!.length).toBe(5);
+    expect(outline({ kind: "stretch", center, axes })).toEqual([
+      [
+        [8, 0, 0],
+        [12, 0, 0],
+      ],
+    ]);
+    expect(outline({ kind: "plane", center, axes })[0].length).toBe(5);
   });
   it("plots what is there and nothing that is no number", () => {
-    const convergence = [1, 2, 4].map((samples) => ({ samples, value: [samples, 1, 0], error: [0.5, 0, 0] }));
+    const convergence = [1, 2, 4].map((samples) => ({
+      samples,
+      value: [samples, 1, 0],
+      error: [0.5, 0, 0],
+    }));
     const { lines, bands, ceiling } = plotted({ convergence } as unknown as Report);
     expect(lines.length).toBe(3);
     expect(ceiling).toBeGreaterThan(4);
@@ -149,8 +200,15 @@ describe("cost maps", () => {
 
 describe("the sun", () => {
   it("goes there and back, whatever is up", () => {
-    for (const up of [[0, 1, 0], [0, 0, 1]] as Vec3[]) {
-      for (const position of [{ height: 30, side: 0 }, { height: 60, side: 100 }, { height: -5, side: -20 }]) {
+    for (const up of [
+      [0, 1, 0],
+      [0, 0, 1],
+    ] as Vec3[]) {
+      for (const position of [
+        { height: 30, side: 0 },
+        { height: 60, side: 100 },
+        { height: -5, side: -20 },
+      ]) {
         const back = sunPosition(sunDirection(position, up), up);
         expect(back.height).toBeCloseTo(position.height, 9);
         expect(back.side).toBeCloseTo(position.side, 9);

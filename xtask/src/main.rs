@@ -3,6 +3,7 @@
 
 mod fuzz_smoke;
 mod how_tested;
+mod lint;
 mod python;
 mod sanitize;
 mod web;
@@ -17,8 +18,9 @@ const HELP: &str = "cargo xtask COMMAND
   python only the tests of the Python package, in a virtual environment of their own
   web    only the tests of the viewer's page: types, units, and in a real browser
   web-build  build the viewer's page from web/ into crates/viewer/page
-  lint   formatting, clippy and documentation, warnings as errors
-  fmt    format everything
+  lint [--quick]  layout and width of all code, clippy, ruff for Python, Biome for the page, the
+         figures of docs/how-it-is-tested.md and, unless --quick, documentation; warnings are errors
+  fmt    format everything: Rust, Python and the page
   docs   build the API documentation
   sanitize [address|miri]  tests of the code that is not safe Rust, under AddressSanitizer and \
   Miri; needs a nightly Rust
@@ -36,8 +38,8 @@ fn main() -> ExitCode {
         "python" => python::test().unwrap_or(false),
         "web" => web::test().unwrap_or(false),
         "web-build" => web::build(),
-        "lint" => lint(),
-        "fmt" => run("format", cargo(&["fmt", "--all"])),
+        "lint" => lint::check(std::env::args().nth(2).as_deref() != Some("--quick")),
+        "fmt" => lint::format(),
         "docs" => run("documentation", cargo(&["doc", "--workspace", "--no-deps"])),
         "golden" => golden(),
         "sanitize" => sanitize::run(std::env::args().nth(2).as_deref()),
@@ -104,27 +106,6 @@ fn run_quietly(what: &str, mut command: Command) -> bool {
             false
         }
     }
-}
-
-fn lint() -> bool {
-    let mut documentation = cargo(&["doc", "--workspace", "--no-deps", "--quiet"]);
-    documentation.env("RUSTDOCFLAGS", "-D warnings");
-    let steps = [
-        ("format check", cargo(&["fmt", "--all", "--check"])),
-        (
-            "clippy",
-            cargo(&["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"]),
-        ),
-        ("documentation", documentation),
-    ];
-    // Every step runs, so that one look shows all there is to mend.
-    let failed = steps
-        .into_iter()
-        .filter_map(|(what, command)| (!run(what, command)).then_some(what))
-        .count();
-    let is_page_current =
-        how_tested::check().inspect_err(|error| eprintln!("xtask: {error}")).unwrap_or(false);
-    failed == 0 && is_page_current
 }
 
 /// The pictures of `tests/golden/` that are not as they were become the references.

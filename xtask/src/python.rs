@@ -71,19 +71,45 @@ fn build(root: &Path, programs: &Path) -> bool {
     run("build of the Python package", build) && placed()
 }
 
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The Python of an environment, to be run at the root.
+fn python(programs: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(programs.join("python"));
+    command
+        .args(arguments)
+        .current_dir(root())
+        .env("VIRTUAL_ENV", root().join("target/python/venv"));
+    command
+}
+
+/// Checks layout and lints of all Python code. `None` without Python.
+pub fn lint() -> Option<bool> {
+    let ruff = |what: &str, arguments: &[&str]| Some(run(what, ruff(arguments)?));
+    let is_laid_out = ruff("format check of Python", &["format", "--check"])?;
+    Some(ruff("ruff", &["check", "--quiet"])? && is_laid_out)
+}
+
+/// Lays out all Python code. `None` without Python.
+pub fn format() -> Option<bool> {
+    Some(run("format of Python", ruff(&["format", "--quiet"])?))
+}
+
+fn ruff(arguments: &[&str]) -> Option<Command> {
+    let programs = environment(&root())?;
+    let mut command = python(&programs, &["-m", "ruff"]);
+    command.args(arguments);
+    Some(command)
+}
+
 /// Builds the package and runs its tests; checks that the stubs say what the module has. `None`
 /// without Python.
 pub fn test() -> Option<bool> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let root = root();
     let programs = environment(&root)?;
-    let command = |arguments: &[&str]| {
-        let mut command = Command::new(programs.join("python"));
-        command
-            .args(arguments)
-            .current_dir(&root)
-            .env("VIRTUAL_ENV", root.join("target/python/venv"));
-        command
-    };
+    let command = |arguments: &[&str]| python(&programs, arguments);
     let package = ["-m", "maturin", "sdist", "--out", "target/python"];
     let steps: [(&str, &[&str]); 4] = [
         ("installation of the Python package", &["-c", LINK]),

@@ -47,6 +47,16 @@ pub fn build() -> bool {
     packages() == Some(true) && run("build of the page", npm(&["run", "--silent", "build"]))
 }
 
+/// Checks layout and lints of the page and of the scripts that drive it. `None` without Node.js.
+pub fn lint() -> Option<bool> {
+    Some(packages()? && run("Biome", npm(&["run", "--silent", "lint"])))
+}
+
+/// Lays out the page and the scripts that drive it. `None` without Node.js.
+pub fn format() -> Option<bool> {
+    Some(packages()? && run("format of the page", npm(&["run", "--silent", "format"])))
+}
+
 /// Checks types, unit tests, that the built page is that of the sources, and the page in a browser.
 /// `None` without Node.js.
 pub fn test() -> Option<bool> {

@@ -57,11 +57,11 @@ impl Device {
             abi::DEVICE_PROPERTY_VERSION_MINOR,
             abi::DEVICE_PROPERTY_VERSION_PATCH,
         ];
-        // SAFETY: the device is alive and these are properties that every device has.
-        let parts = parts.map(|p| {
-            unsafe { (self.embree.functions.device_property)(self.handle, p) }.to_string()
-        });
-        parts.join(".")
+        let number = |property| {
+            // SAFETY: the device is alive and these are properties that every device has.
+            unsafe { (self.embree.functions.device_property)(self.handle, property) }.to_string()
+        };
+        parts.map(number).join(".")
     }
 
     /// Bytes that Embree has allocated and not released: acceleration structures and copies of
