@@ -6,7 +6,7 @@
 
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
-use snell_intersect::accel::AcceleratorKind;
+use snell_intersect::AcceleratorKind;
 use snell_intersect::{
     AcceptAll, BuildOptions, GroupId, Grouping, Hit, Instance, Rays, Single, World, WorldBuilder,
 };

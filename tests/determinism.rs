@@ -1,8 +1,8 @@
 //! The same bits, whatever the threads, the order of tiles, the passes, the crops, the instruction
 //! set and the accelerator.
 
+use snell_intersect::AcceleratorKind;
 use snell_intersect::BuildOptions;
-use snell_intersect::accel::AcceleratorKind;
 use snell_intersect::shape::Sphere;
 use snell_math::simd::Level;
 use snell_math::{DVec3, Rgb, Vec3};

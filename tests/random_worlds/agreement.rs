@@ -1,7 +1,7 @@
 //! Every way to ask the same world gives the same answers, bit for bit.
 
 use super::{Collected, Source, Tested};
-use snell_intersect::accel::{AcceleratorKind, AcceleratorOptions};
+use snell_intersect::{AcceleratorKind, AcceleratorOptions};
 use snell_intersect::{BuildOptions, Grouping, Hit, Quality, Rays};
 use snell_math::simd::Level;
 

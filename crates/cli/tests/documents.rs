@@ -395,7 +395,7 @@ fn commands_in_running_text_exist() {
 
 #[test]
 fn the_command_line_page_has_every_name() {
-    use snell_intersect::accel::AcceleratorKind;
+    use snell_intersect::AcceleratorKind;
     use snell_render::{
         Aov, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Shadows,
         Terminator,

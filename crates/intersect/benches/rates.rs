@@ -11,8 +11,7 @@
 mod clock;
 
 use snell_intersect::{
-    AcceptAll, BuildOptions, Grouping, Hit, TriangleMesh, World, WorldBuilder,
-    accel::AcceleratorKind,
+    AcceleratorKind, AcceptAll, BuildOptions, Grouping, Hit, TriangleMesh, World, WorldBuilder,
 };
 use snell_math::simd::Level;
 use snell_math::{DMat3, DVec3, Frame, Ray, Vec3, rng, sampling};

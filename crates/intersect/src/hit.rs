@@ -1,6 +1,6 @@
 //! What a ray found: the compact [`Hit`], and the [`SurfaceInteraction`] computed from it.
 
-use snell_math::{DVec2, Vec2, Vec3, robust};
+use snell_math::{DVec2, DVec3, Vec2, Vec3, robust};
 
 /// The answer to a closest-hit query for one ray. 24 bytes, plain data.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -216,5 +216,85 @@ impl SurfaceInteraction {
     /// True if a ray of this direction arrives at the outer side.
     pub fn is_front_facing(&self, ray_direction: Vec3) -> bool {
         ray_direction.dot(self.geometric_normal) < 0.0
+    }
+}
+
+/// The answer for one point. 36 bytes, plain data.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearestPoint {
+    /// Distance in world units, not negative; infinite if nothing is near enough.
+    pub distance: f32,
+    /// The point of the surface, in world space; zero if there is none.
+    pub position: Vec3,
+    /// Barycentrics `(b1, b2)` on a triangle, zero on a shape.
+    pub uv: Vec2,
+    /// As in [`Hit`].
+    pub instance: u32,
+    /// As in [`Hit`]; [`Hit::NONE`] if nothing is near enough.
+    pub geometry: u32,
+    /// As in [`Hit`].
+    pub primitive: u32,
+}
+
+impl NearestPoint {
+    /// Nothing is near enough.
+    pub const NONE: Self = Self {
+        distance: f32::INFINITY,
+        position: Vec3::ZERO,
+        uv: Vec2::ZERO,
+        instance: Hit::NONE,
+        geometry: Hit::NONE,
+        primitive: Hit::NONE,
+    };
+
+    /// True unless nothing is near enough.
+    pub fn is_found(&self) -> bool {
+        self.geometry != Hit::NONE
+    }
+}
+
+/// [`NearestPoint`] of a point in double precision.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DNearestPoint {
+    /// Distance in world units, not negative; infinite if nothing is near enough.
+    pub distance: f64,
+    /// The point of the surface, in world space; zero if there is none.
+    pub position: DVec3,
+    /// As in [`NearestPoint`].
+    pub uv: DVec2,
+    /// As in [`Hit`].
+    pub instance: u32,
+    /// As in [`Hit`]; [`Hit::NONE`] if nothing is near enough.
+    pub geometry: u32,
+    /// As in [`Hit`].
+    pub primitive: u32,
+}
+
+impl DNearestPoint {
+    /// Nothing is near enough.
+    pub const NONE: Self = Self {
+        distance: f64::INFINITY,
+        position: DVec3::ZERO,
+        uv: DVec2::ZERO,
+        instance: Hit::NONE,
+        geometry: Hit::NONE,
+        primitive: Hit::NONE,
+    };
+
+    /// True unless nothing is near enough.
+    pub fn is_found(&self) -> bool {
+        self.geometry != Hit::NONE
+    }
+}
+
+impl Default for DNearestPoint {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+impl Default for NearestPoint {
+    fn default() -> Self {
+        Self::NONE
     }
 }

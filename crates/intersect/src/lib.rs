@@ -28,40 +28,50 @@
 //! # Ok::<(), snell_intersect::WorldError>(())
 //! ```
 
-pub mod accel;
+mod build;
+mod exact;
 pub mod geometry;
+mod group;
 pub mod hit;
 mod kernel;
+mod lecture;
 pub mod mesh;
 mod morton;
-pub mod precision;
+mod precision;
+mod prefetch;
 pub mod query;
+mod search;
 pub mod shape;
+mod tree;
 pub mod world;
 
-pub use accel::Quality;
+pub use build::Quality;
 pub use geometry::{
     CubicCurves, CurveBasis, Curves, LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet,
     QuadMesh, Spheres, StrandBasis, StrandError,
 };
-pub use hit::{DHit, Hit, SurfaceInteraction, SurfacePoint};
+pub use hit::{DHit, DNearestPoint, Hit, NearestPoint, SurfaceInteraction, SurfacePoint};
+pub use lecture::AcceleratorOptions;
 pub use mesh::{DTriangleMesh, TriangleMesh};
 pub use precision::{Double, Precision, Single};
-pub use query::crossings::AllHits;
-pub use query::journey::{Journey, Place, PlaceKind, Stop};
-pub use query::nearest::{DNearestPoint, NearestPoint, Points};
+pub use query::all::AllHits;
 pub use query::parallel::{Cancelled, Parallel};
 pub use query::queries::Queries;
-pub use query::rays::{InvalidRays, RayQuery, Rays};
-pub use query::{AcceptAll, Grouping, HitFilter};
+pub use query::trace::{Journey, Stop};
+pub use search::points::Points;
+pub use search::rays::{InvalidRays, RayQuery, Rays};
+pub use search::trace::{Place, PlaceKind};
+pub use search::{
+    AcceptAll, GeometryOptions, Grouping, HitFilter, TraversalCounters, TraversalWork,
+};
 pub use shape::{AnyShape, Metric, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, Sphere};
 pub use world::double::{DWorld, DWorldBuilder};
 pub use world::smooth;
 pub use world::spheres::SphereHits;
 pub use world::triangles::{self, TriangleHits, TrianglePoints};
 pub use world::{
-    BuildOptions, DynamicWorld, EditError, Geometry, GeometryId, GeometryOptions, GroupId,
-    Instance, InstanceId, Reuse, Snapshots, World, WorldBuilder, WorldError,
+    AcceleratorKind, BuildOptions, BuildStats, DynamicWorld, EditError, Geometry, GeometryId,
+    GroupId, Instance, InstanceId, Reuse, Snapshots, World, WorldBuilder, WorldError,
 };
 
 /// The examples of the README are tests.

@@ -4,7 +4,7 @@
 use crate::assemble::{Builder, Form};
 use crate::mesh::Mesh;
 use numpy::Element;
-use snell_intersect::world::BuildStats;
+use snell_intersect::BuildStats;
 use snell_intersect::{
     AcceptAll, AllHits, AnyShape, BuildOptions, Curves, DHit, DWorld, DWorldBuilder, Double,
     GeometryId, GroupId, Grouping, Hit, Instance, Rays, Single, Spheres, World, WorldBuilder,

@@ -4,8 +4,8 @@ use crate::names::choice;
 use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
+use snell_intersect::AcceleratorKind;
 use snell_intersect::Quality;
-use snell_intersect::accel::AcceleratorKind;
 use snell_math::ColorModel;
 use snell_oidn::Denoiser;
 use snell_render::{

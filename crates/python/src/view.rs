@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use snell_formats::ReadOptions;
 use snell_formats::image::{Display, Tonemap};
-use snell_intersect::accel::AcceleratorKind;
+use snell_intersect::AcceleratorKind;
 use snell_render::Request;
 use snell_scene::Camera;
 use snell_scene::framing::{FramingOptions, prepare};

@@ -10,7 +10,7 @@ use crate::layers::{add_light_group, needed_aovs};
 use crate::light_sampler::LightSamplerKind;
 use crate::sampler::SamplerKind;
 use crate::settings::{Crop, LightGroup, LightStrategy, Settings, Shadows, Terminator};
-use snell_intersect::accel::AcceleratorKind;
+use snell_intersect::AcceleratorKind;
 use snell_intersect::{BuildOptions, Quality};
 use snell_math::ColorModel;
 use snell_math::simd::Level;

@@ -52,8 +52,8 @@ pub fn map(subject: Subject, width: u32) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use snell_intersect::AcceleratorKind;
     use snell_intersect::BuildOptions;
-    use snell_intersect::accel::AcceleratorKind;
     use snell_render::{CompiledScene, Settings};
 
     #[test]

@@ -11,7 +11,7 @@ use crate::state::{Change, State};
 use crate::{Source, Which, by_name, cost, thumbnail};
 use axum::body::Bytes;
 use snell_formats::image::{Display, Tonemap};
-use snell_intersect::accel::AcceleratorKind;
+use snell_intersect::AcceleratorKind;
 use snell_render::{Aov, CompiledScene, IntegratorKind, Settings};
 use snell_scene::builtin::BUILTINS;
 use snell_scene::{Camera, LayeredImage, Scene};

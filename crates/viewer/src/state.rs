@@ -7,7 +7,7 @@ use crate::size::fits;
 use crate::{Opened, by_name};
 use serde_json::Value;
 use snell_formats::image::{Display, Tonemap};
-use snell_intersect::accel::AcceleratorKind;
+use snell_intersect::AcceleratorKind;
 use snell_render::{Aov, IntegratorKind, Settings};
 use snell_scene::camera::{Intrinsics, Projection};
 use snell_scene::{Camera, Scene, overrides, problem_at};

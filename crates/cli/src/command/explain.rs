@@ -3,7 +3,7 @@
 use super::view::{self, Files};
 use crate::failure::Failure;
 use crate::standard_output;
-use snell_intersect::accel::AcceleratorKind;
+use snell_intersect::AcceleratorKind;
 use snell_render::CompiledScene;
 use snell_viewer::explain::{self, Question, Subject};
 use snell_viewer::{Source, Which};

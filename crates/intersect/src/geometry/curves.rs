@@ -4,7 +4,7 @@
 use super::cubic::Tube;
 use super::sweep::{derivatives, halves};
 use super::{CubicCurves, CurveBasis, LinearCurves, PrimitiveHit, PrimitiveSet};
-use crate::kernel::prefetch::fetch;
+use crate::prefetch::fetch;
 use crate::shape::{Metric, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec3, Vec4};

@@ -3,7 +3,7 @@
 use super::nearest::on_ball;
 use super::rounded_cone::{Ball, UnitRay};
 use super::{PrimitiveHit, PrimitiveSet};
-use crate::kernel::prefetch::fetch;
+use crate::prefetch::fetch;
 use crate::shape::{Metric, Shape, ShapeSurface, Sphere};
 use snell_math::{Bounds3d, DRay, DVec3, Vec2, Vec4};
 

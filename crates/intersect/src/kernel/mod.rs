@@ -2,24 +2,22 @@
 //! and their entries per level. `README.md` beside this file says how a ray travels and which
 //! kernel is used when.
 
-pub(crate) mod binning;
-mod careful;
 mod columns;
-pub(crate) mod compact;
-pub(crate) mod double;
-pub(crate) mod interleave;
 pub(crate) mod list;
-mod meeting;
-pub(crate) mod node;
 pub(crate) mod packet;
-pub(crate) mod prefetch;
-pub(crate) mod quick;
-pub(crate) mod ray;
-mod slot;
-#[cfg_attr(
-    not(target_arch = "x86_64"),
-    allow(dead_code, unused_imports, reason = "only levels of many lanes use it")
-)]
-mod together;
-pub(crate) mod traverse;
-pub(crate) mod triangle;
+pub(crate) mod single;
+pub(crate) mod stream;
+
+use crate::search;
+use list::ListSearch;
+use packet::PacketTests;
+
+/// A precision that all kernels know.
+pub(crate) trait Kernels: PacketTests + ListSearch {}
+
+impl<P: PacketTests + ListSearch> Kernels for P {}
+
+/// A goal in such a precision.
+pub(crate) trait Goal: search::Goal<Precision: Kernels> {}
+
+impl<G: search::Goal<Precision: Kernels>> Goal for G {}

@@ -1,13 +1,13 @@
 //! The queries of worlds in double precision.
 
-use super::crossings::AllHits;
-use super::rays::{RayQuery, Rays};
-use super::search::Context;
+use super::all::AllHits;
 use super::searcher::Searcher;
-use super::{Grouping, HitFilter};
 use crate::hit::DHit;
 use crate::precision::Double;
-use crate::world::TraversalCounters;
+use crate::search::Context;
+use crate::search::TraversalCounters;
+use crate::search::rays::{RayQuery, Rays};
+use crate::search::{Grouping, HitFilter};
 use crate::world::double::DWorld;
 
 impl DWorld {

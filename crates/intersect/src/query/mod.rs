@@ -1,65 +1,21 @@
 //! Ray queries over batches: the main way to ask a [`World`]. Results depend only on each ray,
 //! never on its neighbours.
 
-pub(crate) mod answers;
-pub mod crossings;
+pub mod all;
 mod double;
-pub mod journey;
 pub mod nearest;
 mod order;
 pub mod parallel;
 pub mod queries;
-pub mod rays;
-pub(crate) mod search;
 pub(crate) mod searcher;
+pub mod trace;
 pub mod winding;
 
 use crate::hit::Hit;
-use crate::precision::{Precision, Single};
-use crate::world::{TraversalCounters, TraversalWork, World};
-use rays::{RayQuery, Rays};
-use search::Context;
+use crate::search::rays::{RayQuery, Rays};
+use crate::search::{Context, Grouping, HitFilter, TraversalCounters, TraversalWork};
+use crate::world::World;
 use searcher::Searcher;
-
-/// Which rays of a batch belong together. The kernel follows from this and from the kind of query,
-/// never from what happens to share a batch, so a ray's result never depends on its neighbours.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Grouping {
-    /// Unrelated rays.
-    #[default]
-    None,
-    /// Rays that are much like their neighbours: each run of 16, counted from the start of the
-    /// batch (the last may be shorter), leaves one point or goes to one point, in similar
-    /// directions. Such are the samples of a pixel or of 4x4 pixels seen by a pinhole, and the
-    /// shadow rays from them to a point light. Where it is not so, such runs are traced like
-    /// unrelated rays.
-    Coherent,
-}
-
-/// Decides about hits on geometries marked by [`crate::WorldBuilder::set_filtered`] (cut-out and
-/// blended surfaces). Must be a pure function of its arguments.
-pub trait HitFilter<P: Precision = Single>: Sync {
-    /// False if the ray passes through at this hit. `ray` is in world space; its `t_max` is
-    /// unspecified.
-    fn accept(&self, ray: &P::Ray, hit: &P::Hit) -> bool;
-
-    /// The same for a ray with a time from 0 to 1. For those to whom the time means nothing, as
-    /// [`Self::accept`].
-    fn accept_at(&self, ray: &P::Ray, time: f32, hit: &P::Hit) -> bool {
-        let _ = time;
-        self.accept(ray, hit)
-    }
-}
-
-/// The filter that keeps every hit.
-#[derive(Clone, Copy, Debug)]
-pub struct AcceptAll;
-
-impl<P: Precision> HitFilter<P> for AcceptAll {
-    fn accept(&self, _: &P::Ray, _: &P::Hit) -> bool {
-        true
-    }
-}
 
 impl World {
     /// The nearest hit of each ray, [`Hit::MISS`] where there is none or the ray is invalid

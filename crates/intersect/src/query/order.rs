@@ -4,9 +4,9 @@
 //! Rays are sorted by the cell of their origin along a Morton curve, by counting, if they are not
 //! in some such order already. Each ray is still traced for itself, so the results are the same.
 
-use super::rays::Rays;
 use crate::morton;
-use crate::precision::Rules;
+use crate::precision::Facts;
+use crate::search::rays::Rays;
 use snell_math::Vec3;
 use std::ops::Range;
 
@@ -72,12 +72,12 @@ impl Sorter {
     }
 
     /// In which order to trace the rays of a part; empty if they may stay as they are.
-    pub fn order<P: Rules>(&mut self, rays: Rays<P>) -> &[u32] {
+    pub fn order<P: Facts>(&mut self, rays: Rays<P>) -> &[u32] {
         self.order_of::<P>(rays.rays().iter())
     }
 
     /// The same of some of them: their places among these.
-    pub fn order_of<'r, P: Rules>(
+    pub fn order_of<'r, P: Facts>(
         &mut self,
         rays: impl ExactSizeIterator<Item = &'r P::Ray> + Clone,
     ) -> &[u32] {
@@ -163,10 +163,10 @@ static SPREAD: [u32; 1 << CELL_BITS] = morton::spread();
 mod tests {
     use super::*;
     use crate::hit::Hit;
-    use crate::kernel::interleave::pays_to_sort;
+    use crate::kernel::stream::interleave::pays_to_sort;
     use crate::precision::Single;
-    use crate::query::search::Closest;
-    use crate::query::{AcceptAll, Grouping};
+    use crate::search::Closest;
+    use crate::search::{AcceptAll, Grouping};
     use crate::world::tests::{Random, dust};
     use crate::world::{BuildOptions, Structure, WorldBuilder};
     use snell_math::Ray;
@@ -229,7 +229,7 @@ mod tests {
         let mut builder = WorldBuilder::default();
         builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
         let options = BuildOptions {
-            accelerator: crate::accel::AcceleratorKind::Bvh,
+            accelerator: crate::world::AcceleratorKind::Bvh,
             ..BuildOptions::default()
         };
         let world = builder.build(&options).expect("it builds");

@@ -7,12 +7,12 @@
 #[cfg(test)]
 mod tests;
 
-use super::crossings::AllHits;
-use super::nearest::Points;
+use super::all::AllHits;
 use super::queries::Queries;
-use super::rays::Rays;
-use super::{Grouping, HitFilter};
 use crate::precision::Precision;
+use crate::search::points::Points;
+use crate::search::rays::Rays;
+use crate::search::{Grouping, HitFilter};
 use crate::world::World;
 use crate::world::double::DWorld;
 use rayon::prelude::*;

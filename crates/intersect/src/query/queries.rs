@@ -1,10 +1,10 @@
 //! What worlds of either precision answer: for code that is written once for both.
 
-use super::crossings::AllHits;
-use super::nearest::Points;
-use super::rays::Rays;
-use super::{Grouping, HitFilter};
+use super::all::AllHits;
 use crate::precision::{Double, Precision, Single};
+use crate::search::points::Points;
+use crate::search::rays::Rays;
+use crate::search::{Grouping, HitFilter};
 use crate::world::double::DWorld;
 use crate::world::{BuildStats, World};
 

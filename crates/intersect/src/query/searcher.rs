@@ -1,18 +1,22 @@
 //! How a world is searched.
 
-use super::Grouping;
-use super::answers::{Answers, Part, Slice};
-use super::crossings::AllHits;
+use super::all::AllHits;
 use super::order;
-use super::rays::{RayQuery, Rays};
-use super::search::{Any, Closest, Context, Counted, Goal, RayOf, Search};
-use crate::accel::brute_force::search_all;
-use crate::accel::bvh::Forest;
 use crate::hit::Hit;
-use crate::kernel::traverse::search_forest;
-use crate::kernel::{interleave, packet};
-use crate::precision::{Double, Precision, Rules, Single};
-use crate::world::{Structure, TraversalCounters, TraversalWork, World};
+use crate::kernel::packet;
+use crate::kernel::single::traverse::search_forest;
+use crate::kernel::stream::interleave;
+use crate::kernel::{Goal, Kernels};
+use crate::lecture::brute_force::search_all;
+use crate::precision::Facts;
+use crate::precision::{Double, Precision, Single};
+use crate::search::Grouping;
+use crate::search::answers::{Answers, Part, Slice};
+use crate::search::rays::{RayQuery, Rays};
+use crate::search::{Any, Closest, Context, Counted, RayOf, Search};
+use crate::search::{TraversalCounters, TraversalWork};
+use crate::tree::Forest;
+use crate::world::{Structure, World};
 use std::sync::atomic::AtomicBool;
 
 type HitOf<P> = <P as Precision>::Hit;
@@ -22,7 +26,7 @@ type HitOf<P> = <P as Precision>::Hit;
 const RAYS_AT_ONCE: usize = 1 << 12;
 
 /// Where and how to search, whatever the goal.
-pub(crate) struct Searcher<'a, P: Rules = Single> {
+pub(crate) struct Searcher<'a, P: Facts = Single> {
     /// Its structure, and which of its geometries are meshes; not what these hold.
     pub world: &'a World,
     pub context: Context<'a, P>,
@@ -127,7 +131,7 @@ impl Searcher<'_> {
     }
 }
 
-impl<'a, P: Rules> Searcher<'a, P> {
+impl<'a, P: Facts> Searcher<'a, P> {
     /// The same, ended by a flag.
     #[inline]
     pub fn with_cancel(mut self, cancel: Option<&'a AtomicBool>) -> Self {
@@ -136,7 +140,7 @@ impl<'a, P: Rules> Searcher<'a, P> {
     }
 }
 
-impl<P: Rules> Searcher<'_, P> {
+impl<P: Kernels> Searcher<'_, P> {
     /// Searches for all rays of a batch; `finish` gets the number of a ray and what was found, in
     /// no particular order.
     pub fn search_all<G: Goal<Precision = P>>(

@@ -12,9 +12,9 @@ use super::{
     InstanceId, World, WorldBuilder, WorldError,
 };
 use crate::geometry::PrimitiveSet;
-use crate::kernel::double::DoubleData;
-use crate::kernel::double::frame::Frame;
 use crate::mesh::DTriangleMesh;
+use crate::precision::DoubleData;
+use crate::precision::frame::Frame;
 use crate::shape::Shape;
 use rayon::prelude::*;
 use snell_math::{Bounds3d, Transform};

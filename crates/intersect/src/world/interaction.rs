@@ -3,7 +3,7 @@
 use super::{Geometry, GeometryId, GroupId, World, abs_matrix};
 use crate::hit::{Hit, SurfaceInteraction, SurfacePoint};
 use crate::mesh::TriangleMesh;
-use crate::query::rays::{RayQuery, clamped_time};
+use crate::search::rays::{RayQuery, clamped_time};
 use crate::shape::ShapeSurface;
 use snell_math::{DRay, DVec2, DVec3, Frame, Ray, Transform, Vec2, Vec3};
 

@@ -1,15 +1,17 @@
 //! What a build takes over from the world before: all that comes from contents that did not change.
 
-use super::cover::{self, Cover};
+use super::AcceleratorKind;
+use super::cover;
+use super::cover::Cover;
 use super::occurrence::Occurrences;
 use super::{
     BuildOptions, Geometry, GroupBounds, Parts, Structure, World, WorldBuilder, WorldError,
 };
-use crate::accel::AcceleratorKind;
-use crate::accel::brute_force::GroupList;
-use crate::accel::bvh::{BvhOptions, Forest, GroupTree};
-use crate::accel::walk::Structures;
+use crate::build::BvhOptions;
+use crate::group::GroupList;
+use crate::lecture::walk::Structures;
 use crate::mesh::TriangleMesh;
+use crate::tree::{Forest, GroupTree};
 use rayon::prelude::*;
 use snell_math::Bounds3d;
 use snell_math::simd::Level;
@@ -26,7 +28,7 @@ const WORN: f32 = 1.3;
 #[derive(Debug)]
 pub(super) struct Inventory {
     accelerator: AcceleratorKind,
-    quality: crate::accel::Quality,
+    quality: crate::build::Quality,
     compact: bool,
     /// Per geometry.
     pub summaries: Vec<Summary>,

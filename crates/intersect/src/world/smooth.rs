@@ -20,7 +20,7 @@ use super::triangles::{HitVectors, TRIANGLE_HITS, TriangleHits, TrianglePoints};
 use super::{Geometry, GeometryId, GroupId, World};
 use crate::hit::{Hit, SurfaceInteraction};
 use crate::mesh::TriangleMesh;
-use crate::query::rays::{RayQuery, clamped_time};
+use crate::search::rays::{RayQuery, clamped_time};
 use snell_math::simd::{Wide, least, most};
 use snell_math::{DVec3, Vec3, at_level, robust};
 

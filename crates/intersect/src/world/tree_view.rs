@@ -2,12 +2,12 @@
 
 use super::{Structure, World};
 use crate::AcceptAll;
-use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::{Object, Placement, test_triangle};
+use crate::exact::ray::LocalRay;
+use crate::group::{Object, Placement, test_triangle};
 use crate::hit::Hit;
-use crate::kernel::node::{ChildRef, WideNode};
-use crate::kernel::ray::LocalRay;
-use crate::query::search::{Closest, Context, Search};
+use crate::search::{Closest, Context, Search};
+use crate::tree::node::{ChildRef, WideNode};
+use crate::tree::{Forest, GroupTree};
 use snell_math::{Bounds3, DAffine3, DRay, Ray, Vec3};
 use std::mem::MaybeUninit;
 

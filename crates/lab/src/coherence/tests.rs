@@ -1,8 +1,8 @@
 //! Beams, pencils and cones against rays, and against what is known.
 
 use super::*;
+use snell_intersect::AcceleratorKind;
 use snell_intersect::Sphere;
-use snell_intersect::accel::AcceleratorKind;
 use snell_intersect::{AcceptAll, Grouping};
 use snell_intersect::{BuildOptions, World, WorldBuilder};
 use snell_intersect::{Hit, TriangleMesh};

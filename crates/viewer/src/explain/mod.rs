@@ -13,7 +13,7 @@ pub use report::{
     JourneyReport, LightReport, PathClass, Point, Report, SampleReport, StopReport, VertexReport,
 };
 
-use snell_intersect::accel::AcceleratorKind;
+use snell_intersect::AcceleratorKind;
 use snell_intersect::{Journey, PlaceKind};
 use snell_math::{DVec2, Ray, SampledSpectrum, Vec2};
 use snell_render::explain::{

@@ -15,7 +15,7 @@ use measure::{Case, Measured, Measurer};
 use serde_json::{Value, json};
 use snell_formats::ReadOptions;
 use snell_intersect::BuildOptions;
-use snell_intersect::accel::{AcceleratorKind, AcceleratorOptions};
+use snell_intersect::{AcceleratorKind, AcceleratorOptions};
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -117,7 +117,7 @@ pub fn load(name: &str, read: &ReadOptions) -> Result<Bench, Failure> {
 
 fn compile(name: &str, scene: &Scene) -> Result<World, Failure> {
     let options = BuildOptions {
-        accelerator: snell_intersect::accel::AcceleratorKind::None,
+        accelerator: snell_intersect::AcceleratorKind::None,
         ..BuildOptions::default()
     };
     admit_scene(name, scene)?;

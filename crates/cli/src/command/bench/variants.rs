@@ -1,7 +1,7 @@
 //! The ways in which a world can be built and asked, as lists on the command line.
 
 use crate::failure::{Failure, choice};
-use snell_intersect::accel::AcceleratorKind;
+use snell_intersect::AcceleratorKind;
 use snell_intersect::{BuildOptions, Geometry, GroupId, Quality, World, WorldBuilder, WorldError};
 use snell_math::simd::Level;
 

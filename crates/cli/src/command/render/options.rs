@@ -8,8 +8,8 @@ use crate::progress::ProgressStyleOption;
 use crate::threads;
 use snell_formats::image::Tonemap;
 use snell_formats::{Limits, ReadOptions, Sources};
+use snell_intersect::AcceleratorKind;
 use snell_intersect::Quality;
-use snell_intersect::accel::AcceleratorKind;
 use snell_math::simd::Level;
 use snell_math::{ColorModel, Rgb};
 use snell_render::{

@@ -4,10 +4,10 @@ mod motion;
 mod quads;
 mod sets;
 
-use crate::accel::AcceleratorKind;
 use crate::hit::Hit;
-use crate::query::rays::Rays;
-use crate::query::{AcceptAll, Grouping};
+use crate::search::rays::Rays;
+use crate::search::{AcceptAll, Grouping};
+use crate::world::AcceleratorKind;
 use crate::world::{BuildOptions, World, WorldBuilder};
 use snell_math::rng::{pcg4d, to_unit};
 use snell_math::sampling::uniform_sphere;

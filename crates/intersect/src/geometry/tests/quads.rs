@@ -3,7 +3,7 @@
 use super::{Random, agree, bits, worlds};
 use crate::geometry::QuadMesh;
 use crate::mesh::TriangleMesh;
-use crate::query::AcceptAll;
+use crate::search::AcceptAll;
 use crate::world::{GeometryId, WorldBuilder};
 use snell_math::{Ray, Vec2, Vec3};
 use std::sync::Arc;

@@ -3,7 +3,7 @@
 
 use super::{Random, agree, worlds};
 use crate::geometry::{CubicCurves, CurveBasis, LinearCurves, PrimitiveHit, PrimitiveSet, Spheres};
-use crate::query::AcceptAll;
+use crate::search::AcceptAll;
 use crate::shape::ShapeSurface;
 use crate::world::{BuildOptions, WorldBuilder};
 use snell_math::rng::{pcg4d, to_unit};

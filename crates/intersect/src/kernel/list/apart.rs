@@ -1,17 +1,8 @@
 //! What stands apart from the rest of a group, as a list beside the tree.
 
 use super::bundle::Bundle;
-use super::contents::{List, ListObject};
-use crate::accel::bvh::GroupTree;
-use snell_math::Bounds3;
+use crate::tree::list::Apart;
 use snell_math::simd::Doubles16;
-
-/// Large primitives, planes without end, and where the rest of the group is.
-#[derive(Clone, Debug)]
-pub(crate) struct Apart {
-    pub(super) list: Box<List>,
-    bounds: Bounds3,
-}
 
 /// A ray that has yet to be searched for among [the rest](GroupTree::rest).
 #[derive(Clone, Copy, Debug)]
@@ -23,34 +14,6 @@ pub(crate) struct Begun<H> {
 }
 
 impl Apart {
-    /// `None` if nothing does, or it is not for lists.
-    pub fn of(tree: &GroupTree) -> Option<Self> {
-        let root = tree.nodes.first()?;
-        let is_divided = tree.rest != tree.root;
-        if !tree.rest.is_node() || !is_divided && tree.unbounded.is_empty() {
-            return None;
-        }
-        // In the order of the nodes: what is below the root but not among the rest, which comes
-        // first, ends the tree.
-        let mut around = vec![];
-        if is_divided {
-            around.extend((1..8).map(|slot| (root.children[slot], root.slot_bounds(slot))));
-        }
-        let mut leaves = vec![];
-        while let Some((child, bounds)) = around.pop() {
-            if child.is_node() {
-                let node = &tree.nodes[child.index()];
-                around.extend((0..8).map(|slot| (node.children[slot], node.slot_bounds(slot))));
-            } else {
-                leaves.push((child, bounds));
-            }
-        }
-        let bounds = if is_divided { root.slot_bounds(0) } else { root.bounds() };
-        let list = List::apart(tree, &leaves, &bounds)?;
-        let is_tested_in_lanes = |object: &ListObject| object.shape.is_some();
-        list.objects.iter().all(is_tested_in_lanes).then_some(Self { list, bounds })
-    }
-
     /// The rays that may meet any of the rest.
     ///
     /// # Safety
@@ -64,12 +27,13 @@ impl Apart {
 
 #[cfg(test)]
 mod tests {
-    use crate::accel::{AcceleratorKind, Quality};
+    use crate::build::Quality;
     use crate::hit::Hit;
     use crate::kernel::list::tests::{Sieve, quads};
-    use crate::query::rays::Rays;
-    use crate::query::{AcceptAll, Grouping};
+    use crate::search::rays::Rays;
+    use crate::search::{AcceptAll, Grouping};
     use crate::shape::{AnyShape, Plane, Rectangle, Sphere};
+    use crate::world::AcceleratorKind;
     use crate::world::tests::{
         Random, bits, build, check, default_world, dust, levels, soup, sphere_mesh,
     };

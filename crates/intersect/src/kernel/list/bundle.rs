@@ -19,9 +19,9 @@
 //!   `8.5 u D / s`, and so within [`DISTANCE_ERROR`] of `t`, unless the ray is as near to an edge
 //!   as that.
 
-use super::super::columns::ray_columns;
-use super::List;
-use super::faces::{Face, Line, Outline};
+use crate::kernel::columns::ray_columns;
+use crate::tree::list::List;
+use crate::tree::list::faces::{Face, LEAST_COORDINATE, Line, Outline};
 use snell_math::simd::{Doubles16, Lanes16};
 use snell_math::{Bounds3, Ray};
 
@@ -41,10 +41,6 @@ const LEAST_SLOPE: f32 = 1.0 / 2048.0;
 /// Rays that run along a plane meet no face in it if they start farther away from it, relative to
 /// `D`.
 const BESIDE: f32 = 4.0 * LEAST_SLOPE;
-
-/// For planes across an axis the sign is always certain. But what is left of the difference of two
-/// coordinates may vanish by division if they are less than this.
-pub(super) const LEAST_COORDINATE: f32 = 1e-22;
 
 /// Rays that start farther away, relative to the reach of the list, are left to the tree.
 const FARTHEST: f32 = 64.0;
@@ -132,7 +128,7 @@ struct Meeting<W> {
 }
 
 impl<D: Doubles16> Bundle<D> {
-    /// The rays that may meet a box, or come within the width of [`crate::accel::box_ray::BoxRay`]
+    /// The rays that may meet a box, or come within the width of [`crate::lecture::box_ray::BoxRay`]
     /// of it; only ordinary ones count.
     ///
     /// The line misses it if an axis across it and an edge of the box tells them apart (Gottschalk,

@@ -1,11 +1,11 @@
 //! Where sixteen rays hit a triangle each that they surely hit.
 //!
-//! By [`super::super::meeting`], so the same bits as by the exact test.
+//! By [`crate::exact::meeting`], so the same bits as by the exact test.
 
-use super::super::columns::columns;
-use super::super::meeting::{InDrawing, InPlane, doubles};
 use super::bundle::{Bundle, PerRay, RAYS};
-use super::contents::Triangle;
+use crate::exact::meeting::{InDrawing, InPlane, doubles};
+use crate::kernel::columns::columns;
+use crate::tree::list::Triangle;
 use snell_math::simd::{Doubles16, Lanes16};
 
 /// What became of sixteen rays.

@@ -5,88 +5,20 @@
 //! [`is_moderate`] sees to it that nothing overflows or vanishes; and the parameters in `f64` are
 //! not compared with the interval, for those in `f32` have to lie in it too.
 
-use super::super::meeting::dot;
 use super::bundle::Bundle;
-use crate::accel::group::Object;
-use crate::shape::{AnyShape, Rectangle};
+use crate::exact::meeting::dot;
+use crate::tree::list::ListShape;
+use crate::tree::list::shape::{Kind, Outline};
 use snell_math::simd::{Doubles16, Lanes16};
-use snell_math::{DAffine3, DVec2};
-
-/// A shape that is tested with sixteen rays at a time.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ListShape {
-    pub geometry: u32,
-    kind: Kind,
-    shape_from_group: DAffine3,
-}
-
-/// What it is in its own coordinates.
-#[derive(Clone, Copy, Debug)]
-enum Kind {
-    Sphere {
-        radius: f64,
-    },
-    /// In the plane `z = 0`.
-    Flat(Outline),
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Outline {
-    /// The whole plane if the size is infinite.
-    Rectangle { half_size: DVec2 },
-    /// Between two circles, by the squares of their radii.
-    Ring { inner: f64, outer: f64 },
-}
-
-/// True for zero and for sizes with which nothing overflows or vanishes here, ordinary rays given:
-/// what is not zero is more than `1e-91` and less than `1e44` in the coordinates of the shape.
-fn is_moderate(x: f64) -> bool {
-    x == 0.0 || (1e-30..1e30).contains(&x.abs())
-}
 
 impl ListShape {
-    /// The shape, if it is such.
-    pub fn of(object: &Object) -> Option<Self> {
-        let Object::Shape { shape, geometry, shape_from_group } = object else { return None };
-        let (kind, sizes) = match shape.to_any()? {
-            AnyShape::Sphere(sphere) => {
-                (Kind::Sphere { radius: sphere.radius }, [sphere.radius, 0.0])
-            }
-            AnyShape::Rectangle(Rectangle { half_size }) => {
-                (Kind::Flat(Outline::Rectangle { half_size }), half_size.to_array())
-            }
-            AnyShape::Disk(disk) => {
-                let (inner, outer) =
-                    (disk.inner_radius * disk.inner_radius, disk.radius * disk.radius);
-                (Kind::Flat(Outline::Ring { inner, outer }), [inner, outer])
-            }
-            AnyShape::Plane(_) => {
-                (Kind::Flat(Outline::Rectangle { half_size: DVec2::INFINITY }), [0.0; 2])
-            }
-            _ => return None,
-        };
-        let is_moderate =
-            shape_from_group.to_cols_array().iter().chain(&sizes).all(|&x| is_moderate(x));
-        is_moderate.then_some(Self {
-            geometry: *geometry,
-            kind,
-            shape_from_group: *shape_from_group,
-        })
-    }
-
-    /// True if it lies in a plane.
-    #[inline(always)]
-    pub fn is_flat(&self) -> bool {
-        matches!(self.kind, Kind::Flat(_))
-    }
-
     /// Where rays meet the shape first in their intervals; infinite where they do not. Only those
     /// of some lanes are asked for, and only ordinary rays are answered.
     ///
     /// # Safety
     /// The machine must have the instructions of `D`.
     #[inline(always)]
-    pub unsafe fn meet<D: Doubles16>(&self, bundle: &Bundle<D>, lanes: u32) -> D::Singles {
+    pub(super) unsafe fn meet<D: Doubles16>(&self, bundle: &Bundle<D>, lanes: u32) -> D::Singles {
         // SAFETY: passed on to the caller.
         unsafe {
             match self.kind {
@@ -227,17 +159,19 @@ fn minor<D: Doubles16>(a: D, b: D, c: D, d: D, zero: D) -> D {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bundle::{PerRay, RAYS};
-    use super::super::tests::{list_of, quads};
     use super::*;
-    use crate::accel::AcceleratorKind;
     use crate::hit::Hit;
-    use crate::kernel::list::List;
-    use crate::query::AcceptAll;
+    use crate::kernel::list::bundle::{PerRay, RAYS};
+    use crate::kernel::list::tests::{list_of, quads};
+    use crate::search::AcceptAll;
+    use crate::shape::AnyShape;
     use crate::shape::Shape;
+    use crate::tree::list::List;
+    use crate::world::AcceleratorKind;
     use crate::world::WorldBuilder;
     use crate::world::tests::{build, levels};
     use snell_math::simd::{Level, PairDoubles, Portable8};
+    use snell_math::{DAffine3, DVec2};
     use snell_math::{DMat3, DVec3, Ray, Transform, rng};
     use std::sync::Arc;
 

@@ -1,13 +1,14 @@
+use super::Hits;
 use super::bundle::{Bundle, RAYS};
-use super::faces::{Faces, Outline};
-use super::{Hits, List};
-use crate::accel::AcceleratorKind;
-use crate::accel::box_ray::BoxRay;
 use crate::hit::Hit;
+use crate::lecture::box_ray::BoxRay;
 use crate::mesh::TriangleMesh;
-use crate::query::rays::Rays;
-use crate::query::{AcceptAll, Grouping, HitFilter};
+use crate::search::rays::Rays;
+use crate::search::{AcceptAll, Grouping, HitFilter};
 use crate::shape::{AnyShape, Cylinder, Disk, Plane, Rectangle, Sphere};
+use crate::tree::list::List;
+use crate::tree::list::faces::{Faces, Outline};
+use crate::world::AcceleratorKind;
 use crate::world::tests::{build, check, lattice_point, levels};
 use crate::world::{GeometryId, Structure, World, WorldBuilder};
 use proptest::prelude::*;
@@ -320,13 +321,13 @@ fn only_small_worlds_of_ordinary_size_have_lists() {
     assert!(
         has_list(with_spheres(WorldBuilder::default(), 2)) && has_list(with_spheres(strip(5), 3))
     );
-    let most = super::contents::MAX_OBJECTS;
+    let most = crate::tree::list::MAX_OBJECTS;
     assert!(
         has_list(with_spheres(strip(40), most)) && !has_list(with_spheres(strip(40), most + 1))
     );
     assert!(has_list(strip(1)));
-    assert!(has_list(strip(super::contents::MAX_TRIANGLES as u32)));
-    assert!(!has_list(strip(super::contents::MAX_TRIANGLES as u32 + 1)));
+    assert!(has_list(strip(crate::tree::list::MAX_TRIANGLES as u32)));
+    assert!(!has_list(strip(crate::tree::list::MAX_TRIANGLES as u32 + 1)));
     assert!(!has_list(WorldBuilder::default()));
     let mut with_instance = strip(20);
     let child = with_instance.add_group();

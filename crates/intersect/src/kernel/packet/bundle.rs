@@ -11,11 +11,12 @@
 //! Soupikov and Hurley, Multi-Level Ray Tracing Algorithm, 2005, go down with the same kind of
 //! frustum). Everything here is conservative.
 
-use super::super::meeting::doubles;
-use super::super::node::{CULL_PADDING, WideNode};
 use super::exact_rays::{ExactColumns, ExactRays, LaneRays, rounded3};
 use super::lines::Lines;
-use crate::precision::Rules;
+use crate::exact::meeting::doubles;
+use crate::kernel::packet::PacketTests;
+use crate::search::CULL_PADDING;
+use crate::tree::node::WideNode;
 use snell_math::simd::{Doubles16, Lanes8, Lanes16};
 use snell_math::{DVec3, Vec3};
 
@@ -25,9 +26,8 @@ pub(super) const RAYS: usize = 16;
 /// One number per ray.
 pub(crate) type PerRay<T> = [T; RAYS];
 
-/// Relative padding of everything that follows from rounded coordinates, as
-/// [`super::super::node::BOX_PADDING`]: roundings of `f32` here, and of the drawing of triangles,
-/// come to less than half of it.
+/// Relative padding of everything that follows from rounded coordinates, as [`crate::exact::quick::BOX_PADDING`]:
+/// roundings of `f32` here, and of the drawing of triangles, come to less than half of it.
 const PADDING: f32 = 1.0e-6;
 
 /// Coordinates and directions beyond this are left to the other kernels: here nothing may overflow.
@@ -91,7 +91,7 @@ pub(crate) struct Bundle {
     pub axes: [usize; 3],
     /// 1 if `z` grows along its axis, -1 if it falls.
     pub sign: f32,
-    /// For the order in which children are visited: as [`super::super::node::WideNode::order`]
+    /// For the order in which children are visited: as [`crate::tree::node::WideNode::order`]
     /// counts them.
     pub octant: usize,
     /// All rays are drawn along the z axis of the bundle.
@@ -109,7 +109,7 @@ pub(crate) struct Bundle {
 }
 
 /// The axes of a bundle, by the sizes of a direction: the last is the largest, as in
-/// [`super::super::ray::LocalRay`].
+/// [`crate::exact::ray::LocalRay`].
 #[inline(always)]
 fn axes(d: [f32; 3]) -> [usize; 3] {
     if d[0] >= d[1] && d[0] >= d[2] {
@@ -183,7 +183,7 @@ impl Bundle {
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn set_up_exactly<W: Lanes16, P: Rules>(
+    pub unsafe fn set_up_exactly<W: Lanes16, P: PacketTests>(
         &mut self,
         rays: LaneRays<W>,
         [t_min, cull]: [W; 2],
@@ -252,7 +252,7 @@ impl Bundle {
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn set_up<W: Lanes16, P: Rules>(
+    pub unsafe fn set_up<W: Lanes16, P: PacketTests>(
         &mut self,
         columns: &Columns<W>,
         first: [f32; 3],
@@ -268,7 +268,7 @@ impl Bundle {
             if [first[0] < 0.0, first[1] < 0.0, first[2] < 0.0][z] { -1.0 } else { 1.0 };
         let sign = if kind.reversed { -forward } else { forward };
         self.sign = sign;
-        // Quotients as in [`super::super::ray::LocalRay`], whose shears these are if triangles are
+        // Quotients as in [`crate::exact::ray::LocalRay`], whose shears these are if triangles are
         // drawn in `f32`.
         let is_drawn = kind.rounded && !P::TRIANGLES_ELSEWHERE;
         // SAFETY: passed on to the caller.

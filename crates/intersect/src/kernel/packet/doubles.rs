@@ -1,14 +1,14 @@
 //! The exact test in double precision for four pairs of a ray and a triangle at once.
 //!
-//! The same operations in the same order as in [`crate::kernel::double::triangle::exact_hit`], so
+//! The same operations in the same order as in [`crate::exact::double::triangle::exact_hit`], so
 //! the same bits. What is rare there (edges that are met, rays in the plane of the triangle,
 //! numbers out of range) is not decided here but handed back.
 
 use super::bundle::Bundle;
 use super::exact::{Found, Pairs, cross, dot, minus};
-use crate::accel::bvh::GroupTree;
-use crate::kernel::double::DoubleData;
-use crate::kernel::double::plane::{LARGE, ROUGH, SURE, TINY, determinants};
+use crate::exact::double::plane::{LARGE, ROUGH, SURE, TINY, determinants};
+use crate::precision::DoubleData;
+use crate::tree::GroupTree;
 use snell_math::DVec3;
 use snell_math::simd::Lanes4;
 
@@ -102,7 +102,7 @@ unsafe fn test<D: Lanes4>(
         let relative =
             [minus(corners[0], origin), minus(corners[1], origin), minus(corners[2], origin)];
         // Most rays leave a surface, and find it behind their start: as in
-        // [`crate::kernel::double::plane::Estimate`].
+        // [`crate::exact::double::plane::Estimate`].
         let (e1, e2) = (minus(corners[1], corners[0]), minus(corners[2], corners[0]));
         let (normal, zero) = (cross(e1, e2), D::splat(0.0));
         let (height, speed) = (dot(normal, relative[0]), dot(normal, direction));
@@ -164,7 +164,7 @@ unsafe fn test<D: Lanes4>(
 }
 
 /// Where the point at `t` is in the box of the corners: as in
-/// [`crate::kernel::triangle::clamp_to_box`].
+/// [`crate::exact::triangle::clamp_to_box`].
 ///
 /// # Safety
 /// The machine must have the instructions of `D`.

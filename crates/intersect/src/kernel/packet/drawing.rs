@@ -4,8 +4,8 @@
 //! times its length: too much for slivers. What a ray draws is small near that ray, and so are the
 //! errors.
 
-use super::super::triangle::{TriangleBlock, edge_error};
 use super::bundle::Bundle;
+use crate::exact::triangle::{TriangleBlock, edge_error};
 use snell_math::simd::{Lanes8, Lanes16};
 
 /// The rays that are inside and outside of the drawing of a triangle, a bit for each; neither where
@@ -41,7 +41,7 @@ pub(super) unsafe fn sides<W: Lanes16>(
     }
 }
 
-/// A corner of a triangle as rays draw it: [`super::super::triangle::Drawing::draw`].
+/// A corner of a triangle as rays draw it: [`crate::exact::triangle::Drawing::draw`].
 ///
 /// # Safety
 /// The machine must have the instructions of `W`; axes must be below 3, and the triangle below 8.

@@ -1,13 +1,13 @@
 //! The exact test for several pairs of a ray and a triangle at once.
 //!
-//! The same operations in the same order as in [`super::super::triangle::exact_hit`], so the same
+//! The same operations in the same order as in [`crate::exact::triangle::exact_hit`], so the same
 //! bits. What is rare there (ties, rays in the plane of the triangle, points outside of its box by
 //! rounding) is not decided here but handed back.
 
-use super::super::compact::BlocksAt;
-use super::super::triangle::{PLACE_TOLERANCE, TriangleBlock};
 use super::bundle::{Bundle, PerRay};
+use crate::exact::triangle::{PLACE_TOLERANCE, TriangleBlock};
 use crate::precision::Real;
+use crate::tree::compact::BlocksAt;
 use snell_math::simd::{DoubleLanes, DoublesOf, Lanes16, WideLanes};
 use std::mem::MaybeUninit;
 
@@ -171,7 +171,7 @@ unsafe fn rows<L: WideLanes>(block: &TriangleBlock, lanes: &[u32; PAIRS]) -> [[L
     }
 }
 
-/// The planes that the rays of the pairs draw on: [`super::super::ray::LocalRay::draw`].
+/// The planes that the rays of the pairs draw on: [`crate::exact::ray::LocalRay::draw`].
 struct Frame<L> {
     axes: [usize; 3],
     origin: [L; 3],

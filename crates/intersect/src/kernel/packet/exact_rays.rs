@@ -1,8 +1,8 @@
 //! The rays of a bundle exactly: row by row, and in lanes of doubles.
 
-use super::super::meeting::dot;
 use super::bundle::{PerRay, RAYS};
-use crate::precision::Rules;
+use crate::exact::meeting::dot;
+use crate::kernel::packet::PacketTests;
 use snell_math::simd::{Doubles16, Lanes16};
 use snell_math::{DAffine3, DRay, DVec3, Vec3};
 
@@ -21,7 +21,7 @@ pub(crate) struct ExactRays {
 impl ExactRays {
     /// Takes the rays of a run; lanes without a ray repeat the first one.
     #[inline(always)]
-    pub fn write<P: Rules>(&mut self, rays: &[P::Ray]) {
+    pub fn write<P: PacketTests>(&mut self, rays: &[P::Ray]) {
         for lane in 0..RAYS {
             let ray = P::exact(rays.get(lane).unwrap_or(&rays[0]));
             let (o, d) = (ray.origin, ray.direction);
@@ -32,7 +32,7 @@ impl ExactRays {
 
     /// The same with other origins and directions, by axis.
     #[inline(always)]
-    pub fn write_columns<P: Rules>(
+    pub fn write_columns<P: PacketTests>(
         &mut self,
         rays: &[P::Ray],
         [[ox, oy, oz], [dx, dy, dz]]: &ExactColumns,
@@ -100,7 +100,7 @@ impl<W: Lanes16> LaneRays<W> {
         }
     }
 
-    /// As [`crate::kernel::double::frame::Frame::ray`]: the same operations, so the same bits.
+    /// As [`crate::precision::frame::Frame::ray`]: the same operations, so the same bits.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
@@ -119,7 +119,7 @@ impl<W: Lanes16> LaneRays<W> {
         image
     }
 
-    /// As [`crate::accel::group::mapped`]: the same operations, so the same bits.
+    /// As [`crate::group::mapped`]: the same operations, so the same bits.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.

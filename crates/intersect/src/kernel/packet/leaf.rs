@@ -6,14 +6,14 @@
 //! of the edges of eight triangles are worked out at once, and then each triangle meets all rays at
 //! once. Nothing that the exact test takes is dropped, and nothing is sure that it does not take.
 
-use super::super::node::ChildRef;
-use super::super::triangle::TriangleBlock;
 use super::bundle::Bundle;
 use super::facing::{Areas, LineLanes, PlaneLanes, TriangleLanes, of};
 use super::lines::Lines;
 use super::planes::{Planes, SeenCorners};
-use crate::accel::bvh::GroupTree;
-use crate::precision::Rules;
+use crate::exact::triangle::TriangleBlock;
+use crate::kernel::packet::PacketTests;
+use crate::tree::GroupTree;
+use crate::tree::node::ChildRef;
 use snell_math::simd::{Lanes8, Lanes16};
 use std::mem::MaybeUninit;
 
@@ -98,7 +98,11 @@ impl<L: Lanes8> SharedOrigin<L> {
     /// # Safety
     /// The machine must have the instructions of `L`; the axes must be below 3.
     #[inline(always)]
-    pub unsafe fn new<P: Rules>(block: &TriangleBlock, lines: &Lines, axes: [usize; 3]) -> Self {
+    pub unsafe fn new<P: PacketTests>(
+        block: &TriangleBlock,
+        lines: &Lines,
+        axes: [usize; 3],
+    ) -> Self {
         // SAFETY: passed on to the caller.
         unsafe {
             let (forward, corners) = (L::splat(lines.forward), corners(block, axes));
@@ -175,7 +179,7 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
     /// The machine must have the instructions of `W`. The same must be wanted whenever this is
     /// called: nothing else is written.
     #[inline(always)]
-    pub unsafe fn seen<P: Rules>(&mut self, bundle: &Bundle, wanted: Wanted) -> &SeenBlock {
+    pub unsafe fn seen<P: PacketTests>(&mut self, bundle: &Bundle, wanted: Wanted) -> &SeenBlock {
         if !self.is_seen {
             self.is_seen = true;
             // SAFETY: passed on to the caller; axes of bundles are below 3.
@@ -192,7 +196,7 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn of_origin<P: Rules>(&mut self, bundle: &Bundle) -> SharedOrigin<W::Half> {
+    pub unsafe fn of_origin<P: PacketTests>(&mut self, bundle: &Bundle) -> SharedOrigin<W::Half> {
         if let Some(seen) = self.of_origin {
             return seen;
         }
@@ -237,7 +241,7 @@ unsafe fn corners<L: Lanes8>(block: &TriangleBlock, [x, y, z]: [usize; 3]) -> [[
 /// # Safety
 /// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn bound<L: Lanes8, P: Rules>(far: L, mut length: L, margin: f32) -> L {
+unsafe fn bound<L: Lanes8, P: PacketTests>(far: L, mut length: L, margin: f32) -> L {
     // SAFETY: passed on to the caller.
     unsafe {
         let margin = L::splat(margin);
@@ -288,7 +292,7 @@ impl SeenBlock {
     /// # Safety
     /// The machine must have the instructions of `W`; the axes must be below 3.
     #[inline(always)]
-    pub unsafe fn new<W: Lanes16, P: Rules>(
+    pub unsafe fn new<W: Lanes16, P: PacketTests>(
         block: &TriangleBlock,
         lines: &Lines,
         axes: [usize; 3],

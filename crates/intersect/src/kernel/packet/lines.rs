@@ -10,7 +10,7 @@ use snell_math::simd::Lanes16;
 /// Roundings of a distance along the axis: a few.
 const ROUNDINGS: f32 = 8.0 * (f32::EPSILON / 2.0);
 
-/// How much nearer than its padded limit ([`super::super::node::padded`]) a ray surely ends,
+/// How much nearer than its padded limit ([`crate::search::padded`]) a ray surely ends,
 /// relative to its length: twice the padding.
 const END_PADDING: f32 = 2.0e-4;
 

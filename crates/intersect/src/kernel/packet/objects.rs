@@ -1,14 +1,14 @@
 //! What bundles do with shapes and instances: one ray after the other, but in instances they go on
 //! as bundles if they can.
 
-use super::super::node::ChildRef;
-use super::super::traverse::{Stack, test_object};
 use super::bundle::{Bundle, PerRay, RAYS};
 use super::walk::{Group, Luggage, Members, Position, ROWS, Row, Rows, Stacks, Walker, next};
 use super::{MIN_RAYS, fits};
-use crate::accel::group::{Object, ObjectRef, Placement};
-use crate::precision::Rules;
-use crate::query::search::Goal;
+use crate::group::{Object, ObjectRef, Placement};
+use crate::kernel::Goal;
+use crate::kernel::single::traverse::{Stack, test_object};
+use crate::precision::frame::Frames;
+use crate::tree::node::ChildRef;
 use snell_math::simd::Lanes16;
 use snell_math::{DAffine3, Vec3};
 use std::sync::atomic::Ordering;

@@ -8,7 +8,7 @@
 use super::exact::{cross, dot, exact3};
 use super::leaf::{ROUNDING, size};
 use super::lines::Lines;
-use crate::precision::Rules;
+use crate::kernel::packet::PacketTests;
 use snell_math::simd::{DoubleLanes, DoublesOf, Lanes8, Lanes16};
 
 /// Triangles are worked out in double precision if their normal is so many times smaller than the
@@ -55,7 +55,7 @@ impl<L: Lanes8> SeenCorners<L> {
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn write<W: Lanes16<Half = L>, P: Rules>(
+    pub unsafe fn write<W: Lanes16<Half = L>, P: PacketTests>(
         &self,
         lines: &Lines,
         normals: &mut [[f32; 8]; 3],

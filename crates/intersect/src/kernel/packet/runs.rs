@@ -1,12 +1,13 @@
 //! Bundles from runs of rays as they come.
 
-use super::super::columns::ray_columns;
-use super::super::node::{CULL_PADDING, padded};
 use super::MIN_RAYS;
 use super::bundle::{Bundle, Columns, Kind, RAYS};
 use super::exact_rays::LaneRays;
-use crate::kernel::double::DoubleData;
-use crate::precision::{Double, Real, Rules, Single};
+use crate::kernel::columns::ray_columns;
+use crate::kernel::packet::PacketTests;
+use crate::precision::DoubleData;
+use crate::precision::{Double, Real, Single};
+use crate::search::{CULL_PADDING, padded};
 use snell_math::simd::Lanes16;
 use snell_math::{DRay, Ray};
 
@@ -17,7 +18,7 @@ const NEAR: f64 = 1.0 / 64.0;
 /// The ray by which a run is described: one of a run before, if both start at one point or end at
 /// about one, or else its own first.
 #[inline(always)]
-pub(super) fn anchor<'a, P: Rules>(before: &'a P::Ray, rays: &'a [P::Ray]) -> &'a P::Ray {
+pub(super) fn anchor<'a, P: PacketTests>(before: &'a P::Ray, rays: &'a [P::Ray]) -> &'a P::Ray {
     let [a, b] = [P::exact(before), P::exact(&rays[0])];
     if a.origin == b.origin {
         return before;

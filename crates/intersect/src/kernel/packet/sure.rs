@@ -1,11 +1,11 @@
 //! The exact test for the triangle that each ray surely hits.
 
-use super::super::compact::BlocksAt;
-use super::super::meeting::{Corners, InDrawing, InPlane, dot};
-use super::super::triangle::PLACE_TOLERANCE;
 use super::bundle::{Bundle, PerRay, RAYS};
 use super::exact_rays::LaneRays;
+use crate::exact::meeting::{Corners, InDrawing, InPlane, dot};
+use crate::exact::triangle::PLACE_TOLERANCE;
 use crate::precision::Real;
+use crate::tree::compact::BlocksAt;
 use snell_math::simd::{Doubles16, Lanes16};
 
 /// Where rays hit, and with which parameters.
@@ -21,7 +21,7 @@ impl<R: Real> Sure<R> {
 
 /// Square of the inverse of the least slope, by the normal, of rays that are decided here. The
 /// drawing is off by 8.5 units of `2^-24`, relative to the farthest vertex; so hits are within
-/// [`super::super::triangle::PLACE_TOLERANCE`] at up to 98. (They are in the box of the triangle,
+/// [`crate::exact::triangle::PLACE_TOLERANCE`] at up to 98. (They are in the box of the triangle,
 /// since the ray surely passes through it, not only through what is drawn. Rounding of the origin
 /// is in the bound of that, so a triangle that is surely hit is large beside it.)
 const STEEPEST_SQUARE: f64 = 64.0 * 64.0;
@@ -88,7 +88,7 @@ pub(crate) unsafe fn test<W: Lanes16>(
 }
 
 /// Where the points of rays at `t` are in the boxes of triangles, as
-/// [`super::super::triangle::clamp_to_box`] asks.
+/// [`crate::exact::triangle::clamp_to_box`] asks.
 ///
 /// # Safety
 /// The machine must have the instructions of `W`.

@@ -1,6 +1,6 @@
 //! Which way to go when any hit will do.
 
-use crate::query::search::Goal;
+use crate::kernel::Goal;
 
 /// Which way bundles to one point go, where any hit will do: from their starts (in a closed room
 /// the next wall is near) or from the point (towards the light, a rough surface is all that is in
@@ -83,7 +83,7 @@ impl Detail {
 mod tests {
     use super::*;
     use crate::precision::Single;
-    use crate::query::search::Closest;
+    use crate::search::Closest;
 
     #[test]
     fn triangles_are_small_where_bundles_are_near_many() {

@@ -1,8 +1,6 @@
 //! What bundles do with the triangles of leaves: some are surely missed, some surely hit, and the
 //! rest is tested exactly.
 
-use super::super::node::padded;
-use super::super::ray::LocalRay;
 use super::bundle::{Bundle, PerRay, RAYS};
 use super::drawing;
 use super::exact::{PAIRS, Pairs};
@@ -10,9 +8,15 @@ use super::facing::Facing;
 use super::leaf::{Leaf, Meeting, SeenBlock, Wanted};
 use super::sure::Decided;
 use super::walk::{Group, Memory, Walker};
-use crate::accel::group::test_triangle;
-use crate::precision::{Real, Rules};
-use crate::query::search::{Goal, RealOf, Verdict};
+use crate::exact::TriangleTest;
+use crate::exact::ray::LocalRay;
+use crate::group::test_triangle;
+use crate::kernel::Goal;
+use crate::kernel::packet::PacketTests;
+use crate::precision::Facts;
+use crate::precision::Real;
+use crate::search::padded;
+use crate::search::{RealOf, Verdict};
 use snell_math::simd::Lanes16;
 use std::mem::MaybeUninit;
 

@@ -1,17 +1,18 @@
 //! The walk of a bundle through the tree of a group.
 
-use super::super::node::ChildRef;
-use super::super::prefetch::fetch_lines;
-use super::super::traverse::{Entry, Walk};
 use super::bundle::{Bundle, PerRay};
 use super::exact::{Found, Pairs};
 use super::leaf::Leaf;
 use super::objects::enter_object;
 use super::sure::Sure;
 use super::triangles::Locals;
-use crate::accel::bvh::{Forest, GroupTree};
-use crate::query::search::{DataOf, Goal, HitOf, RayOf, RealOf, Search};
-use crate::world::GeometryOptions;
+use crate::kernel::Goal;
+use crate::kernel::single::traverse::{Entry, Walk};
+use crate::prefetch::fetch_lines;
+use crate::search::GeometryOptions;
+use crate::search::{DataOf, HitOf, RayOf, RealOf, Search};
+use crate::tree::node::ChildRef;
+use crate::tree::{Forest, GroupTree};
 #[cfg(target_arch = "x86_64")]
 use snell_math::simd::{Avx8, Avx16, Pair};
 use snell_math::simd::{Lanes8, Lanes16, most};

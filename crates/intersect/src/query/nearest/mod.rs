@@ -6,108 +6,29 @@
 //! structure gives the same bits. What moves counts as it is at time 0.
 
 mod place;
-mod points;
 #[cfg(test)]
 mod tests;
 
-pub use points::Points;
-
-use crate::accel::brute_force::GroupList;
-use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::{Bulk, BulkContents, Object, ObjectRef, Objects};
+use crate::exact::triangle::TriangleBlock;
+use crate::group::GroupList;
+use crate::group::{Bulk, BulkContents, Object, ObjectRef, Objects};
 use crate::hit::{DHit, Hit};
-use crate::kernel::double::DoubleData;
-use crate::kernel::node::ChildRef;
-use crate::kernel::triangle::TriangleBlock;
+use crate::hit::{DNearestPoint, NearestPoint};
 use crate::mesh::are_degenerate;
-use crate::precision::{Double, Rules};
+use crate::precision::Double;
+use crate::precision::DoubleData;
+use crate::precision::Facts;
+use crate::search::GeometryOptions;
+use crate::search::points::Points;
 use crate::shape::Shape;
 use crate::shape::nearest::on_triangle;
+use crate::tree::node::ChildRef;
+use crate::tree::{Forest, GroupTree};
 use crate::world::double::DWorld;
-use crate::world::{GeometryOptions, Structure, World};
+use crate::world::{Structure, World};
 use place::Place;
-use snell_math::{DAffine3, DVec2, DVec3, Vec2, Vec3};
+use snell_math::{DAffine3, DVec2, DVec3, Vec3};
 use std::mem::MaybeUninit;
-
-/// The answer for one point. 36 bytes, plain data.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NearestPoint {
-    /// Distance in world units, not negative; infinite if nothing is near enough.
-    pub distance: f32,
-    /// The point of the surface, in world space; zero if there is none.
-    pub position: Vec3,
-    /// Barycentrics `(b1, b2)` on a triangle, zero on a shape.
-    pub uv: Vec2,
-    /// As in [`Hit`].
-    pub instance: u32,
-    /// As in [`Hit`]; [`Hit::NONE`] if nothing is near enough.
-    pub geometry: u32,
-    /// As in [`Hit`].
-    pub primitive: u32,
-}
-
-impl NearestPoint {
-    /// Nothing is near enough.
-    pub const NONE: Self = Self {
-        distance: f32::INFINITY,
-        position: Vec3::ZERO,
-        uv: Vec2::ZERO,
-        instance: Hit::NONE,
-        geometry: Hit::NONE,
-        primitive: Hit::NONE,
-    };
-
-    /// True unless nothing is near enough.
-    pub fn is_found(&self) -> bool {
-        self.geometry != Hit::NONE
-    }
-}
-
-/// [`NearestPoint`] of a point in double precision.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DNearestPoint {
-    /// Distance in world units, not negative; infinite if nothing is near enough.
-    pub distance: f64,
-    /// The point of the surface, in world space; zero if there is none.
-    pub position: DVec3,
-    /// As in [`NearestPoint`].
-    pub uv: DVec2,
-    /// As in [`Hit`].
-    pub instance: u32,
-    /// As in [`Hit`]; [`Hit::NONE`] if nothing is near enough.
-    pub geometry: u32,
-    /// As in [`Hit`].
-    pub primitive: u32,
-}
-
-impl DNearestPoint {
-    /// Nothing is near enough.
-    pub const NONE: Self = Self {
-        distance: f64::INFINITY,
-        position: DVec3::ZERO,
-        uv: DVec2::ZERO,
-        instance: Hit::NONE,
-        geometry: Hit::NONE,
-        primitive: Hit::NONE,
-    };
-
-    /// True unless nothing is near enough.
-    pub fn is_found(&self) -> bool {
-        self.geometry != Hit::NONE
-    }
-}
-
-impl Default for DNearestPoint {
-    fn default() -> Self {
-        Self::NONE
-    }
-}
-
-impl Default for NearestPoint {
-    fn default() -> Self {
-        Self::NONE
-    }
-}
 
 impl World {
     /// For each point the nearest point of any surface, from either side; [`NearestPoint::NONE`]

@@ -1,9 +1,9 @@
 //! A point as seen from a group, and how far boxes of the group are from it in the world.
 
-use crate::kernel::double::frame::Frame;
-use crate::kernel::node::WideNode;
-use crate::kernel::triangle::TriangleBlock;
+use crate::exact::triangle::TriangleBlock;
+use crate::precision::frame::Frame;
 use crate::shape::Metric;
+use crate::tree::node::WideNode;
 use snell_math::{DAffine3, DMat3, DVec3};
 
 /// A point in the coordinates of a group. The `f64` point and the metric decide; the rest, in

@@ -1,7 +1,7 @@
 use super::*;
-use crate::accel::AcceleratorKind;
-use crate::query::AcceptAll;
+use crate::search::AcceptAll;
 use crate::shape::{AnyShape, Plane, Sphere};
+use crate::world::AcceleratorKind;
 use crate::world::tests::{
     Random, build, default_world, mesh_world, nested_scene, scaling, sphere_mesh,
 };

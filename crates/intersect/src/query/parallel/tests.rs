@@ -1,6 +1,6 @@
 use super::*;
 use crate::hit::Hit;
-use crate::query::AcceptAll;
+use crate::search::AcceptAll;
 use crate::world::BuildOptions;
 use crate::world::double::DWorldBuilder;
 use crate::world::tests::{Random, default_world, double_sphere, nested_scene};

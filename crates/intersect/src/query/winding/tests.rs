@@ -1,8 +1,14 @@
 use super::*;
+use crate::mesh::TriangleMesh;
+use crate::shape::winding::of_triangle;
 use crate::shape::{BoxShape, Cylinder, Disk, Frustum, Plane, Rectangle, Sphere};
+use crate::shape::{Metric, Shape};
 use crate::world::WorldBuilder;
 use crate::world::tests::{Random, default_world, mesh_world, soup, sphere_mesh};
+use crate::world::winding::DOUBT;
+use snell_math::Transform;
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 const ROOT: crate::GroupId = WorldBuilder::ROOT;
 

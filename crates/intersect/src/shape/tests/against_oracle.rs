@@ -1,7 +1,9 @@
 //! Hits against the oracle; closed shapes do not leak; nothing hits itself.
 
-use super::oracle::{self, Verdict};
-use super::rays::{self, Numbers};
+use super::oracle;
+use super::oracle::Verdict;
+use super::rays;
+use super::rays::Numbers;
 use crate::shape::{AnyShape, Shape, ShapeHit, box_shape, polygon, sphere, triangle};
 use rayon::prelude::*;
 use snell_math::{DRay, DVec3, robust};

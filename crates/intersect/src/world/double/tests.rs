@@ -2,15 +2,16 @@
 //! and worlds in single precision say the same of what both can hold.
 
 use super::*;
-use crate::accel::AcceleratorKind;
+use crate::hit::DNearestPoint;
 use crate::hit::{DHit, Hit};
 use crate::precision::Double;
-use crate::query::nearest::{DNearestPoint, Points};
-use crate::query::rays::Rays;
-use crate::query::{AcceptAll, Grouping, HitFilter};
+use crate::search::points::Points;
+use crate::search::rays::Rays;
+use crate::search::{AcceptAll, Grouping, HitFilter};
 use crate::shape::AnyShape;
 use crate::shape::Metric;
 use crate::shape::nearest::on_triangle;
+use crate::world::AcceleratorKind;
 use crate::world::tests::{Random, double_sphere, levels, scaling, soup};
 use snell_math::simd::Level;
 use snell_math::{DRay, DVec3, Ray};

@@ -1,8 +1,8 @@
 use super::*;
-use crate::accel::AcceleratorKind;
 use crate::hit::Hit;
-use crate::query::AcceptAll;
+use crate::search::AcceptAll;
 use crate::shape::{AnyShape, Sphere};
+use crate::world::AcceleratorKind;
 use crate::world::tests::{Random, nested_scene, soup, sphere_mesh};
 use crate::world::{EditError, Geometry, GeometryId, GroupId, InstanceId, Reuse};
 use crate::{Grouping, NearestPoint};

@@ -172,7 +172,7 @@ fn the_tree_does_not_depend_on_the_number_of_threads() {
         builder.add_mesh(WorldBuilder::ROOT, mesh.clone());
         let world = pool.install(|| default_world(builder));
         let Structure::Bvh(forest) = &world.structure else { panic!("a tree") };
-        let node = |n: &crate::kernel::node::WideNode| {
+        let node = |n: &crate::tree::node::WideNode| {
             (n.children, n.bounds.map(|s| s.map(|a| a.map(f32::to_bits))))
         };
         let nodes: Vec<_> = forest.trees[0].nodes.iter().map(node).collect();

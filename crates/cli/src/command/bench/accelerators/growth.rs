@@ -3,7 +3,7 @@
 use super::super::scenes::{Bench, merged, subdivided};
 use super::measure::Measured;
 use crate::failure::Failure;
-use snell_intersect::accel::AcceleratorKind;
+use snell_intersect::AcceleratorKind;
 use snell_intersect::{BuildOptions, TriangleMesh, WorldBuilder};
 use snell_math::Vec3;
 use std::collections::HashMap;

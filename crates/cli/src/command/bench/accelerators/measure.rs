@@ -86,7 +86,7 @@ impl Measurer {
         let mut hits = vec![Hit::MISS; pieces.size];
         let mut blocked = vec![false; pieces.size];
         // The counts need fewer rays than the clock.
-        let mut work = snell_intersect::world::TraversalWork::default();
+        let mut work = snell_intersect::TraversalWork::default();
         let mut counted = 0;
         for (i, piece) in pieces.iter(rays).enumerate() {
             time += timed(|| trace(world, kind, piece, &mut hits, &mut blocked)).1;

@@ -5,7 +5,7 @@
 use super::SweepPoint;
 use super::growth::Growth;
 use crate::command::bench::plot::{Anchor, GREY, INK, Panel, Svg, range};
-use snell_intersect::accel::AcceleratorKind;
+use snell_intersect::AcceleratorKind;
 
 const SIZE: [f64; 2] = [1600.0, 900.0];
 

@@ -3,7 +3,7 @@
 use super::super::clock::MIN_PIECE;
 use super::super::contest::Answer;
 use super::Case;
-use snell_intersect::world::TraversalWork;
+use snell_intersect::TraversalWork;
 use snell_intersect::{AcceptAll, Grouping, Hit};
 use snell_lab::coherence::{
     BeamTracer, CoherenceError, Cone, ConeTracer, PencilTracer, RegionWork,

@@ -1,0 +1,380 @@
+//! The binary tree that every builder makes, and how it is best gathered into 8-wide nodes.
+//!
+//! Each inner node knows, for 2 to 8 slots of a wide node given to its subtree, how many of them
+//! its first child should get so that the area of all wide nodes is least: the dynamic programme of
+//! Ylitie, Karras and Laine (Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
+//! BVHs, 2017, section 3.1). Leaves cost the same however they are gathered and do not count.
+
+use super::binning::Box8;
+use snell_math::{Bounds3, Vec3};
+
+/// The least area of wide nodes needed for a subtree that is given 1 to 7 slots (index 1 to 7).
+pub(super) type Costs = [f32; 8];
+
+/// Costs of a leaf.
+pub(super) const LEAF_COSTS: Costs = [0.0; 8];
+
+/// For 2 to 8 slots how many go to the first child, in 3 bits each; 0: the subtree is best a wide
+/// node of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Choices(u32);
+
+/// The choice of `k` slots for the first child, by `k` and by the number of slots less one.
+const SHARES: [[u32; 8]; 8] = {
+    let mut shares = [[0; 8]; 8];
+    let mut k = 0;
+    while k < 8 {
+        let mut slots = 2;
+        while slots <= 8 {
+            shares[k][slots - 1] = (k as u32) << (3 * slots);
+            slots += 1;
+        }
+        k += 1;
+    }
+    shares
+};
+
+impl Choices {
+    /// One slot for the first child, the others for the second. (With a bit more than
+    /// [`Self::best`] has.)
+    const ONE: Self = Self(0o1_111_111_100);
+
+    /// How the slots are best shared.
+    #[inline(always)]
+    fn first(self, slots: usize) -> usize {
+        (self.0 >> (3 * slots)) as usize & 7
+    }
+
+    /// Works out the best choices of an inner node, and its costs.
+    #[inline]
+    pub fn best(half_area: f32, first: &Costs, second: &Costs) -> (Self, Costs) {
+        // For 1 to 8 slots (lanes 0 to 7) the costs if the first child gets `k` of them; nothing
+        // can be had for less than one slot.
+        let mut seconds = [f32::INFINITY; 16];
+        seconds[9..].copy_from_slice(&second[1..]);
+        let given =
+            |k: usize| -> [f32; 8] { std::array::from_fn(|lane| first[k] + seconds[9 - k + lane]) };
+        let (mut least, mut shares) = (given(1), SHARES[1]);
+        for (k, shares_of_k) in SHARES.iter().enumerate().skip(2) {
+            let costs = given(k);
+            for lane in 0..8 {
+                let better = costs[lane] < least[lane];
+                least[lane] = if better { costs[lane] } else { least[lane] };
+                shares[lane] = if better { shares_of_k[lane] } else { shares[lane] };
+            }
+        }
+        let mut choices = shares.iter().fold(0, |all, share| all | share);
+        // One slot: a wide node of its own. That, or any smaller number of slots, may be better for
+        // more slots too.
+        let mut costs = [f32::INFINITY; 8];
+        costs[1] = half_area + least[7];
+        for slots in 2..8 {
+            let (more, fewer) = (least[slots - 1], costs[slots - 1]);
+            costs[slots] = if more >= fewer { fewer } else { more };
+            // If a slot less is no worse, as with that; the second child may get one more than it
+            // needs.
+            let field = 7 << (3 * slots);
+            choices ^= (choices ^ (choices << 3)) & (field * u32::from(more >= fewer));
+        }
+        (Self(choices), costs)
+    }
+}
+
+/// A node of a [`Part`]. The first child of an inner node follows it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BinaryNode {
+    low: [f32; 3],
+    /// The second child, or where the primitives of a leaf start.
+    link: u32,
+    high: [f32; 3],
+    /// Choices, or [`LEAF`] and a count (below the bits of choices, so that all of these are 0).
+    kind: u32,
+}
+
+const LEAF: u32 = 1 << 31;
+
+/// A subtree in one piece, with the primitives its leaves refer to.
+#[derive(Debug)]
+pub(super) struct Part<'a, P> {
+    nodes: Vec<BinaryNode>,
+    primitives: &'a [P],
+    costs: Costs,
+}
+
+/// Nodes of a part in the making.
+#[derive(Debug, Default)]
+pub(super) struct PartBuilder {
+    nodes: Vec<BinaryNode>,
+}
+
+impl PartBuilder {
+    /// For some `primitives`.
+    pub fn new(primitives: usize) -> Self {
+        Self { nodes: Vec::with_capacity(primitives / 2 + 8) }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, bounds: &Box8, link: u32, kind: u32) {
+        let b = bounds.bounds();
+        self.nodes.push(BinaryNode { low: b.min.to_array(), link, high: b.max.to_array(), kind });
+    }
+
+    /// A leaf of `count` primitives: one object, or up to eight triangles.
+    pub fn leaf(&mut self, bounds: &Box8, first: usize, count: usize) -> Costs {
+        self.push(bounds, first as u32, LEAF | count as u32);
+        LEAF_COSTS
+    }
+
+    /// An inner node whose children `first` and `second` push, in this order.
+    pub fn inner(
+        &mut self,
+        bounds: &Box8,
+        first: impl FnOnce(&mut Self) -> Costs,
+        second: impl FnOnce(&mut Self) -> Costs,
+    ) -> Costs {
+        let index = self.nodes.len();
+        self.push(bounds, 0, 0);
+        let first = first(self);
+        let link = self.nodes.len() as u32;
+        let second = second(self);
+        let (choices, costs) = Choices::best(bounds.half_area(), &first, &second);
+        let node = &mut self.nodes[index];
+        (node.link, node.kind) = (link, choices.0);
+        costs
+    }
+
+    /// A leaf whose box [`Self::complete`] finds.
+    pub fn open_leaf(&mut self, first: usize, count: usize) {
+        self.push(&Box8::EMPTY, first as u32, LEAF | count as u32);
+    }
+
+    /// An inner node whose box [`Self::complete`] finds. What is pushed next is its first child;
+    /// then comes [`Self::second_child`].
+    pub fn open_inner(&mut self) -> usize {
+        self.push(&Box8::EMPTY, 0, 0);
+        self.nodes.len() - 1
+    }
+
+    /// What is pushed next is the second child of this inner node.
+    pub fn second_child(&mut self, of: usize) {
+        self.nodes[of].link = self.nodes.len() as u32;
+    }
+
+    /// Finds the boxes of all nodes, and the costs of the whole, from the boxes of leaves: `leaf`
+    /// gets where the primitives of one start and how many they are, the last leaf first.
+    pub fn complete(&mut self, mut leaf: impl FnMut(usize, usize) -> Box8) -> (Box8, Costs) {
+        // Children come after their parents, so here before them: those of a node are the last two
+        // that wait.
+        let mut waiting: Vec<(Box8, Costs)> = Vec::with_capacity(64);
+        for node in self.nodes.iter_mut().rev() {
+            let (bounds, costs) = if node.kind & LEAF != 0 {
+                (leaf(node.link as usize, (node.kind & !LEAF) as usize), LEAF_COSTS)
+            } else {
+                let [(a, first), (b, second)] =
+                    [waiting.pop(), waiting.pop()].map(Option::unwrap_or_default);
+                let bounds = a.union(&b);
+                let (choices, costs) = Choices::best(bounds.half_area(), &first, &second);
+                node.kind = choices.0;
+                (bounds, costs)
+            };
+            let b = bounds.bounds();
+            (node.low, node.high) = (b.min.to_array(), b.max.to_array());
+            waiting.push((bounds, costs));
+        }
+        waiting.pop().unwrap_or_default()
+    }
+
+    /// The finished part. `costs` are those of its root.
+    pub fn finish<P>(self, primitives: &[P], costs: Costs) -> Tree<'_, P> {
+        Tree::Part(Part { nodes: self.nodes, primitives, costs })
+    }
+}
+
+/// A binary tree: parts, and inner nodes above them.
+#[derive(Debug)]
+pub(super) enum Tree<'a, P> {
+    Part(Part<'a, P>),
+    Inner(Box<Inner<'a, P>>),
+}
+
+/// A node above the parts.
+#[derive(Debug)]
+pub(super) struct Inner<'a, P> {
+    bounds: Box8,
+    choices: Choices,
+    costs: Costs,
+    children: [Tree<'a, P>; 2],
+}
+
+impl<'a, P> Tree<'a, P> {
+    /// An inner node.
+    pub fn inner(bounds: Box8, children: [Self; 2]) -> Self {
+        let (choices, costs) =
+            Choices::best(bounds.half_area(), children[0].costs(), children[1].costs());
+        Self::Inner(Box::new(Inner { bounds, choices, costs, children }))
+    }
+
+    /// The root of two trees, of which the first becomes one child of the wide node, and the second
+    /// all others.
+    pub fn beside(first: Self, second: Self) -> Self {
+        let bounds = [&first, &second].map(|tree| tree.root().bounds());
+        let all = bounds[0].union(&bounds[1]);
+        let bounds = Box8::new(all.min, all.max);
+        let choices = Choices::ONE;
+        Self::Inner(Box::new(Inner {
+            bounds,
+            choices,
+            costs: LEAF_COSTS,
+            children: [first, second],
+        }))
+    }
+
+    /// True for trees from [`Self::beside`].
+    pub fn is_beside(&self) -> bool {
+        matches!(self, Self::Inner(inner) if inner.choices == Choices::ONE)
+    }
+
+    fn costs(&self) -> &Costs {
+        match self {
+            Self::Part(part) => &part.costs,
+            Self::Inner(inner) => &inner.costs,
+        }
+    }
+
+    /// The top node.
+    pub fn root(&self) -> Cursor<'_, P> {
+        match self {
+            Self::Part(part) => Cursor::Part(PartCursor { part, node: 0 }),
+            Self::Inner(inner) => Cursor::Inner(inner),
+        }
+    }
+}
+
+/// A node of a tree.
+#[derive(Debug)]
+pub(super) enum Cursor<'t, P> {
+    Inner(&'t Inner<'t, P>),
+    Part(PartCursor<'t, P>),
+}
+
+impl<P> Clone for Cursor<'_, P> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<P> Copy for Cursor<'_, P> {}
+
+impl<'t, P> Cursor<'t, P> {
+    /// The box around the subtree.
+    pub fn bounds(self) -> Bounds3 {
+        match self {
+            Self::Inner(inner) => inner.bounds.bounds(),
+            Self::Part(part) => part.bounds(),
+        }
+    }
+
+    /// The primitives of a leaf; `None` for an inner node.
+    pub fn leaf(self) -> Option<&'t [P]> {
+        match self {
+            Self::Inner(_) => None,
+            Self::Part(part) => part.leaf(),
+        }
+    }
+
+    /// The children of an inner node that becomes a wide node: two to eight of them, in order.
+    pub fn wide_children(self) -> Vec<Self> {
+        let mut found = Vec::with_capacity(8);
+        self.share(8, &mut found);
+        found
+    }
+
+    /// Adds what represents this subtree in so many slots.
+    fn share(self, slots: usize, to: &mut Vec<Self>) {
+        match self {
+            Self::Inner(inner) => match inner.choices.first(slots) {
+                0 => to.push(self),
+                first => {
+                    inner.children[0].root().share(first, to);
+                    inner.children[1].root().share(slots - first, to);
+                }
+            },
+            Self::Part(part) => {
+                let mut found = WideChildren { part: part.part, nodes: [0; 8], count: 0 };
+                found.share(part.node, slots);
+                to.extend(found.iter().map(Self::Part));
+            }
+        }
+    }
+}
+
+/// A node of a part.
+#[derive(Debug)]
+pub(super) struct PartCursor<'t, P> {
+    part: &'t Part<'t, P>,
+    node: u32,
+}
+
+impl<P> Clone for PartCursor<'_, P> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<P> Copy for PartCursor<'_, P> {}
+
+impl<'t, P> PartCursor<'t, P> {
+    /// The box around the subtree.
+    #[inline(always)]
+    pub fn bounds(self) -> Bounds3 {
+        let node = &self.part.nodes[self.node as usize];
+        Bounds3 { min: Vec3::from_array(node.low), max: Vec3::from_array(node.high) }
+    }
+
+    /// The primitives of a leaf; `None` for an inner node.
+    #[inline(always)]
+    pub fn leaf(self) -> Option<&'t [P]> {
+        let node = &self.part.nodes[self.node as usize];
+        let range = node.link as usize..(node.link + (node.kind & !LEAF)) as usize;
+        (node.kind & LEAF != 0).then(|| &self.part.primitives[range])
+    }
+
+    /// The children of an inner node that becomes a wide node: two to eight of them, in order.
+    #[inline]
+    pub fn wide_children(self) -> WideChildren<'t, P> {
+        let mut found = WideChildren { part: self.part, nodes: [0; 8], count: 0 };
+        found.share(self.node, 8);
+        found
+    }
+}
+
+/// Two to eight nodes of a part.
+pub(super) struct WideChildren<'t, P> {
+    part: &'t Part<'t, P>,
+    nodes: [u32; 8],
+    count: usize,
+}
+
+impl<'t, P> WideChildren<'t, P> {
+    /// Adds what represents a subtree in so many slots.
+    fn share(&mut self, mut node: u32, mut slots: usize) {
+        while slots > 1 {
+            let own = &self.part.nodes[node as usize];
+            // (0 also if it is a leaf.)
+            let first = Choices(own.kind).first(slots);
+            if first == 0 {
+                break;
+            }
+            self.share(node + 1, first);
+            (node, slots) = (own.link, slots - first);
+        }
+        self.nodes[self.count] = node;
+        self.count += 1;
+    }
+
+    /// The nodes in order.
+    #[inline]
+    pub fn iter(&self) -> impl Iterator<Item = PartCursor<'t, P>> {
+        self.nodes[..self.count].iter().map(|&node| PartCursor { part: self.part, node })
+    }
+}

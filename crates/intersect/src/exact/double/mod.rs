@@ -1,0 +1,124 @@
+//! Exact decisions in double precision: rays in the coordinates of trees, the plane of a triangle,
+//! and its edges.
+
+pub(crate) mod plane;
+pub(crate) mod triangle;
+
+#[cfg(test)]
+mod tests;
+
+use super::TriangleTest;
+use super::quick::QuickRay;
+use super::ray::LocalRay;
+use crate::hit::DHit;
+use crate::precision::frame::Frame;
+use crate::precision::{Double, DoubleData};
+use crate::search::{Goal, Search};
+use snell_math::simd::Lanes8;
+use snell_math::{DRay, DVec3};
+
+/// Rays that start farther away, or are faster or slower than `f32` can tell, see the whole tree.
+const FAR: f64 = 1e15;
+const FAST: f64 = 1e18;
+
+impl Frame {
+    /// Prepares a ray of the group for the fast kernels; false if it is not ordinary.
+    #[inline(always)]
+    pub fn prepare<L: Lanes8>(&self, quick: &mut QuickRay, ray: &DRay) -> bool {
+        let DRay { origin, direction, .. } = self.ray(ray);
+        let ordinary = quick.set_from_exact::<L>(&origin, &direction);
+        quick.widen::<L>(self.slack);
+        ordinary
+    }
+
+    /// A ray in the coordinates of the group, as the kernels want it: with the tree's coordinates
+    /// for boxes and filter.
+    #[inline(always)]
+    pub fn local_ray(&self, ray: &DRay) -> LocalRay {
+        let DRay { origin: o, direction: d, .. } = self.ray(ray);
+        let (distance, speed) = (o.abs().max_element(), d.abs().max_element());
+        if distance < FAR && speed < FAST && speed > 1.0 / FAST {
+            LocalRay::within(ray, o, d, self.slack)
+        } else {
+            blind(ray)
+        }
+    }
+}
+
+/// The local ray that skips nothing, for rays of which `f32` knows nothing.
+#[cold]
+fn blind(ray: &DRay) -> LocalRay {
+    let local = LocalRay::within(ray, DVec3::ZERO, ray.direction.signum(), f32::INFINITY);
+    LocalRay {
+        depth_scale: 0.0,
+        near_origin: local.negative.map(|n| if n == 1 { f32::MIN } else { f32::MAX }),
+        far_origin: local.negative.map(|n| if n == 1 { f32::MAX } else { f32::MIN }),
+        ..local
+    }
+}
+
+impl TriangleTest for Double {
+    const TRIANGLES_ELSEWHERE: bool = true;
+
+    #[inline(always)]
+    fn fetch_triangle(data: &DoubleData, geometry: u32, triangle: u32) {
+        data.fetch(geometry, triangle);
+    }
+
+    #[inline(always)]
+    fn local_ray(data: &DoubleData, group: usize, ray: &DRay) -> LocalRay {
+        data.frames[group].local_ray(ray)
+    }
+
+    #[inline(always)]
+    fn triangle_hit<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &LocalRay,
+        _: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<DHit> {
+        double_hit(search, &ray.exact, ids())
+    }
+
+    #[inline(always)]
+    fn prepare_root<L: Lanes8>(data: &DoubleData, quick: &mut QuickRay, ray: &DRay) -> bool {
+        (ray.t_min >= 0.0) & (ray.t_min < ray.t_max) && Self::prepare::<L>(data, 0, quick, ray)
+    }
+
+    #[inline(always)]
+    fn prepare<L: Lanes8>(
+        data: &DoubleData,
+        group: usize,
+        quick: &mut QuickRay,
+        ray: &DRay,
+    ) -> bool {
+        data.frames[group].prepare::<L>(quick, ray)
+    }
+
+    #[inline(always)]
+    fn hit_on_line<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        _: &QuickRay,
+        origin: &DVec3,
+        direction: &DVec3,
+        _: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<DHit> {
+        double_hit(search, &DRay::new(*origin, *direction), ids())
+    }
+}
+
+/// The hit on a triangle in double precision. `ray` is in the coordinates of the group; its
+/// interval is not used.
+#[inline(always)]
+fn double_hit<G: Goal<Precision = Double>>(
+    search: &Search<'_, G>,
+    ray: &DRay,
+    [instance, geometry, primitive]: [u32; 3],
+) -> Option<DHit> {
+    let corners = search.context.data.corners(geometry, primitive);
+    let (t, uv) = triangle::exact_hit(ray, corners, search.ray.t_min)?;
+    // Never minus zero.
+    let t = t + 0.0;
+    (t <= search.goal.limit()).then_some(DHit { t, uv, instance, geometry, primitive })
+}

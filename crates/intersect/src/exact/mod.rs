@@ -1,0 +1,60 @@
+//! What decides a hit: rays as tests want them, and the watertight test of a triangle.
+
+pub(crate) mod double;
+pub(crate) mod meeting;
+pub(crate) mod quick;
+pub(crate) mod ray;
+mod single;
+pub(crate) mod triangle;
+
+use crate::precision::frame::Frames;
+use crate::search::{Goal, Search};
+use quick::QuickRay;
+use ray::LocalRay;
+use snell_math::simd::Lanes8;
+use snell_math::{DRay, DVec3};
+
+/// How a precision brings rays into the coordinates of trees, and decides hits on triangles.
+pub(crate) trait TriangleTest: Frames {
+    /// True if triangles are decided on what is not in the blocks: then their memory may be asked
+    /// for ahead.
+    const TRIANGLES_ELSEWHERE: bool;
+
+    /// Asks for the memory of a triangle.
+    fn fetch_triangle(data: &Self::Data, geometry: u32, triangle: u32);
+
+    /// A ray in the coordinates of a group, as the kernels want it.
+    fn local_ray(data: &Self::Data, group: usize, ray: &DRay) -> LocalRay;
+
+    /// The hit on a triangle whose corners are these in the tree, after the start of the ray and
+    /// not beyond what is wanted.
+    fn triangle_hit<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &LocalRay,
+        corners: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<Self::Hit>;
+
+    /// Prepares a ray of the world for the fast kernels, in the root group; false if it is not
+    /// ordinary, or its interval is empty or begins below zero.
+    fn prepare_root<L: Lanes8>(data: &Self::Data, quick: &mut QuickRay, ray: &Self::Ray) -> bool;
+
+    /// Prepares a ray of a group for the fast kernels; false if it is not ordinary.
+    fn prepare<L: Lanes8>(
+        data: &Self::Data,
+        group: usize,
+        quick: &mut QuickRay,
+        ray: &DRay,
+    ) -> bool;
+
+    /// As [`Self::triangle_hit`] for an ordinary ray; `origin` and `direction` are in the
+    /// coordinates of the group.
+    fn hit_on_line<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &QuickRay,
+        origin: &DVec3,
+        direction: &DVec3,
+        corners: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<Self::Hit>;
+}

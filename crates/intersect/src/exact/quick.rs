@@ -1,0 +1,388 @@
+//! A ray of ordinary size, prepared for the fast kernels.
+//!
+//! Nearly all rays are ordinary: [`QuickRay`] says which. For them nothing overflows or cancels, so
+//! boxes can be tested by one fused multiplication and addition per plane, and rays that come in
+//! `f32` can be prepared in `f32`. All others, and all in trees of extraordinary size, are walked
+//! with the careful [`super::ray::LocalRay`]. Which triangles are hit, and where, is the same for
+//! both: origin, axes and shear have the same bits, and boxes and filters are conservative.
+
+use super::triangle::{Drawing, ExactRay};
+use snell_math::glam::Vec4Swizzles;
+use snell_math::simd::Lanes8;
+use snell_math::{DVec3, Ray, Vec3, Vec4};
+
+/// Relative padding of box distances. Ize (Robust BVH Ray Traversal, JCGT 2013) needs `2 gamma(3)`,
+/// some `4e-7`, for the slabs alone; the drawing of triangles may be off by as much again.
+pub(crate) const BOX_PADDING: f32 = 1.0e-6;
+
+/// Coordinates of boxes and origins may be as large as this.
+pub(crate) const MAX_COORDINATE: f32 = 1e12;
+
+/// Sides of directions may be zero, or from `MIN_SLOPE` to `MAX_SLOPE`; the largest must not be
+/// below `1 / MAX_SLOPE`.
+const MIN_SLOPE: f32 = 1e-24;
+const MAX_SLOPE: f32 = 1e12;
+
+/// More than any distance along an ordinary ray to anything: `2 MAX_COORDINATE MAX_SLOPE` is less.
+const BEYOND: f32 = 4e24;
+
+/// Stands for the inverse of zero, divided by the origin where that is above 1: so planes that a
+/// ray runs along are some [`BEYOND`] away, unless they are as close as `4e-13` (or rounding of the
+/// origin).
+const PARALLEL: f32 = 1e37;
+
+/// What the kernels want to know about an ordinary ray in the coordinates of a group. (First what
+/// boxes are tested with, without gaps: with dozens of rays in flight, each line of the cache
+/// counts.)
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub(crate) struct QuickRay {
+    /// Inverse direction, `x y z`; a large number where the ray does not move along the axis.
+    pub inverse: [f32; 3],
+    /// Per axis, for distances to near planes. If operations are fused, what to add to the product
+    /// of the plane and `inverse`; else what to subtract from the plane. Rounded so that planes
+    /// come nearer.
+    pub near: [f32; 3],
+    /// The same for far planes; rounded so that they go farther.
+    pub far: [f32; 3],
+    /// The octant of the direction, as [`crate::tree::node::WideNode::order`] counts them.
+    octant: u32,
+    /// The origin rounded to nearest: all vertices are drawn relative to it.
+    pub origin: [f32; 3],
+    /// As in [`super::ray::LocalRay`].
+    pub shear: [f32; 2],
+    /// As in [`super::ray::LocalRay`].
+    pub axes: [u8; 4],
+    /// How far a vertex may be from where it should be, seen from the origin; 0 in single
+    /// precision.
+    pub slack: f32,
+}
+
+/// By octant, where the planes are within [`crate::tree::node::WideNode::bounds`], in numbers: near
+/// `x y z`, far `x y z`, and two that mean nothing.
+static PLANES: [[u8; 8]; 8] = {
+    let mut table = [[0; 8]; 8];
+    let mut octant = 0;
+    while octant < 8 {
+        let mut axis = 0;
+        while axis < 3 {
+            let near = if octant >> axis & 1 == 1 { 24 } else { 0 };
+            table[octant][axis] = near + 8 * axis as u8;
+            table[octant][axis + 3] = 24 - near + 8 * axis as u8;
+            axis += 1;
+        }
+        octant += 1;
+    }
+    table
+};
+
+/// True if a tree of this [`extent`] is of ordinary size.
+pub(crate) fn is_ordinary(extent: f32) -> bool {
+    extent <= MAX_COORDINATE
+}
+
+impl QuickRay {
+    /// Nothing yet.
+    pub const UNSET: Self = Self {
+        inverse: [0.0; 3],
+        near: [0.0; 3],
+        far: [0.0; 3],
+        octant: 0,
+        origin: [0.0; 3],
+        shear: [0.0; 2],
+        axes: [0; 4],
+        slack: 0.0,
+    };
+
+    /// Prepares a ray that comes in `f32`; false if it is not ordinary, or its interval is empty or
+    /// begins below zero. (In place: copies of what was just written would have to wait.)
+    #[inline(always)]
+    pub fn set_from_ray<L: Lanes8>(&mut self, ray: &Ray) -> bool {
+        let [o, d] = halves(ray);
+        let a = d.abs();
+        if !((ray.t_min >= 0.0) & (ray.t_min < ray.t_max) & is_ordinary_line(o, a)) {
+            return false;
+        }
+        (self.axes, self.shear) = axes_and_shear(&ray.direction, a);
+        self.set_slabs::<L>(o, d)
+    }
+
+    /// What the exact test wants of the ray; `origin` and `direction` are those it was prepared
+    /// from.
+    #[inline(always)]
+    pub fn exact(&self, origin: DVec3, direction: DVec3) -> ExactRay {
+        let [kx, ky, kz, _] = self.axes.map(usize::from);
+        let drawing = Drawing { origin: self.origin, axes: [kx, ky, kz], shear: self.shear };
+        ExactRay { origin, direction, drawing }
+    }
+
+    /// Prepares a ray that comes through transforms; false if it is not ordinary.
+    #[inline(always)]
+    pub fn set_from_exact<L: Lanes8>(&mut self, origin: &DVec3, direction: &DVec3) -> bool {
+        // Ones, as in `halves`.
+        let (o, d) = (origin.as_vec3().extend(1.0), direction.as_vec3().extend(1.0));
+        if !is_ordinary_line(o, d.abs()) || (is_slow(d) && is_too_slow(direction)) {
+            return false;
+        }
+        let a = direction.abs();
+        let bit = |i: usize, at_least: bool| usize::from(at_least) << i;
+        let axes = &AXES[bit(0, a.x >= a.y) | bit(1, a.x >= a.z) | bit(2, a.y >= a.z)];
+        self.axes = *axes;
+        let slopes: &[f64; 3] = direction.as_ref();
+        // SAFETY: axes are below 3.
+        let slope = |i: usize| unsafe { *slopes.get_unchecked(usize::from(axes[i])) };
+        self.shear = [(slope(0) / slope(2)) as f32, (slope(1) / slope(2)) as f32];
+        self.set_slabs::<L>(o, d)
+    }
+
+    #[inline(always)]
+    fn set_slabs<L: Lanes8>(&mut self, o: Vec4, d: Vec4) -> bool {
+        // Three roundings at most: of the origin to `f32`, of the product and of the sum here.
+        const ROUNDING: f32 = 6.0 * (f32::EPSILON / 2.0);
+        let inverse = d.recip();
+        let (near, far) = if L::FUSED {
+            let middle = -(o * inverse);
+            let side = middle.abs() * ROUNDING + f32::MIN_POSITIVE;
+            (middle - side, middle + side)
+        } else {
+            let side = (o.abs() * ROUNDING + f32::MIN_POSITIVE).copysign(d);
+            (o + side, o - side)
+        };
+        self.inverse = inverse.truncate().to_array();
+        self.near = near.truncate().to_array();
+        self.far = far.truncate().to_array();
+        self.origin = o.truncate().to_array();
+        self.octant = d.is_negative_bitmask() & 7;
+        !is_slow(d) || self.set_slow::<L>(&d.to_array())
+    }
+
+    /// Sets what is different on axes that the ray does not move along. False if it is just very
+    /// slow there, or slow on all.
+    #[cold]
+    #[inline(never)]
+    fn set_slow<L: Lanes8>(&mut self, d: &[f32; 4]) -> bool {
+        if d[..3].iter().all(|slope| slope.abs() < 1.0 / MAX_SLOPE) {
+            return false;
+        }
+        self.octant = 0;
+        for (i, &slope) in d.iter().enumerate().take(3) {
+            // (Zero counts as up, whatever its sign.)
+            self.octant |= u32::from(slope < 0.0) << i;
+            if slope != 0.0 {
+                if slope.abs() < MIN_SLOPE {
+                    return false;
+                }
+                continue;
+            }
+            let o = self.origin[i];
+            self.inverse[i] = PARALLEL / o.abs().max(1.0);
+            let middle = if L::FUSED { -(o * self.inverse[i]) } else { o };
+            let slack = middle.abs() * 4.0 * f32::EPSILON;
+            if L::FUSED {
+                (self.near[i], self.far[i]) = (middle - slack - BEYOND, middle + slack + BEYOND);
+            } else {
+                let slack = slack + BEYOND / PARALLEL;
+                (self.near[i], self.far[i]) = (middle + slack, middle - slack);
+            }
+        }
+        true
+    }
+
+    /// Makes room for boxes and origins that are off by up to `slack` along each axis.
+    #[inline(always)]
+    pub fn widen<L: Lanes8>(&mut self, slack: f32) {
+        let largest = self.origin[0].abs().max(self.origin[1].abs()).max(self.origin[2].abs());
+        self.slack = slack + largest * (f32::EPSILON * 0.5);
+        for i in 0..3 {
+            if L::FUSED {
+                let side = slack * self.inverse[i].abs();
+                (self.near[i], self.far[i]) = (self.near[i] - side, self.far[i] + side);
+            } else {
+                let side = slack.copysign(self.inverse[i]);
+                (self.near[i], self.far[i]) = (self.near[i] + side, self.far[i] - side);
+            }
+        }
+    }
+
+    /// Where the planes are, see [`PLANES`].
+    #[inline(always)]
+    pub fn planes(&self) -> &'static [u8; 8] {
+        &PLANES[self.octant()]
+    }
+
+    /// The octant of the direction.
+    #[inline(always)]
+    pub fn octant(&self) -> usize {
+        self.octant as usize & 7
+    }
+}
+
+/// Origin and direction, and a one each: numbers that are never used but must be ordinary, since
+/// others slow the processor down.
+#[inline(always)]
+fn halves(ray: &Ray) -> [Vec4; 2] {
+    let start = (&raw const *ray).cast::<Vec4>();
+    // SAFETY: a ray is eight numbers in this order (`repr(C)`): origin, start, direction, end.
+    // (Loaded at once, which the compiler does not see by itself.)
+    let [o, d] = unsafe { [start.read_unaligned(), start.add(1).read_unaligned()] };
+    [o.with_w(1.0), d.with_w(1.0)]
+}
+
+/// The axes of the drawing and its shear, by a direction and its sizes.
+#[inline(always)]
+fn axes_and_shear(direction: &Vec3, sizes: Vec4) -> ([u8; 4], [f32; 2]) {
+    let axes = &AXES[(sizes.xxyw().cmpge(sizes.yzzw()).bitmask() & 7) as usize];
+    // By memory instead of conditions: signs and sizes are as good as random.
+    let slopes: &[f32; 3] = direction.as_ref();
+    // SAFETY: axes are below 3.
+    let slope = |i: usize| unsafe { *slopes.get_unchecked(usize::from(axes[i])) };
+    (*axes, [slope(0) / slope(2), slope(1) / slope(2)])
+}
+
+/// True if no size is too large. (The fourth number is not looked at.)
+#[inline(always)]
+fn is_ordinary_line(o: Vec4, d: Vec4) -> bool {
+    let ordinary = o.abs().cmple(Vec4::splat(MAX_COORDINATE)) & d.cmple(Vec4::splat(MAX_SLOPE));
+    ordinary.bitmask() & 7 == 7
+}
+
+/// True if a direction may not be ordinary for being slow along some axis.
+#[inline(always)]
+fn is_slow(d: Vec4) -> bool {
+    d.abs().cmpge(Vec4::splat(1.0 / MAX_SLOPE)).bitmask() & 7 != 7
+}
+
+/// True if a direction is slower than ordinary ones along some axis, but not parallel to it. (In
+/// `f32` it may be.)
+#[cold]
+fn is_too_slow(direction: &DVec3) -> bool {
+    (direction.abs().cmplt(DVec3::splat(f64::from(MIN_SLOPE))) & direction.cmpne(DVec3::ZERO)).any()
+}
+
+/// The axes of the drawing by comparisons of the sizes of the direction, in bits: x at least y, x
+/// at least z, y at least z.
+static AXES: [[u8; 4]; 8] = {
+    const FIRST: [[u8; 4]; 3] = [[1, 2, 0, 0], [2, 0, 1, 0], [0, 1, 2, 0]];
+    [FIRST[2], FIRST[2], FIRST[2], FIRST[0], FIRST[1], FIRST[1], FIRST[1], FIRST[0]]
+};
+
+/// The factor that moves the far side of a box away. See [`BOX_PADDING`].
+pub(crate) const FAR_FACTOR: f32 = 1.0 + BOX_PADDING;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::exact::ray::LocalRay;
+    use crate::search::padded;
+    use crate::tree::node::ChildRef;
+    use crate::tree::node::{QuickBoxes, WideNode, quick_distances};
+    use proptest::prelude::*;
+    use snell_math::simd::Portable8;
+    use snell_math::{Bounds3, DRay, Vec3};
+
+    /// Zero, either sign, small and large.
+    fn number() -> impl Strategy<Value = f32> {
+        prop_oneof![
+            Just(0.0f32),
+            Just(-0.0f32),
+            -2.0f32..2.0,
+            (-2.0f32..2.0, -12i32..12).prop_map(|(x, e)| x * 10.0f32.powi(e)),
+            (-8i32..8).prop_map(|i| i as f32 * 0.25),
+        ]
+    }
+
+    fn vector() -> impl Strategy<Value = Vec3> {
+        [number(), number(), number()].prop_map(Vec3::from_array)
+    }
+
+    /// Whether a box is met, by the arithmetic of a level.
+    fn is_met<L: Lanes8>(ray: &Ray, bounds: &Bounds3, cull: f32) -> Option<bool> {
+        let mut quick = QuickRay::UNSET;
+        if !quick.set_from_ray::<L>(ray) {
+            return None;
+        }
+        let mut node = WideNode::EMPTY;
+        node.set(5, bounds, ChildRef::node(1));
+        // SAFETY: the caller has checked the level.
+        let (enter, limit) = unsafe { quick_distances::<L>(&node, &quick, ray.t_min, cull) };
+        let met = enter.le(limit);
+        let extent = bounds.min.abs().max(bounds.max.abs()).max_element();
+        // SAFETY: as above.
+        let again = unsafe {
+            let boxes = QuickBoxes::<L>::new(&quick, extent);
+            let (enter, limit) = boxes.distances(&node, L::splat(ray.t_min), L::splat(cull));
+            enter.le(limit)
+        };
+        assert_eq!((met | again) & !(1 << 5), 0, "empty boxes are never met");
+        assert!(met == 0 || again != 0, "with all in registers it is not met: {ray:?} {bounds:?}");
+        Some(met != 0)
+    }
+
+    proptest! {
+        #[test]
+        fn boxes_around_points_on_the_ray_are_met(
+            o in vector(), d in vector(),
+            t in 0.0f64..1.0, e in -6i32..6,
+            below in vector(), above in vector(),
+        ) {
+            let ray = Ray::new(o, if d == Vec3::ZERO { Vec3::Y } else { d });
+            // A box around the exact point, as tight as it may be.
+            let t = t * 10f64.powi(e);
+            let p = DRay::from(&ray).at(t);
+            let exact = snell_math::Bounds3d { min: p, max: p }.outward_f32();
+            let bounds = Bounds3 { min: exact.min - below.abs(), max: exact.max + above.abs() };
+            for cull in [padded(t as f32), f32::INFINITY] {
+                prop_assert_ne!(is_met::<Portable8>(&ray, &bounds, cull), Some(false));
+                #[cfg(target_arch = "x86_64")]
+                if snell_math::simd::Level::Avx2.is_supported() {
+                    let is_met = is_met::<snell_math::simd::Avx8>(&ray, &bounds, cull);
+                    prop_assert_ne!(is_met, Some(false));
+                }
+            }
+        }
+
+        #[test]
+        fn rays_prepared_in_f32_and_in_f64_are_drawn_alike(o in vector(), d in vector()) {
+            let ray = Ray::new(o, d);
+            let (mut quick, mut exact) = (QuickRay::UNSET, QuickRay::UNSET);
+            let (o, d) = (o.as_dvec3(), d.as_dvec3());
+            if quick.set_from_ray::<Portable8>(&ray) {
+                prop_assert!(exact.set_from_exact::<Portable8>(&o, &d));
+                let careful = LocalRay::new(&DRay::new(o, d));
+                let [x, y, z] = careful.axes.map(|k| k as u8);
+                prop_assert_eq!([quick.axes, exact.axes], [[x, y, z, 0]; 2]);
+                prop_assert_eq!(quick.shear.map(f32::to_bits), careful.shear.map(f32::to_bits));
+                prop_assert_eq!(exact.shear.map(f32::to_bits), careful.shear.map(f32::to_bits));
+                prop_assert_eq!(quick.origin, careful.origin);
+            }
+        }
+    }
+
+    #[test]
+    fn a_box_beside_an_axis_parallel_ray_is_missed_and_one_around_it_met() {
+        let ray = Ray::new(Vec3::new(0.5, 0.25, -3.0), Vec3::Z);
+        let bounds =
+            |x: f32| Bounds3 { min: Vec3::new(x, 0.0, 0.0), max: Vec3::new(x + 1.0, 1.0, 1.0) };
+        assert_eq!(is_met::<Portable8>(&ray, &bounds(0.0), 1e20), Some(true));
+        assert_eq!(is_met::<Portable8>(&ray, &bounds(0.51), 1e20), Some(false));
+        assert_eq!(
+            is_met::<Portable8>(&ray, &bounds(0.5), 1e20),
+            Some(true),
+            "the side belongs to the box"
+        );
+    }
+
+    #[test]
+    fn extraordinary_rays_are_refused() {
+        let mut quick = QuickRay::UNSET;
+        let mut accepts = |ray: Ray| quick.set_from_ray::<Portable8>(&ray);
+        assert!(accepts(Ray::new(Vec3::ZERO, Vec3::new(1.0, 0.0, -1e-20))));
+        assert!(!accepts(Ray::new(Vec3::ZERO, Vec3::new(1.0, 0.0, 1e-30))));
+        assert!(!accepts(Ray::new(Vec3::ZERO, Vec3::splat(1e-20))));
+        assert!(!accepts(Ray::new(Vec3::splat(1e20), Vec3::X)));
+        assert!(!accepts(Ray::new(Vec3::splat(f32::NAN), Vec3::X)));
+        assert!(!accepts(Ray::new(Vec3::ZERO, Vec3::new(f32::NAN, 1.0, 0.0))));
+        assert!(!accepts(Ray { t_min: -1.0, ..Ray::new(Vec3::ZERO, Vec3::X) }));
+        assert!(!accepts(Ray { t_max: f32::NAN, ..Ray::new(Vec3::ZERO, Vec3::X) }));
+    }
+}

@@ -1,0 +1,88 @@
+//! Exact decisions in single precision.
+
+use super::TriangleTest;
+use super::quick::QuickRay;
+use super::ray::LocalRay;
+use super::triangle::{exact_hit, height_and_speed, hit_in_plane, is_behind};
+use crate::hit::Hit;
+use crate::precision::Single;
+use crate::search::{Goal, Search};
+use snell_math::simd::Lanes8;
+use snell_math::{DRay, DVec3, Ray, Vec2};
+
+impl TriangleTest for Single {
+    const TRIANGLES_ELSEWHERE: bool = false;
+
+    #[inline(always)]
+    fn fetch_triangle(_: &(), _: u32, _: u32) {}
+
+    #[inline(always)]
+    fn local_ray(_: &(), _: usize, ray: &DRay) -> LocalRay {
+        LocalRay::new(ray)
+    }
+
+    #[inline(always)]
+    fn triangle_hit<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &LocalRay,
+        corners: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<Hit> {
+        single_hit(search, exact_hit(ray, corners, search.start.into()), ids)
+    }
+
+    #[inline(always)]
+    fn prepare_root<L: Lanes8>(_: &(), quick: &mut QuickRay, ray: &Ray) -> bool {
+        quick.set_from_ray::<L>(ray)
+    }
+
+    #[inline(always)]
+    fn prepare<L: Lanes8>(_: &(), _: usize, quick: &mut QuickRay, ray: &DRay) -> bool {
+        quick.set_from_exact::<L>(&ray.origin, &ray.direction)
+    }
+
+    #[inline(always)]
+    fn hit_on_line<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &QuickRay,
+        origin: &DVec3,
+        direction: &DVec3,
+        corners: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<Hit> {
+        let t_min = search.start.into();
+        let [height, speed] = height_and_speed(origin, direction, corners);
+        // What is behind the start is so at once, without waiting for a quotient. (Which is finite:
+        // of an ordinary ray, these are between `1e-150` and `1e40`.)
+        if height * speed < 0.0 {
+            return None;
+        }
+        let plane = height / speed;
+        if is_behind(plane, t_min) {
+            return None;
+        }
+        single_hit(
+            search,
+            hit_in_plane(&ray.exact(*origin, *direction), corners, plane, t_min),
+            ids,
+        )
+    }
+}
+
+/// What the exact test in single precision has found, as a hit; `None` if it is beyond what is
+/// wanted.
+#[inline(always)]
+fn single_hit<G: Goal<Precision = Single>>(
+    search: &Search<'_, G>,
+    found: Option<(f64, Vec2)>,
+    ids: impl FnOnce() -> [u32; 3],
+) -> Option<Hit> {
+    let (t, uv) = found?;
+    // Never minus zero.
+    let t = t as f32 + 0.0;
+    if t > search.goal.limit() {
+        return None;
+    }
+    let [instance, geometry, primitive] = ids();
+    Some(Hit { t, uv, instance, geometry, primitive })
+}

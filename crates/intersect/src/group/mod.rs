@@ -1,0 +1,384 @@
+//! The tests of single primitives, shared by every structure: what a group holds, ready to be
+//! tested.
+
+use crate::exact::TriangleTest;
+use crate::exact::ray::LocalRay;
+use crate::exact::triangle::exact_hit;
+use crate::geometry::motion::transform_at;
+use crate::geometry::{MovingMesh, PrimitiveSet, within_bounds};
+use crate::mesh::TriangleMesh;
+use crate::mesh::are_degenerate;
+use crate::precision::{Facts, Real};
+use crate::search::{Goal, HitOf, Search, Verdict};
+use crate::shape::Shape;
+use snell_math::{Bounds3d, DAffine3, DRay, Transform, Vec2};
+use std::sync::Arc;
+
+/// A shape or an instance in a group.
+#[derive(Clone, Debug)]
+pub(crate) enum Object {
+    /// A shape.
+    Shape {
+        /// What is tested.
+        shape: Arc<dyn Shape>,
+        /// Its number.
+        geometry: u32,
+        /// The map from the group to the shape.
+        shape_from_group: DAffine3,
+    },
+    /// Another group.
+    Instance {
+        /// Which group.
+        child: usize,
+        /// What to add to the occurrence number of the group to get that of the child.
+        offset: u32,
+        /// The map from the group to the child.
+        child_from_group: Placement,
+        /// Rays whose mask shares no bit with this pass by.
+        mask: u32,
+    },
+}
+
+/// The map from a group to what is placed in it.
+#[derive(Clone, Debug)]
+pub(crate) enum Placement {
+    /// The same at all times.
+    Still(DAffine3),
+    /// Keys of the inverse map, from the child to the group.
+    Moving(Arc<[Transform]>),
+}
+
+impl Placement {
+    /// The map at time 0.
+    pub fn at_first(&self) -> &DAffine3 {
+        match self {
+            Self::Still(map) => map,
+            Self::Moving(keys) => keys[0].inverse_matrix(),
+        }
+    }
+
+    /// Tells a goal that records that the search enters the child.
+    #[inline(always)]
+    fn tell<G: Goal>(&self, search: &mut Search<'_, G>) {
+        if !G::RECORDS {
+            return;
+        }
+        match self {
+            Self::Still(map) => search.goal.enter(map),
+            Self::Moving(keys) => {
+                let map = transform_at(keys, search.time)
+                    .map_or(DAffine3::IDENTITY, |t| *t.inverse_matrix());
+                search.goal.enter(&map);
+            }
+        }
+    }
+
+    /// The ray in the child; `None` if it overflows on the way or the child is flattened, then
+    /// nothing there can be hit.
+    #[inline(always)]
+    pub fn ray_in_child(&self, ray: &DRay, time: f32) -> Option<DRay> {
+        self.mapped(ray, time).filter(is_finite)
+    }
+
+    /// The same of a ray that may overflow.
+    #[inline(always)]
+    pub fn mapped(&self, ray: &DRay, time: f32) -> Option<DRay> {
+        match self {
+            Self::Still(map) => Some(mapped(map, ray)),
+            Self::Moving(keys) => Some(mapped(transform_at(keys, time)?.inverse_matrix(), ray)),
+        }
+    }
+}
+
+/// Many primitives of one geometry.
+#[derive(Clone, Debug)]
+pub(crate) enum BulkContents {
+    /// Spheres, curves, a user's own.
+    Set(Arc<dyn PrimitiveSet>),
+    /// Triangles whose vertices move.
+    MovingMesh(Arc<MovingMesh>),
+}
+
+impl BulkContents {
+    /// How many primitives there are.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Set(set) => set.len(),
+            Self::MovingMesh(mesh) => mesh.len(),
+        }
+    }
+
+    /// The box of a primitive at all times, empty if it is never hit.
+    pub fn bounds(&self, primitive: usize) -> Bounds3d {
+        let b = match self {
+            Self::Set(set) => set.bounds(primitive),
+            Self::MovingMesh(mesh) => mesh.bounds(primitive).unwrap_or(Bounds3d::EMPTY),
+        };
+        if b.is_empty() { Bounds3d::EMPTY } else { b }
+    }
+}
+
+/// A set of primitives in a group.
+#[derive(Clone, Debug)]
+pub(crate) struct Bulk {
+    /// Number of its first primitive among the objects of the group.
+    pub first: u32,
+    /// Its number.
+    pub geometry: u32,
+    /// What is tested.
+    pub contents: BulkContents,
+}
+
+/// All that a group holds besides the triangles of meshes, under one numbering: first the shapes
+/// and instances, then the primitives of each set.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Objects {
+    placed: Vec<Object>,
+    sets: Vec<Bulk>,
+    count: usize,
+}
+
+/// What a number stands for.
+pub(crate) enum ObjectRef<'a> {
+    /// A shape or an instance.
+    Placed(&'a Object),
+    /// A primitive of a set.
+    Primitive(&'a Bulk, u32),
+}
+
+impl Objects {
+    /// Adds a shape or an instance: before all sets.
+    pub fn push(&mut self, object: Object) {
+        debug_assert!(self.sets.is_empty(), "shapes and instances come first");
+        self.placed.push(object);
+        self.count += 1;
+    }
+
+    /// Adds a set. False if there are more objects than 32-bit numbers.
+    pub fn push_set(&mut self, geometry: u32, contents: BulkContents) -> bool {
+        let count = self.count.saturating_add(contents.len());
+        if count > u32::MAX as usize {
+            return false;
+        }
+        self.sets.push(Bulk { first: self.count as u32, geometry, contents });
+        self.count = count;
+        true
+    }
+
+    /// How many there are, primitives of sets included.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// The ranges of numbers that are one geometry or instance each.
+    pub fn geometries(&self) -> impl Iterator<Item = (u32, u32)> {
+        let single = (0..self.placed.len() as u32).map(|i| (i, i + 1));
+        single.chain(
+            self.sets.iter().map(|bulk| (bulk.first, bulk.first + bulk.contents.len() as u32)),
+        )
+    }
+
+    /// The shapes and instances.
+    pub fn placed(&self) -> &[Object] {
+        &self.placed
+    }
+
+    /// What a number stands for.
+    #[inline(always)]
+    pub fn get(&self, number: usize) -> ObjectRef<'_> {
+        if let Some(object) = self.placed.get(number) {
+            return ObjectRef::Placed(object);
+        }
+        let after = self.sets.partition_point(|bulk| bulk.first as usize <= number);
+        let bulk = &self.sets[after - 1];
+        ObjectRef::Primitive(bulk, number as u32 - bulk.first)
+    }
+
+    /// Tells what will be tested soon.
+    #[inline(always)]
+    pub fn fetch(&self, number: usize) {
+        if let ObjectRef::Primitive(Bulk { contents: BulkContents::Set(set), .. }, primitive) =
+            self.get(number)
+        {
+            set.fetch(primitive as usize);
+        }
+    }
+
+    /// Memory of the list, without the geometries.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(self.placed.as_slice()) + size_of_val(self.sets.as_slice())
+    }
+}
+
+/// What a group holds.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct GroupList {
+    /// Meshes with their geometry numbers.
+    pub meshes: Vec<(u32, Arc<TriangleMesh>)>,
+    /// Shapes, instances and primitives of sets.
+    pub objects: Objects,
+}
+
+/// Tests an object by its number. `ray` is in the group's coordinates; `enter` searches a group
+/// that is instanced there: it gets the group, the ray in its coordinates and its occurrence
+/// number. True if the search is over.
+#[inline(always)]
+pub(crate) fn test_object<G: Goal>(
+    objects: &Objects,
+    number: usize,
+    ray: &DRay,
+    instance: u32,
+    search: &mut Search<'_, G>,
+    enter: impl FnOnce(usize, &DRay, u32, &mut Search<'_, G>) -> bool,
+) -> bool {
+    match objects.get(number) {
+        ObjectRef::Placed(Object::Shape { shape, geometry, shape_from_group }) => {
+            test_shape(search, shape.as_ref(), *geometry, instance, &mapped(shape_from_group, ray))
+        }
+        ObjectRef::Placed(Object::Instance { .. }) if search.context.is_cancelled() => true,
+        ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) => {
+            mask & search.mask != 0
+                && child_from_group.ray_in_child(ray, search.time).is_some_and(|ray| {
+                    child_from_group.tell(search);
+                    let is_over = enter(*child, &ray, instance + offset, search);
+                    search.goal.leave();
+                    is_over
+                })
+        }
+        ObjectRef::Primitive(bulk, primitive) => {
+            let ids = [instance, bulk.geometry, primitive];
+            match &bulk.contents {
+                BulkContents::Set(set) => test_primitive(search, set.as_ref(), ids, ray),
+                BulkContents::MovingMesh(mesh) => test_moving_triangle(search, mesh, ids, ray),
+            }
+        }
+    }
+}
+
+/// The ray mapped by an affine matrix; `t` is shared.
+#[inline(always)]
+pub(crate) fn mapped(map: &DAffine3, ray: &DRay) -> DRay {
+    DRay {
+        origin: map.transform_point3(ray.origin),
+        direction: map.transform_vector3(ray.direction),
+        ..*ray
+    }
+}
+
+fn is_finite(ray: &DRay) -> bool {
+    ray.origin.is_finite() && ray.direction.is_finite()
+}
+
+/// How often one object is asked again after a hit on it did not count. No shape has that many
+/// crossings.
+const MAX_CROSSINGS: usize = 64;
+
+/// Offers the crossings of one shape, nearest first. `ray` is in the shape's coordinates. True if
+/// the search is over.
+pub(crate) fn test_shape<G: Goal>(
+    search: &mut Search<'_, G>,
+    shape: &dyn Shape,
+    geometry: u32,
+    instance: u32,
+    ray: &DRay,
+) -> bool {
+    search.goal.count_primitives(1);
+    let mut ray = DRay { t_min: search.t_min().into(), ..*ray };
+    for _ in 0..MAX_CROSSINGS {
+        // One step more, for hits that are equally far once they are rounded.
+        ray.t_max = search.goal.limit().next_up().into();
+        let found = shape.nearest_two(&ray);
+        for (number, found) in found.into_iter().enumerate() {
+            let Some(found) = found else { return false };
+            if number > 0
+                && !(found.t > ray.t_min && found.t < search.goal.limit().next_up().into())
+            {
+                return false;
+            }
+            match search.offer(G::Precision::hit(
+                found.t,
+                Vec2::ZERO,
+                [instance, geometry, found.face],
+            )) {
+                Verdict::Finished => return true,
+                Verdict::Behind => return false,
+                Verdict::Taken | Verdict::Rejected => ray.t_min = found.t,
+            }
+        }
+    }
+    false
+}
+
+/// Offers the crossings of one primitive of a set, nearest first; `ids` are instance, geometry and
+/// primitive. True if the search is over.
+fn test_primitive<G: Goal>(
+    search: &mut Search<'_, G>,
+    set: &dyn PrimitiveSet,
+    ids: [u32; 3],
+    ray: &DRay,
+) -> bool {
+    search.goal.count_primitives(1);
+    let (time, number) = (search.time, ids[2] as usize);
+    // Not what is known by now: a hit that is moved into the bounds must not depend on what else
+    // was found before.
+    let [t_min, t_max] = G::Precision::interval(search.ray).map(Into::into);
+    let mut ray = DRay { t_min, t_max, ..*ray };
+    for _ in 0..MAX_CROSSINGS {
+        let Some((found, bounds)) = set.closest_within(number, &ray, time) else { return false };
+        if found.t.is_nan() || found.t <= ray.t_min {
+            return false;
+        }
+        if let Some(t) = within_bounds(&bounds, &ray, found.t) {
+            let hit = G::Precision::hit(t, found.uv, ids);
+            match search.offer(hit) {
+                Verdict::Finished => return true,
+                Verdict::Behind => return false,
+                // What follows is not nearer, also where it is moved into the bounds.
+                Verdict::Taken if search.goal.limit() <= G::Precision::t(&hit) => return false,
+                Verdict::Taken | Verdict::Rejected => {}
+            }
+        }
+        ray.t_min = found.t;
+    }
+    false
+}
+
+/// Offers the hit on a triangle whose corners are those of the ray's time. True if the search is
+/// over.
+fn test_moving_triangle<G: Goal>(
+    search: &mut Search<'_, G>,
+    mesh: &MovingMesh,
+    ids: [u32; 3],
+    ray: &DRay,
+) -> bool {
+    search.goal.count_primitives(1);
+    let corners = mesh.corners(ids[2] as usize, search.time);
+    if are_degenerate(&corners) {
+        return false;
+    }
+    let found =
+        exact_hit(&LocalRay::new(ray), &corners.map(|p| p.to_array()), search.t_min().into());
+    // Never minus zero.
+    let hit = found.map(|(t, uv)| G::Precision::hit(t + 0.0, uv, ids));
+    let hit = hit.filter(|hit| G::Precision::t(hit) <= search.goal.limit());
+    hit.is_some() && mesh.bounds(ids[2] as usize).is_some() && offer_triangle(search, hit)
+}
+
+/// Offers the hit on one triangle. True if the search is over.
+#[inline(always)]
+pub(crate) fn test_triangle<G: Goal<Precision: TriangleTest>>(
+    search: &mut Search<'_, G>,
+    ray: &LocalRay,
+    corners: &[[f32; 3]; 3],
+    ids: impl FnOnce() -> [u32; 3],
+) -> bool {
+    let hit = G::Precision::triangle_hit(search, ray, corners, ids);
+    offer_triangle(search, hit)
+}
+
+/// Offers what the exact test of a triangle has found. True if the search is over.
+#[inline(always)]
+pub(crate) fn offer_triangle<G: Goal>(search: &mut Search<'_, G>, found: Option<HitOf<G>>) -> bool {
+    let Some(hit) = found else { return false };
+    search.offer(hit) == Verdict::Finished
+}

@@ -1,0 +1,495 @@
+//! Lists of few primitives: sixteen rays at a time against each face in turn, without a tree.
+//!
+//! A face is a triangle, or two that make a flat quadrilateral ([`faces`]). Where a ray meets its
+//! plane, and on which side of its edges that is, is worked out in `f32` with a bound of the error
+//! ([`bundle`]). For nearly all rays it is then certain which face is the nearest; the distance on
+//! it and the coordinates follow from the numbers that the exact test would find ([`exact`]),
+//! sixteen rays at a time too. The others, which come near an edge, start in a plane or run along
+//! one, and rays of extraordinary size, go through the tree, which finds the same. Spheres and flat
+//! shapes are tested sixteen rays at a time ([`shapes`]), others ray by ray; all but flat ones with
+//! a look at their boxes before.
+
+mod apart;
+mod bundle;
+mod exact;
+mod precision;
+mod shapes;
+#[cfg(test)]
+pub(crate) mod tests;
+
+pub(crate) use apart::Begun;
+pub(crate) use precision::ListSearch;
+
+use super::single::traverse::{Entry, Stack, Walk, search_forest, test_object};
+use super::stream::interleave::Batch;
+use crate::hit::Hit;
+use crate::kernel::Goal;
+use crate::precision::Facts;
+use crate::precision::Single;
+use crate::search::{Search, Verdict};
+use crate::tree::Forest;
+use crate::tree::list::{Apart, FIRST_OBJECT, List, ListShape, MAX_OBJECTS};
+use bundle::{Blocked, Bundle, Nearest, PerRay, RAYS};
+use exact::Found;
+use snell_math::simd::{Doubles16, Lanes16, Level};
+use snell_math::{Ray, Vec2, Vec3};
+use std::mem::MaybeUninit;
+
+/// Batches of fewer rays are not worth it.
+const MIN_RAYS: usize = 4;
+
+/// Nor are those of fewer rays where most are to be searched for in the tree besides.
+const MIN_RAYS_APART: usize = 16;
+
+/// After so many rays it is seen whether lists are the right thing for a batch.
+const TRIAL: usize = 128;
+
+/// In a tree, a ray that meets nothing costs as much as so many faces of a list, and one that hits
+/// as much as so many more.
+const FACES_PER_RAY: usize = 24;
+const FACES_PER_HIT: usize = 80;
+
+/// True if a list answers queries of so many rays that want one hit each, or some of them.
+pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
+    rays >= MIN_RAYS && forest.list.is_some() || rays >= MIN_RAYS_APART && forest.apart.is_some()
+}
+
+/// Searches for the rays of a batch; `finish` gets the number of a ray and what was found.
+/// [`is_suitable`] must hold. Rays that have yet to be searched for among the rest, if the list is
+/// only of what stands apart, are added to `begun`. Returns how many rays were dealt with: less
+/// than all if most of them point past everything, for in a tree that costs little.
+pub(crate) fn search_list<G: Goal<Precision = Single>>(
+    forest: &Forest,
+    level: Level,
+    batch: &Batch<Single>,
+    begun: &mut Vec<Begun<Hit>>,
+    start: impl Fn(&Ray) -> G,
+    finish: impl FnMut(usize, G),
+) -> usize {
+    let (list, apart) = match (&forest.list, &forest.apart) {
+        (Some(list), _) => (list, None),
+        (None, Some(apart)) => (&apart.list, Some(apart)),
+        (None, None) => return 0,
+    };
+    let mut small = [const { MaybeUninit::<Entry>::uninit() }; crate::tree::SMALL_STACK];
+    let mut large = Vec::new();
+    let stack: &mut Stack = if forest.stack_size <= small.len() {
+        &mut small
+    } else {
+        large.resize_with(forest.stack_size, MaybeUninit::uninit);
+        &mut large
+    };
+    let scene = Scene { forest, list, apart, level, batch, is_plain: is_plain(list, batch) };
+    if apart.is_some() && !scene.is_plain {
+        return 0;
+    }
+    match level {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: `World` holds only levels that the machine supports.
+        Level::Avx512 => unsafe { run_avx512(&scene, stack, begun, start, finish) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: as above.
+        Level::Avx2 => unsafe { run_avx2(&scene, stack, begun, start, finish) },
+        // Without wide registers, the tree is as fast.
+        _ => 0,
+    }
+}
+
+/// What is searched, and for which rays.
+struct Scene<'a> {
+    forest: &'a Forest,
+    list: &'a List,
+    /// Where the rest is, if that is not all.
+    apart: Option<&'a Apart>,
+    level: Level,
+    batch: &'a Batch<'a, Single>,
+    /// The nearest hit within the interval of a ray is always what it hits, as far as things are
+    /// tested in lanes.
+    is_plain: bool,
+}
+
+/// True if nothing may reject a hit on what is tested in lanes, or change it.
+fn is_plain(list: &List, batch: &Batch<Single>) -> bool {
+    let accepts = |geometry: u32| {
+        let options = batch.context.options[geometry as usize];
+        options.mask == u32::MAX && !options.filtered && !options.quads
+    };
+    !batch.rays.has_masks() && list.geometries().all(accepts)
+}
+
+/// # Safety
+/// As [`run`].
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn run_avx512<G: Goal<Precision = Single>>(
+    scene: &Scene,
+    stack: &mut Stack,
+    begun: &mut Vec<Begun<Hit>>,
+    start: impl Fn(&Ray) -> G,
+    finish: impl FnMut(usize, G),
+) -> usize {
+    use super::single::traverse::walk_avx2;
+    // SAFETY: as promised by the caller.
+    unsafe {
+        run::<snell_math::simd::Avx16Doubles, G>(scene, stack, begun, start, finish, walk_avx2::<G>)
+    }
+}
+
+/// # Safety
+/// As [`run`].
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn run_avx2<G: Goal<Precision = Single>>(
+    scene: &Scene,
+    stack: &mut Stack,
+    begun: &mut Vec<Begun<Hit>>,
+    start: impl Fn(&Ray) -> G,
+    finish: impl FnMut(usize, G),
+) -> usize {
+    use super::single::traverse::walk_avx2;
+    // SAFETY: as promised by the caller.
+    unsafe {
+        run::<snell_math::simd::PairDoubles<snell_math::simd::Avx8>, G>(
+            scene,
+            stack,
+            begun,
+            start,
+            finish,
+            walk_avx2::<G>,
+        )
+    }
+}
+
+/// # Safety
+/// The machine must have the instructions of `D`; `stack` must have room for all groups; `enter`
+/// must be the entry of the same level.
+#[inline(always)]
+unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
+    scene: &Scene,
+    stack: &mut Stack,
+    begun: &mut Vec<Begun<Hit>>,
+    start: impl Fn(&Ray) -> G,
+    mut finish: impl FnMut(usize, G),
+    enter: Walk<G>,
+) -> usize {
+    let (list, all) = (scene.list, scene.batch.rays.rays());
+    let more_faces = list.len().saturating_sub(FACES_PER_RAY);
+    let mut last = [Ray::new(Vec3::ZERO, Vec3::Z); RAYS];
+    let (mut first, mut met) = (0, 0);
+    while first < all.len() {
+        if scene.apart.is_none() && first >= TRIAL && met * FACES_PER_HIT < first * more_faces {
+            break;
+        }
+        let rays = &all[first..(first + RAYS).min(all.len())];
+        let sixteen = match rays.first_chunk() {
+            Some(sixteen) => sixteen,
+            None => {
+                last[..rays.len()].copy_from_slice(rays);
+                &last
+            }
+        };
+        // SAFETY: as promised by the caller.
+        let bundle = unsafe { Bundle::<D>::new(list, sixteen, rays.len()) };
+        // SAFETY: as promised by the caller.
+        let mut near = unsafe { Near::new(scene, &bundle) };
+        let mut unsure = !bundle.ordinary & ((2 << (rays.len() - 1)) - 1);
+        let more = match scene.apart {
+            // SAFETY: as promised by the caller.
+            Some(apart) => unsafe { apart.may_meet_rest(&bundle) },
+            None => 0,
+        };
+        if G::ANY && scene.is_plain {
+            // SAFETY: as promised by the caller.
+            let mut found = unsafe { bundle.blocked(list) };
+            // SAFETY: as promised by the caller.
+            unsafe { near.block(list, &bundle, &mut found) };
+            let others = near.any();
+            unsure |= found.doubtful & !found.blocked & bundle.ordinary;
+            met += (found.met | unsure).count_ones() as usize;
+            for (lane, ray) in rays.iter().enumerate() {
+                if unsure >> lane & 1 == 1 {
+                    continue;
+                }
+                let is_blocked = found.blocked >> lane & 1 == 1;
+                if scene.apart.is_some() && !is_blocked && more >> lane & 1 == 1 {
+                    begun.push(Begun { number: (first + lane) as u32, hit: None });
+                } else if is_blocked || others >> lane & 1 == 0 {
+                    let mut goal = start(ray);
+                    if is_blocked {
+                        goal.take(Hit::MISS);
+                    }
+                    finish(first + lane, goal);
+                } else {
+                    let query = scene.batch.rays.get(first + lane);
+                    let mut search = Search::new(query, scene.batch.context, start(ray));
+                    // SAFETY: as promised by the caller.
+                    unsafe { test_objects(scene, near.of(lane), &mut search, stack, enter) };
+                    finish(first + lane, search.goal);
+                }
+            }
+        } else {
+            // SAFETY: as promised by the caller.
+            let mut found = unsafe { Hits::of(list, &bundle) };
+            if scene.is_plain {
+                // SAFETY: as promised by the caller.
+                unsafe { found.take_shapes(list, &bundle, &mut near) };
+            }
+            let others = near.any();
+            unsure |= found.unsure;
+            met += found.met.count_ones() as usize;
+            for (lane, ray) in rays.iter().enumerate() {
+                if unsure >> lane & 1 == 1 {
+                    continue;
+                }
+                if scene.apart.is_some() && more >> lane & 1 == 1 {
+                    begun.push(Begun { number: (first + lane) as u32, hit: found.get(list, lane) });
+                } else if scene.is_plain && others >> lane & 1 == 0 {
+                    let mut goal = start(ray);
+                    if let Some(hit) = found.get(list, lane) {
+                        goal.take(hit);
+                    }
+                    finish(first + lane, goal);
+                } else {
+                    let query = scene.batch.rays.get(first + lane);
+                    let mut search = Search::new(query, scene.batch.context, start(ray));
+                    // SAFETY: as promised by the caller.
+                    unsafe {
+                        offer(
+                            scene,
+                            found.get(list, lane),
+                            near.of(lane),
+                            &mut search,
+                            stack,
+                            enter,
+                        )
+                    };
+                    finish(first + lane, search.goal);
+                }
+            }
+        }
+        search_tree(scene, first, unsure, &start, &mut finish);
+        first += rays.len();
+    }
+    first
+}
+
+/// Searches through the tree for those of sixteen rays that have a bit.
+#[inline(always)]
+fn search_tree<G: Goal<Precision = Single>>(
+    scene: &Scene,
+    first: usize,
+    mut lanes: u32,
+    start: &impl Fn(&Ray) -> G,
+    finish: &mut impl FnMut(usize, G),
+) {
+    while lanes != 0 {
+        let number = first + lanes.trailing_zeros() as usize;
+        lanes &= lanes - 1;
+        let query = scene.batch.rays.get(number);
+        let mut search = Search::new(query, scene.batch.context, start(query.ray));
+        if Single::is_valid(query.ray) {
+            search_forest(scene.forest, scene.level, &mut search);
+        }
+        finish(number, search.goal);
+    }
+}
+
+/// The rays that may meet shapes that have yet to be tested: a bit for each ray, by shape.
+struct Near {
+    shapes: [u32; MAX_OBJECTS],
+}
+
+impl Near {
+    /// # Safety
+    /// The machine must have the instructions of `D`.
+    #[inline(always)]
+    unsafe fn new<D: Doubles16>(scene: &Scene, bundle: &Bundle<D>) -> Self {
+        let mut near = Self { shapes: [0; MAX_OBJECTS] };
+        for (object, shape) in scene.list.objects.iter().zip(&mut near.shapes) {
+            // Those that are flat are tested as quickly as their boxes.
+            let is_quick = scene.is_plain && object.shape.as_ref().is_some_and(ListShape::is_flat);
+            *shape = match &object.bounds {
+                // SAFETY: passed on to the caller.
+                Some(bounds) if !is_quick => unsafe { bundle.may_meet(scene.list, bounds) },
+                _ => u32::MAX,
+            };
+        }
+        near
+    }
+
+    /// The rays that may meet any.
+    #[inline(always)]
+    fn any(&self) -> u32 {
+        let mut any = 0;
+        for shape in &self.shapes {
+            any |= shape;
+        }
+        any
+    }
+
+    /// Tests the shapes that are tested in lanes, where any will do.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `D`.
+    #[inline(always)]
+    unsafe fn block<D: Doubles16>(&mut self, list: &List, bundle: &Bundle<D>, found: &mut Blocked) {
+        for (object, near) in list.objects.iter().zip(&mut self.shapes) {
+            let Some(shape) = &object.shape else { continue };
+            let lanes = std::mem::take(near) & bundle.ordinary & !found.blocked;
+            if lanes != 0 {
+                // SAFETY: passed on to the caller.
+                let blocked =
+                    unsafe { shape.meet(bundle, lanes).lt(D::Singles::splat(f32::INFINITY)) };
+                found.blocked |= blocked;
+                found.met |= blocked;
+            }
+        }
+    }
+
+    /// The shapes that a ray may meet, a bit for each.
+    #[inline(always)]
+    fn of(&self, lane: usize) -> u32 {
+        let mut shapes = 0;
+        for (number, shape) in self.shapes.iter().enumerate() {
+            shapes |= (shape >> lane & 1) << number;
+        }
+        shapes
+    }
+}
+
+/// Offers the nearest hit on a triangle, if there is one, and tests some of the shapes.
+///
+/// # Safety
+/// As [`run`].
+#[inline(never)]
+unsafe fn offer<G: Goal<Precision = Single>>(
+    scene: &Scene,
+    hit: Option<Hit>,
+    shapes: u32,
+    search: &mut Search<'_, G>,
+    stack: &mut Stack,
+    enter: Walk<G>,
+) {
+    match hit.map(|hit| search.offer(hit)) {
+        Some(Verdict::Finished) => {}
+        // What is behind it has not been looked for.
+        Some(Verdict::Rejected) => search_forest(scene.forest, scene.level, search),
+        Some(Verdict::Taken | Verdict::Behind) | None => {
+            // SAFETY: as promised by the caller.
+            unsafe { test_objects(scene, shapes, search, stack, enter) }
+        }
+    }
+}
+
+/// Tests some of the shapes of a list, a bit for each.
+///
+/// # Safety
+/// As [`run`].
+unsafe fn test_objects<G: Goal<Precision = Single>>(
+    scene: &Scene,
+    mut shapes: u32,
+    search: &mut Search<'_, G>,
+    stack: &mut Stack,
+    enter: Walk<G>,
+) {
+    let (forest, list, ray) = (scene.forest, scene.list, Single::exact(search.ray));
+    while shapes != 0 {
+        let object = list.objects[shapes.trailing_zeros() as usize].number;
+        shapes &= shapes - 1;
+        // SAFETY: as promised by the caller.
+        if unsafe { test_object(forest, &forest.trees[0], object, &ray, 0, search, stack, enter) } {
+            return;
+        }
+    }
+}
+
+/// What sixteen rays hit.
+struct Hits {
+    found: Found,
+    /// The numbers of what they hit, as bits.
+    numbers: PerRay<f32>,
+    /// The rays for which that is not certain, and those that meet anything ahead, or may.
+    unsure: u32,
+    met: u32,
+}
+
+impl Hits {
+    /// # Safety
+    /// The machine must have the instructions of `D`.
+    #[inline(always)]
+    unsafe fn of<D: Doubles16>(list: &List, bundle: &Bundle<D>) -> Self {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let Nearest { first, second, triangle, doubtful, .. } = bundle.nearest(list);
+            let mut numbers = [0.0; RAYS];
+            triangle.store(&mut numbers);
+            let mut chosen = [list.triangle(0.0); RAYS];
+            for (to, &number) in chosen.iter_mut().zip(&numbers) {
+                *to = list.triangle(number);
+            }
+            let ahead = first.lt(D::Singles::splat(f32::INFINITY)) & bundle.ordinary;
+            let mut found = exact::test(bundle, &chosen, second);
+            let unsure = (doubtful & bundle.ordinary) | (ahead & !found.hits & !found.beyond);
+            found.hits &= ahead & !unsure;
+            Self { found, numbers, unsure, met: ahead | unsure }
+        }
+    }
+
+    /// Tests the shapes that are tested in lanes, and takes what is nearer, or as near with a lower
+    /// number.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `D`.
+    #[inline(always)]
+    unsafe fn take_shapes<D: Doubles16>(
+        &mut self,
+        list: &List,
+        bundle: &Bundle<D>,
+        near: &mut Near,
+    ) {
+        for (number, (object, near)) in list.objects.iter().zip(&mut near.shapes).enumerate() {
+            let Some(shape) = &object.shape else { continue };
+            let lanes = std::mem::take(near) & bundle.ordinary;
+            if lanes == 0 {
+                continue;
+            }
+            // SAFETY: passed on to the caller.
+            unsafe {
+                let (zero, infinity) = (D::Singles::splat(0.0), D::Singles::splat(f32::INFINITY));
+                let t = shape.meet(bundle, lanes);
+                let best = infinity.replace(self.found.hits, D::Singles::load(&self.found.t));
+                let hits = t.lt(infinity);
+                let mut taken = t.lt(best);
+                let mut ties = hits & t.le(best) & !taken;
+                while ties != 0 {
+                    let lane = ties.trailing_zeros();
+                    ties &= ties - 1;
+                    let (geometry, _) = list.triangle(self.numbers[lane as usize]).ids();
+                    taken |= u32::from(shape.geometry < geometry) << lane;
+                }
+                if taken != 0 {
+                    let this = D::Singles::splat(f32::from_bits((FIRST_OBJECT + number) as u32));
+                    this.store_where(taken, &mut self.numbers);
+                    t.store_where(taken, &mut self.found.t);
+                    zero.store_where(taken, &mut self.found.b1);
+                    zero.store_where(taken, &mut self.found.b2);
+                }
+                self.found.hits |= hits;
+                self.met |= hits;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn get(&self, list: &List, lane: usize) -> Option<Hit> {
+        let (geometry, primitive) = list.triangle(self.numbers[lane]).ids();
+        let (t, uv) = (self.found.t[lane], Vec2::new(self.found.b1[lane], self.found.b2[lane]));
+        (self.found.hits >> lane & 1 == 1).then_some(Hit {
+            t,
+            uv,
+            instance: 0,
+            geometry,
+            primitive,
+        })
+    }
+}

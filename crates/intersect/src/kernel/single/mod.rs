@@ -1,0 +1,5 @@
+//! One ray through the trees: the kernel that every other falls back to.
+
+mod careful;
+pub(crate) mod filter;
+pub(crate) mod traverse;

@@ -1,0 +1,386 @@
+//! The first steps of rays that start near each other, for a party of up to [`PARTY`] at once.
+//!
+//! Wherever unrelated rays go, most nodes that they visit are those around the points where they
+//! start, and neighbours have these in common. So boxes of such a node are tested for sixteen rays
+//! in lanes, not for one ray after the other. What is then left to each ray, a few leaves and
+//! nodes, is handed to its slot in the order of its own distances, and the walk goes on from there,
+//! alone. Nodes in which a ray starts are never visited in vain, since its limit cannot come nearer
+//! than that; nodes that half of a party meets seldom are.
+//!
+//! (Packets of rays that part when few are left are known: Benthin, Wald, Woop, Ernst and Mark,
+//! Combining Single and Packet-Ray Tracing for Arbitrary Ray Distributions on the Intel MIC
+//! Architecture, 2012. Here no triangle is tested before they part, and no order is common to them,
+//! so that directions do not matter.)
+
+#[cfg(test)]
+mod tests;
+
+use super::slot::Slot;
+use crate::exact::quick::FAR_FACTOR;
+use crate::kernel::Goal;
+use crate::kernel::columns::columns;
+use crate::tree::node::ChildRef;
+#[cfg(test)]
+use snell_math::simd::Portable8;
+#[cfg(target_arch = "x86_64")]
+use snell_math::simd::{Avx8, Avx16};
+use snell_math::simd::{Lanes8, Lanes16, Pair, WideLanes};
+use std::array::from_fn;
+use std::mem::MaybeUninit;
+
+/// Rays that set off together at most.
+pub(super) const PARTY: usize = 2 * ROW;
+
+/// Rays that are tested with a box at once.
+const ROW: usize = 16;
+
+/// A node is visited together if so many rays start in it, or so many meet it.
+const MIN_INSIDE: u32 = 8;
+const MIN_MET: u32 = 16;
+
+/// Nodes and leaves that are left to the rays of a party; as many as tags can tell.
+const MAX_LEFT: usize = 32;
+
+/// Nodes and leaves that are left to one ray at most. (A ray that has more sets off alone.)
+const MAX_OWN: usize = 8;
+
+/// Distances are not below this, so that tags never make numbers that are not normal.
+const LEAST: f32 = 1.0e-30;
+
+/// Rounds distances with a tag down to what they were without; relative: tags are below 32 units in
+/// the last place, the rest is for the rounding here.
+const TAG_PADDING: f32 = 8.0e-6;
+
+/// Rays whose distances are less certain than this set off alone: those that run along an axis.
+const MAX_MARGIN: f32 = 1.0e20;
+
+/// Lets rays set off: they must be in slots at the root of the same walk, and are left somewhere
+/// below. Returns how many visits of nodes were made together, of all rays. Slots that it cannot
+/// help stay at the root.
+pub(super) type SetOff<G> = unsafe fn(&[*mut Slot<'_, G>]) -> u32;
+
+/// # Safety
+/// As [`set_off`].
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+pub(super) unsafe fn set_off_avx2<G: Goal>(slots: &[*mut Slot<'_, G>]) -> u32 {
+    // SAFETY: as promised by the caller.
+    unsafe { set_off::<Pair<Avx8>, G>(slots) }
+}
+
+/// # Safety
+/// As [`set_off`].
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+pub(super) unsafe fn set_off_avx512<G: Goal>(slots: &[*mut Slot<'_, G>]) -> u32 {
+    // SAFETY: as promised by the caller.
+    unsafe { set_off::<Avx16, G>(slots) }
+}
+
+/// The readable twin, for tests: at that level rays are as fast alone.
+///
+/// # Safety
+/// As [`set_off`].
+#[cfg(test)]
+unsafe fn set_off_portable<G: Goal>(slots: &[*mut Slot<'_, G>]) -> u32 {
+    // SAFETY: as promised by the caller.
+    unsafe { set_off::<Pair<Portable8>, G>(slots) }
+}
+
+/// # Safety
+/// The machine must have the instructions of `W`; there must be one to [`PARTY`] slots, each with a
+/// search that [was started](Slot::start) at the same node and has not gone on, prepared for
+/// [`Lanes8::FUSED`] of these lanes.
+#[inline(always)]
+unsafe fn set_off<W: Lanes16, G: Goal>(slots: &[*mut Slot<'_, G>]) -> u32 {
+    debug_assert!((1..=PARTY).contains(&slots.len()));
+    // SAFETY: as promised by the caller.
+    unsafe {
+        if slots.len() > ROW {
+            let (first, second) = slots.split_at_unchecked(ROW);
+            set_off_rows(slots, [Row::<W>::new(first), Row::new(second)])
+        } else {
+            set_off_rows(slots, [Row::<W>::new(slots)])
+        }
+    }
+}
+
+/// # Safety
+/// As [`set_off`]; the rows must be those of the slots.
+#[inline(always)]
+unsafe fn set_off_rows<W: Lanes16, G: Goal, const N: usize>(
+    slots: &[*mut Slot<'_, G>],
+    rows: [Row<W>; N],
+) -> u32 {
+    let mut left = Left::NONE;
+    // SAFETY: as promised by the caller; the slots of a row are its lanes.
+    unsafe {
+        let visits = visit(&**slots.get_unchecked(0), &rows, &mut left);
+        if visits != 0 {
+            for (i, row) in rows.iter().enumerate() {
+                hand_out(slots.get_unchecked(ROW * i..), row, &left, i);
+            }
+        }
+        visits
+    }
+}
+
+/// A number per lane.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct PerLane([f32; ROW]);
+
+/// Sixteen rays and what it takes to test boxes.
+struct Row<W> {
+    inverse: [W; 3],
+    /// As [`crate::exact::quick::QuickRay::near`] and `far`, but rounded to neither side.
+    offset: [W; 3],
+    t_min: W,
+    /// The padded limits, and `margin`.
+    cull: W,
+    /// By how much distances may be wrong for not being rounded.
+    margin: W,
+    /// Which lanes are rays that can set off together.
+    rays: u32,
+}
+
+impl<W: Lanes16> Row<W> {
+    /// # Safety
+    /// As [`set_off`], of up to sixteen slots.
+    #[inline(always)]
+    unsafe fn new<G: Goal>(slots: &[*mut Slot<'_, G>]) -> Self {
+        let mut slabs = [[&[0.0; 8]; 2]; ROW];
+        for (lane, slabs) in slabs.iter_mut().enumerate() {
+            // (Lanes without a ray have the first one.)
+            // SAFETY: there is at least one slot.
+            let slot = unsafe { &**slots.get_unchecked(if lane < slots.len() { lane } else { 0 }) };
+            *slabs = slot.rows();
+        }
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let rows = |side: usize, from: usize| from_fn(|i| slabs[from + i][side]);
+            let [t_min, cull, _, _, _, _, i, j] = columns::<W>(rows(0, 0), rows(0, 8));
+            let [k, a, b, c, d, e, f, _] = columns::<W>(rows(1, 0), rows(1, 8));
+            let (inverse, near, far) = ([i, j, k], [a, b, c], [d, e, f]);
+            let half = W::splat(0.5);
+            let offset = [
+                near[0].add(far[0]).mul(half),
+                near[1].add(far[1]).mul(half),
+                near[2].add(far[2]).mul(half),
+            ];
+            // (Twice of what it must be.)
+            let mut margin = W::splat(0.0);
+            for axis in 0..3 {
+                let side = far[axis].sub(near[axis]).abs();
+                margin = margin.max(if Self::FUSED { side } else { side.mul(inverse[axis].abs()) });
+            }
+            let rays = margin.lt(W::splat(MAX_MARGIN)) & (0xffff >> (ROW - slots.len().min(ROW)));
+            let t_min = t_min.max(W::splat(LEAST));
+            Self { inverse, offset, t_min, cull: cull.add(margin), margin, rays }
+        }
+    }
+
+    const FUSED: bool = <W::Half as Lanes8>::FUSED;
+
+    /// Where the rays enter the box whose first plane is given, the others being eight numbers
+    /// further each, and which rays meet it. (A box that is inside out is met, unlike elsewhere.)
+    ///
+    /// # Safety
+    /// There must be such planes.
+    #[inline(always)]
+    unsafe fn meet(&self, planes: *const f32) -> (W, u32) {
+        // SAFETY: as promised by the caller; a row exists, so the machine has the instructions.
+        unsafe {
+            let (low, high) = (self.crossings(planes), self.crossings(planes.add(24)));
+            let enter = (low[0].min(high[0]))
+                .max(low[1].min(high[1]))
+                .max(low[2].min(high[2]).max(self.t_min));
+            let leave = (low[0].max(high[0])).min(low[1].max(high[1])).min(low[2].max(high[2]));
+            let leave =
+                leave.mul_add(W::splat(FAR_FACTOR), self.margin.add(self.margin)).min(self.cull);
+            (enter, enter.le(leave))
+        }
+    }
+
+    /// Where the rays meet three planes.
+    ///
+    /// # Safety
+    /// As [`Self::meet`].
+    #[inline(always)]
+    unsafe fn crossings(&self, planes: *const f32) -> [W; 3] {
+        // SAFETY: as promised by the caller; a row exists, so the machine has the instructions.
+        let [x, y, z] =
+            unsafe { [W::splat(*planes), W::splat(*planes.add(8)), W::splat(*planes.add(16))] };
+        let ([i, j, k], [a, b, c]) = (self.inverse, self.offset);
+        if Self::FUSED {
+            [x.mul_add(i, a), y.mul_add(j, b), z.mul_add(k, c)]
+        } else {
+            [x.sub(a).mul(i), y.sub(b).mul(j), z.sub(c).mul(k)]
+        }
+    }
+}
+
+/// Nodes and leaves that are left to the rays.
+struct Left<const N: usize> {
+    count: usize,
+    children: Aligned<[u32; MAX_LEFT]>,
+    /// Where rays enter them, and which rays do: sixteen bits a row.
+    enters: [MaybeUninit<[PerLane; N]>; MAX_LEFT],
+    masks: [MaybeUninit<u32>; MAX_LEFT],
+}
+
+#[repr(C, align(64))]
+struct Aligned<T>(T);
+
+impl<const N: usize> Left<N> {
+    const NONE: Self = Self {
+        count: 0,
+        children: Aligned([0; MAX_LEFT]),
+        enters: [const { MaybeUninit::uninit() }; MAX_LEFT],
+        masks: [MaybeUninit::uninit(); MAX_LEFT],
+    };
+}
+
+/// Visits the root and all nodes below it that have enough rays, in no particular order, and notes
+/// what is left. Returns how many visits these are, of all rays.
+///
+/// # Safety
+/// As [`set_off`], of the first slot.
+#[inline(always)]
+unsafe fn visit<W: Lanes16, G: Goal, const N: usize>(
+    slot: &Slot<'_, G>,
+    rows: &[Row<W>; N],
+    left: &mut Left<N>,
+) -> u32 {
+    let rays = rows.iter().enumerate().fold(0, |rays, (i, row)| rays | row.rays << (ROW * i));
+    let (root, nodes) = (slot.current, slot.place.nodes());
+    if !root.is_node() || rays.count_ones() < MIN_INSIDE {
+        return 0;
+    }
+    // (A ring: by `has_room` there are never more in it.)
+    const QUEUE: usize = MAX_LEFT / 8;
+    let mut queue = [const { MaybeUninit::<(u32, u32)>::uninit() }; QUEUE];
+    queue[0].write((root.0, rays));
+    let (mut next, mut end, mut count, mut visits) = (0, 1, 0, 0);
+    while next < end {
+        // SAFETY: items before `end` are written, with nodes that exist; there is room for eight
+        // more children of each (see `has_room`).
+        unsafe {
+            let (node, those) = queue[next % QUEUE].assume_init();
+            let node = &*nodes.add(node as usize);
+            let planes = node.bounds.as_ptr().cast::<f32>();
+            visits += those.count_ones();
+            for (number, &child) in node.children.iter().enumerate() {
+                let (mut met, mut inside) = (0, 0);
+                let enters = left.enters.get_unchecked_mut(count).as_mut_ptr().cast::<PerLane>();
+                for (i, row) in rows.iter().enumerate() {
+                    let (enter, rays) = row.meet(planes.add(number));
+                    met |= rays << (ROW * i);
+                    inside |= enter.le(row.t_min) << (ROW * i);
+                    enter.store(&mut (*enters.add(i)).0);
+                }
+                // (No branches: neither whether a child is met nor what becomes of it can be
+                // foreseen.)
+                met &= those & u32::from(child == ChildRef::NONE).wrapping_sub(1);
+                let has_room = count + 8 * (end - next) <= MAX_LEFT - 8;
+                let is_common =
+                    ((inside & met).count_ones() >= MIN_INSIDE) | (met.count_ones() >= MIN_MET);
+                let expands = child.is_node() & is_common & has_room;
+                queue[end % QUEUE].write((child.0, met));
+                end += usize::from(expands);
+                *left.children.0.get_unchecked_mut(count) = child.0;
+                left.masks.get_unchecked_mut(count).write(met);
+                count += usize::from(!expands & (met != 0));
+            }
+            next += 1;
+        }
+    }
+    left.count = count;
+    visits
+}
+
+/// Gives each ray of a row what is left to it, the nearest last.
+///
+/// # Safety
+/// As [`set_off`]; the slots from the first on must be those of the row, which is the `number`-th.
+#[inline(always)]
+unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
+    slots: &[*mut Slot<'_, G>],
+    row: &Row<W>,
+    left: &Left<N>,
+    number: usize,
+) {
+    // SAFETY: passed on to the caller; entries below `count` are written.
+    unsafe {
+        // By lane: distances in falling order, each with its number as a tag; below zero where
+        // there is none.
+        let (none, zero) = (W::splat(-1.0), W::splat(0.0));
+        let (mut own, mut lost) = ([none; MAX_OWN], none);
+        for i in 0..left.count {
+            let enter = W::load(&left.enters.get_unchecked(i).assume_init_ref()[number].0);
+            let met = left.masks.get_unchecked(i).assume_init() >> (ROW * number) & 0xffff;
+            let mut entry = none.replace(met, enter.with_tag(i as u32));
+            for place in &mut own {
+                (*place, entry) = (place.max(entry), place.min(entry));
+            }
+            lost = lost.max(entry);
+        }
+        let mut sorted = [const { PerLane([0.0; ROW]) }; MAX_OWN];
+        for (to, place) in sorted.iter_mut().zip(own) {
+            place.store(&mut to.0);
+        }
+        let mut margins = PerLane([0.0; ROW]);
+        row.margin.store(&mut margins.0);
+        let columns =
+            |half: usize| W::Half::load_columns(from_fn(|i| &sorted[i].0.as_chunks::<8>().0[half]));
+        let entries = [columns(0), columns(1)];
+        let entries = entries.as_flattened();
+        let mut rays = row.rays & !zero.le(lost);
+        while rays != 0 {
+            let lane = rays.trailing_zeros() as usize & (ROW - 1);
+            rays &= rays - 1;
+            let margin = W::Half::splat(margins.0[lane] + 2.0 * LEAST);
+            let distances = entries[lane].mul(W::Half::splat(1.0 - TAG_PADDING)).sub(margin);
+            Slot::go_on_with(
+                *slots.get_unchecked(lane),
+                entries[lane],
+                distances,
+                &left.children.0,
+            );
+        }
+    }
+}
+
+/// Whether setting off together pays: it does if rays have many visits in common, and neighbouring
+/// parties are alike.
+#[derive(Default)]
+pub(super) struct Trial {
+    /// Parties that are to set off alone before it is tried again.
+    rest: u32,
+}
+
+impl Trial {
+    /// So many parties after one for which it did not pay.
+    const REST: u32 = 3;
+
+    /// Visits that a ray must have together: they take as long as two or three visits alone.
+    const MIN_VISITS: u32 = 3;
+
+    /// True if the next party should set off together.
+    #[inline(always)]
+    pub fn is_on(&mut self) -> bool {
+        if self.rest == 0 {
+            return true;
+        }
+        self.rest -= 1;
+        false
+    }
+
+    /// Told of a party.
+    #[inline(always)]
+    pub fn count(&mut self, rays: usize, visits: u32) {
+        if visits < Self::MIN_VISITS * rays as u32 {
+            self.rest = Self::REST;
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! The coordinates of a tree in single precision, for a group in double precision.
+
+use super::{Double, DoubleData, Facts, Single};
+use crate::mesh::{DTriangleMesh, TriangleMesh};
+use snell_math::{Bounds3d, DRay, DVec3, Vec3};
+
+/// Maps a group's coordinates to those of its tree, which are within -1 to 1:
+/// `(p - center) * scale`. Distances along rays are the same in both.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Frame {
+    pub center: DVec3,
+    /// A power of two.
+    pub scale: f64,
+    /// How far a vertex of the shadow may be from where it should be, along each axis.
+    pub slack: f32,
+}
+
+/// How far positions of the tree's coordinates may be off by the rounding of `f64`: of a box, and
+/// of a vertex.
+const DOUBLE_ROUNDING: f64 = 1.0 / (1u64 << 50) as f64;
+
+impl Frame {
+    /// The frame of a group whose triangles and finite boxes are within `bounds`.
+    pub fn of(bounds: &Bounds3d) -> Self {
+        // Never 0: rays are rounded on their way in any case.
+        let frame = Self { center: DVec3::ZERO, scale: 1.0, slack: f32::MIN_POSITIVE };
+        if bounds.is_empty() {
+            return frame;
+        }
+        let center = bounds.center();
+        let radius =
+            (bounds.max * 0.5 - bounds.min * 0.5).max_element().clamp(f64::MIN_POSITIVE, f64::MAX);
+        // The power of two that brings the radius to between a half and 1. Not beyond what `f64`
+        // can hold, and nothing smaller than the rounding of the group's own coordinates is made
+        // larger.
+        let exponent = (radius.to_bits() >> 52) as i32 - 1022;
+        let scale = 2f64.powi((-exponent).clamp(-1000, 1000));
+        Self { center, scale, ..frame }
+    }
+
+    /// A point in the tree's coordinates.
+    #[inline(always)]
+    pub fn point(&self, p: DVec3) -> DVec3 {
+        (p - self.center) * self.scale
+    }
+
+    /// About the point of the group at a place in the tree's coordinates.
+    pub fn point_in_group(&self, p: DVec3) -> DVec3 {
+        p / self.scale + self.center
+    }
+
+    /// A ray in the tree's coordinates.
+    #[inline(always)]
+    pub fn ray(&self, ray: &DRay) -> DRay {
+        DRay { origin: self.point(ray.origin), direction: ray.direction * self.scale, ..*ray }
+    }
+
+    /// A box in the tree's coordinates, with room for rounding; infinite sides and empty boxes stay
+    /// as they are.
+    pub fn bounds(&self, b: &Bounds3d) -> Bounds3d {
+        if b.is_empty() {
+            return *b;
+        }
+        let (min, max) = (self.point(b.min), self.point(b.max));
+        let margin = |v: DVec3| v.abs() * DOUBLE_ROUNDING + DOUBLE_ROUNDING;
+        Bounds3d { min: min - margin(min), max: max + margin(max) }
+    }
+
+    /// The shadow of a mesh of the group. Its triangles have the numbers of the mesh's; those that
+    /// are degenerate stay so, and no others become so. The slack grows to what the vertices are
+    /// off by.
+    pub fn shadow(&mut self, mesh: &DTriangleMesh) -> TriangleMesh {
+        let shadow_point = |p: &DVec3| self.point(*p).as_vec3();
+        let mut positions: Vec<Vec3> = mesh.positions.iter().map(shadow_point).collect();
+        let mut indices = mesh.indices.clone();
+        let mut slack = 0.0f64;
+        for (i, triangle) in indices.iter_mut().enumerate() {
+            let mut corners = triangle.map(|v| positions[v as usize]);
+            if mesh.is_degenerate(i) {
+                *triangle = [triangle[0]; 3];
+                continue;
+            }
+            if separate(&mut corners) {
+                *triangle = corners.map(|corner| {
+                    positions.push(corner);
+                    (positions.len() - 1) as u32
+                });
+            }
+            for (corner, exact) in corners.iter().zip(mesh.corners(i)) {
+                let off = (corner.as_dvec3() - self.point(exact)).abs().max_element();
+                slack = slack.max(off);
+            }
+        }
+        self.slack = self.slack.max((slack + DOUBLE_ROUNDING) as f32).next_up();
+        TriangleMesh { positions, indices, ..TriangleMesh::default() }
+    }
+}
+
+/// How a precision brings rays and points into the coordinates of trees, and back.
+pub(crate) trait Frames: Facts {
+    /// A ray of a group in the coordinates that the structures of the group are in.
+    fn ray_in_structure(data: &Self::Data, group: usize, ray: &DRay) -> DRay;
+
+    /// A point of a group in the coordinates that the structures of the group are in.
+    fn point_in_structure(data: &Self::Data, group: usize, point: DVec3) -> DVec3;
+
+    /// About the way back.
+    fn point_in_group(data: &Self::Data, group: usize, point: DVec3) -> DVec3;
+
+    /// How far vertices in the structures of a group may be from where they should be.
+    fn slack(data: &Self::Data, group: usize) -> f32;
+}
+
+impl Frames for Single {
+    #[inline(always)]
+    fn ray_in_structure(_: &(), _: usize, ray: &DRay) -> DRay {
+        *ray
+    }
+
+    #[inline(always)]
+    fn point_in_structure(_: &(), _: usize, point: DVec3) -> DVec3 {
+        point
+    }
+
+    #[inline(always)]
+    fn point_in_group(_: &(), _: usize, point: DVec3) -> DVec3 {
+        point
+    }
+
+    #[inline(always)]
+    fn slack(_: &(), _: usize) -> f32 {
+        0.0
+    }
+}
+
+impl Frames for Double {
+    #[inline(always)]
+    fn ray_in_structure(data: &DoubleData, group: usize, ray: &DRay) -> DRay {
+        data.frames[group].ray(ray)
+    }
+
+    #[inline(always)]
+    fn point_in_structure(data: &DoubleData, group: usize, point: DVec3) -> DVec3 {
+        data.frames[group].point(point)
+    }
+
+    #[inline(always)]
+    fn point_in_group(data: &DoubleData, group: usize, point: DVec3) -> DVec3 {
+        data.frames[group].point_in_group(point)
+    }
+
+    #[inline(always)]
+    fn slack(data: &DoubleData, group: usize) -> f32 {
+        data.frames[group].slack
+    }
+}
+
+/// Moves rounded corners apart until all three differ; true if it had to.
+fn separate([a, b, c]: &mut [Vec3; 3]) -> bool {
+    let mut moved = false;
+    if a == b {
+        b.x = b.x.next_up();
+        moved = true;
+    }
+    while c == a || c == b {
+        c.y = c.y.next_up();
+        moved = true;
+    }
+    moved
+}

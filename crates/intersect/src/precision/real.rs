@@ -1,0 +1,72 @@
+//! Distances in either precision.
+
+use std::cmp::Ordering;
+use std::fmt::Debug;
+
+/// A distance: `f32` or `f64`.
+pub(crate) trait Real: Copy + Debug + PartialOrd + Into<f64> {
+    /// Nothing.
+    const ZERO: Self;
+
+    /// The next greater number.
+    fn next_up(self) -> Self;
+
+    /// The order of all numbers, NaN included.
+    fn compare(self, other: Self) -> Ordering;
+
+    /// The greatest `f32` that is not above.
+    fn below(self) -> f32;
+
+    /// The least `f32` that is not below.
+    fn above(self) -> f32;
+}
+
+impl Real for f32 {
+    const ZERO: Self = 0.0;
+
+    #[inline(always)]
+    fn next_up(self) -> Self {
+        self.next_up()
+    }
+
+    #[inline(always)]
+    fn compare(self, other: Self) -> Ordering {
+        self.total_cmp(&other)
+    }
+
+    #[inline(always)]
+    fn below(self) -> f32 {
+        self
+    }
+
+    #[inline(always)]
+    fn above(self) -> f32 {
+        self
+    }
+}
+
+impl Real for f64 {
+    const ZERO: Self = 0.0;
+
+    #[inline(always)]
+    fn next_up(self) -> Self {
+        self.next_up()
+    }
+
+    #[inline(always)]
+    fn compare(self, other: Self) -> Ordering {
+        self.total_cmp(&other)
+    }
+
+    #[inline(always)]
+    fn below(self) -> f32 {
+        let near = self as f32;
+        if f64::from(near) > self { near.next_down() } else { near }
+    }
+
+    #[inline(always)]
+    fn above(self) -> f32 {
+        let near = self as f32;
+        if f64::from(near) < self { near.next_up() } else { near }
+    }
+}

@@ -1,0 +1,287 @@
+//! Every crossing of a ray: how many there are, and which.
+//!
+//! A structure may hold a triangle several times (spatial splits do that), so a crossing may be
+//! offered several times, in any order. Each counts once: for triangles the same (instance,
+//! geometry, primitive) at the same `t` and `uv` is the same crossing. Shapes are held once, and
+//! two of their crossings may well be equal in single precision.
+
+#[cfg(test)]
+mod tests;
+
+use super::searcher::Searcher;
+use crate::hit::Hit;
+use crate::kernel::Kernels;
+use crate::precision::Facts;
+use crate::precision::{Precision, Real, Single};
+use crate::search::rays::{RayQuery, Rays};
+use crate::search::{All, Goal};
+use crate::search::{Grouping, HitFilter};
+use crate::world::{Geometry, Structure, World};
+
+/// Every hit of each ray of a batch, as compressed sparse rows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AllHits<P: Precision = Single> {
+    /// Where the hits of each ray begin in `hits`, and after the last ray their number: one entry
+    /// more than there are rays.
+    pub ray_splits: Vec<usize>,
+    /// The hits, ray after ray; of each ray ascending by `t`, equal ones by instance, geometry and
+    /// primitive, and those of one primitive that is no quad in their order along the ray.
+    pub hits: Vec<P::Hit>,
+}
+
+impl<P: Precision> AllHits<P> {
+    /// The hits of one ray.
+    ///
+    /// # Panics
+    /// If there is no such ray.
+    pub fn of_ray(&self, ray: usize) -> &[P::Hit] {
+        &self.hits[self.ray_splits[ray]..self.ray_splits[ray + 1]]
+    }
+
+    /// How many rays there are.
+    pub fn ray_count(&self) -> usize {
+        self.ray_splits.len().saturating_sub(1)
+    }
+
+    /// One batch after another.
+    pub(super) fn concatenated(batches: Vec<Self>) -> Self {
+        let mut all = Self {
+            ray_splits: vec![0],
+            hits: Vec::with_capacity(batches.iter().map(|b| b.hits.len()).sum()),
+        };
+        for batch in batches {
+            let before = all.hits.len();
+            all.ray_splits.extend(batch.ray_splits.iter().skip(1).map(|split| before + split));
+            all.hits.extend(batch.hits);
+        }
+        all
+    }
+}
+
+/// What hits are sorted by. Crossings of one primitive of a set are offered in their order along
+/// the ray, and stay in it where they are equally far once they are rounded: the first is also what
+/// is closest.
+fn key<P: Facts>(hit: &P::Hit, geometries: &[Geometry]) -> Key<P> {
+    let [instance, geometry, primitive, u, v] = P::rank(hit);
+    let [u, v] = if is_mesh(geometries, P::ids(hit)[1]) { [u, v] } else { [0; 2] };
+    Key { t: P::t(hit), rank: [instance, geometry, primitive, u, v] }
+}
+
+fn is_mesh(geometries: &[Geometry], geometry: u32) -> bool {
+    matches!(geometries[geometry as usize], Geometry::Mesh(_) | Geometry::Quads(_))
+}
+
+impl World {
+    /// Every hit of each ray, in order; none for invalid rays. There is no limit to their number.
+    pub fn all<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter) -> AllHits {
+        let rays = rays.into();
+        self.searcher(filter).with_cancel(rays.cancel()).all(rays)
+    }
+
+    /// Every hit of one ray, ascending by `t`, equal ones by instance, geometry and primitive.
+    pub fn all_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Vec<Hit> {
+        self.searcher(filter).all_one(ray.into())
+    }
+
+    /// How many hits each ray has, without keeping them; 0 for invalid rays.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn count<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter, counts: &mut [u32]) {
+        let rays = rays.into();
+        self.searcher(filter).with_cancel(rays.cancel()).count(rays, counts);
+    }
+
+    /// True if the structure may hold a triangle several times.
+    fn may_repeat(&self) -> bool {
+        *self.repeats.get_or_init(|| match &self.structure {
+            Structure::None(_) | Structure::Walked(_) => false,
+            Structure::Bvh(forest) => forest.trees.iter().any(|tree| tree.has_repeated_triangles()),
+        })
+    }
+}
+
+impl<P: Kernels> Searcher<'_, P> {
+    /// [`World::all`].
+    pub fn search_hits(&self, rays: Rays<P>) -> AllHits<P> {
+        let mut rows = vec![Vec::new(); rays.len()];
+        self.search_all(rays, Grouping::None, All::new, |i, goal| {
+            rows[i] = goal.hits;
+            self.sort_and_deduplicate(&mut rows[i]);
+        });
+        let mut all = AllHits {
+            ray_splits: vec![0],
+            hits: Vec::with_capacity(rows.iter().map(Vec::len).sum()),
+        };
+        for row in rows {
+            all.hits.extend(row);
+            all.ray_splits.push(all.hits.len());
+        }
+        all
+    }
+
+    /// [`World::all_one`].
+    pub fn search_hits_of(&self, ray: RayQuery<P>) -> Vec<P::Hit> {
+        let mut hits = self.search(ray, All::new).hits;
+        self.sort_and_deduplicate(&mut hits);
+        hits
+    }
+
+    /// Sorts hits and leaves each crossing once.
+    fn sort_and_deduplicate(&self, hits: &mut Vec<P::Hit>) {
+        let geometries = &self.world.geometries;
+        let key = |hit: &P::Hit| key::<P>(hit, geometries);
+        hits.sort_by(|a, b| key(a).compare(&key(b)));
+        hits.dedup_by(|a, b| key(a) == key(b) && is_mesh(geometries, P::ids(a)[1]));
+    }
+
+    /// [`World::count`].
+    pub fn search_counts(&self, rays: Rays<P>, counts: &mut [u32]) {
+        if self.world.may_repeat() {
+            self.count_distinct(rays, BUFFER, counts);
+        } else {
+            self.search_all(rays, Grouping::None, Tally::new, |i, goal| counts[i] = goal.count);
+        }
+    }
+
+    /// As [`Self::count`] for structures that may offer a crossing several times.
+    fn count_distinct(&self, rays: Rays<P>, buffer: usize, counts: &mut [u32]) {
+        let start = |ray: &P::Ray| Distinct::<P>::new(ray, &self.world.geometries, buffer);
+        self.search_all(rays, Grouping::None, start, |i, mut goal| {
+            let mut count = 0u32;
+            loop {
+                let (found, last) = goal.finish();
+                count = count.saturating_add(found);
+                let Some(last) = last else { break };
+                goal = self.search(rays.get(i), |ray| Distinct { after: Some(last), ..start(ray) });
+            }
+            counts[i] = count;
+        });
+    }
+}
+
+/// The number of hits, if each is offered once.
+#[derive(Clone, Copy, Debug)]
+struct Tally<P: Facts> {
+    limit: P::Real,
+    count: u32,
+}
+
+impl<P: Facts> Tally<P> {
+    fn new(ray: &P::Ray) -> Self {
+        Self { limit: P::interval(ray)[1], count: 0 }
+    }
+}
+
+impl<P: Facts> Goal for Tally<P> {
+    type Precision = P;
+    const NARROWS: bool = false;
+
+    #[inline(always)]
+    fn limit(&self) -> P::Real {
+        self.limit
+    }
+
+    #[inline(always)]
+    fn wants(&self, hit: &P::Hit) -> bool {
+        P::t(hit) < self.limit
+    }
+
+    #[inline(always)]
+    fn take(&mut self, _: P::Hit) -> bool {
+        self.count = self.count.saturating_add(1);
+        false
+    }
+}
+
+/// The order of hits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Key<P: Facts> {
+    t: P::Real,
+    /// [`Facts::rank`].
+    rank: [u64; 5],
+}
+
+impl<P: Facts> Key<P> {
+    fn compare(&self, other: &Self) -> std::cmp::Ordering {
+        self.t.compare(other.t).then(self.rank.cmp(&other.rank))
+    }
+}
+
+/// Crossings remembered at once.
+const BUFFER: usize = 4096;
+
+/// The number of different hits in fixed memory: as many of the first ones as fit the buffer. When
+/// there are more, what is left is for another search, `after` the last of these.
+#[derive(Clone, Debug)]
+struct Distinct<'a, P: Facts> {
+    geometries: &'a [Geometry],
+    limit: P::Real,
+    after: Option<Key<P>>,
+    /// Hits behind this one were dropped.
+    until: Option<Key<P>>,
+    found: Vec<Key<P>>,
+    buffer: usize,
+}
+
+impl<'a, P: Facts> Distinct<'a, P> {
+    fn new(ray: &P::Ray, geometries: &'a [Geometry], buffer: usize) -> Self {
+        Self {
+            geometries,
+            limit: P::interval(ray)[1],
+            after: None,
+            until: None,
+            found: Vec::new(),
+            buffer,
+        }
+    }
+
+    /// Makes room, if need be by dropping the farther half.
+    fn compact(&mut self) {
+        self.sort_and_deduplicate();
+        if self.found.len() > self.buffer / 2 {
+            // Equal crossings of a shape stay together.
+            let last = self.found[self.buffer / 2 - 1];
+            self.found.truncate(self.found.partition_point(|key| key.compare(&last).is_le()));
+            self.until = Some(last);
+        }
+    }
+
+    fn sort_and_deduplicate(&mut self) {
+        self.found.sort_unstable_by(Key::compare);
+        let geometries = self.geometries;
+        self.found.dedup_by(|a, b| a == b && is_mesh(geometries, a.rank[1] as u32));
+    }
+
+    /// How many there are, and the last of them if there are more.
+    fn finish(mut self) -> (u32, Option<Key<P>>) {
+        self.sort_and_deduplicate();
+        (self.found.len() as u32, self.until)
+    }
+}
+
+impl<P: Facts> Goal for Distinct<'_, P> {
+    type Precision = P;
+    const NARROWS: bool = true;
+
+    fn limit(&self) -> P::Real {
+        self.until.map_or(self.limit, |last| last.t)
+    }
+
+    fn wants(&self, hit: &P::Hit) -> bool {
+        let key = key::<P>(hit, self.geometries);
+        P::t(hit) < self.limit && self.until.is_none_or(|until| key.compare(&until).is_le())
+    }
+
+    fn is_past(&self, hit: &P::Hit) -> bool {
+        self.after.is_some_and(|after| key::<P>(hit, self.geometries).compare(&after).is_le())
+    }
+
+    fn take(&mut self, hit: P::Hit) -> bool {
+        self.found.push(key::<P>(&hit, self.geometries));
+        if self.found.len() >= self.buffer {
+            self.compact();
+        }
+        false
+    }
+}

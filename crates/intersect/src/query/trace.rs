@@ -1,0 +1,219 @@
+//! The way of one ray through an acceleration structure, stop by stop: for people to look at. The
+//! search is the ordinary one with a goal that also writes down where it is.
+
+use crate::hit::Hit;
+use crate::precision::Single;
+use crate::search::HitFilter;
+use crate::search::TraversalCounters;
+use crate::search::rays::RayQuery;
+use crate::search::trace::Place;
+use crate::search::{Closest, Counted, Goal, HitOf, RealOf};
+use crate::world::{Structure, World};
+use snell_math::DAffine3;
+
+/// Most stops that are kept. Those of structures that do their work are some hundred.
+const MAX_STOPS: usize = 10_000;
+
+/// A stop on the way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stop {
+    /// The node or cell.
+    pub place: Place,
+    /// True if it holds primitives and not other nodes.
+    pub is_leaf: bool,
+    /// How many instances it is within.
+    pub level: u32,
+    /// Primitives tested here.
+    pub tested: u32,
+    /// Distance of the nearest hit that was found here, if there was one nearer than all before.
+    pub found: Option<f32>,
+}
+
+/// The way of a ray.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Journey {
+    /// In order.
+    pub stops: Vec<Stop>,
+    /// Stops that are not listed because there are too many.
+    pub left_out: u64,
+    /// What was found.
+    pub hit: Hit,
+    /// What it cost.
+    pub counters: TraversalCounters,
+}
+
+impl World {
+    /// How the nearest hit of one ray is found. The hit is that of [`World::closest_one`].
+    pub fn journey<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Journey {
+        self.journey_of(ray.into(), filter)
+    }
+
+    fn journey_of(&self, ray: RayQuery, filter: &dyn HitFilter) -> Journey {
+        let whole = match &self.structure {
+            // Here is no node, and everything is tested.
+            Structure::None(_) => Some(self.bounds()),
+            _ => None,
+        };
+        let start = |ray: &_| {
+            let goal = Counted::new(Closest::new(ray));
+            let mut recorded = Recorded { goal, stops: Vec::new(), left_out: 0, maps: Vec::new() };
+            if let Some(bounds) = &whole {
+                recorded.visit(true, || Place::of_box(bounds));
+            }
+            recorded
+        };
+        let Recorded { goal, stops, left_out, .. } = self.searcher(filter).search(ray, start);
+        Journey { stops, left_out, hit: goal.goal.result(), counters: goal.counters }
+    }
+}
+
+/// The nearest hit, and the way to it.
+struct Recorded {
+    goal: Counted<Closest<Single>>,
+    stops: Vec<Stop>,
+    left_out: u64,
+    /// From the instances that the search is in to the world.
+    maps: Vec<DAffine3>,
+}
+
+impl Goal for Recorded {
+    type Precision = Single;
+    const NARROWS: bool = true;
+    const RECORDS: bool = true;
+
+    fn limit(&self) -> RealOf<Self> {
+        self.goal.limit()
+    }
+
+    fn wants(&self, hit: &HitOf<Self>) -> bool {
+        self.goal.wants(hit)
+    }
+
+    fn take(&mut self, hit: HitOf<Self>) -> bool {
+        if let Some(stop) = self.stops.last_mut() {
+            stop.found = Some(hit.t);
+        }
+        self.goal.take(hit)
+    }
+
+    fn count_node(&mut self) {
+        self.goal.count_node();
+    }
+
+    fn count_primitives(&mut self, count: u32) {
+        if let Some(stop) = self.stops.last_mut() {
+            stop.tested += count;
+        }
+        self.goal.count_primitives(count);
+    }
+
+    fn count_visits(&mut self, nodes: u32, cells: u32) {
+        self.goal.count_visits(nodes, cells);
+    }
+
+    fn visit(&mut self, is_leaf: bool, place: impl FnOnce() -> Place) {
+        if self.stops.len() >= MAX_STOPS {
+            self.left_out += 1;
+            return;
+        }
+        let place = place();
+        let place = self.maps.last().map_or(place, |map| place.mapped(map));
+        let level = self.maps.len() as u32;
+        self.stops.push(Stop { place, is_leaf, level, tested: 0, found: None });
+    }
+
+    fn enter(&mut self, child_from_group: &DAffine3) {
+        let outer = self.maps.last().copied().unwrap_or(DAffine3::IDENTITY);
+        self.maps.push(outer * child_from_group.inverse());
+    }
+
+    fn leave(&mut self) {
+        self.maps.pop();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::search::AcceptAll;
+    use crate::search::trace::PlaceKind;
+    use crate::shape::Sphere;
+    use crate::world::AcceleratorKind;
+    use crate::world::{BuildOptions, WorldBuilder};
+    use snell_math::{DVec3, Ray, Transform, Vec3, rng};
+    use std::sync::Arc;
+
+    /// Balls in a group that is instanced, moved, beside a few of the root's own.
+    fn world(accelerator: AcceleratorKind) -> World {
+        let mut builder = WorldBuilder::default();
+        let placed =
+            |map: DAffine3| Transform::from_matrix(map.into()).expect("it can be inverted");
+        let group = builder.add_group();
+        let number =
+            |i: u32, axis: u32| f64::from(rng::to_unit(rng::hash_combine(i, axis))) * 4.0 - 2.0;
+        let mut ball = |group, i: u32, radius: f64| {
+            let center = DVec3::new(number(i, 0), number(i, 1), number(i, 2));
+            builder.add_shape(group, Arc::new(Sphere { radius }), Transform::translation(center));
+        };
+        (0..60).for_each(|i| ball(group, i, 0.2));
+        (100..104).for_each(|i| ball(WorldBuilder::ROOT, i, 0.1));
+        let map = DAffine3::from_translation(DVec3::new(7.0, 0.0, 0.0))
+            * DAffine3::from_scale(DVec3::new(1.0, 2.0, 0.5));
+        builder.add_instance(WorldBuilder::ROOT, group, placed(map));
+        builder.build(&BuildOptions { accelerator, ..BuildOptions::default() }).expect("a world")
+    }
+
+    /// True if a ray passes a place that has an inside, or passes it nearly.
+    fn passes(place: &Place, ray: &Ray) -> bool {
+        let inverse =
+            snell_math::DMat3::from_cols(place.axes[0], place.axes[1], place.axes[2]).inverse();
+        let origin = inverse * (ray.origin.as_dvec3() - place.center);
+        let direction = inverse * ray.direction.as_dvec3();
+        match place.kind {
+            PlaceKind::Box => {
+                let [a, b] = [-1.001, 1.001].map(|side| (DVec3::splat(side) - origin) / direction);
+                a.min(b).max_element() <= a.max(b).min_element()
+            }
+            PlaceKind::Ball => {
+                (origin - direction * (origin.dot(direction) / direction.length_squared())).length()
+                    < 1.001
+            }
+            PlaceKind::Plane | PlaceKind::Stretch => true,
+        }
+    }
+
+    #[test]
+    fn the_way_leads_to_the_hit_in_every_structure() {
+        for kind in AcceleratorKind::ALL {
+            let world = world(kind);
+            let mut found = 0;
+            for i in 0..200 {
+                let number =
+                    |axis: u32| rng::to_unit(rng::hash_combine(i + 1000, axis)) * 4.0 - 2.0;
+                let origin = Vec3::new(-5.0, number(0), number(1));
+                let target = Vec3::new(7.0 + number(2), number(3), number(4) * 0.5);
+                let ray = Ray::new(origin, (target - origin).normalize());
+                let journey = world.journey(&ray, &AcceptAll);
+                assert_eq!(journey.hit, world.closest_one(&ray, &AcceptAll), "{kind:?} {i}");
+                let tested: u32 = journey.stops.iter().map(|s| s.tested).sum();
+                assert_eq!(tested, journey.counters.primitives_tested, "{kind:?} {i}");
+                if !journey.hit.is_hit() {
+                    assert!(journey.stops.iter().all(|s| s.found.is_none()));
+                    continue;
+                }
+                found += 1;
+                let last = journey
+                    .stops
+                    .iter()
+                    .rev()
+                    .find(|s| s.found.is_some())
+                    .expect("it was found somewhere");
+                assert_eq!(last.found, Some(journey.hit.t), "{kind:?} {i}");
+                // Shapes of the `bvh` belong to the node that leads to them.
+                assert!(last.is_leaf || kind == AcceleratorKind::Bvh, "{kind:?} {i}: {last:?}");
+                assert!(passes(&last.place, &ray), "{kind:?} {i}: {last:?}");
+            }
+            assert!(found > 20, "{kind:?}: {found}");
+        }
+    }
+}

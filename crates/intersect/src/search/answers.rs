@@ -1,0 +1,80 @@
+//! Where a batch puts what it finds.
+
+use super::{Any, Closest, Goal};
+use crate::precision::Facts;
+use crate::prefetch::fetch;
+
+/// Takes what was found for each ray, by its number. A closure is one.
+pub(crate) trait Answers<G> {
+    /// Takes what was found for a ray.
+    fn put(&mut self, number: usize, goal: G);
+
+    /// Told some time before a ray is done, if rays are not taken in order: the memory of the
+    /// answer may be asked for.
+    #[inline(always)]
+    fn fetch(&self, _number: usize) {}
+}
+
+impl<G, F: FnMut(usize, G)> Answers<G> for F {
+    #[inline(always)]
+    fn put(&mut self, number: usize, goal: G) {
+        self(number, goal);
+    }
+}
+
+/// A goal with an answer per ray that goes into a slice.
+pub(crate) trait Answered: Goal {
+    type Answer;
+    fn answer(self) -> Self::Answer;
+}
+
+impl<P: Facts> Answered for Closest<P> {
+    type Answer = P::Hit;
+
+    #[inline(always)]
+    fn answer(self) -> P::Hit {
+        self.result()
+    }
+}
+
+impl<P: Facts> Answered for Any<P> {
+    type Answer = bool;
+
+    #[inline(always)]
+    fn answer(self) -> bool {
+        self.found
+    }
+}
+
+/// A slice of answers, of which the first belongs to the ray with number 0.
+pub(crate) struct Slice<'a, T>(pub &'a mut [T]);
+
+impl<G: Answered> Answers<G> for Slice<'_, G::Answer> {
+    #[inline(always)]
+    fn put(&mut self, number: usize, goal: G) {
+        self.0[number] = goal.answer();
+    }
+
+    #[inline(always)]
+    fn fetch(&self, number: usize) {
+        fetch(self.0.as_ptr().wrapping_add(number));
+    }
+}
+
+/// Answers of a part of a batch, numbered from its first ray.
+pub(crate) struct Part<'a, A> {
+    pub answers: &'a mut A,
+    pub first: usize,
+}
+
+impl<G, A: Answers<G>> Answers<G> for Part<'_, A> {
+    #[inline(always)]
+    fn put(&mut self, number: usize, goal: G) {
+        self.answers.put(self.first + number, goal);
+    }
+
+    #[inline(always)]
+    fn fetch(&self, number: usize) {
+        self.answers.fetch(self.first + number);
+    }
+}

@@ -1,0 +1,356 @@
+//! One search in progress: the world's ray, what it may be asked to reject, and what it has found.
+
+pub(crate) mod answers;
+mod counters;
+mod filter;
+pub(crate) mod points;
+pub(crate) mod rays;
+pub(crate) mod trace;
+
+pub use counters::{TraversalCounters, TraversalWork};
+pub use filter::{AcceptAll, GeometryOptions, Grouping, HitFilter};
+
+use crate::precision::Facts;
+use crate::precision::{Precision, Real};
+use crate::search::rays::{RayQuery, clamped_time};
+use crate::search::trace::Place;
+use snell_math::DAffine3;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Rays, hits and distances of the world that a goal is about.
+pub(crate) type RayOf<G> = <<G as Goal>::Precision as Precision>::Ray;
+pub(crate) type HitOf<G> = <<G as Goal>::Precision as Precision>::Hit;
+pub(crate) type DataOf<G> = <<G as Goal>::Precision as Facts>::Data;
+pub(crate) type RealOf<G> = <<G as Goal>::Precision as Facts>::Real;
+
+/// What a query wants to know about a ray: the nearest hit, any hit, all hits.
+pub(crate) trait Goal {
+    /// Of the world that is searched.
+    type Precision: Facts;
+    /// True if hits bring the limit nearer while the search goes on.
+    const NARROWS: bool;
+    /// True if one hit is all that is wanted, and how it is found does not matter.
+    const WANTS_ONE: bool = false;
+    /// True if every hit is as good as any other: then [`Self::take`] does not look at it.
+    const ANY: bool = false;
+    /// True if it wants to be told of places and instances.
+    const RECORDS: bool = false;
+
+    /// Hits at a greater `t` are of no interest.
+    fn limit(&self) -> RealOf<Self>;
+
+    /// True if this hit would be taken.
+    fn wants(&self, hit: &HitOf<Self>) -> bool;
+
+    /// True if this hit was dealt with before: then later ones on the same thing may still count.
+    #[inline(always)]
+    fn is_past(&self, _hit: &HitOf<Self>) -> bool {
+        false
+    }
+
+    /// Takes a hit; true if the search is over.
+    fn take(&mut self, hit: HitOf<Self>) -> bool;
+
+    /// Told of every node whose boxes are tested.
+    #[inline(always)]
+    fn count_node(&mut self) {}
+
+    /// Told of every primitive tested.
+    #[inline(always)]
+    fn count_primitives(&mut self, _count: u32) {}
+
+    /// Told of nodes and cells visited.
+    #[inline(always)]
+    fn count_visits(&mut self, _nodes: u32, _cells: u32) {}
+
+    /// Told of every place where the search looks, in the coordinates of the group.
+    #[inline(always)]
+    fn visit(&mut self, _is_leaf: bool, _place: impl FnOnce() -> Place) {}
+
+    /// Told that the search enters an instance, by the map from outside to inside.
+    #[inline(always)]
+    fn enter(&mut self, _child_from_group: &DAffine3) {}
+
+    /// Told that it has left the instance entered last.
+    #[inline(always)]
+    fn leave(&mut self) {}
+}
+
+/// What became of a hit that was offered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    /// Taken, and nothing more is needed.
+    Finished,
+    /// Taken; the search goes on.
+    Taken,
+    /// Behind what is known already.
+    Behind,
+    /// Passed through: a later hit on the same thing may count.
+    Rejected,
+}
+
+/// What all searches of a batch share.
+pub(crate) struct Context<'a, P: Facts> {
+    /// Who may reject hits.
+    pub filter: &'a dyn HitFilter<P>,
+    /// Per geometry: its mask, and whether the filter is asked.
+    pub options: &'a [GeometryOptions],
+    /// What the precision wants to know.
+    pub data: &'a P::Data,
+    /// Ends all searches early when it is set.
+    pub cancel: Option<&'a AtomicBool>,
+}
+
+impl<P: Facts> Context<'_, P> {
+    /// True if nobody waits for the answers any more. Asked where a search may go on for long: at
+    /// every instance.
+    #[inline(always)]
+    pub fn is_cancelled(&self) -> bool {
+        self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed))
+    }
+}
+
+/// A search over one ray.
+pub(crate) struct Search<'a, G: Goal> {
+    /// The ray in world space.
+    pub ray: &'a RayOf<G>,
+    /// Where its interval starts, or a little before.
+    pub start: f32,
+    /// What it may meet: [`RayQuery::mask`].
+    pub mask: u32,
+    /// When: from 0 to 1.
+    pub time: f32,
+    /// What is common to all.
+    pub context: &'a Context<'a, G::Precision>,
+    /// What is wanted, and found so far.
+    pub goal: G,
+}
+
+impl<'a, G: Goal> Search<'a, G> {
+    #[inline(always)]
+    pub fn new(
+        query: RayQuery<'a, G::Precision>,
+        context: &'a Context<'a, G::Precision>,
+        goal: G,
+    ) -> Self {
+        let start = G::Precision::interval(query.ray)[0].below();
+        Self {
+            ray: query.ray,
+            start,
+            mask: query.mask,
+            time: clamped_time(query.time),
+            context,
+            goal,
+        }
+    }
+
+    /// Where the interval of the ray starts.
+    #[inline(always)]
+    pub fn t_min(&self) -> RealOf<G> {
+        G::Precision::interval(self.ray)[0]
+    }
+
+    /// The padded limit: boxes that start beyond it can be skipped. Equal distances are never
+    /// beyond it, because the lower number wins there.
+    #[inline(always)]
+    pub fn cull(&self) -> f32 {
+        padded(self.goal.limit().above())
+    }
+
+    /// Offers a hit. The filter is asked last, so a rejected hit leaves no trace.
+    #[inline(always)]
+    pub fn offer(&mut self, hit: HitOf<G>) -> Verdict {
+        // The open interval holds after rounding too.
+        if G::Precision::t(&hit) <= self.t_min() || self.goal.is_past(&hit) {
+            return Verdict::Rejected;
+        }
+        let options = &self.context.options[G::Precision::ids(&hit)[1] as usize];
+        let hit = if options.quads { G::Precision::quad_hit(&{ hit }) } else { hit };
+        if !self.goal.wants(&hit) {
+            return Verdict::Behind;
+        }
+        if options.mask & self.mask == 0
+            || (options.filtered && !self.context.filter.accept_at(self.ray, self.time, &{ hit }))
+        {
+            return Verdict::Rejected;
+        }
+        if self.goal.take(hit) { Verdict::Finished } else { Verdict::Taken }
+    }
+}
+
+/// The nearest hit; the lowest (instance, geometry, primitive) among equally near ones.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Closest<P: Facts> {
+    /// A miss as long as nothing is found.
+    best: P::Hit,
+    /// The distance of it, or the end of the ray.
+    limit: P::Real,
+}
+
+impl<P: Facts> Closest<P> {
+    #[inline(always)]
+    pub fn new(ray: &P::Ray) -> Self {
+        Self { best: P::MISS, limit: P::interval(ray)[1] }
+    }
+
+    #[inline(always)]
+    pub fn result(&self) -> P::Hit {
+        self.best
+    }
+}
+
+impl<P: Facts> Goal for Closest<P> {
+    type Precision = P;
+    const NARROWS: bool = true;
+    const WANTS_ONE: bool = true;
+
+    #[inline(always)]
+    fn limit(&self) -> P::Real {
+        self.limit
+    }
+
+    #[inline(always)]
+    fn wants(&self, hit: &P::Hit) -> bool {
+        // Misses are before nothing, also at infinity.
+        let is_found = || P::ids(&self.best) != P::ids(&P::MISS);
+        P::t(hit) < self.limit
+            || (P::t(hit) == self.limit && is_found() && P::is_before(hit, &self.best))
+    }
+
+    #[inline(always)]
+    fn take(&mut self, hit: P::Hit) -> bool {
+        self.limit = P::t(&hit);
+        self.best = hit;
+        false
+    }
+}
+
+/// Whether there is any hit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Any<P: Facts> {
+    limit: P::Real,
+    /// The answer.
+    pub found: bool,
+}
+
+impl<P: Facts> Any<P> {
+    #[inline(always)]
+    pub fn new(ray: &P::Ray) -> Self {
+        Self { limit: P::interval(ray)[1], found: false }
+    }
+}
+
+impl<P: Facts> Goal for Any<P> {
+    type Precision = P;
+    const NARROWS: bool = false;
+    const ANY: bool = true;
+    const WANTS_ONE: bool = true;
+
+    #[inline(always)]
+    fn limit(&self) -> P::Real {
+        self.limit
+    }
+
+    #[inline(always)]
+    fn wants(&self, hit: &P::Hit) -> bool {
+        P::t(hit) < self.limit
+    }
+
+    #[inline(always)]
+    fn take(&mut self, _: P::Hit) -> bool {
+        self.found = true;
+        true
+    }
+}
+
+/// Every hit, in no order yet.
+#[derive(Clone, Debug)]
+pub(crate) struct All<P: Facts> {
+    limit: P::Real,
+    /// The answer.
+    pub hits: Vec<P::Hit>,
+}
+
+impl<P: Facts> All<P> {
+    pub fn new(ray: &P::Ray) -> Self {
+        Self { limit: P::interval(ray)[1], hits: Vec::new() }
+    }
+}
+
+impl<P: Facts> Goal for All<P> {
+    type Precision = P;
+    const NARROWS: bool = false;
+
+    fn limit(&self) -> P::Real {
+        self.limit
+    }
+
+    fn wants(&self, hit: &P::Hit) -> bool {
+        P::t(hit) < self.limit
+    }
+
+    fn take(&mut self, hit: P::Hit) -> bool {
+        self.hits.push(hit);
+        false
+    }
+}
+
+/// A goal that also counts the work.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Counted<G> {
+    /// What is wanted.
+    pub goal: G,
+    /// The work.
+    pub counters: TraversalCounters,
+}
+
+impl<G> Counted<G> {
+    pub fn new(goal: G) -> Self {
+        Self { goal, counters: TraversalCounters::default() }
+    }
+}
+
+impl<G: Goal> Goal for Counted<G> {
+    type Precision = G::Precision;
+    const NARROWS: bool = G::NARROWS;
+
+    fn limit(&self) -> RealOf<G> {
+        self.goal.limit()
+    }
+
+    fn wants(&self, hit: &HitOf<G>) -> bool {
+        self.goal.wants(hit)
+    }
+
+    fn is_past(&self, hit: &HitOf<G>) -> bool {
+        self.goal.is_past(hit)
+    }
+
+    fn take(&mut self, hit: HitOf<G>) -> bool {
+        self.goal.take(hit)
+    }
+
+    fn count_node(&mut self) {
+        self.counters.nodes_visited = self.counters.nodes_visited.saturating_add(1);
+    }
+
+    fn count_primitives(&mut self, count: u32) {
+        self.counters.primitives_tested = self.counters.primitives_tested.saturating_add(count);
+    }
+
+    fn count_visits(&mut self, nodes: u32, cells: u32) {
+        self.counters.nodes_visited = self.counters.nodes_visited.saturating_add(nodes);
+        self.counters.cells_stepped = self.counters.cells_stepped.saturating_add(cells);
+    }
+}
+
+/// Relative padding of the distance beyond which nothing is of interest: more than a hit may be off
+/// along the ray from the box of the piece of its triangle that the ray meets
+/// ([`crate::exact::triangle::PLACE_TOLERANCE`]).
+pub(crate) const CULL_PADDING: f32 = 1.0e-4;
+
+/// A bound on distances, moved out by [`CULL_PADDING`].
+#[inline(always)]
+pub(crate) fn padded(t: f32) -> f32 {
+    t + t.abs() * CULL_PADDING
+}

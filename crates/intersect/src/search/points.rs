@@ -1,0 +1,105 @@
+//! What queries are asked about points.
+
+use crate::precision::{Double, Precision, Single};
+use snell_math::{DVec3, Vec3};
+
+/// A batch of points. A slice of points converts into it: all geometries, any distance.
+#[derive(Clone, Copy, Debug)]
+pub struct Points<'a, P: Precision = Single> {
+    /// The points, in world space.
+    pub points: &'a [P::Point],
+    /// What is farther from a point than this is not looked for; what is exactly as far is.
+    pub max_distance: P::Distance,
+    /// The same for each point by itself, or empty. The lesser of the two counts.
+    pub max_distances: &'a [P::Distance],
+    /// Only geometries and instances that share a bit with this count.
+    pub mask: u32,
+}
+
+impl<'a> Points<'a> {
+    /// Points without limits.
+    pub fn new(points: &'a [Vec3]) -> Self {
+        Self { points, max_distance: f32::INFINITY, max_distances: &[], mask: u32::MAX }
+    }
+}
+
+impl<'a> Points<'a, Double> {
+    /// Points without limits, in double precision.
+    pub fn of_doubles(points: &'a [DVec3]) -> Self {
+        Self { points, max_distance: f64::INFINITY, max_distances: &[], mask: u32::MAX }
+    }
+}
+
+impl<P: Precision> Points<'_, P> {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// True if there are none.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// The points numbered `range`.
+    pub fn slice(&self, range: std::ops::Range<usize>) -> Self {
+        let max_distances = if self.max_distances.is_empty() {
+            self.max_distances
+        } else {
+            &self.max_distances[range.clone()]
+        };
+        Self { points: &self.points[range], max_distances, ..*self }
+    }
+
+    /// How far to look from a point; NaN (which finds nothing) if either limit is.
+    pub(crate) fn limit(&self, number: usize) -> f64 {
+        let own = self.max_distances.get(number).map_or(f64::INFINITY, |&own| own.into());
+        let all = self.max_distance.into();
+        if own < all || own.is_nan() { own } else { all }
+    }
+
+    /// Panics unless there are as many answers as points, and no limit or one per point.
+    pub(crate) fn check(&self, answers: usize) {
+        assert_eq!(self.len(), answers, "one answer per point");
+        assert!(
+            self.max_distances.is_empty() || self.max_distances.len() == self.len(),
+            "one limit per point"
+        );
+    }
+}
+
+impl<'a> From<&'a [Vec3]> for Points<'a> {
+    fn from(points: &'a [Vec3]) -> Self {
+        Self::new(points)
+    }
+}
+
+impl<'a> From<&'a Vec<Vec3>> for Points<'a> {
+    fn from(points: &'a Vec<Vec3>) -> Self {
+        Self::new(points)
+    }
+}
+
+impl<'a, const N: usize> From<&'a [Vec3; N]> for Points<'a> {
+    fn from(points: &'a [Vec3; N]) -> Self {
+        Self::new(points)
+    }
+}
+
+impl<'a> From<&'a [DVec3]> for Points<'a, Double> {
+    fn from(points: &'a [DVec3]) -> Self {
+        Self::of_doubles(points)
+    }
+}
+
+impl<'a> From<&'a Vec<DVec3>> for Points<'a, Double> {
+    fn from(points: &'a Vec<DVec3>) -> Self {
+        Self::of_doubles(points)
+    }
+}
+
+impl<'a, const N: usize> From<&'a [DVec3; N]> for Points<'a, Double> {
+    fn from(points: &'a [DVec3; N]) -> Self {
+        Self::of_doubles(points)
+    }
+}

@@ -1,0 +1,67 @@
+//! Where a search looks: for those who draw it.
+
+use snell_math::{Bounds3, Bounds3d, DAffine3, DVec3};
+
+/// What a place looks like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlaceKind {
+    /// `center` plus from -1 to 1 times each of the axes.
+    Box,
+    /// The centre, and the axes times all that has length 1.
+    Ball,
+    /// A piece of a plane: `center` plus from -1 to 1 times the first two axes.
+    Plane,
+    /// A piece of the ray itself: `center` plus from -1 to 1 times the first axis.
+    Stretch,
+}
+
+/// Where a structure has looked: in world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// What it looks like.
+    pub kind: PlaceKind,
+    /// Its middle.
+    pub center: DVec3,
+    /// From the middle to its sides.
+    pub axes: [DVec3; 3],
+}
+
+impl Place {
+    fn along_axes(kind: PlaceKind, center: DVec3, half: DVec3) -> Self {
+        Self { kind, center, axes: [DVec3::X * half.x, DVec3::Y * half.y, DVec3::Z * half.z] }
+    }
+
+    /// A box.
+    pub(crate) fn of_box(bounds: &Bounds3d) -> Self {
+        Self::along_axes(PlaceKind::Box, bounds.center(), bounds.size() * 0.5)
+    }
+
+    /// A box in single precision.
+    pub(crate) fn of_bounds(bounds: &Bounds3) -> Self {
+        Self::of_box(&(*bounds).into())
+    }
+
+    /// A ball.
+    pub(crate) fn ball(center: DVec3, radius: f64) -> Self {
+        Self::along_axes(PlaceKind::Ball, center, DVec3::splat(radius))
+    }
+
+    /// A square piece of a plane. The normal need not have length 1.
+    pub(crate) fn plane(center: DVec3, normal: DVec3, half_side: f64) -> Self {
+        let normal = normal.normalize_or(DVec3::X);
+        let first = normal.any_orthonormal_vector();
+        let axes = [first * half_side, normal.cross(first) * half_side, DVec3::ZERO];
+        Self { kind: PlaceKind::Plane, center, axes }
+    }
+
+    /// A piece of a ray.
+    pub(crate) fn stretch(from: DVec3, to: DVec3) -> Self {
+        let axes = [(to - from) * 0.5, DVec3::ZERO, DVec3::ZERO];
+        Self { kind: PlaceKind::Stretch, center: (from + to) * 0.5, axes }
+    }
+
+    pub(crate) fn mapped(&self, map: &DAffine3) -> Self {
+        let axes = self.axes.map(|axis| map.transform_vector3(axis));
+        Self { kind: self.kind, center: map.transform_point3(self.center), axes }
+    }
+}

@@ -1,0 +1,385 @@
+//! Where the blocks of a tree are, and blocks in less memory: there, corners that triangles share
+//! are kept once.
+//!
+//! A record of several [lines](Line) begins with the numbers of eight triangles (the highest bits
+//! of the first tell how many different corners they have), then for each vertex eight numbers of 4
+//! bits that name corners, and then the coordinates of the corners by axis. Nothing is rounded, so
+//! unpacked triangles are hit as before, bit for bit. In a mesh two or three lines of the cache
+//! hold what takes five in a [`TriangleBlock`].
+
+use crate::exact::triangle::TriangleBlock;
+use snell_math::Vec4;
+use snell_math::simd::Lanes8;
+use std::mem::MaybeUninit;
+
+/// A line of the cache: records begin with one.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Line(pub [u32; 16]);
+
+/// Numbers of triangles are below this.
+pub(crate) const MAX_ID: u32 = 1 << ID_BITS;
+const ID_BITS: u32 = 28;
+
+/// Lines that must follow the last record: some of them are read with it.
+pub(crate) const SPARE_LINES: usize = 4;
+
+/// Different corners that a record names; one with more holds all corners of each triangle.
+const MOST_CORNERS: usize = 16;
+
+/// Where names begin in a record, and coordinates, in numbers; and the corners of one that holds
+/// all.
+const NAMES: usize = 8;
+const TABLE: usize = 11;
+const ALL: usize = 8;
+
+/// Lines of a record that holds all.
+const LINES_OF_ALL: usize = size_of::<TriangleBlock>() / size_of::<Line>();
+
+/// Lines of a record with so many different corners.
+fn lines_for(corners: usize) -> usize {
+    if corners > MOST_CORNERS { LINES_OF_ALL } else { (TABLE + 3 * corners).div_ceil(16) }
+}
+
+/// The different corners of a block's triangles, and which each vertex of each triangle is.
+struct Corners {
+    table: [[u32; 3]; 24],
+    count: usize,
+    names: [[u32; 8]; 3],
+}
+
+impl Corners {
+    fn of(block: &TriangleBlock) -> Self {
+        let mut found = Self { table: [[0; 3]; 24], count: 0, names: [[0; 8]; 3] };
+        for lane in (0..8).filter(|&lane| block.ids[lane] != u32::MAX) {
+            for (vertex, corner) in block.corners(lane).iter().enumerate() {
+                let corner = corner.map(f32::to_bits);
+                let known = found.table[..found.count].iter().position(|other| *other == corner);
+                found.names[vertex][lane] = known.unwrap_or(found.count) as u32;
+                if known.is_none() {
+                    found.table[found.count] = corner;
+                    found.count += 1;
+                }
+            }
+        }
+        // (One is told from all by its number.)
+        found.count = found.count.max(2);
+        found
+    }
+}
+
+/// How many lines a block takes.
+pub(crate) fn lines_of(block: &TriangleBlock) -> usize {
+    lines_for(Corners::of(block).count)
+}
+
+/// Writes a block, the first lane of which must be used, with numbers below [`MAX_ID`]. False if it
+/// does not take as many lines as these.
+pub(crate) fn pack(block: &TriangleBlock, to: &mut [Line]) -> bool {
+    let corners = Corners::of(block);
+    if to.len() != lines_for(corners.count) {
+        return false;
+    }
+    to.fill(Line([0; 16]));
+    let mut set = |i: usize, bits: u32| to[i / 16].0[i % 16] = bits;
+    (0..8).for_each(|lane| set(lane, block.ids[lane]));
+    if corners.count > MOST_CORNERS {
+        let numbers = block.vertices.as_flattened().as_flattened();
+        numbers.iter().enumerate().for_each(|(i, x)| set(ALL + i, x.to_bits()));
+        return true;
+    }
+    set(0, block.ids[0] | (corners.count as u32 - 1) << ID_BITS);
+    for (vertex, names) in corners.names.iter().enumerate() {
+        set(NAMES + vertex, names.iter().rev().fold(0, |all, name| all << 4 | name));
+    }
+    for (i, corner) in corners.table[..corners.count].iter().enumerate() {
+        (0..3).for_each(|axis| set(TABLE + axis * corners.count + i, corner[axis]));
+    }
+    true
+}
+
+/// How many lines the record takes that begins with this one.
+pub(crate) fn lines_from(first: &Line) -> usize {
+    match first.0[0] >> ID_BITS {
+        0 => LINES_OF_ALL,
+        corners => lines_for(corners as usize + 1),
+    }
+}
+
+/// The numbers of the triangles of a record that begins with this line; `u32::MAX` in lanes that
+/// are not used.
+pub(crate) fn ids_from(first: &Line) -> [u32; 8] {
+    std::array::from_fn(|lane| if lane == 0 { first.0[0] & (MAX_ID - 1) } else { first.0[lane] })
+}
+
+/// Bit `i` is the highest of the `i`th four bits.
+#[inline(always)]
+fn highest_of_four(bits: u32) -> u32 {
+    let bits = bits >> 3 & 0x1111_1111;
+    let bits = (bits | bits >> 3) & 0x0303_0303;
+    let bits = (bits | bits >> 6) & 0x000f_000f;
+    (bits | bits >> 12) & 0xff
+}
+
+/// Where the blocks of a tree are, of either kind.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BlocksAt {
+    start: *const u8,
+    /// Bytes from one number to the next.
+    stride: u32,
+}
+
+impl BlocksAt {
+    /// What [`Self::parts`] gave.
+    #[inline(always)]
+    pub const fn new(start: *const u8, stride: u32) -> Self {
+        Self { start, stride }
+    }
+
+    #[inline(always)]
+    pub fn parts(self) -> (*const u8, u32) {
+        (self.start, self.stride)
+    }
+
+    /// Blocks as they are; numbers count them.
+    #[inline(always)]
+    pub fn blocks(blocks: &[TriangleBlock]) -> Self {
+        Self::new(blocks.as_ptr().cast(), size_of::<TriangleBlock>() as u32)
+    }
+
+    /// Records; numbers count lines. [`SPARE_LINES`] must follow the last record.
+    #[inline(always)]
+    pub fn lines(lines: &[Line]) -> Self {
+        Self::new(lines.as_ptr().cast(), size_of::<Line>() as u32)
+    }
+
+    /// Where a block is, to ask for its memory.
+    #[inline(always)]
+    pub fn address(self, number: usize) -> *const u8 {
+        self.start.wrapping_add(number * self.stride as usize)
+    }
+
+    #[inline(always)]
+    fn is_compact(self) -> bool {
+        self.stride != size_of::<TriangleBlock>() as u32
+    }
+
+    /// A block, unpacked into `room` if it has to be.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`; there must be a block with this number, for
+    /// as long as the answer is used.
+    #[inline(always)]
+    pub unsafe fn block<L: Lanes8>(
+        self,
+        number: usize,
+        room: &mut MaybeUninit<TriangleBlock>,
+    ) -> &TriangleBlock {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            if self.is_compact() {
+                return unpacked::<L>(self.address(number).cast(), room);
+            }
+            &*self.address(number).cast()
+        }
+    }
+
+    /// The corners of one triangle.
+    ///
+    /// # Safety
+    /// There must be a block with this number.
+    #[inline(always)]
+    pub unsafe fn corners(self, number: usize, lane: usize) -> [[f32; 3]; 3] {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            if self.is_compact() {
+                return corners_in(self.address(number).cast(), lane)
+                    .map(|corner| corner.truncate().to_array());
+            }
+            (*self.address(number).cast::<TriangleBlock>()).corners(lane)
+        }
+    }
+
+    /// The number of one triangle.
+    ///
+    /// # Safety
+    /// There must be a block with this number, and the lane must be used.
+    #[inline(always)]
+    pub unsafe fn id(self, number: usize, lane: usize) -> u32 {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            if self.is_compact() {
+                return self.address(number).cast::<u32>().add(lane & 7).read() & (MAX_ID - 1);
+            }
+            (*self.address(number).cast::<TriangleBlock>()).ids[lane & 7]
+        }
+    }
+}
+
+/// The corners of a triangle of a record. (As registers that are written as wholes: numbers written
+/// one by one and read two at a time would have to wait.)
+///
+/// # Safety
+/// It must be the first line of a record, and [`SPARE_LINES`] must follow that.
+#[cold]
+#[inline(never)]
+unsafe fn corners_in(first: *const Line, lane: usize) -> [Vec4; 3] {
+    let (record, lane) = (first.cast::<u32>(), lane & 7);
+    // SAFETY: passed on to the caller; names are below 16, so the coordinates are in the record or
+    // the lines after it.
+    unsafe {
+        let corner = |x: usize, step: usize| {
+            let float = |i: usize| f32::from_bits(record.add(i).read());
+            Vec4::new(float(x), float(x + step), float(x + 2 * step), 0.0)
+        };
+        let count = (record.read() >> ID_BITS) as usize + 1;
+        if count == 1 {
+            return [0, 24, 48].map(|vertex| corner(ALL + vertex + lane, 8));
+        }
+        let name = |vertex: usize| (record.add(NAMES + vertex).read() >> (4 * lane) & 15) as usize;
+        [0, 1, 2].map(|vertex| corner(TABLE + name(vertex), count))
+    }
+}
+
+/// Not in line: what walks plain blocks is slower by 2 to 4 % with this code in the midst of it.
+///
+/// # Safety
+/// As [`unpack`].
+#[inline(always)]
+unsafe fn unpacked<L: Lanes8>(
+    first: *const Line,
+    room: &mut MaybeUninit<TriangleBlock>,
+) -> &TriangleBlock {
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma")]
+    #[cold]
+    #[inline(never)]
+    unsafe fn with_avx2(
+        first: *const Line,
+        room: &mut MaybeUninit<TriangleBlock>,
+    ) -> &TriangleBlock {
+        // SAFETY: passed on to the caller.
+        unsafe { unpack::<snell_math::simd::Avx8>(first, room) }
+    }
+    #[cold]
+    #[inline(never)]
+    unsafe fn portable(
+        first: *const Line,
+        room: &mut MaybeUninit<TriangleBlock>,
+    ) -> &TriangleBlock {
+        // SAFETY: passed on to the caller.
+        unsafe { unpack::<snell_math::simd::Portable8>(first, room) }
+    }
+    // SAFETY: passed on to the caller: fused are the lanes of AVX2.
+    unsafe {
+        #[cfg(target_arch = "x86_64")]
+        if L::FUSED {
+            return with_avx2(first, room);
+        }
+        portable(first, room)
+    }
+}
+
+/// # Safety
+/// The machine must have the instructions of `L`; it must be the first line of a record, and
+/// [`SPARE_LINES`] must follow that.
+#[inline(always)]
+unsafe fn unpack<L: Lanes8>(
+    first: *const Line,
+    room: &mut MaybeUninit<TriangleBlock>,
+) -> &TriangleBlock {
+    // SAFETY: passed on to the caller: names are below 16, so nothing is read beyond four lines
+    // after the first. All of the block is written.
+    unsafe {
+        let (record, block) = (first.cast::<u32>(), &mut *room.as_mut_ptr());
+        block.ids = *record.cast();
+        let count = (block.ids[0] >> ID_BITS) as usize + 1;
+        block.ids[0] &= MAX_ID - 1;
+        if count == 1 {
+            let rows = &*record.add(ALL).cast::<[[[f32; 8]; 3]; 3]>();
+            for (to, from) in block.vertices.as_flattened_mut().iter_mut().zip(rows.as_flattened())
+            {
+                L::load(from).store(to);
+            }
+            return block;
+        }
+        for (vertex, to) in block.vertices.iter_mut().enumerate() {
+            let names = record.add(NAMES + vertex).read();
+            let lanes: [u32; 8] = std::array::from_fn(|lane| names >> (4 * lane) & 7);
+            let far = highest_of_four(names);
+            for (axis, to) in to.iter_mut().enumerate() {
+                let table = record.add(TABLE + axis * count).cast::<[f32; 8]>();
+                let corners = L::load_permuted(&*table, &lanes);
+                corners.replace(far, L::load_permuted(&*table.add(1), &lanes)).store(to);
+            }
+        }
+        block
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::world::tests::Random;
+    use snell_math::simd::{Level, Portable8};
+
+    /// Blocks of so many triangles whose corners are among so many points.
+    fn blocks(random: &mut Random, points: usize) -> Vec<TriangleBlock> {
+        let table: Vec<[f32; 3]> = (0..points).map(|_| random.point(9.0).to_array()).collect();
+        let mut block = |count: usize| {
+            let mut block = TriangleBlock::EMPTY;
+            for lane in 0..count {
+                let corners = std::array::from_fn(|_| {
+                    table[(random.unit() * points as f32) as usize % points]
+                });
+                block.set(lane, &corners, (random.unit() * MAX_ID as f32) as u32 % MAX_ID);
+            }
+            block
+        };
+        (1..=8).cycle().take(64).map(&mut block).collect()
+    }
+
+    fn is_same(a: &TriangleBlock, b: &TriangleBlock) -> bool {
+        let lanes = || (0..8).filter(|&lane| a.ids[lane] != u32::MAX);
+        let bits = |block: &TriangleBlock, lane| block.corners(lane).map(|c| c.map(f32::to_bits));
+        a.ids == b.ids && lanes().all(|lane| bits(a, lane) == bits(b, lane))
+    }
+
+    #[test]
+    fn what_is_packed_is_unpacked_bit_for_bit() {
+        let mut random = Random(7);
+        let mut seen = [0; 6];
+        for points in [1, 2, 3, 6, 7, 8, 9, 12, 16, 40] {
+            for block in blocks(&mut random, points) {
+                let count = lines_of(&block);
+                seen[count] += 1;
+                let mut lines = vec![Line([u32::MAX; 16]); count + SPARE_LINES];
+                assert!(!pack(&block, &mut lines[..count + 1]));
+                assert!(pack(&block, &mut lines[..count]));
+                assert_eq!((lines_from(&lines[0]), ids_from(&lines[0])), (count, block.ids));
+                let (at, mut room) = (BlocksAt::lines(&lines), MaybeUninit::uninit());
+                // SAFETY: there is one block.
+                unsafe {
+                    assert!(is_same(&block, at.block::<Portable8>(0, &mut room)), "{block:?}");
+                    for lane in (0..8).filter(|&lane| block.ids[lane] != u32::MAX) {
+                        assert_eq!(at.id(0, lane), block.ids[lane]);
+                        assert_eq!(at.corners(0, lane), block.corners(lane));
+                    }
+                    #[cfg(target_arch = "x86_64")]
+                    if Level::Avx2.is_supported() {
+                        #[target_feature(enable = "avx2,fma")]
+                        unsafe fn at_avx2(
+                            at: BlocksAt,
+                            room: &mut MaybeUninit<TriangleBlock>,
+                        ) -> &TriangleBlock {
+                            // SAFETY: as the function is called.
+                            unsafe { at.block::<snell_math::simd::Avx8>(0, room) }
+                        }
+                        assert!(is_same(&block, at_avx2(at, &mut room)), "{block:?}");
+                    }
+                }
+            }
+        }
+        assert!(seen[2..].iter().all(|&n| n > 5), "{seen:?}");
+    }
+}

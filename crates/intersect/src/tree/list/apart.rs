@@ -1,0 +1,42 @@
+//! What stands apart from the rest of a group.
+
+use super::{List, ListObject};
+use crate::tree::GroupTree;
+use snell_math::Bounds3;
+
+/// Large primitives, planes without end, and where the rest of the group is.
+#[derive(Clone, Debug)]
+pub(crate) struct Apart {
+    pub(crate) list: Box<List>,
+    pub(crate) bounds: Bounds3,
+}
+
+impl Apart {
+    /// `None` if nothing does, or it is not for lists.
+    pub fn of(tree: &GroupTree) -> Option<Self> {
+        let root = tree.nodes.first()?;
+        let is_divided = tree.rest != tree.root;
+        if !tree.rest.is_node() || !is_divided && tree.unbounded.is_empty() {
+            return None;
+        }
+        // In the order of the nodes: what is below the root but not among the rest, which comes
+        // first, ends the tree.
+        let mut around = vec![];
+        if is_divided {
+            around.extend((1..8).map(|slot| (root.children[slot], root.slot_bounds(slot))));
+        }
+        let mut leaves = vec![];
+        while let Some((child, bounds)) = around.pop() {
+            if child.is_node() {
+                let node = &tree.nodes[child.index()];
+                around.extend((0..8).map(|slot| (node.children[slot], node.slot_bounds(slot))));
+            } else {
+                leaves.push((child, bounds));
+            }
+        }
+        let bounds = if is_divided { root.slot_bounds(0) } else { root.bounds() };
+        let list = List::apart(tree, &leaves, &bounds)?;
+        let is_tested_in_lanes = |object: &ListObject| object.shape.is_some();
+        list.objects.iter().all(is_tested_in_lanes).then_some(Self { list, bounds })
+    }
+}

@@ -1,0 +1,218 @@
+//! The trees that kernels traverse: an 8-wide bounding volume hierarchy of each group, and all
+//! groups together. Only data: `build` makes trees, and kernels go through them.
+
+pub(crate) mod blocks;
+pub(crate) mod compact;
+pub(crate) mod list;
+pub(crate) mod node;
+pub(crate) mod storage;
+
+pub(crate) use blocks::Blocks;
+
+use crate::exact::quick::is_ordinary;
+use crate::exact::triangle::TriangleBlock;
+use crate::group::{Object, Objects};
+use list::{Apart, List};
+use node::{ChildRef, WideNode};
+use std::sync::Arc;
+use storage::{Plain, Storage};
+
+// SAFETY: numbers of 32 bits without padding: 6 * 8 + 8 + 8 of them in 256 bytes.
+unsafe impl Plain for WideNode {}
+// SAFETY: numbers of 32 bits without padding: 9 * 8 + 8 of them in 320 bytes.
+unsafe impl Plain for TriangleBlock {}
+
+/// Whether a tree came from a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum CacheUse {
+    /// Nothing was asked for, or the group is small.
+    None,
+    /// It did.
+    Read,
+    /// It was built and written to one.
+    Written,
+    /// It was built because the file was damaged, or could not be written: what to tell the user.
+    Failed(String),
+}
+
+/// The tree of one group.
+#[derive(Debug)]
+pub(crate) struct GroupTree {
+    /// In preorder: a subtree is a range of nodes, and a range of blocks.
+    pub nodes: Storage<WideNode>,
+    pub blocks: Blocks,
+    /// Where the walk starts; [`ChildRef::NONE`] for a group without bounded contents.
+    pub root: ChildRef,
+    /// Where the walk starts among all that does not stand apart ([`apart`]): the first child of
+    /// the root, or the root itself.
+    pub rest: ChildRef,
+    /// Shapes, instances and primitives of sets, as the leaves number them.
+    pub objects: Objects,
+    /// Objects without finite bounds: always tested.
+    pub unbounded: Vec<u32>,
+    /// For each mesh the number of its first triangle within the group, and its geometry;
+    /// ascending.
+    pub meshes: Vec<(u32, u32)>,
+    /// Nodes on the longest way down.
+    pub depth: usize,
+    /// How many triangles the meshes have.
+    pub triangles: usize,
+    /// The triangles that can never be hit and are not in the tree.
+    pub skipped: Vec<u32>,
+    /// The objects without contents; not in the tree.
+    pub empty: Vec<u32>,
+    /// Whether it came from a file.
+    pub cache: CacheUse,
+    /// Nodes and blocks that a random line through the bounds meets on average.
+    pub sah_cost: f32,
+}
+
+/// Nodes of a tree that [`GroupTree::is_blurred`] looks at.
+const LOOKED_AT: usize = 1000;
+
+impl GroupTree {
+    /// True if most nodes, each with what is below it, are smaller than this.
+    fn is_blurred(&self, size: f32) -> bool {
+        let sample = self.nodes.iter().step_by(self.nodes.len() / LOOKED_AT + 1);
+        let (mut small, mut all) = (0, 0);
+        for bounds in sample.map(WideNode::bounds) {
+            small += usize::from(bounds.size().max_element() < size);
+            all += 1;
+        }
+        all > 1 && 2 * small > all
+    }
+
+    /// Geometry and triangle of a triangle numbered within the group.
+    #[inline(always)]
+    pub fn triangle(&self, id: u32) -> (u32, u32) {
+        let (first, geometry) = match self.meshes.as_slice() {
+            [only] => *only,
+            all => all[all.partition_point(|m| m.0 <= id).saturating_sub(1)],
+        };
+        (geometry, id - first)
+    }
+
+    /// Geometry and triangle of what is in a lane of a block, both as one number: that of the block
+    /// eight times, and the lane.
+    #[inline(always)]
+    pub fn triangle_at(&self, place: u32) -> (u32, u32) {
+        self.triangle(self.blocks.id(place as usize >> 3, place as usize & 7))
+    }
+
+    /// True if a triangle is in several blocks, as spatial splits leave them.
+    pub fn has_repeated_triangles(&self) -> bool {
+        let ids = || {
+            self.blocks
+                .numbers()
+                .flat_map(|block| self.blocks.ids(block))
+                .filter(|&id| id != u32::MAX)
+        };
+        let Some(last) = ids().max() else { return false };
+        let mut seen = vec![0u64; last as usize / 64 + 1];
+        ids().any(|id| {
+            let (word, bit) = (&mut seen[id as usize / 64], 1 << (id % 64));
+            let was_seen = *word & bit != 0;
+            *word |= bit;
+            was_seen
+        })
+    }
+
+    /// Entries a walk through this group alone may need at once.
+    fn stack_size(&self) -> usize {
+        7 * self.depth + 8
+    }
+
+    /// Memory of the tree.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(&*self.nodes) + self.blocks.memory_bytes() + self.objects.memory_bytes()
+    }
+}
+
+/// The trees of all groups; group 0 is the root.
+#[derive(Debug)]
+pub(crate) struct Forest {
+    /// Shared with other worlds that hold the same groups.
+    pub trees: Vec<Arc<GroupTree>>,
+    /// Entries a walk needs on the deepest way through all groups.
+    pub stack_size: usize,
+    /// The largest coordinate of each tree.
+    pub extents: Vec<f32>,
+    /// True if everything is of ordinary size ([`is_ordinary`]).
+    pub ordinary: bool,
+    /// True if besides nothing in the root is unbounded, and walks need no more than
+    /// [`SMALL_STACK`].
+    pub simple: bool,
+    /// The root's contents without a tree, if they are few.
+    pub list: Option<Box<List>>,
+    /// What stands apart from the rest of the root.
+    pub apart: Option<Apart>,
+}
+
+impl Forest {
+    /// All groups from their trees; `order` lists the groups with children before parents.
+    pub fn of(trees: Vec<Arc<GroupTree>>, order: &[usize]) -> Self {
+        let mut sizes = vec![0; trees.len()];
+        for &group in order {
+            let below = |object: &Object| match object {
+                Object::Instance { child, .. } => sizes[*child],
+                Object::Shape { .. } => 0,
+            };
+            let tree: &GroupTree = &trees[group];
+            sizes[group] =
+                tree.stack_size() + tree.objects.placed().iter().map(below).max().unwrap_or(0);
+        }
+        let extents: Vec<f32> = trees.iter().map(|tree| extent(tree)).collect();
+        let ordinary = extents.iter().all(|&extent| is_ordinary(extent));
+        let simple = ordinary && trees[0].unbounded.is_empty() && sizes[0] <= SMALL_STACK;
+        let list = trees.first().and_then(|root| List::of(root));
+        let mut forest =
+            Self { stack_size: sizes[0], trees, extents, ordinary, simple, list, apart: None };
+        if forest.list.is_none() && may_search(&forest) {
+            forest.apart = Apart::of(&forest.trees[0]);
+        }
+        forest
+    }
+
+    /// How far out the coordinates of a group reach, if single precision has no steps there that
+    /// are small enough for most of what is in it: boxes are widened by such steps, and so most
+    /// rays meet most boxes.
+    pub fn blurred(&self) -> Option<f32> {
+        let groups = self.trees.iter().zip(&self.extents);
+        groups
+            .filter(|(tree, extent)| tree.is_blurred(**extent * f32::EPSILON))
+            .map(|(_, &extent)| extent)
+            .reduce(f32::max)
+    }
+
+    /// Memory of all trees.
+    pub fn memory_bytes(&self) -> usize {
+        self.trees.iter().map(|tree| tree.memory_bytes()).sum()
+    }
+}
+
+/// Entries on the thread's stack; deeper forests take memory per query.
+pub(crate) const SMALL_STACK: usize = 512;
+
+/// True if walks through the bounded part of the forest fit the stacks of this kernel.
+pub(crate) fn may_search(forest: &Forest) -> bool {
+    forest.ordinary && forest.trees[0].root.is_node() && forest.stack_size <= SMALL_STACK
+}
+
+/// The largest coordinate in the tree; infinite if one is not a number.
+fn extent(tree: &GroupTree) -> f32 {
+    let largest =
+        |extent: f32, x: &f32| if x.is_nan() { f32::INFINITY } else { extent.max(x.abs()) };
+    if tree.root.is_node() {
+        let node = &tree.nodes[tree.root.index()];
+        let used = (0..8).filter(|&slot| node.children[slot] != ChildRef::NONE);
+        used.fold(0.0, |e, slot| {
+            node.bounds.iter().flatten().map(|side| &side[slot]).fold(e, largest)
+        })
+    } else if tree.root.is_triangles() {
+        let triangles = 0..tree.root.count() as usize;
+        let corners = triangles.flat_map(|lane| tree.blocks.corners(tree.root.block(), lane));
+        corners.flatten().fold(0.0, |extent, x| largest(extent, &x))
+    } else {
+        0.0
+    }
+}

@@ -1,0 +1,62 @@
+//! Acceleration structures, by name.
+
+use crate::lecture::{Build, bsp, graph, grid, kdtree, octree, spheres};
+
+macro_rules! accelerators {
+    ($($(#[$attribute:meta])+ $kind:ident = $name:literal => $build:expr,)+) => {
+        /// Which acceleration structure a world is built with. All give the same hits, bit for bit.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+        pub enum AcceleratorKind {
+            $($(#[$attribute])+ $kind,)+
+        }
+
+        impl AcceleratorKind {
+            /// All kinds.
+            pub const ALL: [Self; [$($name),+].len()] = [$(Self::$kind),+];
+
+            /// The name on the command line.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$kind => $name,)+
+                }
+            }
+
+            /// How the structure of a group is built; `None` for the two that are built for all
+            /// groups at once.
+            pub(crate) fn build(self) -> Option<Build> {
+                match self {
+                    $(Self::$kind => $build,)+
+                }
+            }
+        }
+    };
+}
+
+accelerators! {
+    /// No structure: every primitive is tested. The oracle.
+    None = "none" => None,
+    /// The scene graph's own boxes: one per mesh, shape and instance, in the order of the graph.
+    Graph = "graph" => Some(graph::build),
+    /// A binary hierarchy of bounding spheres.
+    Spheres = "spheres" => Some(spheres::build),
+    /// An 8-wide bounding volume hierarchy: the fast one.
+    #[default]
+    Bvh = "bvh" => None,
+    /// A uniform grid, with finer grids in crowded cells.
+    Grid = "grid" => Some(grid::build),
+    /// An octree, walked from each cell to its neighbour.
+    Octree = "octree" => Some(octree::build_neighbours),
+    /// An octree, walked from the root down.
+    OctreeHierarchical = "octree-hierarchical" => Some(octree::build_hierarchical),
+    /// A binary space partition by the planes of the polygons themselves.
+    Bsp = "bsp" => Some(bsp::build),
+    /// A k-d tree by the surface area heuristic.
+    KdTree = "kdtree" => Some(kdtree::build),
+}
+
+impl AcceleratorKind {
+    /// The kind of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|k| k.name() == name)
+    }
+}

@@ -1,0 +1,257 @@
+//! A tree over the surfaces of a group that stands for far-away ones by their moments.
+//!
+//! Barill, Dickson, Schmidt, Levin and Jacobson, Fast Winding Numbers for Soups and Clouds, 2018:
+//! seen from far away, a patch of surface acts as a dipole (its area vector), corrected by the
+//! first moment of its area vectors around its centre. The tree is one of its own: each triangle is
+//! in it once, whatever the accelerator does.
+
+use rayon::prelude::*;
+use snell_math::{Bounds3d, DMat3, DVec3, Transform};
+
+/// What a patch of surface looks like from far away.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Moments {
+    /// The mean of the patch by area.
+    pub center: DVec3,
+    /// Area times normal, summed up.
+    pub area_vector: DVec3,
+    /// Area times normal times transposed offset from the centre, summed up.
+    pub gradient: DMat3,
+    /// Area; only weighs centres.
+    pub area: f64,
+    /// Around the patch.
+    pub bounds: Bounds3d,
+}
+
+/// The matrix `a b^T`.
+fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+impl Moments {
+    /// Of a triangle: exact.
+    pub fn of_triangle([a, b, c]: [DVec3; 3]) -> Self {
+        let area_vector = (b - a).cross(c - a) * 0.5;
+        let bounds = Bounds3d::of([a, b, c]);
+        Self {
+            center: (a + b + c) / 3.0,
+            area_vector,
+            gradient: DMat3::ZERO,
+            area: area_vector.length(),
+            bounds,
+        }
+    }
+
+    /// Of a closed surface, which looks like nothing from outside.
+    pub fn of_closed(bounds: Bounds3d) -> Self {
+        Self {
+            center: bounds.center(),
+            area_vector: DVec3::ZERO,
+            gradient: DMat3::ZERO,
+            area: 0.0,
+            bounds,
+        }
+    }
+
+    /// Of several together.
+    fn sum<'a>(parts: impl Iterator<Item = &'a Self> + Clone) -> Self {
+        let bounds = parts.clone().fold(Bounds3d::EMPTY, |b, m| b.union(&m.bounds));
+        let area: f64 = parts.clone().map(|m| m.area).sum();
+        let center = if area > 0.0 {
+            parts.clone().map(|m| m.center * m.area).sum::<DVec3>() / area
+        } else {
+            bounds.center()
+        };
+        let mut sum =
+            Self { center, area_vector: DVec3::ZERO, gradient: DMat3::ZERO, area, bounds };
+        for m in parts {
+            sum.area_vector += m.area_vector;
+            sum.gradient += m.gradient + outer(m.area_vector, m.center - center);
+        }
+        sum
+    }
+
+    /// As placed in another group. The outer side stays outside, in mirrors too.
+    pub fn placed(&self, map: &Transform) -> Self {
+        let view = View::new(DVec3::ZERO, map.matrix().matrix3);
+        Self {
+            center: map.point(self.center),
+            area_vector: view.area * self.area_vector,
+            gradient: view.area * self.gradient * view.linear.transpose(),
+            area: self.area * map.determinant().abs().cbrt().powi(2),
+            bounds: map.bounds(&self.bounds),
+        }
+    }
+}
+
+/// A point as seen from a group, and the map of differences to the world.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct View {
+    /// In the group.
+    pub point: DVec3,
+    /// Maps differences of points to the world.
+    pub linear: DMat3,
+    /// Maps area vectors to the world.
+    area: DMat3,
+    /// -1 if the map mirrors.
+    pub orientation: f64,
+    /// How much longer differences get at most.
+    stretch: f64,
+}
+
+impl View {
+    pub fn new(point: DVec3, linear: DMat3) -> Self {
+        let determinant = linear.determinant();
+        let gram = linear.transpose() * linear;
+        // The norm that is least work: no less than the spectral norm, and equal for turns with
+        // scales along the axes.
+        let row = |v: DVec3| v.abs().element_sum();
+        let stretch = row(gram.x_axis).max(row(gram.y_axis)).max(row(gram.z_axis)).sqrt();
+        let area = linear.inverse().transpose() * determinant.abs();
+        Self {
+            point,
+            linear,
+            area,
+            orientation: if determinant < 0.0 { -1.0 } else { 1.0 },
+            stretch,
+        }
+    }
+}
+
+/// A node. The first child of an inner one follows it.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    moments: Moments,
+    /// The greatest distance of the patch from its centre.
+    radius: f64,
+    /// What it holds, as a range of the order.
+    first: u32,
+    count: u32,
+    /// The second child; 0 for a leaf.
+    second: u32,
+}
+
+/// The tree of a group.
+#[derive(Debug, Default)]
+pub(crate) struct Tree {
+    nodes: Vec<Node>,
+    /// Numbers of items, so that each node holds a range.
+    order: Vec<u32>,
+}
+
+/// Items in a leaf.
+const LEAF: usize = 8;
+
+/// Larger sets are built by several threads.
+const PARALLEL: usize = 4096;
+
+impl Tree {
+    /// The tree over items with these moments.
+    pub fn build(items: &[(u32, Moments)]) -> Self {
+        let mut order: Vec<u32> = (0..items.len() as u32).collect();
+        let nodes = if items.is_empty() { Vec::new() } else { build(items, &mut order, 0) };
+        order.par_iter_mut().for_each(|i| *i = items[*i as usize].0);
+        Self { nodes, order }
+    }
+
+    /// The moments of everything; `None` if there is nothing.
+    pub fn moments(&self) -> Option<&Moments> {
+        Some(&self.nodes.first()?.moments)
+    }
+
+    /// The winding number of everything around a point: of nodes farther than `accuracy` times
+    /// their radius from the moments, of the items of other ones from `exact`.
+    pub fn winding_number(
+        &self,
+        view: &View,
+        accuracy: f64,
+        exact: &mut impl FnMut(u32) -> f64,
+    ) -> f64 {
+        let mut sum = 0.0;
+        // Each step halves what is left.
+        let mut stack = [0u32; 64];
+        let mut top = usize::from(!self.nodes.is_empty());
+        while top > 0 {
+            top -= 1;
+            let index = stack[top];
+            let node = &self.nodes[index as usize];
+            let r = view.linear * (node.moments.center - view.point);
+            let distance = r.length();
+            if distance > accuracy * node.radius * view.stretch {
+                sum += from_afar(&node.moments, view, r, distance);
+            } else if node.second == 0 {
+                let items = &self.order[node.first as usize..(node.first + node.count) as usize];
+                sum += items.iter().map(|&item| exact(item)).sum::<f64>();
+            } else {
+                stack[top] = node.second;
+                stack[top + 1] = index + 1;
+                top += 2;
+            }
+        }
+        sum
+    }
+}
+
+/// The first two terms of the expansion around the centre, which is `r` away.
+fn from_afar(moments: &Moments, view: &View, r: DVec3, distance: f64) -> f64 {
+    let inverse = 1.0 / distance;
+    let direction = r * inverse;
+    let dipole = (view.area * moments.area_vector).dot(direction);
+    let gradient = view.area * moments.gradient * view.linear.transpose();
+    let trace = gradient.x_axis.x + gradient.y_axis.y + gradient.z_axis.z;
+    let along = direction.dot(gradient * direction);
+    (dipole + (trace - 3.0 * along) * inverse) * inverse * inverse / (4.0 * std::f64::consts::PI)
+}
+
+/// Builds the nodes of a part of the order, halves by the median of centres along the longest axis.
+/// `first` is where the part begins.
+fn build(items: &[(u32, Moments)], order: &mut [u32], first: u32) -> Vec<Node> {
+    let of = |i: &u32| &items[*i as usize].1;
+    let mut nodes = Vec::new();
+    let mut second = 0;
+    let moments = if order.len() <= LEAF {
+        order.sort_unstable();
+        nodes.push(Node {
+            moments: Moments::sum(order.iter().map(of)),
+            radius: 0.0,
+            first,
+            count: order.len() as u32,
+            second: 0,
+        });
+        nodes[0].moments
+    } else {
+        let centers = order.iter().fold(Bounds3d::EMPTY, |b, i| b.with_point(of(i).center));
+        let axis = centers.size().max_position();
+        let middle = order.len() / 2;
+        let by_center =
+            |a: &u32, b: &u32| of(a).center[axis].total_cmp(&of(b).center[axis]).then(a.cmp(b));
+        order.select_nth_unstable_by(middle, by_center);
+        let (low, high) = order.split_at_mut(middle);
+        let (left, right) = if low.len() > PARALLEL {
+            rayon::join(|| build(items, low, first), || build(items, high, first + middle as u32))
+        } else {
+            (build(items, low, first), build(items, high, first + middle as u32))
+        };
+        let moments = Moments::sum([left[0].moments, right[0].moments].iter());
+        let moved = |by: u32| {
+            move |n: Node| Node { second: if n.second == 0 { 0 } else { n.second + by }, ..n }
+        };
+        second = 1 + left.len() as u32;
+        nodes.push(Node {
+            moments,
+            radius: 0.0,
+            first,
+            count: (low.len() + high.len()) as u32,
+            second,
+        });
+        nodes.extend(left.into_iter().map(moved(1)));
+        nodes.extend(right.into_iter().map(moved(second)));
+        moments
+    };
+    let far = (moments.center - moments.bounds.min)
+        .abs()
+        .max((moments.bounds.max - moments.center).abs());
+    nodes[0].radius = far.length();
+    nodes[0].second = second;
+    nodes
+}
