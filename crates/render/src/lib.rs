@@ -19,18 +19,22 @@
 
 #![forbid(unsafe_code)]
 
+mod batch;
 pub mod compile;
 pub mod explain;
 pub mod film;
 pub mod guiding;
 pub mod integrator;
 pub mod job;
+mod lanes;
 pub mod layers;
 pub mod light_sampler;
 pub mod memory;
 mod picture;
 pub mod reference;
 pub mod request;
+#[cfg(test)]
+mod rooms;
 pub mod sampler;
 pub mod settings;
 pub mod threads;

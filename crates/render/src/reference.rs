@@ -129,7 +129,7 @@ struct Media<'a> {
 
 impl<'a> Media<'a> {
     fn new(context: &Context<'a>, camera: &Camera, mode: ColorMode) -> Option<Self> {
-        let walker = Walker::new(context).filter(|_| context.settings.integrator.sees_media())?;
+        let walker = Walker::new(context).filter(|_| context.settings.integrator.is_path())?;
         let mut own = OwnMedia::new();
         let around = walker.surfaces_around(camera.eye.as_vec3());
         let insides = walker.insides_of(&mut own, &around, mode);

@@ -1,7 +1,7 @@
 //! Arbitrary output variables: what the first hit is, apart from its light.
 
+use super::first_surface::FirstSurface;
 use super::light_part::{LightPart, Lobe, Scatterings};
-use super::shown::ShownSurface;
 use super::{Context, motion, outgoing};
 use snell_intersect::Hit;
 use snell_math::{Ray, Rgb};
@@ -30,7 +30,7 @@ pub struct FirstHit<'a> {
     /// When the ray is traced, from 0 to 1.
     pub time: f32,
     /// The surface that was hit, if any AOV [needs it](Aov::needs_surface).
-    pub surface: Option<ShownSurface>,
+    pub surface: Option<FirstSurface>,
     /// Nodes visited and primitives tested, if any AOV [needs them](Aov::needs_counters).
     pub counters: [u32; 2],
 }

@@ -42,7 +42,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
 
 /// Adds what every light brings. `local` is `pi f |cos|` of a direction, or the classic formula in
 /// its place.
-pub(super) fn add_lights(
+pub(crate) fn add_lights(
     context: &Context,
     throughput: SampledSpectrum,
     random: &Random,

@@ -16,7 +16,7 @@ use snell_scene::medium::Glow;
 use snell_scene::{Background, Material, MediumId};
 
 /// How far along a shadow ray to a point occluders count: just short of the light itself.
-pub(super) const SHADOW_END: f32 = 1.0 - 1e-4;
+pub(crate) const SHADOW_END: f32 = 1.0 - 1e-4;
 
 /// The environment's radiance along the ray that came to a vertex; black without one.
 pub fn environment(context: &Context, vertex: &Vertex) -> SampledSpectrum {
@@ -238,7 +238,7 @@ fn part_of_choice(light: &AreaLight, chosen: &ChosenLight, u: Vec2) -> (u32, f32
 }
 
 /// A direction to the environment.
-pub(super) fn environment_direction(context: &Context, u: Vec2) -> Option<SkySample> {
+pub(crate) fn environment_direction(context: &Context, u: Vec2) -> Option<SkySample> {
     let sky = context.scene.environment.as_ref()?;
     match context.settings.light_strategy {
         LightStrategy::Mis => sky.sample_compensated(u),
@@ -247,7 +247,7 @@ pub(super) fn environment_direction(context: &Context, u: Vec2) -> Option<SkySam
 }
 
 /// Light from a direction of the environment. [`super::lights`] does the same for many.
-pub(super) fn from_environment(
+pub(crate) fn from_environment(
     context: &Context,
     at: &Arrival,
     sample: &SkySample,

@@ -7,33 +7,17 @@ mod ao;
 pub mod aov;
 pub(crate) mod camera_path;
 pub(crate) mod carried;
-mod classic;
-mod delta_samples;
+pub(crate) mod classic;
 pub(crate) mod estimators;
+pub mod first_surface;
 mod flat;
-mod guided;
-mod guided_lanes;
-pub(crate) mod lanes;
+pub(crate) mod guided;
 pub mod light_part;
-mod lights;
-mod lit;
-pub(crate) mod matte;
-pub(crate) mod matte_surfaces;
 mod motion;
-mod near_lights;
 pub(crate) mod path;
-mod plain_surfaces;
-pub(crate) mod scattered;
-mod scattering;
-pub(crate) mod shown;
-pub(crate) mod sky_samples;
-pub(crate) mod specular;
-pub(crate) mod surfaces;
+pub(crate) mod scattering;
 #[cfg(test)]
 mod tests;
-mod together;
-#[cfg(test)]
-mod twins;
 
 use crate::compile::CompiledScene;
 use crate::guiding::{Choice, Field};
@@ -106,9 +90,14 @@ impl IntegratorKind {
         }
     }
 
-    /// True if media count. To the others there are none.
-    pub(crate) fn sees_media(self) -> bool {
+    /// True for `path` and `direct`: media count, and parts of the light can be layers.
+    pub(crate) fn is_path(self) -> bool {
         matches!(self, Self::Direct | Self::Path)
+    }
+
+    /// True for `raycast` and `whitted`.
+    pub(crate) fn is_classic(self) -> bool {
+        matches!(self, Self::Raycast | Self::Whitted)
     }
 
     /// The vertex function.

@@ -53,7 +53,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
 }
 
 /// What a path finds of the light that the surface gives to which it has come, and its weight.
-pub(super) fn shining(
+pub(crate) fn shining(
     context: &Context,
     vertex: &Vertex,
     surface: &SurfaceVertex,
@@ -74,7 +74,7 @@ pub(super) fn shining(
 
 /// A surface that scatters, seen from where a path comes from.
 #[derive(Clone, Debug)]
-pub(super) struct Scatterer<'a> {
+pub(crate) struct Scatterer<'a> {
     pub shading: ShadingBsdf<'a>,
     pub at: Arrival,
     pub receiver: Receiver,
@@ -171,7 +171,7 @@ pub(crate) fn weight_of_found_light(
 /// Adds a light ray towards a light sample, and tells its direction. `scattering` gives, for a
 /// direction, what share of light from there goes on along the path and the density with which the
 /// path itself would have gone there.
-pub(super) fn light_sample(
+pub(crate) fn light_sample(
     context: &Context,
     vertex: &Vertex,
     at: &Arrival,
@@ -239,7 +239,7 @@ pub(crate) fn weighted_sample(
 
 /// A light sample, before the surface is asked how it scatters light from there.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum DrawnLight {
+pub(crate) enum DrawnLight {
     /// Half of the environment is behind a surface, and looking up what comes from there is dear.
     Environment(SkySample),
     Other(IncidentLight),
@@ -299,7 +299,7 @@ impl DrawnLight {
 }
 
 /// The path's first scattering: this one, if it is the first and somebody wants to know.
-pub(super) fn first_lobe(
+pub(crate) fn first_lobe(
     context: &Context,
     vertex: &Vertex,
     this: impl FnOnce() -> LobeShares,
@@ -309,7 +309,7 @@ pub(super) fn first_lobe(
 
 /// Russian roulette: the probability with which the path goes on, by the weight it would have;
 /// `None` if it ends.
-pub(super) fn survival(context: &Context, vertex: &Vertex, weight: f32) -> Option<f32> {
+pub(crate) fn survival(context: &Context, vertex: &Vertex, weight: f32) -> Option<f32> {
     let Some(most) = context.roulette(vertex.depth) else { return Some(1.0) };
     let survival = weight.min(most);
     (vertex.random.number(dimension::ROULETTE) < survival).then_some(survival)

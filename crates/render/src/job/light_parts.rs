@@ -2,7 +2,6 @@
 //! to them.
 
 use crate::compile::CompiledScene;
-use crate::integrator::IntegratorKind;
 use crate::integrator::aov::Aov;
 use crate::integrator::light_part::{LightPart, LightSource, LightTag};
 use crate::settings::{LightGroup, Settings};
@@ -26,7 +25,7 @@ impl LightParts {
     /// Those of a render.
     pub fn new(scene: &CompiledScene, settings: &Settings) -> Self {
         let (mut parts, mut channels) = (Vec::new(), 0);
-        let is_known = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct);
+        let is_known = settings.integrator.is_path();
         for aov in &settings.aovs {
             if let (Aov::Light(part), true) = (aov, is_known) {
                 parts.push((channels, *part));

@@ -8,7 +8,6 @@ mod journal;
 mod light_parts;
 mod part;
 mod parts;
-mod paths;
 mod patience;
 mod photons;
 mod projection_maps;

@@ -2,40 +2,33 @@
 //! depth by depth until no path is left. Batches only; nothing here asks for a single ray.
 
 mod collect;
+mod collect_shaded;
 mod first_hits;
-mod matte;
-mod scattered;
-mod specular;
 mod start;
-mod surfaces;
 
 use super::Statistics;
 use super::journal::{Event, Journal};
 use super::light_parts::LightParts;
-use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
 use super::volumes::VolumeBatch;
+use crate::batch::first_surfaces::FirstSurfaces;
+use crate::batch::materials::matte_surfaces::MatteSurfaces;
+use crate::batch::order::Order;
+use crate::batch::paths::{LightRays, Paths};
+use crate::batch::{self, Batch, BatchShader};
 use crate::film::filter::FilterSampler;
 use crate::film::noise::positions;
 use crate::film::{FilmPart, FilmSample};
 use crate::guiding::{Record, Recorder};
-use crate::integrator::lanes::{Arriving, LANES};
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
-use crate::integrator::path::{escaped_to, plain_sky};
-use crate::integrator::scattered::ScatteredVertices;
-use crate::integrator::shown::PlainShown;
-use crate::integrator::sky_samples::{NO_PLACES, places_of};
-use crate::integrator::surfaces::SurfaceVertices;
 use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction};
-use crate::sampler::{Random, SampleKey, Sampler};
+use crate::lanes::LANES;
+use crate::sampler::{SampleKey, Sampler};
 use crate::settings::Crop;
-use matte::Matte;
-use snell_intersect::{Grouping, Hit, SurfacePoint};
-use snell_math::spectrum::RgbSpectrum;
-use snell_math::{ColorMode, ColorModel, SampledSpectrum, Vec2};
-use snell_scene::light::environment::EnvironmentLight;
+use snell_intersect::{Grouping, SurfacePoint};
+use snell_math::{ColorMode, ColorModel, SampledSpectrum};
 use snell_scene::{Camera, CameraRays, CameraView};
-use specular::SpecularBatch;
+use std::mem::take;
 
 /// Samples that are taken at once. (Measured from 256 to 4,096: few leave the kernels idle, many
 /// leave the caches.)
@@ -65,20 +58,11 @@ pub struct PartRenderer<'a> {
     paths: Paths,
     next: Paths,
     light_rays: LightRays,
-    /// Paths that are shaded many at once, in order.
-    together: Vec<u32>,
-    /// Those that have left the scene or were scattered by media, if that
-    /// [is all there is to them](Self::is_simple).
-    missed: Vec<u32>,
-    /// All others, in order, and one material after the other.
-    others: Vec<u32>,
-    order: Vec<u32>,
-    /// The material of what each path of `others` has hit, one past the last for nothing, and where
-    /// those of each begin in `order`.
-    materials: Vec<u32>,
-    starts: Vec<u32>,
+    /// In which order paths are shaded, and by what, before the vertex function.
+    order: Order<'a>,
+    shaders: Vec<Box<dyn BatchShader<'a> + 'a>>,
     outputs: Outputs,
-    /// Lanes of [`Matte`], and some of them.
+    /// Lanes of a shader that are sound, and some of them.
     lanes: Vec<u32>,
     kept: Vec<u32>,
     samples: Vec<Sample>,
@@ -92,16 +76,11 @@ pub struct PartRenderer<'a> {
     pub journal: Option<Journal>,
     /// What covers each sample.
     covering: Vec<u64>,
-    /// What layers show of surfaces, if they show any.
-    shown: Option<Box<PlainShown<'a>>>,
+    /// What AOVs show of surfaces, if they show any.
+    first_surfaces: Option<Box<FirstSurfaces<'a>>>,
     light_parts: &'a LightParts,
     /// What media need, where there are any and the integrator knows of them.
     volumes: Option<VolumeBatch<'a>>,
-    /// What is shaded many at once.
-    matte: Option<Box<Matte<'a>>>,
-    specular: Option<Box<SpecularBatch<'a>>>,
-    scattered: Option<Box<ScatteredVertices>>,
-    surfaces: Option<Box<SurfaceVertices<'a>>>,
 }
 
 /// What a sample has collected.
@@ -143,14 +122,14 @@ impl<'a> PartRenderer<'a> {
         tracer: Tracer<'a>,
     ) -> Self {
         let (scene, eye) = (context.scene, camera.eye.as_vec3());
-        let sees_media = context.settings.integrator.sees_media();
-        let volumes = if sees_media { VolumeBatch::new(&context, sampler, eye) } else { None };
+        let volumes = match context.settings.integrator.is_path() {
+            true => VolumeBatch::new(&context, sampler, eye),
+            false => None,
+        };
         let shade = context.settings.integrator.vertex_function();
-        let matte = Matte::new(&context, sampler);
-        let specular = SpecularBatch::new(&context, sampler);
-        let scattered = ScatteredVertices::new(&context, sampler).map(Box::new);
-        let surfaces = SurfaceVertices::new(&context, sampler).map(Box::new);
-        let shown = PlainShown::for_layers(&context).map(Box::new);
+        let matte = MatteSurfaces::new(&context);
+        let shaders = batch::shaders(&context, sampler, matte.as_ref());
+        let first_surfaces = FirstSurfaces::for_aovs(&context).map(Box::new);
         let view = camera.view(context.settings.size);
         let settings = context.settings;
         let stands_still = settings.later_cameras.is_empty();
@@ -171,12 +150,8 @@ impl<'a> PartRenderer<'a> {
             paths: Paths::new(is_plain),
             next: Paths::new(is_plain),
             light_rays: LightRays::default(),
-            together: Vec::new(),
-            missed: Vec::new(),
-            others: Vec::new(),
-            order: Vec::new(),
-            materials: Vec::new(),
-            starts: Vec::new(),
+            order: Order::new(matte),
+            shaders,
             outputs: Outputs::default(),
             lanes: Vec::new(),
             kept: Vec::new(),
@@ -187,13 +162,9 @@ impl<'a> PartRenderer<'a> {
             recorder: None,
             journal: None,
             covering: Vec::new(),
-            shown,
+            first_surfaces,
             light_parts,
             volumes,
-            matte,
-            specular,
-            scattered,
-            surfaces,
         }
     }
 
@@ -349,58 +320,63 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Calls the vertex function on every path, grouped by material, and adds what the light rays
-    /// bring.
+    /// Shades the vertices that the paths have come to, and adds what their light rays bring: each
+    /// by the first shader that accepts it, or by the vertex function.
     fn shade_batch(&mut self, depth: u32, statistics: &mut Statistics) {
         if self.context.settings.integrator == IntegratorKind::Aov {
             return;
         }
-        self.group();
-        let together = std::mem::take(&mut self.together);
-        for paths in together.chunks(LANES) {
-            self.shade_matte(depth, paths);
-            if self.light_rays.rays.len() >= MAX_BATCH {
-                self.trace_light_rays(statistics);
-            }
-        }
-        self.together = together;
-        let order = std::mem::take(&mut self.order);
-        let mut rest = order.as_slice();
+        self.sort();
+        let (order, mut shaders) = (take(&mut self.order.paths), take(&mut self.shaders));
+        let mut rest = &order[..];
         while let Some(&first) = rest.first() {
-            let count = match (self.matte_beginning(rest), self.specular_beginning(depth, rest)) {
-                (0, 0) => {
-                    let count = self.surfaces_beginning(depth, rest);
-                    match count {
-                        0 => self.shade_one(depth, first as usize),
-                        _ => self.shade_surfaces(depth, &rest[..count]),
-                    }
-                    count
+            let batch = self.batch(depth);
+            let accepting = shaders.iter_mut().find_map(|shader| {
+                let count = shader.accepts(&batch, rest);
+                (count > 0).then_some((shader, count))
+            });
+            let (now, later) = rest.split_at(accepting.as_ref().map_or(1, |&(_, count)| count));
+            match accepting {
+                Some((shader, _)) => {
+                    shader.shade(&batch, now);
+                    self.collect_shaded(depth, &**shader);
                 }
-                (0, count) => {
-                    self.shade_specular(depth, &rest[..count]);
-                    count
-                }
-                (count, _) => {
-                    self.shade_matte(depth, &rest[..count]);
-                    count
-                }
-            };
-            rest = &rest[count.max(1)..];
+                None => self.shade_one(depth, first as usize),
+            }
+            rest = later;
             if self.light_rays.rays.len() >= MAX_BATCH {
                 self.trace_light_rays(statistics);
             }
         }
-        self.order = order;
-        let missed = std::mem::take(&mut self.missed);
-        self.shade_nothing_hit(depth, &missed, statistics);
-        self.missed = missed;
+        (self.order.paths, self.shaders) = (order, shaders);
         self.trace_light_rays(statistics);
     }
 
-    /// The numbers of the vertex that a path has come to.
-    fn random_at(&self, depth: u32, path: usize) -> Random {
-        let key = self.keys[self.paths.samples[path] as usize];
-        self.sampler.numbers_of(key).at_vertex(self.paths.carried[path].stream, depth)
+    /// Sorts paths, so that shaders find many of a kind.
+    fn sort(&mut self) {
+        let (scene, hits) = (self.context.scene, &self.paths.hits[..self.paths.len()]);
+        match self.context.settings.integrator.is_path() && !self.is_watched() {
+            true => {
+                let media = self.volumes.as_ref().map(VolumeBatch::surroundings);
+                self.order.matte_first(scene, hits, media.as_ref());
+            }
+            false => self.order.by_material(scene, hits),
+        }
+    }
+
+    /// The vertices that the paths have come to, as shaders see them.
+    fn batch(&self, depth: u32) -> Batch<'_, 'a> {
+        Batch {
+            context: &self.context,
+            sampler: self.sampler,
+            depth,
+            paths: &self.paths,
+            keys: &self.keys,
+            materials: &self.order.materials,
+            media: self.volumes.as_ref().map(VolumeBatch::surroundings),
+            is_watched: self.is_watched(),
+            has_journal: self.journal.is_some(),
+        }
     }
 
     /// True if somebody wants to know more of vertices than the light they bring.
@@ -408,174 +384,7 @@ impl<'a> PartRenderer<'a> {
         self.journal.is_some() || self.recorder.is_some()
     }
 
-    /// The paths as they come to vertices.
-    fn arriving(&self) -> Arriving<'_> {
-        let Paths { rays, hits, carried, samples, .. } = &self.paths;
-        Arriving { rays, hits, carried, samples, keys: &self.keys, rest: self.paths.rests() }
-    }
-
-    /// True if light is dimmed or parts of it are layers of their own.
-    fn is_told_apart(&self) -> bool {
-        self.context.settings.clamp.is_some() || !self.light_parts.is_empty()
-    }
-
-    /// Which paths are shaded together, and in which order the others.
-    fn group(&mut self) {
-        let (count, is_simple) = (self.paths.len(), self.is_simple());
-        let lists = [&mut self.together, &mut self.missed, &mut self.others];
-        if !is_simple {
-            lists.into_iter().for_each(Vec::clear);
-            self.others.extend(0..count as u32);
-            return self.group_by_material();
-        }
-        // Nobody sees in which order they come: each sample has one path.
-        let [together, missed, others] = lists.map(|list| {
-            list.resize(count, 0);
-            &mut list[..count]
-        });
-        let mut counts = [0; 3];
-        for (path, hit) in (0..).zip(&self.paths.hits[..count]) {
-            let is_matte = self
-                .matte
-                .as_ref()
-                .is_some_and(|matte| matte.surfaces.has(self.context.scene, hit));
-            let is_missed = !hit.is_hit();
-            // (Written to all three: what is known of hits is no good for branches.)
-            (together[counts[0]], missed[counts[1]], others[counts[2]]) = (path, path, path);
-            counts[0] += usize::from(is_matte);
-            counts[1] += usize::from(is_missed);
-            counts[2] += usize::from(!is_matte & !is_missed);
-        }
-        self.together.truncate(counts[0]);
-        self.missed.truncate(counts[1]);
-        self.others.truncate(counts[2]);
-        self.group_by_material();
-    }
-
-    /// Others of one material one after the other; those of one sample stay in order, so that sums
-    /// have one order.
-    fn group_by_material(&mut self) {
-        let (scene, others) = (self.context.scene, &self.others);
-        self.order.clear();
-        if others.is_empty() {
-            return;
-        }
-        // What hits nothing comes last.
-        let last = scene.materials.len();
-        let key = |hit: &Hit| if hit.is_hit() { scene.material_id(hit).index() } else { last };
-        self.materials.resize(self.paths.len(), 0);
-        for &path in others {
-            self.materials[path as usize] = key(&self.paths.hits[path as usize]) as u32;
-        }
-        let keys = &self.materials;
-        self.order.extend(others);
-        if last > others.len() {
-            self.order.sort_by_key(|&path| keys[path as usize]);
-            return;
-        }
-        // By counting: first how many there are of each, then where those of each begin.
-        self.starts.clear();
-        self.starts.resize(last + 2, 0);
-        others.iter().for_each(|&path| self.starts[keys[path as usize] as usize + 1] += 1);
-        (0..=last).for_each(|key| self.starts[key + 1] += self.starts[key]);
-        for &path in others {
-            let at = &mut self.starts[keys[path as usize] as usize];
-            self.order[*at as usize] = path;
-            *at += 1;
-        }
-    }
-
-    /// True if what `path` and `direct` find outside of the scene is all that matters of it.
-    fn is_simple(&self) -> bool {
-        let integrator = self.context.settings.integrator;
-        matches!(integrator, IntegratorKind::Path | IntegratorKind::Direct) && !self.is_watched()
-    }
-
-    /// True if vertices that are worked on many at once must tell by what light is scattered there.
-    fn wants_lobes(&self, depth: u32) -> bool {
-        self.context.wants_lobes && depth == 0
-    }
-
-    /// The same as [`Self::shade_one`] for paths that hit nothing: that leave the scene, or that
-    /// media have scattered.
-    fn shade_nothing_hit(&mut self, depth: u32, paths: &[u32], statistics: &mut Statistics) {
-        let Some(volumes) = &self.volumes else { return self.shade_misses(depth, paths) };
-        let is_scattered = |path: &&u32| volumes.scattered[**path as usize].is_some();
-        let (scattered, leaving): (Vec<u32>, Vec<u32>) = paths.iter().partition(is_scattered);
-        self.shade_misses(depth, &leaving);
-        for paths in scattered.chunks(LANES) {
-            self.shade_scattered(depth, paths);
-            if self.light_rays.rays.len() >= MAX_BATCH {
-                self.trace_light_rays(statistics);
-            }
-        }
-    }
-
-    /// The same as [`Self::shade_one`] for paths that leave the scene.
-    fn shade_misses(&mut self, depth: u32, paths: &[u32]) {
-        if self.context.scene.is_dark_outside() {
-            return;
-        }
-        let sky = plain_sky(&self.context, depth);
-        let color = sky.and_then(EnvironmentLight::constant);
-        let constant = color
-            .filter(|_| self.paths.is_plain())
-            .map(|color| ColorMode::Rgb.rgb_illuminant(color));
-        let is_spectral = self.context.settings.color == ColorModel::Spectral;
-        let spectrum = color.filter(|_| is_spectral).map(RgbSpectrum::of_light);
-        for paths in paths.chunks(LANES) {
-            self.shade_misses_of(depth, paths, (sky, constant), spectrum.as_ref());
-        }
-    }
-
-    /// The same for at most [`LANES`] paths.
-    fn shade_misses_of(
-        &mut self,
-        depth: u32,
-        paths: &[u32],
-        (sky, constant): (Option<&EnvironmentLight>, Option<SampledSpectrum>),
-        spectrum: Option<&RgbSpectrum>,
-    ) {
-        let (scene, rays) = (self.context.scene, &self.paths.rays);
-        let image = scene.environment.as_ref().filter(|sky| sky.constant().is_none());
-        let places = image.map_or(NO_PLACES, |sky| {
-            let directions = paths.iter().map(|&path| rays[path as usize].direction);
-            places_of(sky, directions, scene.world.simd().wide())
-        });
-        for (lane, &path) in paths.iter().enumerate() {
-            let path = path as usize;
-            let place = Vec2::new(places[0][lane], places[1][lane]);
-            let (ray, carried, sample) = (
-                &self.paths.rays[path],
-                &self.paths.carried[path],
-                self.paths.samples[path] as usize,
-            );
-            let radiance = if carried.throughput.is_black() {
-                continue;
-            } else if let Some(radiance) = constant {
-                carried.throughput * radiance
-            } else if let (Some(spectrum), ColorMode::Spectral(wavelengths)) =
-                (spectrum, self.paths.rest(path).mode)
-            {
-                carried.throughput * ColorMode::light_at(&wavelengths, spectrum)
-            } else if let Some(sky) = sky {
-                carried.throughput * sky.radiance_at(place, self.paths.rest(path).mode)
-            } else {
-                let state = &self.paths.state(path);
-                let vertex = Vertex {
-                    depth,
-                    ray,
-                    state,
-                    random: self.sampler.numbers_of(self.keys[sample]),
-                    surface: None,
-                    medium: None,
-                };
-                escaped_to(&self.context, &vertex, |_| place).0
-            };
-            self.take_found(path, depth, radiance);
-        }
-    }
-
+    /// Calls the vertex function.
     fn shade_one(&mut self, depth: u32, path: usize) {
         let scene = self.context.scene;
         if self.paths.is_dead(path) {
@@ -584,16 +393,13 @@ impl<'a> PartRenderer<'a> {
         let (ray, hit, state) =
             (&self.paths.rays[path], &self.paths.hits[path], self.paths.state(path));
         let interaction = hit.is_hit().then(|| self.paths.interaction(scene, path));
-        let outside_ior = self
-            .volumes
-            .as_ref()
-            .filter(|_| hit.is_hit())
-            .map_or(1.0, |v| v.outside_ior(path, hit));
+        let batch = self.batch(depth);
+        let outside_ior = if hit.is_hit() { batch.outside_ior(path) } else { 1.0 };
         let surface = interaction
             .as_ref()
             .map(|interaction| self.paths.surface(scene, path, interaction, outside_ior));
-        let random = self.random_at(depth, path);
-        let medium = self.volumes.as_ref().and_then(|v| v.scattered[path]);
+        let random = batch.random(path);
+        let medium = batch.media.and_then(|media| media.scattered[path]);
         let vertex = Vertex { depth, ray, state: &state, random, surface, medium };
         self.outputs.clear();
         (self.shade)(&self.context, &vertex, &mut self.outputs);

@@ -1,12 +1,12 @@
 //! Batches of paths and light rays through media: all are traced, those that pass a surface are
 //! traced again, until all have arrived.
 
-use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
+use crate::batch::paths::{LightRays, Paths};
 use crate::integrator::{Context, MediumVertex};
 use crate::sampler::{Random, Sampler};
 use crate::volume::{
-    AlikeWays, Crossings, Filling, KnownInsides, Numbers, Walker, end_of, length_to,
+    AlikeWays, Crossings, Filling, KnownInsides, Numbers, Surroundings, Walker, end_of, length_to,
 };
 use snell_intersect::{Grouping, Hit, SurfaceInteraction, SurfacePoint};
 use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec3};
@@ -292,9 +292,10 @@ impl<'a> VolumeBatch<'a> {
         }
     }
 
-    /// Index of refraction on the outer side of the surface that a path is at.
-    pub fn outside_ior(&self, path: usize, hit: &Hit) -> f32 {
-        self.walker.outside_ior(self.known.get(self.insides[path]), hit)
+    /// What is around the paths.
+    pub fn surroundings(&self) -> Surroundings<'_> {
+        let Self { walker, known, insides, scattered, .. } = self;
+        Surroundings { walker, known, insides, scattered }
     }
 
     /// Notes the insides of the rays that a vertex sends out. Of its surface, the whole is asked

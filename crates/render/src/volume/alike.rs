@@ -3,7 +3,7 @@
 
 use super::Numbers;
 use crate::integrator::dimension;
-use crate::integrator::lanes::{LANES, ZERO, color_at, put_color};
+use crate::lanes::{LANES, ZERO, color_at, put_color};
 use crate::sampler::{ManyRandoms, Random, Sampler};
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::Wide;

@@ -2,7 +2,7 @@
 //! [`snell_intersect::SurfacePoint`] says of each, bit for bit.
 
 use crate::compile::CompiledScene;
-use crate::integrator::lanes::{LANES, ZERO, at, put};
+use crate::lanes::{LANES, ZERO, at, put};
 use snell_intersect::triangles::{HitVectors, PlainMesh};
 use snell_intersect::{GeometryId, Hit, RayQuery, SurfacePoint, TriangleHits, TrianglePoints};
 use snell_math::simd::Wide;

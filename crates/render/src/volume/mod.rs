@@ -10,7 +10,7 @@
 //! worked out 64 at a time ([`Crossings`]), and so is what becomes of them in media that are the
 //! same everywhere ([`AlikeWays`]). In a Cornell box around a cube of fog, all but tracing took
 //! 2,000 ns a sample before: 1,300 with numbers and crossings, 1,000 with ways and vertices
-//! (`integrator/scattered.rs`) in lanes too. What is left is spread thin: putting things into lanes
+//! (`batch/media.rs`) in lanes too. What is left is spread thin: putting things into lanes
 //! and taking them out again costs more than the arithmetic.
 
 mod alike;
@@ -18,6 +18,7 @@ mod crossings;
 mod insides;
 mod known;
 mod numbers;
+mod surroundings;
 #[cfg(test)]
 mod tests;
 mod walk;
@@ -27,4 +28,5 @@ pub use crossings::Crossings;
 pub use insides::{Filling, Insides, OwnMedia};
 pub use known::KnownInsides;
 pub use numbers::Numbers;
+pub use surroundings::Surroundings;
 pub use walk::{LightStep, PathStep, Walker, end_of, length_to};

@@ -3,6 +3,7 @@
 use super::{MAX_TREE, PartRenderer};
 use crate::integrator::light_part::{LightSource, LightTag, LobeShares, Scatterings};
 use crate::job::journal::{Event, Shaded};
+use crate::job::volumes::VolumeBatch;
 use snell_math::SampledSpectrum;
 
 impl PartRenderer<'_> {
@@ -11,10 +12,10 @@ impl PartRenderer<'_> {
         let (carried, sample) = (&self.paths.carried[path], self.paths.samples[path]);
         let (is_branched, throughput, time) =
             (carried.stream != 0, carried.throughput, self.paths.rest(path).time);
-        self.outputs.radiance = self.dimmed(depth > 1, self.outputs.radiance);
-        self.take_dimmed(path, depth, self.outputs.radiance);
+        self.outputs.radiance = self.clamped(depth > 1, self.outputs.radiance);
+        self.take_clamped(path, depth, self.outputs.radiance);
         for i in 0..self.outputs.light_rays.len() {
-            self.outputs.light_rays[i].1 = self.dimmed(depth > 0, self.outputs.light_rays[i].1);
+            self.outputs.light_rays[i].1 = self.clamped(depth > 0, self.outputs.light_rays[i].1);
         }
         if !self.light_parts.is_empty() {
             let source = self.outputs.light_source.unwrap_or_else(|| self.source_found(path));
@@ -42,16 +43,17 @@ impl PartRenderer<'_> {
     /// Writes down what a vertex gave, if that is wanted.
     fn note_in_journal(&mut self, path: usize) {
         let Some(journal) = &mut self.journal else { return };
-        let (hit, volumes) = (self.paths.hits[path], self.volumes.as_ref());
+        let hit = self.paths.hits[path];
+        let media = self.volumes.as_ref().map(VolumeBatch::surroundings);
         let outside_ior =
-            volumes.filter(|_| hit.is_hit()).map_or(1.0, |v| v.outside_ior(path, &hit));
+            media.filter(|_| hit.is_hit()).map_or(1.0, |media| media.outside_ior(path, &hit));
         journal.events.push(Event::Vertex(Box::new(Shaded {
             path,
             sample: self.paths.samples[path],
             ray: self.paths.rays[path],
             hit,
             state: self.paths.state(path),
-            medium: volumes.and_then(|v| v.scattered[path]),
+            medium: media.and_then(|media| media.scattered[path]),
             outside_ior,
             radiance: self.outputs.radiance,
             weights: self.outputs.weights,
@@ -64,10 +66,10 @@ impl PartRenderer<'_> {
     /// Adds light that a path has found to its sample, and to its layers.
     #[inline]
     pub(super) fn take_found(&mut self, path: usize, depth: u32, radiance: SampledSpectrum) {
-        self.take_dimmed(path, depth, self.dimmed(depth > 1, radiance));
+        self.take_clamped(path, depth, self.clamped(depth > 1, radiance));
     }
 
-    fn take_dimmed(&mut self, path: usize, depth: u32, radiance: SampledSpectrum) {
+    fn take_clamped(&mut self, path: usize, depth: u32, radiance: SampledSpectrum) {
         let sample = self.paths.samples[path];
         self.samples[sample as usize].radiance += radiance;
         if !self.light_parts.is_empty() {
@@ -77,9 +79,9 @@ impl PartRenderer<'_> {
         }
     }
 
-    /// Dims light that was scattered more than once, if that is asked for.
+    /// Clamps light that was scattered more than once, if that is asked for.
     #[inline]
-    pub(super) fn dimmed(
+    pub(super) fn clamped(
         &self,
         was_scattered_again: bool,
         light: SampledSpectrum,

@@ -2,8 +2,8 @@
 
 use super::PartRenderer;
 use crate::integrator::aov::{Aov, AovKind, FirstHit};
-use crate::integrator::lanes::LANES;
-use crate::integrator::shown::ShownSurface;
+use crate::integrator::first_surface::FirstSurface;
+use crate::lanes::LANES;
 use snell_intersect::{Hit, RayQuery};
 use snell_scene::Background;
 
@@ -41,10 +41,10 @@ impl PartRenderer<'_> {
         let filter = self.tracer.filter();
         for i in 0..self.paths.len() {
             let lane = i % LANES;
-            if let Some(shown) = self.shown.as_mut().filter(|_| lane == 0) {
-                shown.look_up(&self.context, &self.paths.rays[i..], &self.paths.hits[i..]);
+            if let Some(surfaces) = self.first_surfaces.as_mut().filter(|_| lane == 0) {
+                surfaces.look_up(&self.context, &self.paths.rays[i..], &self.paths.hits[i..]);
             }
-            let surface = self.shown_surface(lane, i);
+            let surface = self.first_surface(lane, i);
             let (ray, hit, time) =
                 (&self.paths.rays[i], &self.paths.hits[i], self.paths.rest(i).time);
             let counters = if counted {
@@ -64,14 +64,14 @@ impl PartRenderer<'_> {
 
     /// The surface that a camera ray has hit, if anybody wants to know; its lane has been looked
     /// up.
-    fn shown_surface(&self, lane: usize, path: usize) -> Option<ShownSurface> {
+    fn first_surface(&self, lane: usize, path: usize) -> Option<FirstSurface> {
         let (scene, paths) = (self.context.scene, &self.paths);
-        let shown = self.shown.as_ref().filter(|_| paths.hits[path].is_hit())?;
+        let surfaces = self.first_surfaces.as_ref().filter(|_| paths.hits[path].is_hit())?;
         let ray = &paths.rays[path];
-        shown.at(lane, ray, paths.rest(path).mode).or_else(|| {
+        surfaces.at(lane, ray, paths.rest(path).mode).or_else(|| {
             let interaction = paths.interaction(scene, path);
             let surface = paths.surface(scene, path, &interaction, 1.0);
-            Some(ShownSurface::of(&self.context, ray, &surface, shown.needs()))
+            Some(FirstSurface::of(&self.context, ray, &surface, surfaces.needs()))
         })
     }
 }

@@ -5,7 +5,7 @@ use crate::integrator::camera_path::{
     FILM, LENS, TIME, WAVELENGTH, camera_path, film_point, path_of,
 };
 use crate::integrator::carried::{Carried, Rest};
-use crate::integrator::lanes::LANES;
+use crate::lanes::LANES;
 use crate::sampler::{ManyRandoms, SampleKey};
 use snell_math::simd::Wide;
 use snell_math::{

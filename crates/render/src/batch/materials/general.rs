@@ -1,42 +1,44 @@
-//! What `path` and `direct` do at surfaces of any kind, at many vertices at once: the same as
-//! [`super::path`], bit for bit. Lights, random numbers, roulette and rays are worked on in loops
-//! that become vector code; how the surface scatters is asked together where many are of one
-//! material of a kind that can ([`super::together`]), else one by one.
-//!
-//! As with [`super::matte`], which vertices come here depends on the scene and the settings alone,
-//! and no lane looks at another.
+//! What `path` and `direct` do at surfaces of any kind ([`crate::integrator::path`]). Lights, random
+//! numbers, roulette and rays are worked on in loops that become vector code; how the surface
+//! scatters is asked for many vertices of one material at once where its BSDF can
+//! ([`super::bsdf_batch`]), else one by one.
 
-use super::carried::Expected;
-use super::estimators::{Arrival, lift_of_opaque};
-use super::guided::GuidedBsdf;
-use super::lanes::{
-    Arriving, BLACK, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, LitColumns,
-    OtherPoint, RayColumns, Roulette, VertexLanes, ZERO, at, at_level_by_color, color_at, put,
-    put_color,
+use super::bsdf_batch::{Seen, Together};
+use super::specular::specular_part;
+use crate::batch::direct_light::{DirectLight, VertexOutputs};
+use crate::batch::lights::{ALONE, DARK, LightArrivals, LightSamples, Skins, ray_origin};
+use crate::batch::paths::Paths;
+use crate::batch::plain_surfaces::{Bends, Frames, PlainSurface};
+use crate::batch::vertices::{CarriedLanes, OtherPoint, RayColumns, Roulette, VertexLanes};
+use crate::batch::{Batch, BatchShader, Shaded};
+use crate::integrator::carried::Expected;
+use crate::integrator::estimators::{Arrival, lift_of_opaque};
+use crate::integrator::guided::GuidedBsdf;
+use crate::integrator::path::{DrawnLight, Scatterer, shining, weighted_sample};
+use crate::integrator::{Context, Vertex, dimension, outgoing};
+use crate::lanes::{
+    BLACK, ENDLESS, HitColors, LANES, ZERO, at, at_level_by_color, color_at, put, put_color,
 };
-use super::lights::{ALONE, DARK, LightArrivals, LightSamples, Skins, ray_origin};
-use super::lit::{LitLanes, LitOutputs};
-use super::path::{DrawnLight, Scatterer, shining, weighted_sample};
-use super::plain_surfaces::{Bends, Frames, PlainSurface};
-use super::together::{Seen, Together};
-use super::{Context, IntegratorKind, SurfaceVertex, Vertex, dimension, outgoing};
 use crate::light_sampler::{Receiver, Receivers};
 use crate::sampler::Sampler;
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::{ColorModel, Frame, SampledSpectrum, Vec2, Vec3};
-use snell_scene::material::{FrameNeeds, Prepared};
+use snell_scene::Material;
+use snell_scene::material::FrameNeeds;
 
-/// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
+/// Shades vertices on surfaces of any kind.
 #[derive(Debug)]
-pub struct SurfaceVertices<'a> {
+pub struct GeneralShader<'a> {
+    /// By material: whether it accepts vertices on it.
+    accepts: Vec<bool>,
+    /// Paths and the light that each has found.
+    found: Vec<(u32, SampledSpectrum)>,
     lanes: VertexLanes,
     color: ColorModel,
     /// By geometry.
     plain: Vec<Option<PlainSurface<'a>>>,
     /// Lanes on these.
     on_plain: Vec<(usize, PlainSurface<'a>)>,
-    /// How many lanes are told what they are on.
-    told: usize,
     /// What scatters, and which of these it is in each lane: [`NONE`] where none is known.
     scatterers: Vec<Scatterer<'a>>,
     scatterer_of: [u32; LANES],
@@ -54,7 +56,7 @@ pub struct SurfaceVertices<'a> {
     /// How the surfaces scatter light from where it comes from.
     scattered: Scattered,
     bounces: Bounces,
-    lit: LitLanes,
+    lit: DirectLight,
     /// Light samples of lanes that are worked on together.
     alone: Vec<Alone>,
 }
@@ -70,7 +72,7 @@ struct Alone {
 
 /// See [`GuidedBsdf::eval_and_pdf`].
 #[derive(Debug)]
-pub(super) struct Scattered {
+pub struct Scattered {
     /// By channel.
     pub value: HitColors,
     pub pdf: HitLanes,
@@ -78,7 +80,7 @@ pub(super) struct Scattered {
 
 /// Where paths go on.
 #[derive(Debug)]
-pub(super) struct Bounces {
+pub struct Bounces {
     pub wi: HitVectors,
     origin: HitVectors,
     /// 0 for delta lobes.
@@ -98,22 +100,27 @@ pub(super) struct Bounces {
 /// No scatterer.
 const NONE: u32 = u32::MAX;
 
-impl<'a> SurfaceVertices<'a> {
-    /// `None` if vertices on surfaces are to be worked on one by one.
+impl<'a> GeneralShader<'a> {
+    /// `None` unless the integrator is `path` or `direct`.
     pub fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
-        let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct);
-        let wide = scene.world.simd().wide().filter(|_| is_for)?;
+        let wide = scene.world.simd().wide().filter(|_| settings.integrator.is_path())?;
+        // What disperses light changes what else a path carries.
+        let is_spectral = settings.color == ColorModel::Spectral;
+        let accepts = |material: &Material| {
+            specular_part(context, material).is_none() && !(is_spectral && material.is_dispersive())
+        };
         let number = [0.0; LANES];
         let plain = (0..scene.world.geometry_count() as u32)
             .map(|id| PlainSurface::of(context, id))
             .collect();
         Some(Self {
+            accepts: scene.materials.iter().map(accepts).collect(),
+            found: Vec::with_capacity(LANES),
             lanes: VertexLanes::new(sampler, Some(wide)),
             color: settings.color,
             plain,
             on_plain: Vec::with_capacity(LANES),
-            told: 0,
             scatterers: Vec::with_capacity(LANES),
             scatterer_of: [NONE; LANES],
             together: Together::new(settings.color),
@@ -135,49 +142,56 @@ impl<'a> SurfaceVertices<'a> {
                 is_delta: [0; LANES],
                 exists: [0; LANES],
             },
-            lit: LitLanes { lights: LightSamples::new(settings.color), ..LitLanes::default() },
+            lit: DirectLight {
+                lights: LightSamples::new(settings.color),
+                ..DirectLight::default()
+            },
             alone: Vec::new(),
         })
     }
 
-    /// Takes the paths with these numbers ([`VertexLanes::start`]). What they have hit must follow
-    /// for each lane.
-    pub fn start(&mut self, sampler: &Sampler, from: &Arriving, paths: &[u32], depth: u32) {
-        self.lanes.start(sampler, from, paths, depth);
+    /// Puts the vertices of these paths into the lanes, and notes the light that is found there.
+    fn gather(&mut self, batch: &Batch<'_, 'a>, paths: &[u32]) {
+        self.lanes.start(batch, paths);
+        self.found.clear();
         self.on_plain.clear();
-        self.told = 0;
         self.scatterers.clear();
         self.scatterer_of = [NONE; LANES];
         self.together.clear();
         self.turned.clear();
         self.turns = false;
         self.bends.clear();
+        for lane in 0..self.lanes.paths().len() {
+            let outside_ior = batch.outside_ior(self.lanes.paths()[lane] as usize);
+            if !self.put_plain(batch, lane, outside_ior) {
+                self.put_other(batch, lane, outside_ior);
+            }
+        }
     }
 
-    /// Says what the path of the next lane has hit, if it is a plain surface: then
-    /// [`Self::gather_plain`] must follow, once all lanes are told. `outside_ior` is the index of
-    /// refraction on its outer side.
-    pub fn is_plain(&mut self, context: &Context, from: &Arriving, outside_ior: f32) -> bool {
-        let lane = self.told;
+    /// Puts a vertex on a plain surface into a lane: [`Self::gather_plain`] must follow. False, and
+    /// nothing is done, if it is on another; `outside_ior` is the index of refraction on the outer
+    /// side of the surface.
+    fn put_plain(&mut self, batch: &Batch, lane: usize, outside_ior: f32) -> bool {
         let path = self.lanes.paths()[lane] as usize;
-        let hit = &from.hits[path];
+        let hit = &batch.paths.hits[path];
         let surface = self.plain.get(hit.geometry as usize).copied().flatten();
         let Some(surface) = surface.filter(|_| hit.instance == 0 && outside_ior == 1.0) else {
             return false;
         };
+        let ray = &batch.paths.rays[path];
         match surface.mesh {
             Some(_) => self.lanes.put_triangle(lane),
-            None if self.lanes.gather_shape(context, lane, &from.rays[path], hit) => {}
+            None if self.lanes.gather_shape(batch.context, lane, ray, hit) => {}
             None => return false,
         }
         self.on_plain.push((lane, surface));
         self.expect_frame(lane, surface.needs);
-        self.told += 1;
         true
     }
 
     /// Looks up the triangles of all lanes on plain surfaces.
-    pub fn gather_plain(&mut self, from: &Arriving) {
+    fn gather_plain(&mut self, from: &Paths) {
         let plain = &self.plain;
         self.lanes.gather_triangles(from, |hit| {
             plain[hit.geometry as usize].as_ref().and_then(|surface| surface.mesh.as_ref())
@@ -246,22 +260,23 @@ impl<'a> SurfaceVertices<'a> {
         self.transmits[lane] = receiver.transmits;
     }
 
-    /// Says what the path of the next lane has hit, if it is no plain surface, and gives the light
-    /// that it finds there. `prepared` is [`SurfaceVertex::prepared`].
-    pub fn gather(
-        &mut self,
-        context: &Context,
-        vertex: &Vertex,
-        surface: &SurfaceVertex,
-        prepared: &'a Prepared,
-    ) -> SampledSpectrum {
-        let point = surface.point(context.scene);
-        let (found, _) = shining(context, vertex, surface, &point);
-        if vertex.depth >= context.max_depth() {
-            return found;
+    /// Puts a vertex that is not on a plain surface into a lane.
+    fn put_other(&mut self, batch: &Batch<'_, 'a>, lane: usize, outside_ior: f32) {
+        let (context, number) = (batch.context, self.lanes.paths()[lane]);
+        let (scene, path) = (context.scene, number as usize);
+        let (state, interaction) = (batch.paths.state(path), batch.paths.interaction(scene, path));
+        let surface = &batch.paths.surface(scene, path, &interaction, outside_ior);
+        let prepared = scene.prepared(scene.material_id(surface.hit));
+        let ray = &batch.paths.rays[path];
+        let random = batch.random(path);
+        let vertex =
+            &Vertex { depth: batch.depth, ray, state: &state, random, surface: None, medium: None };
+        let point = surface.point(scene);
+        let (radiance, _) = shining(context, vertex, surface, &point);
+        self.found.push((number, radiance));
+        if batch.is_last() {
+            return;
         }
-        let lane = self.told;
-        self.told += 1;
         // (What a field has learnt is asked one by one.)
         let many = prepared.many_at(surface.material, &point).filter(|_| context.field.is_none());
         if let Some((many, at, needs)) = many {
@@ -286,7 +301,7 @@ impl<'a> SurfaceVertices<'a> {
             }
             self.together.put(lane, many, &at);
             self.transmits[lane] = many.transmits();
-            return found;
+            return;
         }
         let scatterer = Scatterer::new(context, vertex, surface, prepared, &point);
         self.note_receiver(lane, &scatterer.receiver);
@@ -295,13 +310,12 @@ impl<'a> SurfaceVertices<'a> {
             .put_point(lane, OtherPoint::of(surface.interaction, scatterer.receiver.normal, lift));
         self.scatterer_of[lane] = self.scatterers.len() as u32;
         self.scatterers.push(scatterer);
-        found
     }
 
     /// Works out what the lanes give.
-    pub fn shade(&mut self, context: &Context, depth: u32) {
+    fn shade_lanes(&mut self, context: &Context, depth: u32) {
         self.place(context);
-        let (wide, count) = (self.lanes.wide, self.told);
+        let (wide, count) = (self.lanes.wide, self.lanes.paths().len());
         let numbers = |dimension| self.lanes.randoms.numbers(dimension, wide);
         let choice = numbers(dimension::LOBE);
         let bounce = self.lanes.randoms.pairs(dimension::BSDF, wide);
@@ -357,7 +371,7 @@ impl<'a> SurfaceVertices<'a> {
                 known: &Known<'_> = &known,
                 arrivals: &mut LightArrivals = &mut self.lit.arrivals,
                 bounces: &mut Bounces = &mut self.bounces,
-                to: &mut LitOutputs = &mut self.lit.outputs,
+                to: &mut VertexOutputs = &mut self.lit.outputs,
             )
         );
         let Self { lanes, scatterers, scatterer_of, lit, .. } = self;
@@ -399,8 +413,7 @@ impl<'a> SurfaceVertices<'a> {
         }
     }
 
-    /// False for a vertex that must be worked on alone after all.
-    pub fn is_sound(&self, lane: usize) -> bool {
+    fn is_sound(&self, lane: usize) -> bool {
         self.lanes.points.is_sound[lane] != 0
     }
 
@@ -432,27 +445,41 @@ impl<'a> SurfaceVertices<'a> {
     }
 }
 
-impl Columns for SurfaceVertices<'_> {
-    fn vertices(&self) -> &VertexLanes {
-        &self.lanes
+impl<'a> BatchShader<'a> for GeneralShader<'a> {
+    fn accepts(&self, batch: &Batch<'_, 'a>, paths: &[u32]) -> usize {
+        if !batch.is_simple() || batch.wants_lobes() {
+            return 0;
+        }
+        let accepts = |path: &&u32| {
+            self.accepts.get(batch.materials[**path as usize] as usize).is_some_and(|&it| it)
+        };
+        paths.iter().take(LANES).take_while(accepts).count()
     }
 
-    fn goes_on(&self) -> &[u32; LANES] {
-        &self.lit.outputs.goes_on
+    fn shade(&mut self, batch: &Batch<'_, 'a>, paths: &[u32]) {
+        self.gather(batch, paths);
+        if batch.is_last() {
+            return self.lanes.clear();
+        }
+        self.gather_plain(batch.paths);
+        self.shade_lanes(batch.context, batch.depth);
     }
 
-    fn next_rays(&self) -> RayColumns<'_> {
-        RayColumns { origin: &self.bounces.origin, direction: &self.bounces.wi, end: &ENDLESS }
-    }
-
-    fn carried(&self) -> CarriedColumns<'_> {
-        self.lit.carried(&self.lanes, &self.bounces.eta_scale, &self.bounces.pdf, &self.facing)
-    }
-}
-
-impl LitColumns for SurfaceVertices<'_> {
-    fn light(&self) -> &LitLanes {
-        &self.lit
+    fn shaded(&self) -> Shaded<'_> {
+        let Self { lanes, lit, bounces, facing, .. } = self;
+        Shaded {
+            found: &self.found,
+            paths: lanes.paths(),
+            is_sound: &lanes.points.is_sound,
+            light: Some(lit),
+            goes_on: &lit.outputs.goes_on,
+            next_rays: RayColumns {
+                origin: &bounces.origin,
+                direction: &bounces.wi,
+                end: &ENDLESS,
+            },
+            carried: lit.carried(lanes, &bounces.eta_scale, &bounces.pdf, facing),
+        }
     }
 }
 
@@ -474,7 +501,7 @@ fn give<const CHANNELS: usize>(
     known: &Known,
     arrivals: &mut LightArrivals,
     bounces: &mut Bounces,
-    to: &mut LitOutputs,
+    to: &mut VertexOutputs,
 ) {
     let Known { carried, skins, transmits, scattered, radiance, is_guided, roulette } = *known;
     let survival = is_guided.then_some(&bounces.survival);

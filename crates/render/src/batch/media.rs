@@ -1,19 +1,15 @@
-//! What `path` and `direct` do where media scatter, at many vertices at once: the same as
-//! [`super::scattering`], bit for bit, in loops that become vector code.
-//!
-//! As with [`super::matte`], which vertices come here depends on the scene and the settings alone,
-//! and no lane looks at another.
+//! What `path` and `direct` do where media scatter ([`crate::integrator::scattering`]).
 
-use super::estimators::Arrival;
-use super::guided::unknown_survival;
-use super::lanes::{
-    Arriving, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, LitColumns,
-    RayColumns, Roulette, VertexLanes, ZERO, at, at_level_by_color, color_at, put,
-};
+use super::direct_light::{DirectLight, VertexOutputs};
 use super::lights::{LightArrivals, LightSamples, MediumPoints};
-use super::lit::{LitLanes, LitOutputs};
-use super::path::weighted_sample;
-use super::{Context, IntegratorKind, MediumVertex, dimension};
+use super::vertices::{CarriedLanes, RayColumns, Roulette, VertexLanes};
+use super::{Batch, BatchShader, Shaded};
+use crate::integrator::estimators::Arrival;
+use crate::integrator::guided::unknown_survival;
+use crate::integrator::light_part::LobeShares;
+use crate::integrator::path::weighted_sample;
+use crate::integrator::{Context, MediumVertex, dimension};
+use crate::lanes::{ENDLESS, HitColors, LANES, ZERO, at, at_level_by_color, color_at, put};
 use crate::light_sampler::Receivers;
 use crate::sampler::Sampler;
 use snell_intersect::triangles::{HitLanes, HitVectors};
@@ -21,13 +17,13 @@ use snell_math::simd::most;
 use snell_math::{ColorModel, SampledSpectrum, Vec2, Vec3, at_level};
 use snell_scene::medium::HenyeyGreenstein;
 
-/// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
+/// Shades vertices in media.
 #[derive(Debug)]
-pub struct ScatteredVertices {
+pub struct MediumShader {
     lanes: VertexLanes,
     color: ColorModel,
     phase: [HenyeyGreenstein; LANES],
-    lit: LitLanes,
+    lit: DirectLight,
     bounces: Bounces,
 }
 
@@ -38,33 +34,27 @@ struct Bounces {
     pdf: HitLanes,
 }
 
-impl ScatteredVertices {
-    /// `None` if vertices in media are to be worked on one by one.
+impl MediumShader {
+    /// `None` if there are no media, or the integrator knows of none.
     pub fn new(context: &Context, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
-        let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct)
-            && scene.volumes.is_some();
+        let is_for = settings.integrator.is_path() && scene.volumes.is_some();
         let wide = scene.world.simd().wide().filter(|_| is_for)?;
         Some(Self {
             lanes: VertexLanes::new(sampler, Some(wide)),
             color: settings.color,
             phase: [HenyeyGreenstein::new(0.0); LANES],
-            lit: LitLanes { lights: LightSamples::new(settings.color), ..LitLanes::default() },
+            lit: DirectLight {
+                lights: LightSamples::new(settings.color),
+                ..DirectLight::default()
+            },
             bounces: Bounces { wi: ZERO, pdf: [0.0; LANES] },
         })
     }
 
-    /// Puts vertices of this depth into the lanes: those of the paths with these numbers, at most
-    /// [`LANES`], of which the dead are left out. `scattered` says of a path where that was.
-    pub fn gather(
-        &mut self,
-        sampler: &Sampler,
-        from: &Arriving,
-        scattered: &[Option<MediumVertex>],
-        paths: &[u32],
-        depth: u32,
-    ) {
-        self.lanes.start(sampler, from, paths, depth);
+    /// Puts the vertices of these paths into the lanes.
+    fn gather(&mut self, batch: &Batch, scattered: &[Option<MediumVertex>], paths: &[u32]) {
+        self.lanes.start(batch, paths);
         for lane in 0..self.lanes.paths().len() {
             let path = self.lanes.paths()[lane] as usize;
             let Some(MediumVertex { position, phase, footprint }) = scattered[path] else {
@@ -77,7 +67,7 @@ impl ScatteredVertices {
     }
 
     /// Works out what the lanes give.
-    pub fn shade(&mut self, context: &Context, depth: u32) {
+    fn shade_lanes(&mut self, context: &Context, depth: u32) {
         let (wide, count) = (self.lanes.wide, self.lanes.paths().len());
         let bounce = self.lanes.randoms.pairs(dimension::BSDF, wide);
         let roulette = self.lanes.roulette(context, depth);
@@ -95,7 +85,7 @@ impl ScatteredVertices {
         self.lit.lights.arrivals(context.scene, to, &light, count, wide, &mut self.lit.arrivals);
         self.lit.lights.shine(context.scene, &self.lit.arrivals, &self.lanes.modes, count);
         let Self { lanes, phase, lit, .. } = self;
-        let LitLanes { lights, arrivals, outputs: given, .. } = lit;
+        let DirectLight { lights, arrivals, outputs: given, .. } = lit;
         at_level_by_color!(
             wide,
             self.color,
@@ -105,7 +95,7 @@ impl ScatteredVertices {
                 radiance: &HitColors = &lights.radiance,
                 arrivals: &LightArrivals = arrivals,
                 roulette: &Roulette = &roulette,
-                to: &mut LitOutputs = given,
+                to: &mut VertexOutputs = given,
             )
         );
         at_level!(
@@ -137,31 +127,43 @@ impl ScatteredVertices {
     }
 }
 
-impl Columns for ScatteredVertices {
-    fn vertices(&self) -> &VertexLanes {
-        &self.lanes
+impl<'a> BatchShader<'a> for MediumShader {
+    fn accepts(&self, batch: &Batch<'_, 'a>, paths: &[u32]) -> usize {
+        let Some(media) = batch.media.as_ref().filter(|_| batch.is_simple()) else { return 0 };
+        let is_scattered = |path: &&u32| media.scattered[**path as usize].is_some();
+        paths.iter().take(LANES).take_while(is_scattered).count()
     }
 
-    fn goes_on(&self) -> &[u32; LANES] {
-        &self.lit.outputs.goes_on
-    }
-
-    fn next_rays(&self) -> RayColumns<'_> {
-        RayColumns {
-            origin: &self.lanes.points.position,
-            direction: &self.bounces.wi,
-            end: &ENDLESS,
+    fn shade(&mut self, batch: &Batch<'_, 'a>, paths: &[u32]) {
+        self.lanes.clear();
+        if let Some(media) = batch.media.as_ref().filter(|_| !batch.is_last()) {
+            self.gather(batch, media.scattered, paths);
+            self.shade_lanes(batch.context, batch.depth);
         }
     }
 
-    fn carried(&self) -> CarriedColumns<'_> {
-        self.lit.carried(&self.lanes, &self.lanes.carried.eta_scale, &self.bounces.pdf, &ZERO)
+    fn shaded(&self) -> Shaded<'_> {
+        let Self { lanes, lit, bounces, .. } = self;
+        Shaded {
+            paths: lanes.paths(),
+            light: Some(lit),
+            goes_on: &lit.outputs.goes_on,
+            next_rays: RayColumns {
+                origin: &lanes.points.position,
+                direction: &bounces.wi,
+                end: &ENDLESS,
+            },
+            carried: lit.carried(lanes, &lanes.carried.eta_scale, &bounces.pdf, &ZERO),
+            ..Shaded::NONE
+        }
     }
-}
 
-impl LitColumns for ScatteredVertices {
-    fn light(&self) -> &LitLanes {
-        &self.lit
+    fn lobe(&self, _lane: usize) -> LobeShares {
+        LobeShares::VOLUME
+    }
+
+    fn may_cross(&self, _lane: usize) -> [bool; 2] {
+        [false, false]
     }
 }
 
@@ -172,7 +174,7 @@ fn give<const CHANNELS: usize>(
     radiance: &HitColors,
     arrivals: &LightArrivals,
     roulette: &Roulette,
-    to: &mut LitOutputs,
+    to: &mut VertexOutputs,
 ) {
     for i in 0..LANES {
         to.bring(i, carried, [arrivals.share[i]; CHANNELS], radiance, arrivals);
@@ -210,7 +212,7 @@ fn bounce_off(
 
 #[cfg(test)]
 mod tests {
-    use super::super::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
     use crate::compile::Moving;
     use crate::sampler::SamplerKind;
     use crate::{IntegratorKind, LightStrategy, Settings};

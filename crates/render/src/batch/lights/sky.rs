@@ -1,8 +1,8 @@
 //! Light samples from an environment that is an image: the tables are asked one by one, the rest is
 //! worked out for many at once. And where paths look it up that leave the scene.
 
-use super::lanes::{LANES, ZERO, at, put};
-use super::lights::{LightArrivals, Scatterers};
+use super::{LightArrivals, Scatterers};
+use crate::lanes::{LANES, ZERO, at, put};
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::{Wide, marked};
 use snell_math::{Mat3, Vec2, Vec3, at_level, sampling};

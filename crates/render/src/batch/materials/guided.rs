@@ -1,12 +1,13 @@
-//! What [`super::guided`] does at Lambertian surfaces, at many vertices at once, bit for bit.
+//! What [`crate::integrator::guided`] does at Lambertian surfaces, at many vertices at once, bit for bit.
 
-use super::guided::{expected_survival, mixed_pdf};
-use super::lanes::{CarriedLanes, HitColors, LANES, ZERO, at, put};
-use super::lights::{LightArrivals, Scatterers, Surfaces};
+use crate::batch::lights::{LightArrivals, Scatterers, Surfaces};
+use crate::batch::vertices::CarriedLanes;
 use crate::guiding::density::coordinates;
 use crate::guiding::directional::{direction_from_square, square_from_direction};
 use crate::guiding::parallax::{Parallax, from_anchor, to_place};
 use crate::guiding::{Field, Known};
+use crate::integrator::guided::{expected_survival, mixed_pdf};
+use crate::lanes::{HitColors, LANES, ZERO, at, put};
 use crate::light_sampler::Receivers;
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::{Wide, marked, most};
@@ -39,7 +40,7 @@ pub struct GuidedLanes {
     pdf: HitLanes,
     /// What paths of throughput 1 are expected to bring, 0 where nothing is known.
     brings: HitLanes,
-    /// As [`super::guided::GuidedBsdf::survival`] gives it.
+    /// As [`crate::integrator::guided::GuidedBsdf::survival`] gives it.
     pub survival: HitLanes,
     pub expected: HitLanes,
 }
@@ -282,7 +283,7 @@ fn weigh(guided: &GuidedLanes, to: &mut Directions) {
     }
 }
 
-/// As [`super::guided::GuidedBsdf::survival`].
+/// As [`crate::integrator::guided::GuidedBsdf::survival`].
 #[inline(always)]
 fn play(guided: &mut GuidedLanes, carried: &CarriedLanes, reflectance: &HitColors) {
     for i in 0..LANES {

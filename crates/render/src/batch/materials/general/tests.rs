@@ -1,4 +1,4 @@
-use super::super::twins::{assert_alike_at_every_level, every_second_node};
+use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
 use crate::compile::Moving;
 use crate::sampler::SamplerKind;
 use crate::{Guiding, IntegratorKind, LightStrategy, Settings};

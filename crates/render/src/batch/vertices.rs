@@ -1,67 +1,24 @@
 //! Vertices side by side, for what works on many at once: where paths have come to surfaces, and
 //! what they carry.
 
-use super::carried::{Carried, Marks, Rest};
-use super::estimators::{Arrival, Skin};
-use super::lit::LitLanes;
-use super::{Context, dimension};
-use crate::sampler::{ManyRandoms, SampleKey, Sampler};
+use super::Batch;
+use super::paths::Paths;
+use crate::integrator::carried::{Carried, Marks, Rest};
+use crate::integrator::estimators::{Arrival, Skin};
+use crate::integrator::{Context, dimension};
+use crate::lanes::{BLACK, HitColors, LANES, ZERO, at, color_at, put, put_color};
+use crate::sampler::{ManyRandoms, Sampler};
 use crate::settings::Terminator;
-use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh, TRIANGLE_HITS};
+use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
 use snell_intersect::{Hit, SphereHits, SurfaceInteraction, TriangleHits, TrianglePoints};
 use snell_math::simd::{Wide, least};
-use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
-use snell_scene::MediumId;
-
-/// Most vertices at once.
-pub const LANES: usize = TRIANGLE_HITS;
-
-/// A vector of zero in every lane.
-pub const ZERO: HitVectors = [[0.0; LANES]; 3];
-
-/// A spectrum for each lane, by channel: the fourth is zero in [`ColorMode::Rgb`].
-pub type HitColors = [HitLanes; SPECTRUM];
-const SPECTRUM: usize = snell_math::spectrum::LANES;
-
-/// Nothing in every lane.
-pub const BLACK: HitColors = [[0.0; LANES]; SPECTRUM];
-
-/// [`snell_math::at_level`] of a function of so many channels as paths of a model of colour have.
-macro_rules! at_level_by_color {
-    ($wide:expr, $color:expr, $function:ident, ($($arguments:tt)*)) => {
-        match $color {
-            snell_math::ColorModel::Rgb => {
-                snell_math::at_level!($wide, $function::<3>, ($($arguments)*))
-            }
-            snell_math::ColorModel::Spectral => {
-                snell_math::at_level!($wide, $function::<4>, ($($arguments)*))
-            }
-        }
-    };
-}
-pub(super) use at_level_by_color;
+use snell_math::{ColorMode, Ray, Vec3};
 
 /// Marks of each lane.
 pub type MarkLanes = [Marks; LANES];
 
 /// No marks in every lane.
 pub const UNMARKED: MarkLanes = [Marks::NONE; LANES];
-
-/// Paths that have come to surfaces.
-#[derive(Clone, Copy, Debug)]
-pub struct Arriving<'a> {
-    /// Their last rays.
-    pub rays: &'a [Ray],
-    /// What these have hit.
-    pub hits: &'a [Hit],
-    /// The paths so far.
-    pub carried: &'a [Carried],
-    /// Which of the numbers are those of each.
-    pub samples: &'a [u32],
-    pub keys: &'a [SampleKey],
-    /// What else they carry, if it is not the same for all.
-    pub rest: Option<&'a [Rest]>,
-}
 
 /// Vertices on surfaces. Arrays are by lane; those of lanes that are not in use hold anything.
 #[derive(Debug)]
@@ -79,7 +36,7 @@ pub struct VertexLanes {
     others: Vec<(usize, OtherPoint)>,
     /// Direction to where the path comes from.
     pub wo: HitVectors,
-    /// As [`super::estimators::Skin::lift`], once they are placed; all zero while `has_lifts` is
+    /// As [`crate::integrator::estimators::Skin::lift`], once they are placed; all zero while `has_lifts` is
     /// false.
     pub lift: HitVectors,
     has_lifts: bool,
@@ -114,7 +71,7 @@ pub struct OtherPoint {
 }
 
 impl OtherPoint {
-    /// Of a surface with this shading normal and [lift](super::estimators::Skin::lift).
+    /// Of a surface with this shading normal and [lift](crate::integrator::estimators::Skin::lift).
     pub fn of(surface: &SurfaceInteraction, shading_normal: Vec3, lift: Vec3) -> Self {
         let SurfaceInteraction { position, position_error, geometric_normal, .. } = *surface;
         Self { position, position_error, geometric_normal, shading_normal, lift }
@@ -131,7 +88,7 @@ pub struct Roulette {
 
 impl Roulette {
     /// What a lane's throughput is multiplied with, and whether its path goes on; `weight` is what
-    /// [`super::path::survival`] asks for.
+    /// [`crate::integrator::path::survival`] asks for.
     #[inline(always)]
     pub fn survival(&self, lane: usize, weight: f32) -> (f32, bool) {
         let survival = match self.most {
@@ -174,7 +131,8 @@ impl VertexLanes {
 
     /// Takes the paths with these numbers, at most [`LANES`], of which the dead are left out; their
     /// vertices are of this depth. What the lanes need to know of surfaces must follow.
-    pub fn start(&mut self, sampler: &Sampler, from: &Arriving, paths: &[u32], depth: u32) {
+    pub fn start(&mut self, batch: &Batch, paths: &[u32]) {
+        let Batch { sampler, depth, paths: from, keys, .. } = *batch;
         self.randoms.start(sampler, depth);
         self.spheres.clear();
         self.plain.clear();
@@ -188,19 +146,24 @@ impl VertexLanes {
             let path = self.paths[lane] as usize;
             let (ray, hit, carried) = (&from.rays[path], &from.hits[path], &from.carried[path]);
             put(&mut self.wo, lane, -ray.direction);
-            self.randoms.set(lane, from.keys[from.samples[path] as usize]);
+            self.randoms.set(lane, keys[from.samples[path] as usize]);
             put_color(&mut self.carried.throughput, lane, carried.throughput);
             self.carried.eta_scale[lane] = carried.eta_scale;
             self.carried.marks[lane] = carried.marks;
             self.carried.cone_width[lane] = carried.cone_width + carried.cone_spread * hit.t;
             self.carried.cone_spread[lane] = carried.cone_spread;
         }
-        if let Some(rest) = from.rest {
+        if let Some(rest) = from.rests() {
             for lane in 0..self.count.min(LANES) {
                 let Rest { mode, time, .. } = rest[self.paths[lane] as usize];
                 (self.modes[lane], self.times[lane]) = (mode, time);
             }
         }
+    }
+
+    /// Takes all paths out of the lanes.
+    pub fn clear(&mut self) {
+        self.count = 0;
     }
 
     /// Numbers of the paths of the lanes in use.
@@ -218,7 +181,7 @@ impl VertexLanes {
     #[inline(always)]
     pub fn gather_triangles<'w>(
         &mut self,
-        from: &Arriving,
+        from: &Paths,
         mesh: impl Fn(&Hit) -> Option<&'w PlainMesh<'w>>,
     ) {
         let paths = &self.paths;
@@ -328,31 +291,6 @@ impl VertexLanes {
     }
 }
 
-/// Where the paths of vertices go on that were worked on together, lane by lane.
-pub trait Columns {
-    /// The vertices.
-    fn vertices(&self) -> &VertexLanes;
-
-    /// 0 where the path ends.
-    fn goes_on(&self) -> &[u32; LANES];
-
-    /// The next rays.
-    fn next_rays(&self) -> RayColumns<'_>;
-
-    /// What the paths of the next rays carry.
-    fn carried(&self) -> CarriedColumns<'_>;
-
-    /// Numbers of the paths of the lanes in use.
-    fn paths(&self) -> &[u32] {
-        self.vertices().paths()
-    }
-
-    /// The lanes of those given whose paths go on.
-    fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
-        keep(lanes, self.goes_on(), to);
-    }
-}
-
 /// Rays column by column; those of lanes without one are anything.
 #[derive(Clone, Copy, Debug)]
 pub struct RayColumns<'a> {
@@ -370,12 +308,6 @@ impl RayColumns<'_> {
         Ray::new(at(self.origin, lane), at(self.direction, lane)).with_t_max(self.end[lane])
     }
 }
-
-/// Nothing, for each lane.
-pub const NOUGHTS: HitLanes = [0.0; LANES];
-
-/// Rays that go on forever.
-pub const ENDLESS: HitLanes = [f32::INFINITY; LANES];
 
 /// [`Carried`] column by column, of paths that are not branched; those of lanes without a path are
 /// anything.
@@ -409,82 +341,4 @@ impl CarriedColumns<'_> {
             stream: 0,
         }
     }
-}
-
-/// What lights bring to such vertices.
-pub trait LitColumns: Columns {
-    /// All of it.
-    fn light(&self) -> &LitLanes;
-
-    /// The lanes of those given that send a light ray.
-    fn lit(&self, lanes: &[u32], to: &mut Vec<u32>) {
-        keep(lanes, &self.light().outputs.is_lit, to);
-    }
-
-    /// True if a lane sends a light ray.
-    fn is_lit(&self, lane: usize) -> bool {
-        self.light().outputs.is_lit[lane] != 0
-    }
-
-    /// The light rays.
-    fn light_rays(&self) -> RayColumns<'_> {
-        self.light().arrivals.shadow_rays()
-    }
-
-    /// What that brings if it is free.
-    #[inline(always)]
-    fn brought(&self, lane: usize) -> SampledSpectrum {
-        color_at(&self.light().outputs.brought, lane % LANES)
-    }
-
-    /// The medium that must glow at its end for it to count; `None` for all other light.
-    fn glowing(&self, lane: usize) -> Option<MediumId> {
-        self.light().glowing[lane % LANES]
-    }
-}
-
-/// The vector of a lane.
-#[inline(always)]
-pub fn at(v: &HitVectors, lane: usize) -> Vec3 {
-    Vec3::new(v[0][lane], v[1][lane], v[2][lane])
-}
-
-/// Puts a vector into a lane.
-#[inline(always)]
-pub fn put(v: &mut HitVectors, lane: usize, to: Vec3) {
-    (v[0][lane], v[1][lane], v[2][lane]) = (to.x, to.y, to.z);
-}
-
-/// The spectrum of a lane; what there are no channels for is zero.
-#[inline(always)]
-pub fn color_at<const CHANNELS: usize>(v: &[HitLanes; CHANNELS], lane: usize) -> SampledSpectrum {
-    let mut color = SampledSpectrum::ZERO;
-    for (to, channel) in color.0.iter_mut().zip(v) {
-        *to = channel[lane];
-    }
-    color
-}
-
-/// Puts a spectrum into a lane, as far as there are channels.
-#[inline(always)]
-pub fn put_color<const CHANNELS: usize>(
-    v: &mut [HitLanes; CHANNELS],
-    lane: usize,
-    to: SampledSpectrum,
-) {
-    for (channel, x) in v.iter_mut().zip(to.0) {
-        channel[lane] = x;
-    }
-}
-
-/// The lanes that are marked, of those given.
-pub fn keep(lanes: &[u32], marks: &[u32; LANES], to: &mut Vec<u32>) {
-    to.clear();
-    to.resize(lanes.len(), 0);
-    let mut count = 0;
-    for &lane in lanes {
-        to[count] = lane;
-        count += usize::from(marks[lane as usize % LANES] != 0);
-    }
-    to.truncate(count);
 }

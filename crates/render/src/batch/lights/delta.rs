@@ -1,10 +1,10 @@
 //! Samples of lights without a surface, for many vertices at once: [punctual](PunctualLight) ones
 //! are worked out together, others (pictures, tables, panels) asked one by one what arrives.
 
-use super::estimators::SHADOW_END;
-use super::lanes::{HitColors, LANES, NOUGHTS, ZERO, at, put, put_color};
-use super::lights::{LightArrivals, Scatterers};
+use super::{LightArrivals, Scatterers};
 use crate::compile::BareLight;
+use crate::integrator::estimators::SHADOW_END;
+use crate::lanes::{HitColors, LANES, NOUGHTS, ZERO, at, put, put_color};
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::{Wide, marked};
 use snell_math::{ColorMode, DVec3, Rgb, Vec2, Vec3, at_level};
@@ -220,7 +220,7 @@ pub fn arrive_from_delta<S: Scatterers>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
     use crate::compile::Moving;
     use crate::{Guiding, Settings};
     use snell_math::{ColorModel, Rgb};

@@ -1,18 +1,23 @@
 //! Light samples of many vertices at once, where the chosen lights are an environment or without a
 //! surface, or shine alike everywhere and are flat and far, or rectangles, triangles and spheres:
-//! what [`super::estimators::sample_light`] gives one at a time, bit for bit.
+//! what [`crate::integrator::estimators::sample_light`] gives one at a time, bit for bit.
 
-use super::delta_samples::{DeltaSamples, arrive_from_delta};
-use super::estimators::SHADOW_END;
-use super::lanes::{BLACK, HitColors, RayColumns, ZERO, at, put, put_color};
-use super::light_part::LightSource;
-use super::near_lights::{NearLights, NearParts, RECTANGLE, SPHERE, TRIANGLE};
-use super::sky_samples::{NO_PLACES, SkyPlaces, SkySamples, arrive_from_sky};
-use super::{Context, dimension};
+mod delta;
+pub mod near;
+pub mod sky;
+
+use crate::batch::vertices::RayColumns;
 use crate::compile::{BareLight, CompiledLight, CompiledScene, LightSpectrum, PlainEmission};
+use crate::integrator::estimators::SHADOW_END;
+use crate::integrator::light_part::LightSource;
+use crate::integrator::{Context, dimension};
+use crate::lanes::{BLACK, HitColors, ZERO, at, put, put_color};
 use crate::light_sampler::{ChosenLights, NONE, Receivers};
 use crate::sampler::ManyRandoms;
 use crate::settings::LightStrategy;
+use delta::{DeltaSamples, arrive_from_delta};
+use near::{NearLights, NearParts, RECTANGLE, SPHERE, TRIANGLE};
+use sky::{NO_PLACES, SkyPlaces, SkySamples, arrive_from_sky};
 use snell_intersect::TrianglePoints;
 use snell_intersect::smooth::lifted_ray_origin;
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS as LANES};
@@ -107,7 +112,7 @@ pub struct Surfaces<'a> {
     pub normal: &'a HitVectors,
     /// Directions to where the paths come from.
     pub wo: &'a HitVectors,
-    /// See [`super::estimators::Skin::lift`].
+    /// See [`crate::integrator::estimators::Skin::lift`].
     pub lift: &'a HitVectors,
 }
 
@@ -149,7 +154,7 @@ impl Scatterers for Surfaces<'_> {
 #[derive(Clone, Copy, Debug)]
 pub struct Skins<'a> {
     pub points: &'a TrianglePoints,
-    /// See [`super::estimators::Skin::lift`].
+    /// See [`crate::integrator::estimators::Skin::lift`].
     pub lift: &'a HitVectors,
 }
 

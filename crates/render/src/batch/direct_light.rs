@@ -1,55 +1,55 @@
 //! What lights bring to vertices that are worked on together, and where their paths go on: the same
 //! for surfaces and points of media.
 
-use super::carried::{Expected, Marks};
-use super::guided::unknown_survival;
-use super::lanes::{
-    BLACK, CarriedColumns, CarriedLanes, HitColors, LANES, MarkLanes, NOUGHTS, Roulette, UNMARKED,
-    VertexLanes, put_color,
-};
 use super::lights::{ALONE, LightArrivals, LightSamples};
-use super::path::{SCATTERED_SPREAD, WeightedLight};
+use super::vertices::{
+    CarriedColumns, CarriedLanes, MarkLanes, RayColumns, Roulette, UNMARKED, VertexLanes,
+};
+use crate::integrator::carried::{Expected, Marks};
+use crate::integrator::guided::unknown_survival;
+use crate::integrator::path::{SCATTERED_SPREAD, WeightedLight};
+use crate::lanes::{BLACK, HitColors, LANES, NOUGHTS, color_at, put_color};
 use crate::light_sampler::ChosenLight;
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::Vec2;
 use snell_math::simd::most;
+use snell_math::{SampledSpectrum, Vec2};
 use snell_scene::MediumId;
 
 /// The lights of vertices and what comes of them, by lane.
 #[derive(Debug)]
-pub struct LitLanes {
+pub struct DirectLight {
     pub lights: LightSamples,
     pub arrivals: LightArrivals,
-    /// As [`super::Outputs::glowing`].
+    /// As [`crate::integrator::Outputs::glowing`].
     pub glowing: [Option<MediumId>; LANES],
-    pub outputs: LitOutputs,
+    pub outputs: VertexOutputs,
 }
 
 /// What the vertices of `path` or `direct` give.
 #[derive(Debug)]
-pub struct LitOutputs {
+pub struct VertexOutputs {
     /// By channel, what the light brings if its ray is free.
     pub brought: HitColors,
     /// 0 where no light ray is sent.
-    pub is_lit: [u32; LANES],
+    pub has_light_ray: [u32; LANES],
     /// By channel, the throughput of the next ray.
     pub throughput: HitColors,
-    /// As [`super::carried::Carried`].
+    /// As [`crate::integrator::carried::Carried`].
     pub cone_spread: HitLanes,
     pub marks: MarkLanes,
     /// 0 where the path ends.
     pub goes_on: [u32; LANES],
 }
 
-impl Default for LitLanes {
+impl Default for DirectLight {
     fn default() -> Self {
         Self {
             lights: LightSamples::default(),
             arrivals: LightArrivals::default(),
             glowing: [None; LANES],
-            outputs: LitOutputs {
+            outputs: VertexOutputs {
                 brought: BLACK,
-                is_lit: [0; LANES],
+                has_light_ray: [0; LANES],
                 throughput: BLACK,
                 cone_spread: NOUGHTS,
                 marks: UNMARKED,
@@ -59,7 +59,7 @@ impl Default for LitLanes {
     }
 }
 
-impl LitOutputs {
+impl VertexOutputs {
     /// Works out what the light of a lane brings, of which this share goes on along the path.
     #[inline(always)]
     pub fn bring<const CHANNELS: usize>(
@@ -79,7 +79,7 @@ impl LitOutputs {
             is_bright |= value != 0.0;
             is_finite &= value.abs() < f32::INFINITY;
         }
-        self.is_lit[lane] = u32::from((arrivals.exists[lane] != 0) & is_bright & is_finite);
+        self.has_light_ray[lane] = u32::from((arrivals.exists[lane] != 0) & is_bright & is_finite);
     }
 
     /// Notes what else the path of a lane carries on from where it was scattered, or from a delta
@@ -130,7 +130,18 @@ impl LitOutputs {
     }
 }
 
-impl LitLanes {
+impl DirectLight {
+    /// The light rays.
+    pub fn light_rays(&self) -> RayColumns<'_> {
+        self.arrivals.shadow_rays()
+    }
+
+    /// What the light of a lane brings if its ray is free.
+    #[inline(always)]
+    pub fn brought(&self, lane: usize) -> SampledSpectrum {
+        color_at(&self.outputs.brought, lane % LANES)
+    }
+
     /// What paths carry on from these vertices, by what is not known here.
     pub fn carried<'a>(
         &'a self,
@@ -139,7 +150,7 @@ impl LitLanes {
         bsdf_pdf: &'a HitLanes,
         normal: &'a HitVectors,
     ) -> CarriedColumns<'a> {
-        let LitOutputs { throughput, cone_spread, marks, .. } = &self.outputs;
+        let VertexOutputs { throughput, cone_spread, marks, .. } = &self.outputs;
         let (cone_width, position) = (&lanes.carried.cone_width, &lanes.points.position);
         CarriedColumns {
             throughput,
@@ -172,7 +183,7 @@ impl LitLanes {
 
     /// Takes a light sample of a lane that is not one of [`LightSamples`].
     pub fn put_alone(&mut self, lane: usize, light: Option<WeightedLight>) {
-        self.outputs.is_lit[lane] = u32::from(light.is_some());
+        self.outputs.has_light_ray[lane] = u32::from(light.is_some());
         if let Some(WeightedLight { value, shadow_ray, source, weight, glowing, .. }) = light {
             self.glowing[lane] = glowing;
             put_color(&mut self.outputs.brought, lane, value);

@@ -1,30 +1,33 @@
-//! What `path` and `direct` do at smooth glass and mirrors, at many vertices at once: the same as
-//! [`super::path`], bit for bit, in loops that become vector code. Delta lobes need no light
-//! samples, so there is little else to do but to go on.
-//!
-//! As with [`super::matte`], which vertices come here depends on the scene and the settings alone,
-//! and no lane looks at another.
+//! What `path` and `direct` do at smooth glass and mirrors ([`crate::integrator::path`]). Delta lobes
+//! need no light samples, so there is little else to do but to go on.
 
-use super::carried::Marks;
-use super::guided::unknown_survival;
-use super::lanes::{
-    Arriving, BLACK, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, MarkLanes,
-    NOUGHTS, OtherPoint, RayColumns, Roulette, UNMARKED, VertexLanes, ZERO, at, at_level_by_color,
-    put_color,
+use crate::batch::vertices::{
+    CarriedColumns, CarriedLanes, MarkLanes, OtherPoint, RayColumns, Roulette, UNMARKED,
+    VertexLanes,
 };
-use super::{Context, IntegratorKind, dimension};
+use crate::batch::{Batch, BatchShader, Shaded};
+use crate::integrator::carried::Marks;
+use crate::integrator::guided::unknown_survival;
+use crate::integrator::{Context, dimension};
+use crate::lanes::{
+    BLACK, ENDLESS, HitColors, LANES, NOUGHTS, ZERO, at, at_level_by_color, put_color,
+};
 use crate::sampler::Sampler;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
-use snell_intersect::{Hit, TrianglePoints};
-use snell_math::simd::{Wide, most};
+use snell_intersect::{GeometryId, Hit, TrianglePoints};
+use snell_math::simd::most;
 use snell_math::{ColorModel, Frame, Ray, Vec3, at_level, robust};
 use snell_scene::Material;
 use snell_scene::bsdf::Split;
 use snell_scene::material::{Specular, reflecting_normal};
 
-/// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
+/// Shades vertices on specular surfaces.
 #[derive(Debug)]
-pub struct SpecularVertices {
+pub struct SpecularShader<'a> {
+    /// By geometry, where they are plain.
+    meshes: Vec<Option<PlainMesh<'a>>>,
+    /// By material: what it does, if it is specular.
+    materials: Vec<Option<Specular>>,
     lanes: VertexLanes,
     color: ColorModel,
     lobes: Lobes,
@@ -57,16 +60,15 @@ struct Bounces {
     /// By channel.
     throughput: HitColors,
     eta_scale: HitLanes,
-    /// As [`super::carried::Carried::marks`].
+    /// As [`crate::integrator::carried::Carried::marks`].
     marks: MarkLanes,
     /// 0 where the path ends.
     exists: [u32; LANES],
 }
 
-/// What a material does, if vertices on it can be worked on here.
+/// What a material does, if [`SpecularShader`] knows it.
 pub fn specular_part(context: &Context, material: &Material) -> Option<Specular> {
     let settings = context.settings;
-    let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct);
     // In other colours: what is the same for all of a path's wavelengths but for its tint.
     let knows_color = |lobe: &Specular| match settings.color {
         ColorModel::Rgb => true,
@@ -74,15 +76,26 @@ pub fn specular_part(context: &Context, material: &Material) -> Option<Specular>
             matches!(lobe, Specular::Interface { .. }) && !material.is_dispersive()
         }
     };
-    Specular::of(material).filter(|lobe| is_for && knows_color(lobe))
+    Specular::of(material).filter(|lobe| settings.integrator.is_path() && knows_color(lobe))
 }
 
-impl SpecularVertices {
-    /// For vertices of one depth.
-    pub fn new(color: ColorModel, sampler: &Sampler, wide: Option<Wide>) -> Self {
+impl<'a> SpecularShader<'a> {
+    /// `None` if there are no such surfaces.
+    pub fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Self> {
+        let (scene, color) = (context.scene, context.settings.color);
+        let wide = scene.world.simd().wide()?;
+        let materials: Vec<_> =
+            scene.materials.iter().map(|material| specular_part(context, material)).collect();
+        if materials.iter().all(Option::is_none) {
+            return None;
+        }
+        let plain = |geometry| scene.world.plain_mesh(GeometryId(geometry));
+        let meshes = (0..scene.world.geometry_count() as u32).map(plain).collect();
         let (number, mark) = ([0.0; LANES], [0; LANES]);
-        Self {
-            lanes: VertexLanes::new(sampler, wide),
+        Some(Self {
+            meshes,
+            materials,
+            lanes: VertexLanes::new(sampler, Some(wide)),
             color,
             lobes: Lobes {
                 ior: number,
@@ -101,30 +114,31 @@ impl SpecularVertices {
                 marks: UNMARKED,
                 exists: mark,
             },
+        })
+    }
+
+    /// What the surface does that a path has hit.
+    fn lobe(&self, batch: &Batch, path: u32) -> Option<&Specular> {
+        self.materials.get(batch.materials[path as usize] as usize)?.as_ref()
+    }
+
+    /// Puts the vertices of these paths into the lanes.
+    fn gather(&mut self, batch: &Batch, paths: &[u32]) {
+        self.lanes.start(batch, paths);
+        for lane in 0..self.lanes.paths().len() {
+            self.gather_lane(batch, lane);
         }
+        let meshes = &self.meshes;
+        self.lanes.gather_triangles(batch.paths, |hit| plain_mesh(meshes, hit));
     }
 
-    /// Takes the paths with these numbers ([`VertexLanes::start`]). What they have hit must follow
-    /// for each lane.
-    pub fn start(&mut self, sampler: &Sampler, from: &Arriving, paths: &[u32], depth: u32) {
-        self.lanes.start(sampler, from, paths, depth);
-    }
-
-    /// Says what the path of a lane has hit: on a plain mesh, of which [`Self::gather_triangles`]
-    /// tells more, or not. `outside_ior` is the index of refraction on the outer side of the
-    /// surface.
-    pub fn gather(
-        &mut self,
-        context: &Context,
-        lane: usize,
-        from: &Arriving,
-        (material, lobe): (&Material, &Specular),
-        outside_ior: f32,
-        is_plain: bool,
-    ) {
+    fn gather_lane(&mut self, batch: &Batch, lane: usize) {
         let path = self.lanes.paths()[lane] as usize;
-        let (ray, hit) = (&from.rays[path], &from.hits[path]);
-        self.lobes.ior[lane] = lobe.ior(outside_ior);
+        let (ray, hit) = (&batch.paths.rays[path], &batch.paths.hits[path]);
+        let number = batch.materials[path] as usize;
+        let Some(lobe) = &self.materials[number] else { return };
+        let (context, material) = (batch.context, &batch.context.scene.materials[number]);
+        self.lobes.ior[lane] = lobe.ior(batch.outside_ior(path));
         match lobe {
             Specular::Interface { .. } => {
                 let mode = self.lanes.modes[lane];
@@ -136,7 +150,7 @@ impl SpecularVertices {
         }
         if material.is_bent() {
             self.gather_other(context, lane, ray, hit, material);
-        } else if is_plain {
+        } else if plain_mesh(&self.meshes, hit).is_some() {
             self.lanes.put_triangle(lane);
         } else if !self.lanes.gather_shape(context, lane, ray, hit) {
             self.gather_other(context, lane, ray, hit, material);
@@ -162,22 +176,9 @@ impl SpecularVertices {
         self.lanes.put_point(lane, OtherPoint::of(&surface, normal, Vec3::ZERO));
     }
 
-    /// As [`VertexLanes::gather_triangles`], once all lanes are told.
-    pub fn gather_triangles<'w>(
-        &mut self,
-        from: &Arriving,
-        mesh: impl Fn(&Hit) -> Option<&'w PlainMesh<'w>>,
-    ) {
-        self.lanes.gather_triangles(from, mesh);
-    }
-
-    /// Works out what the lanes give. `lobe` tells that of a path.
-    pub fn shade<'l>(
-        &mut self,
-        context: &Context,
-        depth: u32,
-        lobe: impl Fn(u32) -> Option<&'l Specular>,
-    ) {
+    /// Works out what the lanes give.
+    fn shade_lanes(&mut self, batch: &Batch) {
+        let (context, depth) = (batch.context, batch.depth);
         self.lanes.place();
         let wide = self.lanes.wide;
         let choice = self.lanes.randoms.numbers(dimension::LOBE, wide);
@@ -193,7 +194,8 @@ impl SpecularVertices {
         );
         for (lane, &path) in self.lanes.paths().iter().enumerate() {
             let cos = at(&self.normal, lane).dot(at(&self.lanes.wo, lane));
-            if let Some(reflectance) = lobe(path).and_then(|lobe| lobe.reflectance(cos.abs())) {
+            let lobe = self.lobe(batch, path);
+            if let Some(reflectance) = lobe.and_then(|lobe| lobe.reflectance(cos.abs())) {
                 put_color(&mut self.lobes.reflectance, lane, reflectance);
             }
         }
@@ -214,36 +216,53 @@ impl SpecularVertices {
             (known: &Known<'_> = &known, to: &mut Bounces = &mut self.bounces)
         );
     }
-
-    /// False for a vertex that must be worked on alone after all.
-    pub fn is_sound(&self, lane: usize) -> bool {
-        self.lanes.points.is_sound[lane] != 0
-    }
 }
 
-impl Columns for SpecularVertices {
-    fn vertices(&self) -> &VertexLanes {
-        &self.lanes
+/// The mesh that was hit, if it is a plain one.
+fn plain_mesh<'m, 'a>(meshes: &'m [Option<PlainMesh<'a>>], hit: &Hit) -> Option<&'m PlainMesh<'a>> {
+    meshes[hit.geometry as usize].as_ref().filter(|_| hit.instance == 0)
+}
+
+impl<'a> BatchShader<'a> for SpecularShader<'a> {
+    fn accepts(&self, batch: &Batch<'_, 'a>, paths: &[u32]) -> usize {
+        if batch.has_journal || batch.wants_lobes() {
+            return 0;
+        }
+        let is_specular = |path: &&u32| self.lobe(batch, **path).is_some();
+        paths.iter().take(LANES).take_while(is_specular).count()
     }
 
-    fn goes_on(&self) -> &[u32; LANES] {
-        &self.bounces.exists
+    fn shade(&mut self, batch: &Batch<'_, 'a>, paths: &[u32]) {
+        // (They do not shine.)
+        if batch.is_last() {
+            return self.lanes.clear();
+        }
+        self.gather(batch, paths);
+        self.shade_lanes(batch);
     }
 
-    fn next_rays(&self) -> RayColumns<'_> {
-        RayColumns { origin: &self.bounces.origin, direction: &self.bounces.wi, end: &ENDLESS }
-    }
-
-    fn carried(&self) -> CarriedColumns<'_> {
-        CarriedColumns {
-            throughput: &self.bounces.throughput,
-            eta_scale: &self.bounces.eta_scale,
-            cone_width: &self.lanes.carried.cone_width,
-            cone_spread: &self.lanes.carried.cone_spread,
-            marks: &self.bounces.marks,
-            position: &self.lanes.points.position,
-            bsdf_pdf: &NOUGHTS,
-            normal: &self.bounces.facing,
+    fn shaded(&self) -> Shaded<'_> {
+        let Self { lanes, bounces, .. } = self;
+        Shaded {
+            paths: lanes.paths(),
+            is_sound: &lanes.points.is_sound,
+            goes_on: &bounces.exists,
+            next_rays: RayColumns {
+                origin: &bounces.origin,
+                direction: &bounces.wi,
+                end: &ENDLESS,
+            },
+            carried: CarriedColumns {
+                throughput: &bounces.throughput,
+                eta_scale: &bounces.eta_scale,
+                cone_width: &lanes.carried.cone_width,
+                cone_spread: &lanes.carried.cone_spread,
+                marks: &bounces.marks,
+                position: &lanes.points.position,
+                bsdf_pdf: &NOUGHTS,
+                normal: &bounces.facing,
+            },
+            ..Shaded::NONE
         }
     }
 }
@@ -346,7 +365,7 @@ fn bounce<const CHANNELS: usize>(known: &Known, to: &mut Bounces) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
     use crate::compile::Moving;
     use crate::sampler::SamplerKind;
     use crate::{Guiding, IntegratorKind, Settings};

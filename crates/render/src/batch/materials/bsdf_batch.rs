@@ -1,12 +1,11 @@
 //! How plain surfaces scatter light, asked for all vertices of one material together: the same bits
-//! as [`super::surfaces`] finds one by one.
+//! as [`crate::batch::materials::general`] finds one by one.
 
-use super::lanes::{
-    BLACK, CarriedLanes, HitColors, LANES, ZERO, at, at_level_by_color, put, put_color,
-};
-use super::lights::horizon;
-use super::plain_surfaces::Frames;
-use super::surfaces::{Bounces, Scattered};
+use super::general::{Bounces, Scattered};
+use crate::batch::lights::horizon;
+use crate::batch::plain_surfaces::Frames;
+use crate::batch::vertices::CarriedLanes;
+use crate::lanes::{BLACK, HitColors, LANES, ZERO, at, at_level_by_color, put, put_color};
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::{Bits, Wide, marked, marked_vector};
 use snell_math::{ColorModel, at_level};
@@ -57,7 +56,7 @@ pub struct Seen<'a> {
     pub flat: &'a HitVectors,
     /// Directions to where the paths come from.
     pub wo: &'a HitVectors,
-    /// See [`super::estimators::Skin::lift`].
+    /// See [`crate::integrator::estimators::Skin::lift`].
     pub lift: &'a HitVectors,
 }
 

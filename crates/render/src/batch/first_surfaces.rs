@@ -1,55 +1,19 @@
-//! What layers of the picture show of surfaces that rays of the camera have hit: plain surfaces
-//! many at once, bit for bit as one by one.
+//! The surfaces that rays of the camera hit first, as far as AOVs show them: many plain surfaces at
+//! once, with the bits of [`FirstSurface::of`].
 
-use super::aov::Aov;
-use super::lanes::{LANES, at};
 use super::plain_surfaces::PlainSurface;
-use super::{Context, SurfaceVertex, outgoing};
-use snell_intersect::{Hit, SphereHits, SurfaceInteraction, TriangleHits, TrianglePoints};
+use crate::integrator::aov::Aov;
+use crate::integrator::first_surface::{FirstSurface, SurfaceNeeds, in_white_light};
+use crate::integrator::{Context, outgoing};
+use crate::lanes::{LANES, at};
+use snell_intersect::{Hit, SphereHits, TriangleHits, TrianglePoints};
 use snell_math::simd::Wide;
-use snell_math::{ColorMode, Ray, Rgb, SampledSpectrum, Vec2, Vec3};
-
-/// What is shown of a surface. See [`SurfaceInteraction`] for the meaning of each.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ShownSurface {
-    pub position: Vec3,
-    pub geometric_normal: Vec3,
-    pub shading_normal: Vec3,
-    /// First texture coordinates.
-    pub uv: Vec2,
-    /// Share of light that the material reflects or transmits to where the ray comes from; black
-    /// where nobody asks.
-    pub albedo: Rgb,
-}
-
-/// What must be known of surfaces, beside where they are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ShownNeeds {
-    pub uv: bool,
-    pub albedo: bool,
-}
-
-impl ShownSurface {
-    /// A surface that a ray has hit.
-    pub fn of(context: &Context, ray: &Ray, surface: &SurfaceVertex, needs: ShownNeeds) -> Self {
-        let SurfaceInteraction { position, geometric_normal, shading_normal, uv, .. } =
-            *surface.interaction;
-        let albedo = || {
-            surface.material.albedo(surface.prepared, &surface.point(context.scene), outgoing(ray))
-        };
-        let albedo = if needs.albedo { in_white_light(surface.mode, albedo()) } else { Rgb::BLACK };
-        Self { position, geometric_normal, shading_normal, uv: uv[0], albedo }
-    }
-}
-
-fn in_white_light(mode: ColorMode, albedo: SampledSpectrum) -> Rgb {
-    mode.to_rgb(mode.in_white_light(albedo))
-}
+use snell_math::{ColorMode, Ray, Rgb, Vec2};
 
 /// Finds what is shown of plain surfaces: at most [`LANES`] at once.
 #[derive(Debug)]
-pub struct PlainShown<'a> {
-    needs: ShownNeeds,
+pub struct FirstSurfaces<'a> {
+    needs: SurfaceNeeds,
     /// By geometry, where they are plain.
     plain: Vec<Option<PlainSurface<'a>>>,
     wide: Option<Wide>,
@@ -60,15 +24,16 @@ pub struct PlainShown<'a> {
     on: [Option<u32>; LANES],
 }
 
-impl<'a> PlainShown<'a> {
+impl<'a> FirstSurfaces<'a> {
     /// For the layers of a render, unless they need no surface. (Texture coordinates are known one
     /// by one only.)
-    pub fn for_layers(context: &Context<'a>) -> Option<Self> {
+    pub fn for_aovs(context: &Context<'a>) -> Option<Self> {
         let (scene, aovs) = (context.scene, &context.settings.aovs);
         if !aovs.iter().any(|aov| aov.needs_surface(context)) {
             return None;
         }
-        let needs = ShownNeeds { uv: aovs.contains(&Aov::Uv), albedo: aovs.contains(&Aov::Albedo) };
+        let needs =
+            SurfaceNeeds { uv: aovs.contains(&Aov::Uv), albedo: aovs.contains(&Aov::Albedo) };
         let wide = scene.world.simd().wide();
         let is_many = wide.is_some() && !needs.uv;
         let plain = |geometry| {
@@ -86,7 +51,7 @@ impl<'a> PlainShown<'a> {
     }
 
     /// What must be known.
-    pub fn needs(&self) -> ShownNeeds {
+    pub fn needs(&self) -> SurfaceNeeds {
         self.needs
     }
 
@@ -114,7 +79,7 @@ impl<'a> PlainShown<'a> {
     }
 
     /// What is shown of the surface of a lane that was looked up, if it is a plain one.
-    pub fn at(&self, lane: usize, ray: &Ray, mode: ColorMode) -> Option<ShownSurface> {
+    pub fn at(&self, lane: usize, ray: &Ray, mode: ColorMode) -> Option<FirstSurface> {
         let (points, surface) = (&self.points, plain_surface(&self.plain, self.on[lane]?)?);
         if points.is_sound[lane] == 0 {
             return None;
@@ -124,7 +89,7 @@ impl<'a> PlainShown<'a> {
             (at(&points.geometric_normal, lane), at(&points.shading_normal, lane));
         let albedo = || surface.albedo(mode, [geometric_normal, shading_normal], outgoing(ray));
         let albedo = if self.needs.albedo { in_white_light(mode, albedo()) } else { Rgb::BLACK };
-        Some(ShownSurface { position, geometric_normal, shading_normal, uv: Vec2::ZERO, albedo })
+        Some(FirstSurface { position, geometric_normal, shading_normal, uv: Vec2::ZERO, albedo })
     }
 }
 
@@ -137,9 +102,9 @@ fn plain_surface<'p, 'a>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::twins::{assert_alike_at_every_level, every_second_node};
     use super::*;
     use crate::Settings;
+    use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
     use crate::compile::Moving;
     use snell_math::ColorModel;
     use snell_scene::builtin::builtin;

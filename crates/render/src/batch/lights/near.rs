@@ -1,7 +1,7 @@
 //! Light samples from near rectangles and triangles and from spheres, by solid angle: sixteen at
 //! once, in double precision.
 
-use super::lanes::{LANES, put};
+use crate::lanes::{LANES, put};
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::Wide;
 use snell_math::{DVec2, DVec3, Vec2, Vec3, at_level};

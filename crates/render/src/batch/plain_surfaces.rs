@@ -1,11 +1,12 @@
 //! Meshes and shapes of one material that is the same everywhere, and the frames of vertices on
 //! them.
 
-use super::Context;
-use super::estimators::may_be_lifted;
-use super::lanes::{LANES, VertexLanes, ZERO, at, put};
 use super::lights::horizon;
-use super::path::Scatterer;
+use super::vertices::VertexLanes;
+use crate::integrator::Context;
+use crate::integrator::estimators::may_be_lifted;
+use crate::integrator::path::Scatterer;
+use crate::lanes::{LANES, ZERO, at, put};
 use crate::light_sampler::Receiver;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
 use snell_intersect::{GeometryId, TrianglePoints};

@@ -1,0 +1,91 @@
+//! Paths of `path` and `direct` that leave the scene: what they find of the environment.
+
+use super::lights::sky::{NO_PLACES, places_of};
+use super::{Batch, BatchShader, Shaded};
+use crate::integrator::path::{escaped_to, plain_sky};
+use crate::integrator::{Context, Vertex};
+use crate::lanes::LANES;
+use snell_math::spectrum::RgbSpectrum;
+use snell_math::{ColorMode, ColorModel, SampledSpectrum, Vec2};
+use snell_scene::light::environment::EnvironmentLight;
+
+/// Shades paths that hit nothing.
+pub struct EscapedShader {
+    found: Vec<(u32, SampledSpectrum)>,
+    /// The light of an environment that is the same in all directions, in RGB.
+    constant: Option<SampledSpectrum>,
+    /// The same for all wavelengths, if paths have any.
+    spectrum: Option<RgbSpectrum>,
+}
+
+impl EscapedShader {
+    /// `None` unless the integrator is `path` or `direct`.
+    pub fn new(context: &Context) -> Option<Self> {
+        let is_spectral = context.settings.color == ColorModel::Spectral;
+        let color = context.scene.environment.as_deref().and_then(EnvironmentLight::constant);
+        context.settings.integrator.is_path().then(|| Self {
+            found: Vec::with_capacity(LANES),
+            constant: color.map(|color| ColorMode::Rgb.rgb_illuminant(color)),
+            spectrum: color.filter(|_| is_spectral).map(RgbSpectrum::of_light),
+        })
+    }
+}
+
+impl<'a> BatchShader<'a> for EscapedShader {
+    fn accepts(&self, batch: &Batch<'_, 'a>, paths: &[u32]) -> usize {
+        if !batch.is_simple() {
+            return 0;
+        }
+        let has_left = |path: &&u32| {
+            let path = **path as usize;
+            !batch.paths.hits[path].is_hit()
+                && batch.media.as_ref().is_none_or(|media| media.scattered[path].is_none())
+        };
+        paths.iter().take(LANES).take_while(has_left).count()
+    }
+
+    fn shade(&mut self, batch: &Batch<'_, 'a>, paths: &[u32]) {
+        self.found.clear();
+        let (context, scene) = (batch.context, batch.context.scene);
+        if scene.is_dark_outside() {
+            return;
+        }
+        let plain = plain_sky(context, batch.depth);
+        let constant = self.constant.filter(|_| plain.is_some() && batch.paths.is_plain());
+        let spectrum = self.spectrum.as_ref().filter(|_| plain.is_some());
+        let image = scene.environment.as_ref().filter(|sky| sky.constant().is_none());
+        let places = image.map_or(NO_PLACES, |sky| {
+            let directions = paths.iter().map(|&path| batch.paths.rays[path as usize].direction);
+            places_of(sky, directions, scene.world.simd().wide())
+        });
+        for (lane, &number) in paths.iter().enumerate() {
+            let path = number as usize;
+            let place = Vec2::new(places[0][lane], places[1][lane]);
+            let (carried, mode) = (&batch.paths.carried[path], batch.paths.rest(path).mode);
+            let radiance = if carried.throughput.is_black() {
+                continue;
+            } else if let Some(radiance) = constant {
+                carried.throughput * radiance
+            } else if let (Some(spectrum), ColorMode::Spectral(wavelengths)) = (spectrum, mode) {
+                carried.throughput * ColorMode::light_at(&wavelengths, spectrum)
+            } else if let Some(sky) = plain {
+                carried.throughput * sky.radiance_at(place, mode)
+            } else {
+                let vertex = Vertex {
+                    depth: batch.depth,
+                    ray: &batch.paths.rays[path],
+                    state: &batch.paths.state(path),
+                    random: batch.random(path),
+                    surface: None,
+                    medium: None,
+                };
+                escaped_to(context, &vertex, |_| place).0
+            };
+            self.found.push((number, radiance));
+        }
+    }
+
+    fn shaded(&self) -> Shaded<'_> {
+        Shaded { found: &self.found, ..Shaded::NONE }
+    }
+}

@@ -1,0 +1,48 @@
+//! The surface that a ray of the camera hits first, as far as AOVs show it.
+
+use super::{Context, SurfaceVertex, outgoing};
+use snell_intersect::SurfaceInteraction;
+use snell_math::{ColorMode, Ray, Rgb, SampledSpectrum, Vec2, Vec3};
+
+/// What AOVs show of a surface. See [`SurfaceInteraction`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FirstSurface {
+    /// Point in the world.
+    pub position: Vec3,
+    /// Normal of the surface itself.
+    pub geometric_normal: Vec3,
+    /// Interpolated normal, without normal map.
+    pub shading_normal: Vec3,
+    /// First texture coordinates.
+    pub uv: Vec2,
+    /// Share of light that the material reflects or transmits to where the ray comes from; black
+    /// unless [`SurfaceNeeds::albedo`].
+    pub albedo: Rgb,
+}
+
+/// What must be known of surfaces, beside where they are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SurfaceNeeds {
+    /// Texture coordinates.
+    pub uv: bool,
+    /// The share of light that the material scatters.
+    pub albedo: bool,
+}
+
+impl FirstSurface {
+    /// A surface that a ray has hit.
+    pub fn of(context: &Context, ray: &Ray, surface: &SurfaceVertex, needs: SurfaceNeeds) -> Self {
+        let SurfaceInteraction { position, geometric_normal, shading_normal, uv, .. } =
+            *surface.interaction;
+        let albedo = || {
+            surface.material.albedo(surface.prepared, &surface.point(context.scene), outgoing(ray))
+        };
+        let albedo = if needs.albedo { in_white_light(surface.mode, albedo()) } else { Rgb::BLACK };
+        Self { position, geometric_normal, shading_normal, uv: uv[0], albedo }
+    }
+}
+
+/// The colour of an albedo under white light.
+pub(crate) fn in_white_light(mode: ColorMode, albedo: SampledSpectrum) -> Rgb {
+    mode.to_rgb(mode.in_white_light(albedo))
+}
