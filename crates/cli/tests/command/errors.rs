@@ -76,7 +76,7 @@ fn a_wrong_value_says_what_is_expected() {
     ");
     insta::assert_snapshot!(failure(&place, "render --time 5x"), @r#"
     2
-    error: invalid value '5x' for '--time <TIME>': "5x" is not a time; write 30s, 5m, 1h or 1h30m
+    error: invalid value '5x' for '--time <TIME>': "5x" is not a duration; write 30s, 5m, 1h or 1h30m
 
     For more information, try '--help'.
     "#);

@@ -62,7 +62,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         return Err(input.error(Place::Json("/version".into()), problem, "use a newer Snell"));
     }
     document.scene(input).map_err(|(place, problem)| {
-        input.error(Place::Json(place), problem, "write the scene again, or mend the file")
+        input.error(Place::Json(place), problem, "write the scene again, or correct the file")
     })
 }
 
