@@ -1,4 +1,4 @@
-//! What can go wrong for a user, and the exit code it ends with.
+//! Errors for the user, and their exit codes.
 
 use snell_formats::error::one_line;
 use snell_formats::{ReadError, WriteError};
@@ -8,10 +8,10 @@ use std::process::ExitCode;
 /// An error that ends the command.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
-    /// The options do not make sense.
+    /// The options are invalid.
     #[error("{0}")]
     Usage(String),
-    /// `-D` names what is not there.
+    /// `-D` names something that does not exist.
     #[error(transparent)]
     Override(#[from] OverrideError),
     /// A file could not be read.
@@ -29,7 +29,7 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// Prints the message and gives the exit code.
+    /// Prints the message and returns the exit code.
     pub fn report(&self) -> ExitCode {
         eprintln!("error: {}", one_line(&self.to_string()));
         match self {

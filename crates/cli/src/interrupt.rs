@@ -1,9 +1,9 @@
-//! Signals that ask the program to end: Ctrl-C, and what schedulers, systems and closed terminals
-//! send (SIGTERM, SIGHUP, and SIGXCPU when the processor time allowed is used up).
+//! Signals that ask the program to end: Ctrl-C, and those that schedulers, systems and closed
+//! terminals send (SIGTERM, SIGHUP, and SIGXCPU when the allowed processor time is used up).
 //!
-//! At first such a signal ends the program at once. Work that can be saved asks for a warning
-//! instead: the first signal is then a request to end, and only one that comes later ends the
-//! program at once. No temporary file is left either way.
+//! Initially such a signal ends the program at once. Work that can be saved asks for a warning
+//! instead: then the first signal is a request to end, and only a later one ends the program at
+//! once. No temporary file is left either way.
 
 use crate::failure::Failure;
 use std::borrow::Cow;
@@ -11,23 +11,24 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Signals so soon after another are the same wish: `timeout` and terminals send theirs twice.
+/// Signals within this time count as one: `timeout` and terminals send theirs twice.
 const SAME_WISH: Duration = Duration::from_secs(1);
-/// Exit code of what was interrupted.
+/// Exit code of an interrupted command.
 pub const EXIT_CODE: u8 = 130;
 
-/// Requests to end so far.
+/// Number of requests to end so far.
 static REQUESTS: AtomicUsize = AtomicUsize::new(0);
 static STATE: Mutex<State> =
     Mutex::new(State { farewell: Some(Cow::Borrowed("interrupted")), last: None, warned: false });
 static CHANGED: Condvar = Condvar::new();
 
 struct State {
-    /// What is said when a signal ends the program at once; `None` while it is a request first.
+    /// The message when a signal ends the program at once; `None` while a signal is a request
+    /// first.
     farewell: Option<Cow<'static, str>>,
-    /// When the last signal came that was a wish of its own.
+    /// The time of the last distinct signal.
     last: Option<Instant>,
-    /// A request was made since [`save_first`].
+    /// True if a request was made since [`save_first`].
     warned: bool,
 }
 
@@ -35,8 +36,8 @@ fn state() -> MutexGuard<'static, State> {
     STATE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// From now on a signal ends the program at once, and says this. (One that came before may have
-/// been a request.)
+/// From now on a signal ends the program at once with this message. (An earlier one may have been a
+/// request.)
 pub fn end_at_once(farewell: impl Into<Cow<'static, str>>) {
     state().farewell = Some(farewell.into());
 }
@@ -63,7 +64,7 @@ pub fn wait(time: Duration, known: usize) {
     drop(CHANGED.wait_timeout_while(state(), time, is_quiet));
 }
 
-/// A signal came. `insists` if a second of its kind may end what is being saved.
+/// Handles a signal. `insists` if a second one of its kind may abort the saving.
 fn receive(insists: bool) {
     let mut state = state();
     let repeats = state.last.is_some_and(|last| last.elapsed() < SAME_WISH);
@@ -80,11 +81,11 @@ fn receive(insists: bool) {
         _ => end(state
             .farewell
             .as_deref()
-            .unwrap_or("interrupted again: what was not yet written is lost")),
+            .unwrap_or("interrupted again: unwritten results are lost")),
     }
 }
 
-/// Ends the program without waiting for anything.
+/// Ends the program without waiting for other threads.
 fn end(farewell: &str) -> ! {
     snell_formats::atomic::abandon();
     eprintln!("{farewell}");
@@ -103,11 +104,10 @@ pub fn watch() -> Result<(), Failure> {
     use std::sync::atomic::AtomicBool;
 
     let failed = |e: std::io::Error| Failure::Other(format!("cannot watch for signals: {e}"));
-    // A file that grows beyond what `ulimit -f` allows is an error of the file, not the end of the
-    // program.
+    // A file that grows beyond `ulimit -f` is an error of that file, not the end of the program.
     signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).map_err(failed)?;
-    // Where memory or stack runs out, the standard library says so and aborts. That is a failure
-    // like others.
+    // If memory or stack runs out, the standard library prints a message and aborts. That is a
+    // failure like others.
     signal_hook::flag::register_conditional_shutdown(SIGABRT, 1, Arc::new(AtomicBool::new(true)))
         .map_err(failed)?;
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGXCPU]).map_err(failed)?;
@@ -127,7 +127,7 @@ pub fn watch() -> Result<(), Failure> {
         .map_err(|e| Failure::Other(format!("cannot watch for Ctrl-C: {e}")))
 }
 
-/// True if the program was started by `nohup`, so that the end of the terminal is not to end it.
+/// True if the program was started by `nohup`, so that it survives the end of the terminal.
 #[cfg(unix)]
 fn is_hangup_ignored() -> bool {
     use std::io::IsTerminal;
@@ -138,6 +138,6 @@ fn is_hangup_ignored() -> bool {
                 != 0,
         )
     });
-    // Where the system does not say: `nohup` leaves no message on a terminal.
+    // If the system does not report it: `nohup` redirects messages away from the terminal.
     ignored.unwrap_or_else(|| !std::io::stderr().is_terminal())
 }

@@ -1,7 +1,7 @@
-//! The `snell` command: renders, inspects and compares from the shell. All the work is in the
-//! libraries; here are options, messages, files and exit codes.
+//! The `snell` command: renders, inspects and compares from the shell. The libraries do the work;
+//! this crate has options, messages, files and exit codes.
 //!
-//! Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted (with what was rendered saved).
+//! Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted (with the rendered part saved).
 
 #![forbid(unsafe_code)]
 
@@ -34,8 +34,7 @@ struct Cli {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    // The last line of defence: a fault in the program is an error message, never a crash without
-    // one.
+    // The last line of defence: a fault in the program ends with an error message.
     let outcome =
         std::panic::catch_unwind(|| interrupt::watch().and_then(|()| command::run(cli.command)));
     match outcome {

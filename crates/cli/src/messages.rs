@@ -1,6 +1,6 @@
-//! Messages that may be lost: a closed terminal, a reader that is gone or a full disk are no reason
-//! to end, as they are for the macros of the standard library that have these names. And warnings,
-//! as text and as JSON.
+//! Messages that may be lost: a closed terminal, a closed pipe or a full disk does not end the
+//! program, unlike with the standard library's macros of the same names. Also formats warnings, as
+//! text and as JSON.
 
 use serde_json::{Value, json};
 use snell_formats::error::one_line;
@@ -20,7 +20,7 @@ macro_rules! println {
     }};
 }
 
-/// A warning as one line, with the number of times if there are several.
+/// A warning as one line, with its count if above 1.
 pub fn counted(warning: &Warning) -> String {
     let message = one_line(&warning.message);
     match warning.count {
@@ -29,7 +29,7 @@ pub fn counted(warning: &Warning) -> String {
     }
 }
 
-/// Warnings as `--json` and `--stats` have them.
+/// Warnings in the JSON of `--json` and `--stats`.
 pub fn as_json(warnings: &[Warning]) -> Value {
     warnings.iter().map(|w| json!({ "message": w.message, "count": w.count })).collect()
 }

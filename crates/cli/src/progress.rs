@@ -6,7 +6,7 @@ use std::io::IsTerminal;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// How progress is shown.
+/// The style of the progress display.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum ProgressStyleOption {
     /// A live line on a terminal, plain lines otherwise.
@@ -14,7 +14,7 @@ pub enum ProgressStyleOption {
     Auto,
     /// Plain lines.
     Plain,
-    /// One JSON object a line, on standard error.
+    /// One JSON object per line, on standard error.
     Json,
     /// Nothing.
     None,
@@ -27,7 +27,7 @@ enum Style {
     Silent,
 }
 
-/// Shows how far a render is. Called from any thread.
+/// Shows the progress of a render. Called from any thread.
 pub struct Reporter {
     style: Style,
     start: Instant,
@@ -71,7 +71,7 @@ impl Reporter {
         }
     }
 
-    /// The seconds so far, if the last time that something was shown is long enough ago.
+    /// The seconds so far, if enough time has passed since the last output.
     fn due(&self) -> Option<f64> {
         let now = Instant::now();
         let mut next = self.next.try_lock().ok().filter(|next| now >= **next)?;
@@ -79,8 +79,8 @@ impl Reporter {
         Some(now.duration_since(self.start).as_secs_f64())
     }
 
-    /// Shows progress if the last time is long enough ago. `limit` is the time allowed, if there is
-    /// one.
+    /// Shows progress, if enough time has passed since the last output. `limit` is the time limit,
+    /// if any.
     pub fn update(&self, progress: &Progress, limit: Option<Duration>) {
         let Some(seconds) = self.due() else { return };
         let by_samples = progress.done as f64 / progress.total.max(1) as f64;
@@ -113,7 +113,8 @@ impl Reporter {
         }
     }
 
-    /// Shows how far the training of paths is, if the last time is long enough ago.
+    /// Shows the progress of path-guiding training, if enough time has passed since the last
+    /// output.
     pub fn update_training(&self, training: &Training) {
         let Some(seconds) = self.due() else { return };
         let (pass, share) =
@@ -148,7 +149,7 @@ impl Reporter {
     }
 }
 
-/// A duration for people: `0.8s`, `42s`, `3m07s`, `2h05m`.
+/// A duration as text: `0.8s`, `42s`, `3m07s`, `2h05m`.
 pub fn duration(seconds: f64) -> String {
     let whole = seconds.round() as u64;
     match whole {

@@ -1,24 +1,24 @@
-//! What the process uses, and whether there is as much.
+//! Memory use of the process, and checks that enough is available.
 
 use crate::failure::Failure;
 use snell_formats::memory::Available;
 use snell_render::memory::of_scene;
 use snell_scene::Scene;
 
-/// An error for people if there is no memory for `what` on all threads.
+/// Fails with a message if there is too little memory for `what` on all threads.
 pub fn admit(what: &str, bytes: u64) -> Result<(), String> {
     let available = Available::now().for_threads(rayon::current_num_threads());
     let admitted = available.admit(what, bytes);
     admitted.map_err(|problem| format!("{problem}; give it more memory, or make the scene simpler"))
 }
 
-/// Refuses a scene that there is no memory to make ready for rays.
+/// Refuses a scene if there is too little memory to compile it.
 pub fn admit_scene(name: &str, scene: &Scene) -> Result<(), Failure> {
     let admitted = admit("the scene ready for rays", of_scene(scene));
     admitted.map_err(|problem| Failure::Scene(format!("{name}: {problem}")))
 }
 
-/// Resident memory of this process now, in bytes; `None` where the system does not say.
+/// Resident memory of this process now, in bytes; `None` where the system does not report it.
 pub fn memory_bytes() -> Option<u64> {
     kilobytes("VmRSS:")
 }
@@ -30,10 +30,11 @@ fn kilobytes(name: &str) -> Option<u64> {
     Some(line.trim().strip_suffix(" kB")?.parse::<u64>().ok()? * 1024)
 }
 
-/// Largest resident memory of this process so far, in bytes; `None` where the system does not tell.
+/// Largest resident memory of this process so far, in bytes; `None` where the system does not
+/// report it.
 pub fn peak_memory_bytes() -> Option<u64> {
-    // On Linux, what `getrusage` tells counts what the parent had when it started this process,
-    // too.
+    // On Linux, `getrusage` also counts the memory that the parent had when it started this
+    // process.
     if let Some(peak) = kilobytes("VmHWM:") {
         return Some(peak);
     }

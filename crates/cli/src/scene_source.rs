@@ -1,4 +1,4 @@
-//! Where a scene comes from: a file, standard input, or the built-in ones.
+//! Sources of scenes: files, standard input, and built-in ones.
 
 use crate::failure::Failure;
 use crate::usd;
@@ -10,8 +10,8 @@ use std::ffi::OsString;
 use std::io::Read;
 use std::path::Path;
 
-/// The scene named on the command line: a file, `-` for standard input, or a built-in scene. A file
-/// wins over a built-in name.
+/// Loads the scene named on the command line: a file, `-` for standard input, or a built-in scene.
+/// A file takes precedence over a built-in name.
 pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
     if path == Path::new("-") {
         let mut bytes = Vec::new();
@@ -57,7 +57,7 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
 /// The stem of the default output file.
 pub fn stem(path: &Path, scene: &Scene) -> OsString {
     if path == Path::new("-") {
-        // (Scenes may have names that lead out of the folder.)
+        // (A scene's name may contain a path out of the folder.)
         let name = scene.name.replace([' ', '/', '\\', '\0'], "-");
         return if name.is_empty() { "scene".into() } else { name.into() };
     }

@@ -1,14 +1,14 @@
-//! Spectra in files: `-D material.NAME.PARAMETER.spectrum=FILE`.
+//! Spectra from files: `-D material.NAME.PARAMETER.spectrum=FILE`.
 
 use crate::failure::Failure;
 use snell_formats::open::{self, NamedBy};
 use std::path::Path;
 
-/// Most bytes of a table.
+/// Maximum size of a table in bytes.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// A definition `key=value` of a spectrum whose value is the name of a file, with the table that
-/// the file holds in its place. Other definitions are left alone.
+/// In a definition `key=value` of a spectrum whose value is a file name, replaces the name by the
+/// file's table. Other definitions are unchanged.
 pub fn resolve(definition: &str) -> Result<String, Failure> {
     match definition.split_once('=') {
         Some((key, name)) if key.ends_with(".spectrum") && Path::new(name).exists() => {
@@ -18,14 +18,14 @@ pub fn resolve(definition: &str) -> Result<String, Failure> {
     }
 }
 
-/// The pairs of a file with a wavelength in nm and a value in each line, separated by blanks or a
-/// comma, as JSON. What follows `#` is a comment.
+/// The pairs of wavelength in nm and value in a file, one per line, separated by blanks or a comma,
+/// as JSON. `#` starts a comment.
 fn table(name: &str) -> Result<serde_json::Value, Failure> {
     let failed = |problem: String| Failure::Other(format!("{name}: {problem}"));
     let bytes = open::read(Path::new(name), NamedBy::User, MOST_BYTES)
         .map_err(|e| failed(e.to_string()))?;
     let text = String::from_utf8(bytes)
-        .map_err(|_| failed("this is no text; expected a table of numbers".into()))?;
+        .map_err(|_| failed("this is not text; expected a table of numbers".into()))?;
     let mut pairs = Vec::new();
     for (number, line) in (1..).zip(text.lines()) {
         let line = line.split('#').next().unwrap_or_default();

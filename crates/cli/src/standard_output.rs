@@ -1,9 +1,9 @@
-//! Text on standard output. A reader that stops reading (`snell info x | head -3`) is no fault.
+//! Text on standard output. A reader that stops early (`snell info x | head -3`) is not an error.
 
 use crate::failure::Failure;
 use std::io::{ErrorKind, Write};
 
-/// Writes bytes to standard output. A closed pipe counts as done.
+/// Writes bytes to standard output. A closed pipe counts as success.
 pub fn write(bytes: &[u8]) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {

@@ -5,13 +5,13 @@ use clap::builder::RangedI64ValueParser;
 use snell_render::threads::MAX;
 pub use snell_render::threads::cores;
 
-/// Reads a number of threads on the command line.
+/// A parser for the number of threads on the command line.
 pub fn number() -> RangedI64ValueParser<u32> {
     clap::value_parser!(u32).range(1..=MAX as i64)
 }
 
-/// Starts the threads on which files are read and written and structures are built: this many for
-/// the whole process, whatever the environment says.
+/// Starts the threads that read and write files and build structures: this many for the whole
+/// process, whatever the environment specifies.
 pub fn start(threads: usize) -> Result<(), Failure> {
     let pool =
         rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("snell-{i}"));

@@ -1,8 +1,8 @@
-//! USD stages, which a Python with the package `usd-core` reads: the modules of `python/snell/usd`
-//! turn them into Snell's own format.
+//! USD stages, read by a Python with the package `usd-core`: the modules of `python/snell/usd`
+//! convert them to Snell's own format.
 //!
-//! They are part of this program and are handed to Python as its input, so that `snell` works
-//! whether or not the Python package of Snell is installed.
+//! They are part of this program and are passed to Python on standard input, so that `snell` works
+//! whether or not Snell's Python package is installed.
 
 mod converter;
 mod process;
@@ -14,17 +14,17 @@ use snell_formats::{Place, ReadError, ReadOptions, read_scene_bytes};
 use snell_scene::Scene;
 use std::path::Path;
 
-/// Exit code of the converter where `usd-core` or NumPy is missing.
+/// Exit code of the converter if `usd-core` or NumPy is missing.
 const NO_PACKAGE: i32 = 3;
-/// What to do about it.
+/// The remedy for that.
 const INSTALL: &str = "install what reads it with: pip install usd-core numpy (or pip install \
     'snell[usd]'), in a Python \
     that is found as python3 or python";
-/// What to do about a stage that takes too much.
+/// The remedy for a stage that exceeds a limit.
 const BY_HAND: &str =
     "split the stage, or convert it without these limits: python3 -m snell.usd IN OUT.snell";
 
-/// Endings of the names of USD files.
+/// Extensions of USD files.
 pub const EXTENSIONS: &[&str] = &["usd", "usda", "usdc", "usdz"];
 
 /// True for the names of USD files.
@@ -59,14 +59,13 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
                     .lines()
                     .rev()
                     .find(|l| !l.trim().is_empty())
-                    .unwrap_or("Python said nothing");
+                    .unwrap_or("Python printed nothing");
                 let last = last.strip_prefix("error: ").unwrap_or(last);
                 return Err(error(last.strip_prefix(&shown).unwrap_or(last).trim(), "").into());
             }
             End::Killed(status) => {
-                let problem = format!(
-                    "its reader was ended ({status}), as it is where memory does not suffice"
-                );
+                let problem =
+                    format!("its reader was killed ({status}), perhaps for lack of memory");
                 return Err(error(&problem, BY_HAND).into());
             }
             End::TooLong => {
@@ -84,7 +83,7 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
     Err(error(problem, INSTALL).into())
 }
 
-/// The scene that the converter wrote, with its remarks.
+/// The scene that the converter wrote, with its warnings.
 fn scene(path: &Path, answer: Answer, options: &ReadOptions) -> Result<Scene, Failure> {
     let shown = path.display().to_string();
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -1,8 +1,8 @@
-//! Writing files so that a failure leaves what was there before.
+//! Atomic file writes: a failed write leaves the previous file untouched.
 //!
-//! A file is written under a temporary name beside its place and then renamed. New files get the
-//! mode that the user's mask allows, replaced ones keep theirs. A link stays a link: what it leads
-//! to is replaced.
+//! A file is written under a temporary name in the same folder and then renamed. New files get the
+//! mode that the user's umask allows; replaced files keep theirs. A symbolic link stays a link: the
+//! file that it points to is replaced.
 
 use crate::error::WriteError;
 use std::collections::BTreeSet;
@@ -11,10 +11,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use tempfile::NamedTempFile;
 
-/// Links are followed this often, as Linux does.
+/// The longest chain of symbolic links that is followed, as on Linux.
 const MAX_LINKS: usize = 40;
 
-/// Finds out, before any work, whether [`write()`] could put a file at `path`.
+/// Checks, before any work is done, whether [`write()`] could put a file at `path`.
 pub fn check(path: &Path) -> std::result::Result<(), WriteError> {
     let possible = || match destination(path)? {
         Destination::Special => Ok(()),
@@ -23,13 +23,13 @@ pub fn check(path: &Path) -> std::result::Result<(), WriteError> {
     possible().map_err(io_error(path))
 }
 
-/// Writes `bytes` to a temporary file beside `path`, then renames it over `path`. What is no file,
-/// such as a pipe or a device, is written to and not replaced.
+/// Writes `bytes` to a temporary file beside `path`, then renames it over `path`. Pipes and devices
+/// are written to directly and not replaced.
 pub fn write(path: &Path, bytes: &[u8]) -> std::result::Result<(), WriteError> {
     write_with(path, |out| out.write_all(bytes))
 }
 
-/// Like [`write()`], for what need not be in memory as a whole: `fill` writes it.
+/// Like [`write()`], for content that need not be in memory as a whole: `fill` writes it.
 pub fn write_with(
     path: &Path,
     fill: impl FnOnce(&mut dyn Write) -> Result<()>,
@@ -54,7 +54,7 @@ pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> std::result::Result<(), WriteE
     let staged: Vec<_> = files
         .iter()
         .map(|(path, bytes)| match destination(path).map_err(io_error(path))? {
-            // It has no other name that it could wait under.
+            // A special file has no other name to wait under.
             Destination::Special => Ok(None),
             Destination::File(_) => {
                 stage(path, |out| out.write_all(bytes)).map(Some).map_err(io_error(path))
@@ -68,8 +68,8 @@ pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> std::result::Result<(), WriteE
     Ok(())
 }
 
-/// Removes all temporary files that there are, for a program that is about to end at once. No other
-/// can be made, and no file be put in its place, after that: other threads wait for the end.
+/// Removes all temporary files, for a program that is about to exit. Afterwards no other can be
+/// created or renamed into place: other threads wait for the exit.
 pub fn abandon() {
     let known = temporaries();
     for path in known.iter() {
@@ -82,15 +82,15 @@ fn io_error(path: &Path) -> impl Fn(Error) -> WriteError {
     move |source| WriteError::Io { path: path.into(), source }
 }
 
-/// Where a file goes.
+/// The destination of a file.
 enum Destination {
-    /// There may be an ordinary file, at the end of all links.
+    /// An ordinary file (which may not exist yet), after all links are followed.
     File(PathBuf),
-    /// There is what is no file, such as a device or a pipe, and cannot be renamed over.
+    /// Something other than a file, such as a device or a pipe, which cannot be renamed over.
     Special,
 }
 
-/// Follows links, also those that lead to nothing yet.
+/// Follows symbolic links, including those that point to nothing yet.
 fn destination(path: &Path) -> Result<Destination> {
     if names_a_folder(path) || path.is_dir() {
         return Err(ErrorKind::IsADirectory.into());
@@ -105,21 +105,21 @@ fn destination(path: &Path) -> Result<Destination> {
                 place = folder_of(&place).join(std::fs::read_link(&place)?)
             }
             Ok(_) => {
-                // Renaming does not ask whether the file may be changed, but its owner said so.
+                // Renaming does not check write permission, so a read-only file is refused here.
                 std::fs::OpenOptions::new().write(true).open(&place)?;
                 return Ok(Destination::File(place));
             }
-            // What the name of a link says may be a folder, too.
+            // A link may also name a folder.
             Err(e) if e.kind() == ErrorKind::NotFound && !names_a_folder(&place) => {
                 return Ok(Destination::File(place));
             }
             Err(e) => return Err(e),
         }
     }
-    Err(Error::other("links lead to links without an end"))
+    Err(Error::other("the symbolic links form a loop or are too many"))
 }
 
-/// True for `a/` and `a/.`, which the system takes for folders although the last part of these
+/// True for `a/` and `a/.`, which the system treats as folders although the last component of these
 /// paths is `a`.
 fn names_a_folder(path: &Path) -> bool {
     let name = path.as_os_str().as_encoded_bytes();
@@ -132,11 +132,11 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// What is written, but not yet in its place.
+/// Content that is written, but not yet in its place.
 enum Staged {
-    /// Under a temporary name.
+    /// A file under a temporary name.
     File { temporary: Temporary, place: PathBuf },
-    /// To what is no file.
+    /// Nothing left to do: the content went to a special file.
     Done,
 }
 
@@ -168,7 +168,7 @@ impl Staged {
     }
 }
 
-/// The temporary files that there are. They are made, renamed and removed while this is locked, so
+/// The existing temporary files. They are created, renamed and removed while this is locked, so
 /// that [`abandon`] misses none.
 static TEMPORARIES: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
@@ -182,7 +182,7 @@ struct Temporary(Option<NamedTempFile>);
 impl Temporary {
     fn beside(path: &Path) -> Result<Self> {
         let folder = folder_of(path);
-        // The temporary name says nothing to a user, so it does not belong into the error.
+        // The temporary name means nothing to a user, so it does not belong in the error.
         let plain = |e: Error| {
             std::fs::metadata(folder).err().unwrap_or_else(|| {
                 e.raw_os_error().map_or(e.kind().into(), Error::from_raw_os_error)
@@ -191,7 +191,7 @@ impl Temporary {
         let mut builder = tempfile::Builder::new();
         builder.prefix(".snell-").suffix(".tmp");
         #[cfg(unix)]
-        // The system takes away what the user's mask forbids.
+        // The system removes what the umask forbids.
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let mut known = temporaries();
         let file = builder.tempfile_in(folder).map_err(plain)?;

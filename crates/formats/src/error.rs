@@ -1,10 +1,10 @@
-//! What went wrong with a file: where, what was found, what to do.
+//! Errors of reading and writing files: where, what was found, what to do.
 
 use std::borrow::Cow;
 use std::fmt;
 use std::path::PathBuf;
 
-/// Where in a file.
+/// A place in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
     /// The file as a whole.
@@ -15,9 +15,9 @@ pub enum Place {
     Column(usize, usize),
     /// A byte offset, from 0.
     Byte(u64),
-    /// A path into JSON, such as `/meshes/0/primitives/1`.
+    /// A JSON pointer, such as `/meshes/0/primitives/1`.
     Json(String),
-    /// A path into JSON, with line and column, both from 1.
+    /// A JSON pointer, with line and column, both from 1.
     JsonAt(String, usize, usize),
 }
 
@@ -26,7 +26,7 @@ pub enum Place {
 pub struct ReadError {
     /// The file, as the user named it.
     pub file: String,
-    /// Where in it.
+    /// The place in it.
     pub place: Place,
     /// What was found and what was expected.
     pub problem: String,
@@ -55,7 +55,7 @@ impl fmt::Display for ReadError {
 
 impl std::error::Error for ReadError {}
 
-/// A message as one line without control characters: words of a file must not move the cursor of a
+/// A message as one line without control characters: text from a file must not control the
 /// terminal.
 pub fn one_line(text: &str) -> Cow<'_, str> {
     if !text.contains(char::is_control) {
@@ -73,7 +73,7 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// A file could not be written. Whatever stood there before is untouched.
+/// A file could not be written. A file that existed at its path is unchanged.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     /// The system refused.
@@ -82,7 +82,7 @@ pub enum WriteError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The picture does not fit the format.

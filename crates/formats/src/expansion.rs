@@ -1,8 +1,9 @@
-//! How much the files of one scene may become in memory, all together.
+//! A limit on how much the files of one scene may expand to in memory, all together.
 //!
-//! A small file can stand for much: compressed data, pictures of one colour, counts without data,
-//! one file that is named a thousand times. Each is charged here *before* memory is taken, and all
-//! inputs of a scene share one account, so that many small things are refused as one large one is.
+//! A small file can expand greatly: compressed data, pictures of one colour, counts without data,
+//! one file that is named a thousand times. Each is charged here *before* memory is allocated, and
+//! all inputs of a scene share one account, so that many small things are refused as one large one
+//! is.
 
 use crate::error::{Place, ReadError};
 use crate::input::Input;
@@ -12,15 +13,15 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// What the files of a scene were, and what was made of them so far.
+/// The sizes of a scene's files, and the memory charged for them so far.
 #[derive(Debug, Default)]
 pub(crate) struct Expansion(Mutex<Account>);
 
 #[derive(Debug, Default)]
 struct Account {
-    /// How often a file was opened.
+    /// How many times files were opened.
     opened: usize,
-    /// Bytes of each file on the disk: a file that is opened again gives nothing more.
+    /// Bytes of each file on the disk: opening a file again does not raise the limit.
     files: HashMap<PathBuf, u64>,
     /// Bytes of all files, each counted once.
     given: u64,
@@ -35,7 +36,7 @@ impl Account {
 }
 
 impl Expansion {
-    /// An account of bytes that are in memory already.
+    /// An account for bytes that are in memory already.
     pub fn of_bytes(bytes: u64) -> Self {
         Self(Mutex::new(Account { given: bytes, ..Account::default() }))
     }
@@ -44,7 +45,7 @@ impl Expansion {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Counts a file that is opened.
+    /// Counts the opening of a file.
     pub fn open(&self, path: &Path) {
         let mut account = self.account();
         account.opened += 1;
@@ -56,21 +57,21 @@ impl Expansion {
     }
 }
 
-/// How bytes are compressed.
+/// A kind of compression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Compression {
-    /// Files of gzip, one or several in a row.
+    /// Gzip, with one or several members.
     Gzip,
-    /// A stream of zlib; what follows it is not looked at.
+    /// A zlib stream; what follows it is ignored.
     Zlib,
 }
 
 impl Input {
-    /// Counts memory that is about to be taken for `what` this file stands for.
+    /// Charges memory that is about to be allocated for `what`, which this file expands to.
     ///
     /// # Errors
-    /// If the files of the scene would become more than [`Limits::memory_bytes`] and
-    /// [`Limits::expansion`] allow. Then nothing is counted.
+    /// If the files of the scene would take more than [`Limits::memory_bytes`] and
+    /// [`Limits::expansion`] allow. Then nothing is charged.
     pub(crate) fn charge(&self, bytes: u64, what: &str) -> Result<(), ReadError> {
         let mut account = self.expansion.account();
         let (allowed, given) = (account.allowed(&self.options.limits), account.given);
@@ -90,7 +91,7 @@ impl Input {
         Ok(())
     }
 
-    /// An error if the scene has opened as many files as it may.
+    /// Fails if the scene has opened as many files as it may.
     pub(crate) fn count_file(&self, path: &Path) -> Result<(), ReadError> {
         let limit = self.options.limits.files;
         if self.expansion.account().opened >= limit {
@@ -101,11 +102,10 @@ impl Input {
         Ok(())
     }
 
-    /// The bytes that `packed`, at `place`, is unpacked to; they are charged.
+    /// Unpacks `packed`, found at `place`, and charges the bytes that it unpacks to.
     ///
     /// # Errors
-    /// If it is damaged, or unpacks to more than files that people have do, or than the scene may
-    /// take.
+    /// If it is damaged, or unpacks to more than real files do, or to more than the scene may take.
     pub(crate) fn unpack(
         &self,
         packed: &[u8],
@@ -119,10 +119,10 @@ impl Input {
     }
 }
 
-/// Bytes may unpack to this many whatever their number.
+/// Any input, however small, may unpack to this many bytes.
 const ALWAYS_UNPACKED: u64 = 64 << 20;
 
-/// The content of `packed`, or what is wrong with it and what to do.
+/// Unpacks `packed`. The error is the problem and its remedy.
 pub(crate) fn unpack(
     packed: &[u8],
     how: Compression,
@@ -153,7 +153,7 @@ pub(crate) fn unpack(
     Ok(content)
 }
 
-/// A number of bytes for people.
+/// Formats a number of bytes for a message.
 fn in_words(bytes: u64) -> String {
     match bytes {
         0..1_000_000 => format!("{bytes} bytes"),

@@ -1,19 +1,19 @@
-//! The last line of defence before code of others: a decoder that panics is an error of the file,
-//! without a word on standard error.
+//! The last line of defence around decoders of other crates: a panic becomes an error of the file,
+//! and nothing is printed on standard error.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 use std::sync::Once;
 
 thread_local! {
-    /// How many calls of [`guarded`] this thread is in.
+    /// How many calls of [`guarded`] are active on this thread.
     static DEPTH: Cell<usize> = const { Cell::new(0) };
 }
 
 static QUIET: Once = Once::new();
 
-/// What `work` gives; `None` if it panics. The panic is not reported: the hook of the process is
-/// kept for all others.
+/// Returns the result of `work`, or `None` if it panics. The panic is not reported; the hook of the
+/// process stays in place for all others.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> T) -> Option<T> {
     QUIET.call_once(|| {
         let usual = take_hook();

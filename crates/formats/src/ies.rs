@@ -1,9 +1,9 @@
 //! Photometric files of the Illuminating Engineering Society (IES LM-63, `.ies`): the luminous
 //! intensity of a luminaire by angle.
 //!
-//! Read: type C photometry (what nearly all files have) with any of its symmetries, in candela as
-//! measured, times the file's factors for candela and ballast. Not read: keywords, tilt of the
-//! lamp, and the size of the luminaire, which is a point here.
+//! Supported is type C photometry (nearly all files) with any of its symmetries, in absolute
+//! candela, times the file's candela multiplier and ballast factor. Keywords, lamp tilt and the
+//! size of the luminaire are ignored: it is a point here.
 
 use crate::error::{Place, ReadError};
 use crate::input::Input;
@@ -12,8 +12,8 @@ use snell_scene::light::IntensityTable;
 
 const REMEDY: &str = "export the luminaire again as IES LM-63 with type C photometry";
 
-/// Reads a table of intensities: polar angle 0 is the axis of the luminaire (straight down where it
-/// hangs), azimuths are its horizontal angles. The values are candela.
+/// Reads a table of intensities in candela. Polar angle 0 is the axis of the luminaire (straight
+/// down where it hangs); azimuths are its horizontal angles.
 pub fn read_ies(input: &Input) -> Result<IntensityTable, ReadError> {
     let text = String::from_utf8_lossy(&input.bytes);
     let mut numbers = Numbers::new(input, &text)?;
@@ -40,7 +40,7 @@ pub fn read_ies(input: &Input) -> Result<IntensityTable, ReadError> {
     })
 }
 
-/// The angles all around in degrees, and which of the given ones each repeats.
+/// The azimuths of the full circle in degrees, and the index of the given angle that each repeats.
 fn around(horizontal: &[f64]) -> Option<(Vec<f64>, Vec<usize>)> {
     let (first, last) = (*horizontal.first()?, *horizontal.last()?);
     if horizontal.len() == 1 {
@@ -63,7 +63,7 @@ fn around(horizontal: &[f64]) -> Option<(Vec<f64>, Vec<usize>)> {
             .flat_map(|(k, a)| [a, (540.0 - a) % 360.0].map(|a| (a, k)))
             .chain([(360.0, opposite(horizontal))])
             .collect(),
-        // The last plane may repeat the first or be left out.
+        // The last plane may repeat the first or be omitted.
         (f, l) if near(f, 0.0) && l > 180.0 && l < 360.01 => {
             given.map(|(k, a)| (a, k)).chain([(360.0, 0)]).collect()
         }
@@ -76,8 +76,8 @@ fn around(horizontal: &[f64]) -> Option<(Vec<f64>, Vec<usize>)> {
     Some(all.into_iter().unzip())
 }
 
-/// The plane at 180 degrees, which stands for that at 0 and 360 if the halves left and right of the
-/// 90 degree plane are alike.
+/// The plane at 180 degrees, which stands in for that at 0 and 360 if the luminaire is symmetric
+/// about its 90 degree plane.
 fn opposite(horizontal: &[f64]) -> usize {
     (0..horizontal.len())
         .min_by(|&a, &b| (horizontal[a] - 180.0).abs().total_cmp(&(horizontal[b] - 180.0).abs()))
@@ -88,7 +88,7 @@ fn opposite(horizontal: &[f64]) -> usize {
 struct Header {
     vertical: usize,
     horizontal: usize,
-    /// On all intensities.
+    /// A factor on all intensities.
     factor: f64,
 }
 
@@ -116,7 +116,7 @@ impl Header {
     }
 }
 
-/// The numbers after the line of TILT.
+/// The numbers after the TILT line.
 struct Numbers<'a> {
     input: &'a Input,
     words: Box<dyn Iterator<Item = (usize, &'a str)> + 'a>,

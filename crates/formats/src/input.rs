@@ -1,4 +1,4 @@
-//! The bytes of a file, and the way to the files it names.
+//! An input file: its bytes, and how the files that it names are found.
 
 use crate::ReadOptions;
 use crate::error::{Place, ReadError};
@@ -12,23 +12,23 @@ use std::sync::Arc;
 /// A file being read.
 #[derive(Clone, Debug)]
 pub struct Input {
-    /// As the user or the naming file wrote it: for messages.
+    /// The name that the user or the naming file gave, for messages.
     pub name: String,
     /// The content, unpacked if it was compressed with gzip.
     pub bytes: Vec<u8>,
-    /// Where relative names start.
+    /// The folder that relative names start from.
     pub directory: PathBuf,
-    /// No file outside of this folder is opened, unless allowed.
+    /// No file outside of this folder is opened, unless the options allow it.
     pub root: PathBuf,
-    /// How to read.
+    /// Options of reading.
     pub options: ReadOptions,
-    /// What the files of the scene have become in memory.
+    /// The memory charged for the files of the scene.
     pub(crate) expansion: Arc<Expansion>,
 }
 
 impl Input {
-    /// Opens a file named by the user. Its folder becomes the root for files that it names; that of
-    /// a pipe is the current one.
+    /// Opens a file named by the user. Its folder becomes the root for files that it names; for a
+    /// pipe, the current folder does.
     pub fn open(path: &Path, options: &ReadOptions) -> Result<Self, ReadError> {
         let name = path.display().to_string();
         let bytes = read_limited(path, &name, NamedBy::User, &options.limits)?;
@@ -50,7 +50,7 @@ impl Input {
         Ok(input)
     }
 
-    /// Bytes that are already here.
+    /// An input from bytes that are in memory already.
     pub fn from_bytes(name: &str, bytes: Vec<u8>, directory: &Path, options: &ReadOptions) -> Self {
         let directory = directory.to_path_buf();
         let expansion = Arc::new(Expansion::of_bytes(bytes.len() as u64));
@@ -64,7 +64,7 @@ impl Input {
         }
     }
 
-    /// The same, unpacked if they are compressed with gzip.
+    /// Like [`Self::from_bytes`], but unpacks bytes that are compressed with gzip.
     pub fn from_packed(
         name: &str,
         bytes: Vec<u8>,
@@ -78,7 +78,7 @@ impl Input {
         Ok(input)
     }
 
-    /// Bytes that this file holds, as a file of their own.
+    /// An input from bytes embedded in this file.
     pub(crate) fn part(&self, name: &str, bytes: Vec<u8>) -> Self {
         let (directory, root, expansion) =
             (self.directory.clone(), self.root.clone(), self.expansion.clone());
@@ -98,8 +98,8 @@ impl Input {
         Ok(opened)
     }
 
-    /// The path of a file that this one names, relative to this one's folder; whether it exists is
-    /// not said. Absolute names, and names that lead out of the root folder, need
+    /// Resolves the path of a file that this one names, relative to this one's folder. The file
+    /// need not exist. Absolute names, and names that lead out of the root folder, need
     /// `--allow-outside`. Backslashes count as slashes where no file of the literal name exists.
     pub fn resolve(&self, name: &str) -> Result<PathBuf, ReadError> {
         let literal = Path::new(name);
@@ -117,9 +117,9 @@ impl Input {
         Ok(path)
     }
 
-    /// The error with line and column beside a path into JSON, if it is about this file and this
-    /// file is that JSON. (Searching the text takes a while, so it is done for errors that a user
-    /// sees, and not for those that become warnings.)
+    /// Adds line and column to an error at a JSON pointer, if it is about this file and this file
+    /// is that JSON. (Searching the text takes a while, so this is done only for errors that a user
+    /// sees, not for those that become warnings.)
     pub fn located(&self, mut error: ReadError) -> ReadError {
         if let Place::Json(path) = &error.place
             && error.file == self.name
@@ -140,7 +140,7 @@ impl Input {
         ReadError { file: self.name.clone(), place, problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// Extension in lower case, without the dot: of `a.ply.gz`, `ply`.
+    /// The extension in lower case, without the dot: `ply` for `a.ply.gz`.
     pub fn extension(&self) -> String {
         self.plain_name()
             .extension()
@@ -148,7 +148,7 @@ impl Input {
             .unwrap_or_default()
     }
 
-    /// File name without folder and extension.
+    /// The file name without folder and extension.
     pub fn stem(&self) -> String {
         self.plain_name().file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
     }
@@ -159,9 +159,9 @@ impl Input {
     }
 }
 
-/// How gzip files begin.
+/// The magic bytes of gzip.
 const GZIP: [u8; 3] = [0x1f, 0x8b, 8];
-/// The content of a file that was compressed with gzip; others as they are.
+/// Unpacks content that is compressed with gzip; returns other content as it is.
 fn unpacked(bytes: Vec<u8>, name: &str, limits: &Limits) -> Result<Vec<u8>, ReadError> {
     if !bytes.starts_with(&GZIP) {
         return Ok(bytes);
@@ -174,7 +174,7 @@ fn unpacked(bytes: Vec<u8>, name: &str, limits: &Limits) -> Result<Vec<u8>, Read
     })
 }
 
-/// True if `path`, links followed where it exists, lies in `root`.
+/// True if `path`, with links followed where it exists, lies in `root`.
 fn stays_inside(root: &Path, path: &Path) -> bool {
     if let (Ok(root), Ok(path)) = (root.canonicalize(), path.canonicalize()) {
         return path.starts_with(root);

@@ -1,11 +1,11 @@
-//! Where in a text of JSON a value stands.
+//! Finds line and column of a value in JSON text.
 
 use serde_json::value::RawValue;
 use std::borrow::Cow;
 use std::collections::HashMap;
 
-/// Line and column, both from 1, of the value that a JSON pointer names, or of the innermost one
-/// around it that is there. `None` if the text is no JSON.
+/// Returns line and column, both from 1, of the value that a JSON pointer names, or of the
+/// innermost existing value around it. `None` if the text is not JSON.
 pub fn line_and_column(text: &[u8], pointer: &str) -> Option<(usize, usize)> {
     let text = std::str::from_utf8(text).ok()?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
@@ -23,7 +23,7 @@ pub fn line_and_column(text: &[u8], pointer: &str) -> Option<(usize, usize)> {
     Some((line, column))
 }
 
-/// The text of a property or an element.
+/// The text of a property's or an element's value.
 fn descend<'a>(value: &'a str, step: &str) -> Option<&'a str> {
     if value.starts_with('{') {
         let properties: HashMap<Cow<str>, &RawValue> = serde_json::from_str(value).ok()?;

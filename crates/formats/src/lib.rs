@@ -1,8 +1,8 @@
-//! Files to scene graphs, images to and from files.
+//! Reads scene files into scene graphs, and reads and writes images.
 //!
-//! A *reader* turns bytes into a [`Scene`] (a mesh file is a scene with one node). Which reader:
-//! the content decides, then the extension. To add a format: one new file with a [`SceneReader`] in
-//! `mesh/` or `scene/`, and its two lines in the `mod.rs` there.
+//! A *reader* turns bytes into a [`Scene`] (a mesh file is a scene with one node). The reader is
+//! chosen by the content, then by the extension. To add a format: one new file with a
+//! [`SceneReader`] in `mesh/` or `scene/`, and its two lines in the `mod.rs` there.
 
 #![forbid(unsafe_code)]
 
@@ -42,8 +42,8 @@ pub struct SceneReader {
     pub description: &'static str,
     /// Extensions in lower case, without the dot.
     pub extensions: &'static [&'static str],
-    /// True if the bytes can only be this format. Called with the whole file; must be quick (look
-    /// at the first few KiB).
+    /// True if the bytes can only be this format. It gets the whole file and must be quick (look at
+    /// the first few KiB).
     pub recognises: fn(&[u8]) -> bool,
     /// Reads the scene.
     pub read: fn(&Input) -> Result<Scene, ReadError>,
@@ -62,29 +62,29 @@ pub const SCENE_READERS: &[SceneReader] = &{
     all
 };
 
-/// How to read.
+/// Options of reading.
 #[derive(Clone, Debug, Default)]
 pub struct ReadOptions {
-    /// Files named by the scene may lie outside of its folder.
+    /// True if files named by the scene may lie outside of its folder.
     pub allow_outside: bool,
-    /// Caps on sizes and counts.
+    /// Limits on sizes and counts.
     pub limits: Limits,
-    /// Which set of materials is shown, by name or number (from 0), in files with several. Formats
-    /// that have none do not look at it.
+    /// The material variant to use, by name or number (from 0), in files with several. Formats
+    /// without variants ignore it.
     pub variant: Option<String>,
-    /// Which scene is shown, by name or number (from 0), in files with several. Formats that have
-    /// one only do not look at it.
+    /// The scene to use, by name or number (from 0), in files with several. Formats with only one
+    /// ignore it.
     pub scene: Option<String>,
-    /// Values of parameters that the file takes, by name: `$name` in Mitsuba's scenes. Other names
-    /// are not looked at.
+    /// Values of the file's parameters, by name: `$name` in Mitsuba scenes. Other names are
+    /// ignored.
     pub parameters: Vec<(String, String)>,
-    /// Where the files that are read are recorded with the hashes of their contents, if that is
-    /// wanted: it takes time.
+    /// Records the files that are read, with hashes of their contents. `None` saves the time for
+    /// hashing.
     pub sources: Option<Sources>,
 }
 
 impl ReadOptions {
-    /// Records a file that was read, if that is wanted.
+    /// Records a file that was read, if sources are recorded.
     fn record(&self, path: &Path, content: &[u8]) {
         if let Some(sources) = &self.sources {
             sources.add(path, content);
@@ -98,7 +98,7 @@ pub fn read_scene(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError
 }
 
 /// Reads a scene from bytes, such as standard input. `name` is for messages; files that the scene
-/// names are looked for in `directory`.
+/// names are searched in `directory`.
 pub fn read_scene_bytes(
     name: &str,
     bytes: Vec<u8>,
@@ -110,8 +110,8 @@ pub fn read_scene_bytes(
     read_input(&input)
 }
 
-/// Refuses a large file that there is no memory to read: numbers in text become several times as
-/// long on their way. Measured on meshes.
+/// Refuses a large file if there is too little memory to read it: numbers in text take several
+/// times their size while they are read. The factors were measured on meshes.
 fn check_memory(input: &Input) -> Result<(), ReadError> {
     const LARGE: usize = 16 << 20;
     if input.bytes.len() < LARGE {
@@ -137,7 +137,7 @@ fn read_input(input: &Input) -> Result<Scene, ReadError> {
             Place::Whole,
             "this is not a scene or mesh format that Snell knows, neither by its content nor by \
                 its extension",
-            format!("use one of: {} (`snell formats` tells more)", known.join(", ")),
+            format!("use one of: {} (`snell formats` says more)", known.join(", ")),
         ));
     };
     check_memory(input)?;

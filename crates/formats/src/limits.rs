@@ -1,6 +1,6 @@
-//! Caps for hostile files. Reached caps are errors that say so.
+//! Limits against hostile files. Exceeding one is an error that names it.
 
-/// Caps on sizes, counts and depths.
+/// Limits on sizes, counts and depths.
 #[derive(Clone, Debug)]
 pub struct Limits {
     /// Bytes of one file.
@@ -11,12 +11,12 @@ pub struct Limits {
     pub image_pixels: u64,
     /// Depth of nodes, groups and includes.
     pub depth: usize,
-    /// Files that a scene may open, each counted as often as it is named.
+    /// Files that a scene may open; a file counts each time it is named.
     pub files: usize,
-    /// Bytes of memory that all files of a scene may stand for, whatever their size.
+    /// Bytes of memory that the files of a scene may take together, whatever their size.
     pub memory_bytes: u64,
-    /// Bytes of memory that they may stand for beyond that, for each byte of theirs. A file that is
-    /// named several times counts once.
+    /// Bytes of memory that they may take beyond that for each byte on disk. A file that is named
+    /// several times counts once.
     pub expansion: u64,
 }
 

@@ -1,47 +1,47 @@
-//! How much memory this process may still take: the least of what the machine has left, what its
-//! control groups leave, and what its own limits leave.
+//! How much memory this process may still take: the minimum of what the machine, its control groups
+//! and its resource limits leave.
 //!
-//! All of it is text in `/proc` and `/sys/fs/cgroup`, on Linux. Elsewhere nothing is known, and
-//! nothing is refused beforehand.
+//! The figures come from `/proc` and `/sys/fs/cgroup` on Linux. On other systems nothing is known,
+//! and nothing is refused in advance.
 
 use std::fmt;
 use std::fs::read_to_string;
 use std::path::{Path, PathBuf};
 
-/// Memory that is left, and what sets the limit.
+/// Available memory, and what limits it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Available {
-    /// Bytes that can be taken from now on; `u64::MAX` if nothing is known.
+    /// Bytes that can still be allocated; `u64::MAX` if unknown.
     pub bytes: u64,
-    /// What leaves no more.
+    /// The tightest limit.
     pub limit: Limit,
 }
 
-/// What sets a limit of memory.
+/// The source of a memory limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Limit {
-    /// Memory of the machine that no one uses, and its swap space.
+    /// Free memory of the machine, including swap space.
     Machine,
-    /// A control group, such as that of a container or of a job of a cluster.
+    /// A control group, such as that of a container or of a cluster job.
     ControlGroup,
-    /// `ulimit -v`: all that is mapped counts.
+    /// `ulimit -v`: all mapped memory counts.
     AddressSpace,
-    /// `ulimit -d`: all that may be written counts.
+    /// `ulimit -d`: all writable memory counts.
     Data,
     /// Nothing is known.
     None,
 }
 
 impl Available {
-    /// No limit is known.
+    /// The value if no limit is known.
     pub const UNKNOWN: Self = Self { bytes: u64::MAX, limit: Limit::None };
 
-    /// What this process may take now.
+    /// What this process may allocate now.
     pub fn now() -> Self {
         Self::under(Path::new("/"))
     }
 
-    /// The same, with the files of the system below `root`.
+    /// Like [`Self::now`], with the system's files below `root`.
     fn under(root: &Path) -> Self {
         let read = |name: &str| read_to_string(root.join(name)).unwrap_or_default();
         let (status, limits) = (read("proc/self/status"), read("proc/self/limits"));
@@ -60,8 +60,8 @@ impl Available {
         known.min_by_key(|available| available.bytes).unwrap_or(Self::UNKNOWN)
     }
 
-    /// What is left for work on this many threads beside the one that asks: each takes address
-    /// space for its stack and its part of the heap.
+    /// What is left for work on this many threads beside the calling one: each takes address space
+    /// for its stack and its part of the heap.
     pub fn for_threads(self, threads: usize) -> Self {
         let each = match self.limit {
             Limit::AddressSpace => SPACE_OF_THREAD,
@@ -89,7 +89,8 @@ impl fmt::Display for Limit {
 }
 
 impl Available {
-    /// An error for people if this is less than `what` needs; the remedy is for the caller to say.
+    /// Fails if less is available than `what` needs. The message has no remedy: the caller adds
+    /// one.
     pub fn admit(&self, what: &str, needed: u64) -> Result<(), String> {
         if needed <= self.bytes {
             return Ok(());
@@ -101,11 +102,11 @@ impl Available {
 impl fmt::Display for Available {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let Self { bytes, limit } = self;
-        write!(f, "{} can be had ({limit})", Bytes(*bytes))
+        write!(f, "{} is available ({limit})", Bytes(*bytes))
     }
 }
 
-/// A number of bytes, as people read it.
+/// A number of bytes, displayed in MB or GB.
 #[derive(Clone, Copy, Debug)]
 pub struct Bytes(pub u64);
 
@@ -119,7 +120,7 @@ impl fmt::Display for Bytes {
     }
 }
 
-/// A buffer of this many zeros, or an error where there is no room for it.
+/// Allocates a buffer of this many zeros; fails if there is no room for it.
 pub fn zeros<T: Clone + Default>(
     count: usize,
 ) -> Result<Vec<T>, std::collections::TryReserveError> {
@@ -129,13 +130,13 @@ pub fn zeros<T: Clone + Default>(
     Ok(values)
 }
 
-/// What the machine has left.
+/// Memory that the machine has left.
 fn machine(meminfo: &str) -> Option<u64> {
     let free = kilobytes(meminfo, "MemAvailable:")?;
     Some(free.saturating_add(kilobytes(meminfo, "SwapFree:").unwrap_or(0)))
 }
 
-/// The number of a line such as `VmSize:   1234 kB`, in bytes.
+/// The number in a line such as `VmSize:   1234 kB`, in bytes.
 fn kilobytes(text: &str, name: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix(name))?;
     line.trim().strip_suffix(" kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
@@ -147,14 +148,14 @@ fn soft_limit(limits: &str, name: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// What the control groups of this process leave: the least of its own and of all around it.
+/// What the control groups of this process leave: the minimum over its own and all enclosing ones.
 fn control_groups(root: &Path, groups: &str) -> Option<u64> {
     let left = |(top, path, files): (&str, &str, &Files)| files.least(&root.join(top), path);
     groups.lines().flat_map(places_of_group).filter_map(left).min()
 }
 
-/// Where the files of a line of `/proc/self/cgroup` may be: under which folder, at which path. The
-/// second version has no list of controllers, and may be mounted beside the first.
+/// Where the files for a line of `/proc/self/cgroup` may be: the folder, and the path below it.
+/// Version 2 has no list of controllers, and may be mounted beside version 1.
 fn places_of_group(line: &str) -> Vec<(&'static str, &str, &'static Files)> {
     let mut parts = line.splitn(3, ':').skip(1);
     match (parts.next(), parts.next()) {
@@ -168,11 +169,11 @@ fn places_of_group(line: &str) -> Vec<(&'static str, &str, &'static Files)> {
     }
 }
 
-/// The files of a version of control groups.
+/// The names of the files of a control group version.
 struct Files {
     limit: &'static str,
     used: &'static str,
-    /// In `memory.stat`: pages of files, which are given up when memory is short.
+    /// Keys of `memory.stat`: page cache, which is freed when memory is short.
     cached: [&'static str; 2],
 }
 
@@ -185,10 +186,10 @@ static SECOND: Files =
     Files { limit: "memory.max", used: "memory.current", cached: ["inactive_file", "active_file"] };
 
 impl Files {
-    /// The least that a group and those around it leave.
+    /// The minimum that a group and its enclosing groups leave.
     fn least(&self, top: &Path, path: &str) -> Option<u64> {
         let mut folder = top.join(path.trim_start_matches('/'));
-        // In a container the group may be the root of what is mounted.
+        // In a container the group may be the root of the mount.
         let mut least: Option<u64> = None;
         loop {
             let left = self.left(&folder);

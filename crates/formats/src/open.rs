@@ -1,5 +1,5 @@
-//! Opening files, and nothing but files: a pipe or a device may keep a reader waiting for ever, or
-//! give bytes without an end.
+//! Opens regular files only: a pipe or a device may block a reader forever, or supply bytes without
+//! end.
 
 use crate::error::one_line;
 use std::fmt;
@@ -7,17 +7,17 @@ use std::fs::{File, Metadata};
 use std::io::Read;
 use std::path::Path;
 
-/// Who names a file.
+/// Who names a file: this decides whether it may be a pipe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NamedBy {
-    /// The user. What the shell hands over, `/dev/stdin` and `/dev/fd/63` of `<(command)`, may be a
+    /// The user. What the shell passes, `/dev/stdin` and `/dev/fd/63` for `<(command)`, may be a
     /// pipe.
     User,
-    /// A file, or a folder in which files are looked for.
+    /// Another file, or a folder that is searched.
     File,
 }
 
-/// Why a file is not read. Displays as `problem; remedy`.
+/// Why a file cannot be read. Displays as `problem; remedy`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refusal {
     /// What was found.
@@ -40,17 +40,17 @@ impl Refusal {
     }
 }
 
-/// A file may grow by this many bytes while it is read. What gives more than its size says, as some
-/// of `/proc` do, has no end.
+/// A file may grow by this many bytes while it is read. A file that yields more than its size, as
+/// some in `/proc` do, is taken to be endless.
 const GROWTH_BYTES: u64 = 64 << 20;
 
-/// Opens a file without waiting for anything.
+/// Opens a file without blocking.
 pub fn open(path: &Path, named_by: NamedBy) -> Result<File, Refusal> {
     let is_handed_over = named_by == NamedBy::User && is_own_descriptor(path);
     let mut options = std::fs::OpenOptions::new();
     options.read(true);
     if let Ok(known) = std::fs::metadata(path) {
-        // Some devices do something when they are opened, and sockets cannot be.
+        // Opening some devices has side effects, and sockets cannot be opened.
         check(&known, is_handed_over)?;
     }
     #[cfg(unix)]
@@ -63,12 +63,12 @@ pub fn open(path: &Path, named_by: NamedBy) -> Result<File, Refusal> {
     let failed =
         |e| Refusal::new(format!("cannot open: {e}"), "check the name and that you may read it");
     let file = options.open(path).map_err(failed)?;
-    // It may have changed since.
+    // The file may have been replaced since the check.
     check(&file.metadata().map_err(failed)?, is_handed_over)?;
     Ok(file)
 }
 
-/// The content of a file of at most so many bytes.
+/// Reads a file of at most `limit` bytes.
 pub fn read(path: &Path, named_by: NamedBy, limit: u64) -> Result<Vec<u8>, Refusal> {
     let failed =
         |e| Refusal::new(format!("cannot read: {e}"), "check the disk and your permissions");
@@ -95,18 +95,18 @@ pub fn read(path: &Path, named_by: NamedBy, limit: u64) -> Result<Vec<u8>, Refus
     if most == limit {
         return Err(larger());
     }
-    let problem = format!("gives far more than its {} bytes, perhaps without an end", known.len());
+    let problem = format!("yields far more than its {} bytes and may be endless", known.len());
     Err(Refusal::new(problem, "name an ordinary file"))
 }
 
-/// True for the names of this program's own descriptors.
+/// True for the names of this process's own file descriptors.
 pub(crate) fn is_own_descriptor(path: &Path) -> bool {
     let folder = path.parent();
     let is_in = |name: &str| folder == Some(Path::new(name));
     cfg!(unix) && (path == Path::new("/dev/stdin") || is_in("/dev/fd") || is_in("/proc/self/fd"))
 }
 
-/// Refuses what is no file.
+/// Refuses anything but regular files (and pipes, if allowed).
 fn check(known: &Metadata, may_be_pipe: bool) -> Result<(), Refusal> {
     if known.is_file() {
         return Ok(());
@@ -124,7 +124,7 @@ fn check(known: &Metadata, may_be_pipe: bool) -> Result<(), Refusal> {
     }
 }
 
-/// What it is that is neither a file nor a folder.
+/// Names the kind of something that is neither a file nor a folder.
 fn kind(known: &Metadata) -> &'static str {
     #[cfg(unix)]
     {

@@ -1,16 +1,16 @@
-//! Which files were read, and what they held: a record that is kept only if it is asked for.
+//! An optional record of the files that were read and hashes of their contents.
 
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A record of files. Its copies are the same record.
+/// A record of files. Clones share the same record.
 #[derive(Clone, Debug, Default)]
 pub struct Sources(Arc<Mutex<BTreeMap<PathBuf, [u8; 32]>>>);
 
 impl Sources {
-    /// Notes that a file was read. Its time is that of SHA-256, about a second for a gigabyte.
+    /// Records a file. Hashing takes about a second per gigabyte.
     pub(crate) fn add(&self, path: &Path, content: &[u8]) {
         let hash = Sha256::digest(content).into();
         self.0.lock().unwrap_or_else(PoisonError::into_inner).insert(path.to_path_buf(), hash);

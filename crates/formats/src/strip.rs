@@ -1,17 +1,17 @@
-//! Curves as triangles: ribbons, and tubes where a format has no curves.
+//! Tessellates curves: into ribbons, and into tubes where a format has no curves.
 
 use snell_intersect::{Curves, TriangleMesh};
 use snell_math::{DVec4, Vec2, Vec3};
 
-/// Most pieces of a segment along a curve.
+/// Maximum number of pieces of a segment along a curve.
 const ALONG: usize = 8;
-/// A piece of a segment turns by no more than this, radians.
+/// Maximum turn of a piece of a segment, in radians.
 const TURN: f32 = 0.25;
 /// Sides of a tube.
 const SIDES: usize = 5;
 
-/// Into how many pieces each segment is cut, by how much the most bent one turns. `tangent` has any
-/// length, at a segment and a parameter from 0 to 1.
+/// The number of pieces into which each segment is cut, by how far the most strongly bent one
+/// turns. `tangent` gets a segment and a parameter from 0 to 1; its length does not matter.
 pub fn pieces(segments: usize, tangent: impl Fn(usize, f32) -> Vec3) -> usize {
     let turn = |segment: usize| {
         let [a, b, c] = [1e-3, 0.5, 0.999].map(|t| tangent(segment, t).normalize_or_zero());
@@ -21,12 +21,12 @@ pub fn pieces(segments: usize, tangent: impl Fn(usize, f32) -> Vec3) -> usize {
     (most / TURN).ceil().clamp(1.0, ALONG as f32) as usize
 }
 
-/// Tubes of five sides around strands, with the normals and texture coordinates of the strands,
-/// open at their ends.
+/// Tessellates strands into tubes of five sides, open at the ends, with the strands' normals and
+/// texture coordinates.
 pub fn tubes(curves: &Curves) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for strand in 0..curves.strands().len() {
-        // What is never hit is left out, and begins a new tube.
+        // A degenerate segment is left out, and a new tube begins after it.
         let segments: Vec<Option<[DVec4; 4]>> =
             curves.segments_of(strand).map(|i| curves.bezier(i)).collect();
         let at = |segment: usize, t: f32| {
@@ -65,18 +65,19 @@ pub struct Strip<'a> {
     sides: usize,
     /// A direction across the curve, carried along it.
     side: Vec3,
-    /// The first vertex of the ring before.
+    /// The first vertex of the previous ring.
     before: Option<u32>,
 }
 
 impl<'a> Strip<'a> {
-    /// A strip that grows in a mesh: a tube of so many sides, or a ribbon of one.
+    /// A strip that grows in a mesh: a tube with this many sides, or a ribbon with one.
     pub fn new(mesh: &'a mut TriangleMesh, sides: usize) -> Self {
         Self { mesh, sides, side: Vec3::ZERO, before: None }
     }
 
-    /// Adds vertices around a point of the curve, or across it at right angles to a normal, and
-    /// triangles from those before. `along` is their first texture coordinate.
+    /// Adds a ring of vertices around a point of the curve (for ribbons: across it, at right angles
+    /// to a normal), and triangles that join it to the previous ring. `along` is their first
+    /// texture coordinate.
     pub fn add_ring(
         &mut self,
         center: Vec3,
@@ -114,7 +115,7 @@ impl<'a> Strip<'a> {
     }
 }
 
-/// How many triangles [`tubes`] makes at most.
+/// The maximum number of triangles that [`tubes`] makes.
 pub fn most_triangles(curves: &Curves) -> usize {
     curves.segment_count().saturating_mul(ALONG * SIDES * 2)
 }

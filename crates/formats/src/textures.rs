@@ -1,4 +1,4 @@
-//! Images that scene files name, each read once.
+//! Images that scene files name; each is read once.
 
 use crate::image::read_image;
 use crate::{Input, ReadError};
@@ -17,7 +17,7 @@ pub struct Textures {
 
 impl Textures {
     /// The image that `input` names. A missing or broken one becomes a warning and a magenta
-    /// checkerboard, so that it is seen; one outside of the scene's folder is an error (see
+    /// checkerboard that is easily seen; one outside of the scene's folder is an error (see
     /// [`Input::resolve`]).
     pub fn image(
         &mut self,
@@ -42,7 +42,7 @@ impl Textures {
         Ok(id)
     }
 
-    /// A repeating texture of the image that `input` names, for formats whose `v` grows upwards:
+    /// A repeating texture of the image that `input` names, for formats whose `v` points up:
     /// coordinates (0, 0) are the lower left corner of the image.
     pub fn texture(
         &mut self,

@@ -1,4 +1,4 @@
-//! `snell compare`: how far two pictures are apart.
+//! `snell compare`: how much two pictures differ.
 
 use crate::failure::Failure;
 use crate::standard_output;
@@ -79,7 +79,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     ];
     let mut within = true;
     for (what, value, limit) in limits {
-        // Also a NaN is over.
+        // NaN is over the limit, too.
         if let Some(limit) = limit
             && !matches!(
                 value.partial_cmp(&limit),

@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use crate::standard_output;
 use std::process::ExitCode;
 
-/// Which shell.
+/// Options of `snell completions`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
     /// The shell.

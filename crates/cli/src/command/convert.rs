@@ -1,4 +1,4 @@
-//! `snell convert`: a scene in another format.
+//! `snell convert`: converts a scene to another format.
 
 use crate::failure::Failure;
 use crate::messages::{self, counted};
@@ -14,7 +14,7 @@ use std::process::ExitCode;
 pub struct Options {
     /// Scene or mesh file, `-` for standard input, or the name of a built-in scene
     input: PathBuf,
-    /// File to write; its extension says the format (`snell formats` lists those that are written)
+    /// File to write; its extension selects the format (`snell formats` lists the writable ones)
     output: PathBuf,
     /// Replace files that exist
     #[arg(long)]
@@ -27,7 +27,7 @@ pub struct Options {
     allow_outside: bool,
 }
 
-/// Reads a scene, writes it, and says what was lost on the way.
+/// Reads a scene, writes it, and reports what was lost.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     check_scene_path(&options.output, options.force)?;
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };

@@ -45,7 +45,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
             position: None,
             count: 1,
             message: error.to_string(),
-            remedy: "mend the file",
+            remedy: "correct the file",
         }],
         Err(failure) => return Err(failure),
     };
@@ -60,9 +60,9 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     Ok(if counts[0] + counts[1] > 0 { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
-/// Refuses a scene that there is no memory to look at.
+/// Refuses a scene if there is too little memory to examine it.
 fn check_memory(scene: &Scene) -> Result<(), String> {
-    // Of a triangle: how it hangs together with others, and a structure for rays. Measured.
+    // Bytes per triangle, for its connectivity and a structure for rays. Measured.
     const BYTES: u64 = 260;
     let triangles = distinct_triangles(scene);
     admit(

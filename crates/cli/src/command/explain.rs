@@ -1,4 +1,4 @@
-//! `snell explain`: why a pixel looks as it does.
+//! `snell explain`: explains the colour of a pixel.
 
 use super::view::{self, Files};
 use crate::failure::Failure;
@@ -11,8 +11,8 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// With more triangles, only the ray's way through the structure in use is shown unless the user
-/// asks: some take long to build.
+/// In scenes with more triangles, the ray is followed only through the structure in use, unless the
+/// user asks for others: some take long to build.
 const MANY_TRIANGLES: u64 = 300_000;
 
 /// Options of `snell explain`.
@@ -24,7 +24,7 @@ pub struct Options {
     /// The pixel: column and row from the upper left corner, from 0
     #[arg(long, value_name = "X,Y", value_parser = parse_pixel, allow_hyphen_values = true)]
     pixel: [u32; 2],
-    /// The sample whose path is shown, from 0. Default: the one whose colour is nearest to that of
+    /// The sample whose path is shown, from 0. Default: the one whose colour is closest to that of
     /// the pixel
     #[arg(long, value_name = "N")]
     sample: Option<u32>,
@@ -38,14 +38,14 @@ pub struct Options {
     /// Write a drawing to this file
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Options of `snell render`, after `--`: those of the picture that the pixel is of, such as
-    /// `-- --size 800x600 --spp 256`
+    /// Options of `snell render`, after `--`: those of the picture to which the pixel belongs, such
+    /// as `-- --size 800x600 --spp 256`
     #[arg(last = true, value_name = "RENDER OPTIONS")]
     render: Vec<OsString>,
 }
 
 impl Options {
-    /// The threads that the options of the render ask for.
+    /// The number of threads in the render's options.
     pub fn threads(&self) -> usize {
         view::threads_of(&self.render)
     }
@@ -58,7 +58,7 @@ fn parse_pixel(text: &str) -> Result<[u32; 2], String> {
         .ok_or_else(|| "a pixel is a column and a row, such as 320,240".into())
 }
 
-/// Renders the pixel and tells how.
+/// Renders the pixel and explains it.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let files = Files::new(&options.scene, &options.render)?;
     let opened = files.open(Which::Given).map_err(Failure::Scene)?;

@@ -1,4 +1,4 @@
-//! `snell info`: what is in a scene file.
+//! `snell info`: the contents of a scene file.
 
 mod text;
 
@@ -20,7 +20,7 @@ pub struct Options {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Nodes of the tree to show at most
+    /// Maximum number of nodes of the tree to show
     #[arg(long, value_name = "N", default_value_t = 60)]
     nodes: usize,
     /// Let the scene name files outside of its folder
@@ -28,7 +28,7 @@ pub struct Options {
     allow_outside: bool,
 }
 
-/// Prints what is in the scene.
+/// Prints the contents of the scene.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
     let scene = scene_source::load(&options.scene, &read)?;
@@ -126,8 +126,8 @@ impl Facts<'_> {
         })
     }
 
-    /// The tree; a node that several nodes share is written out once, because a small file may use
-    /// one node billions of times.
+    /// The node tree; a node that several nodes share is written out once, because a small file may
+    /// use one node billions of times.
     fn tree_json(&self, id: NodeId, depth: usize, shown: &mut HashSet<NodeId>) -> Value {
         let node = &self.scene.nodes[id.index()];
         if !shown.insert(id) {

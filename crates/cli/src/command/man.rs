@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use crate::standard_output;
 use std::process::ExitCode;
 
-/// Prints the manual page (troff), all sub-commands included.
+/// Prints the manual page (troff), including all sub-commands.
 pub fn run() -> Result<ExitCode, Failure> {
     let failed = |e: std::io::Error| Failure::Other(format!("cannot make the manual page: {e}"));
     let mut out = Vec::new();
@@ -13,7 +13,7 @@ pub fn run() -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The pages of a command and of all that are below it.
+/// Appends the pages of a command and its sub-commands.
 fn append(command: &clap::Command, title: &str, out: &mut Vec<u8>) -> std::io::Result<()> {
     clap_mangen::Man::new(command.clone()).title(title).render(out)?;
     command

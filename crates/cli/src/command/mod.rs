@@ -17,24 +17,24 @@ use crate::failure::Failure;
 use crate::threads;
 use std::process::ExitCode;
 
-/// What to do.
+/// A sub-command.
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
     /// Render a scene to a picture.
     Render(Box<render::Options>),
     /// Look at a scene in the browser.
     View(view::Options),
-    /// Tell why a pixel looks as it does.
+    /// Explain the colour of a pixel
     Explain(explain::Options),
-    /// Show what is in a scene file.
+    /// Show the contents of a scene file
     Info(info::Options),
     /// Compare two pictures.
     Compare(compare::Options),
     /// Write a scene in another format.
     Convert(convert::Options),
-    /// Look for what is wrong with a scene.
+    /// Check a scene for problems
     Doctor(doctor::Options),
-    /// Measure how fast rays are traced and structures built, beside others.
+    /// Measure the speed of tracing rays and building structures, compared with others
     #[command(subcommand)]
     Bench(bench::Command),
     /// List the built-in scenes.
@@ -48,7 +48,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// The threads that it works on; none for what has no work.
+    /// The number of threads of the sub-command; `None` if it needs none.
     fn threads(&self) -> Option<usize> {
         match self {
             Self::Render(options) => Some(options.threads()),

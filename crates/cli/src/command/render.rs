@@ -1,4 +1,4 @@
-//! `snell render`: a scene file to a picture.
+//! `snell render`: renders a scene file to a picture.
 
 mod denoise;
 mod frames;
@@ -35,7 +35,7 @@ use std::time::{Duration, Instant};
 use summary::Summary;
 use tev::Tev;
 
-/// What is said when a signal ends the command before there is something to save.
+/// The message if a signal ends the command before there is anything to save.
 const NOTHING_YET: &str = "interrupted before anything was rendered: no picture was written";
 
 /// Renders a scene and writes the picture, or the frames of an animation.
@@ -93,7 +93,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     })
 }
 
-/// What an interrupted render has left.
+/// Reports what an interrupted render has saved.
 fn say_what_is_there(outcome: &Outcome, path: &Path, spp: u32) {
     let least = outcome.least_samples;
     match &outcome.fate {
@@ -115,7 +115,7 @@ fn say_what_is_there(outcome: &Outcome, path: &Path, spp: u32) {
     }
 }
 
-/// Reads the scene, and the part of its file that the options choose.
+/// Reads the scene, and selects the part of its file that the options name.
 fn load(options: &Options) -> Result<Scene, Failure> {
     let scene = scene_source::load(&options.scene, &options.read_options())?;
     let shown = options.scene.display();
@@ -130,10 +130,10 @@ fn load(options: &Options) -> Result<Scene, Failure> {
     Ok(scene)
 }
 
-/// Pictures of more pixels take so long to save that one says so.
+/// Pictures with more pixels take so long to save that a message says so.
 const QUICKLY_SAVED: u64 = 4_000_000;
 
-/// What all pictures of one command have in common.
+/// State shared by all pictures of one command.
 struct Session<'a> {
     options: &'a Options,
     simd: Level,
@@ -142,13 +142,13 @@ struct Session<'a> {
     tonemap: Tonemap,
     load_seconds: f64,
     stem: OsString,
-    /// What a picture was expected to take before it was begun.
+    /// The memory estimate before the picture was begun.
     estimated_memory_bytes: u64,
-    /// Some picture was begun, and warnings are said.
+    /// True once a picture was begun and warnings were printed.
     has_begun: bool,
 }
 
-/// What became of a picture.
+/// The result of a picture.
 struct Outcome {
     compiled: CompiledScene,
     fate: Fate,
@@ -159,21 +159,21 @@ struct Outcome {
 
 /// Whether and where a picture was written.
 enum Fate {
-    /// In its place; the file has this SHA-256.
+    /// In its place, with this SHA-256.
     Written(String),
-    /// In its place, with the noise that was to be removed, because it was interrupted meanwhile.
+    /// In its place, but still noisy, because denoising was interrupted.
     Noisy,
-    /// In a second place, which was named.
+    /// In a fallback place, which was reported.
     Elsewhere,
-    /// It has holes, and so is beside its place.
+    /// Beside its place, because it has holes.
     Partial,
-    /// It was interrupted before anything was rendered, or is a frame of many that was interrupted.
+    /// Nowhere: it was interrupted before anything was rendered, or it is one of many frames.
     Nothing,
 }
 
 impl Session<'_> {
-    /// Renders a picture and writes it to a file, or to standard output. A frame of many that is
-    /// interrupted is not written.
+    /// Renders a picture and writes it to a file, or to standard output. If it is one of many
+    /// frames and is interrupted, it is not written.
     fn take(&mut self, scene: &Scene, shot: Shot, target: Target) -> Result<Outcome, Failure> {
         let options = self.options;
         let Shot { camera, later_cameras, compiled, build_seconds, .. } = shot;
@@ -206,7 +206,7 @@ impl Session<'_> {
         if is_cut
             && film.crop.size().iter().map(|&side| u64::from(side)).product::<u64>() > QUICKLY_SAVED
         {
-            eprintln!("interrupted: saving what was rendered; a second signal gives it up");
+            eprintln!("interrupted: saving what was rendered; a second signal discards it");
         }
 
         let mut picture = snell_render::picture(&film, &settings, &compiled);
@@ -258,14 +258,14 @@ impl Session<'_> {
                 return Err(Failure::Other(problem));
             }
         }
-        // Last, because the most memory may be taken by the denoiser or the encoder.
+        // Last, because the denoiser or the encoder may take the most memory.
         let (least_samples, statistics) = (film.least_samples(), summary.json());
         Ok(Outcome { compiled, fate, least_samples, render_seconds, statistics })
     }
 }
 
-/// What there is to say before a picture is rendered. What the readers warn of names the place in a
-/// file; what is found later is about the whole of the scene.
+/// Warnings before a picture is rendered. Those of the readers name a place in a file; those found
+/// later concern the whole scene.
 fn warnings(
     options: &Options,
     scene: &Scene,
@@ -286,7 +286,8 @@ fn warnings(
     warnings
 }
 
-/// Only OpenEXR holds layers. The integrator `aov` shows its first one in any format.
+/// True if layers would be lost: only OpenEXR holds them. The integrator `aov` shows its first one
+/// in any format.
 fn loses_layers(options: &Options, settings: &Settings) -> bool {
     let extension = options.output.as_ref().and_then(|path| path.extension());
     let shown = usize::from(settings.integrator == IntegratorKind::Aov);
@@ -295,13 +296,13 @@ fn loses_layers(options: &Options, settings: &Settings) -> bool {
     asked && !extension.is_some_and(|e| e.eq_ignore_ascii_case("exr"))
 }
 
-/// Makes a scene ready to be looked at, as the options say.
+/// Prepares a scene for viewing, according to the options.
 pub(super) fn prepare_scene(scene: Scene, options: &Options) -> Result<Scene, Failure> {
     Ok(Stage::new(scene, options)?.into_scene(options.at))
 }
 
-/// Adds what the scene lacks and changes what the options say. A camera that is made shows all of
-/// the poses.
+/// Adds missing parts of the scene and applies the options. A default camera frames all of the
+/// poses.
 fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &Options) -> Result<(), Failure> {
     options.apply_environment(scene)?;
     let size = options.size.unwrap_or(Request::DEFAULT_SIZE);
@@ -356,8 +357,8 @@ fn render(
     let result = job.run(threads, &|progress| {
         if let Some(training) = progress.training {
             reporter.update_training(&training);
-            // A pass takes as long as all before it. Where passes are counted, the clock has no
-            // say: bits must repeat.
+            // A pass takes as long as all before it. If a number of passes was requested, the clock
+            // is ignored so that results are reproducible.
             let share = limit
                 .filter(|_| options.guiding == Some(GuidingPasses::Auto))
                 .map(|l| l.mul_f64(Guiding::SHARE));
@@ -366,7 +367,7 @@ fn render(
             return !late && !interrupt::is_requested();
         }
         reporter.update(progress, limit);
-        // A picture with holes is of no use: the time limit waits for the first pass.
+        // A picture with holes is useless: the time limit waits for the first pass.
         let late = progress.passes > 0 && limit.is_some_and(|l| start.elapsed() >= l);
         !late && !interrupt::is_requested()
     });

@@ -1,4 +1,4 @@
-//! `snell view`: a scene in the browser.
+//! `snell view`: shows a scene in the browser.
 
 use super::render;
 use crate::failure::Failure;
@@ -15,13 +15,13 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, SystemTime};
 
-/// How often `--watch` looks at the files.
+/// Interval at which `--watch` checks the files.
 const WATCH_INTERVAL: Duration = Duration::from_millis(300);
 
-/// Behind the choice of scenes if none is named.
+/// The scene behind the scene chooser if none is named.
 const FIRST_SCENE: &str = "cornell-box";
 
-/// Where the token may stand, besides `--token`.
+/// The environment variable with the token, an alternative to `--token`.
 const TOKEN_VARIABLE: &str = "SNELL_VIEW_TOKEN";
 
 /// Options of `snell view`.
@@ -31,11 +31,11 @@ pub struct Options {
     /// Scene or mesh file, or the name of a built-in scene. Without one, the page offers the
     /// built-in scenes
     scene: Option<PathBuf>,
-    /// Port to listen on. Default: any that is free
+    /// Port to listen on. Default: any free one
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     port: u16,
-    /// Address to listen on. Others than this machine see the scene only if you name one of its
-    /// addresses here, or 0.0.0.0
+    /// Address to listen on. Other machines can see the scene only if you name one of this
+    /// machine's addresses here, or 0.0.0.0
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1")]
     host: IpAddr,
     /// Open the page in the browser (the default where there is a display)
@@ -44,7 +44,7 @@ pub struct Options {
     /// Only print the address of the page
     #[arg(long)]
     no_open: bool,
-    /// Token of the page's address, 16 to 64 letters and digits, so that the address stays the
+    /// Token in the page's address, 16 to 64 letters and digits, so that the address stays the
     /// same. Other users of the machine can read it here; the environment variable SNELL_VIEW_TOKEN
     /// keeps it private. Default: a random one
     #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
@@ -52,14 +52,14 @@ pub struct Options {
     /// Frames per second while something moves
     #[arg(long, value_name = "N", default_value_t = 30.0)]
     fps: f64,
-    /// Read the scene again when its file changes; the camera stays
+    /// Reload the scene when its file changes; the camera stays
     #[arg(long)]
     watch: bool,
     /// Threads. Default: one per core
     #[arg(short, long, value_name = "N", value_parser = threads::number())]
     threads: Option<u32>,
-    /// More options of `snell render`, after `--`: how the picture at rest is made, such as
-    /// `-- --spp 256 --environment sky`
+    /// More options of `snell render`, after `--`: settings of the picture at rest, such as `--
+    /// --spp 256 --environment sky`
     #[arg(last = true, value_name = "RENDER OPTIONS")]
     render: Vec<OsString>,
 }
@@ -83,21 +83,21 @@ fn parse_token(text: &str) -> Result<String, String> {
 }
 
 impl Options {
-    /// The threads that are asked for, here or among the options of the render.
+    /// The requested number of threads, from here or from the render's options.
     pub fn threads(&self) -> usize {
         self.threads.map_or_else(|| threads_of(&self.render), |n| n as usize)
     }
 }
 
-/// The threads that options of `snell render` ask for. What is wrong with them is found out later.
+/// The number of threads in options of `snell render`. Errors in them are reported later.
 pub(super) fn threads_of(render: &[OsString]) -> usize {
     let words = std::iter::once("scene".as_ref()).chain(render.iter().map(OsString::as_os_str));
     RenderLine::try_parse_from(words)
         .map_or_else(|_| threads::cores(), |line| line.options.threads())
 }
 
-/// The token that is asked for: by the option, or else by the environment, which other users of the
-/// machine cannot read.
+/// The token from the option, or else from the environment, which other users of the machine cannot
+/// read.
 fn chosen_token(options: &Options) -> Result<Option<String>, Failure> {
     let given = std::env::var_os(TOKEN_VARIABLE).filter(|_| options.token.is_none());
     let Some(given) = given.filter(|value| !value.is_empty()) else {
@@ -107,7 +107,7 @@ fn chosen_token(options: &Options) -> Result<Option<String>, Failure> {
     token.map(Some).map_err(|problem| Failure::Usage(format!("{TOKEN_VARIABLE}: {problem}")))
 }
 
-/// Serves the scene until Ctrl-C, or another signal to end.
+/// Serves the scene until Ctrl-C or another termination signal.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if !(options.fps >= 1.0 && options.fps <= 240.0) {
         return Err(Failure::Usage(format!("--fps {}: from 1 to 240", options.fps)));
@@ -132,7 +132,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     interrupt::save_first();
     if !options.host.is_loopback() {
         eprintln!(
-            "warning: others can reach this address; whoever knows it sees the scene and can \
+            "warning: others can reach this address; anyone who knows it sees the scene and can \
                 change the view"
         );
     }
@@ -155,7 +155,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The newest change of a scene file or of a file beside it that it may name.
+/// The latest modification time of a scene file or of a file beside it that it may name.
 fn modified(path: &Path) -> Option<SystemTime> {
     let own = path.metadata().ok()?.modified().ok()?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -172,7 +172,8 @@ fn has_display() -> bool {
     cfg!(any(target_os = "macos", windows)) || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
 }
 
-/// Other users of the machine can read the browser's command line, so it has no token in it.
+/// Other users of the machine can read the browser's command line, so it must not contain the
+/// token.
 fn open_browser(server: &Server) {
     let opened = server
         .url_for_browser()
@@ -182,7 +183,7 @@ fn open_browser(server: &Server) {
     }
 }
 
-/// Scenes as `snell render` reads them.
+/// Scenes read as by `snell render`.
 pub(super) struct Files {
     scene: PathBuf,
     render: Vec<OsString>,
@@ -209,8 +210,8 @@ impl Files {
         Ok(line.options)
     }
 
-    /// `name` is for messages and the command: it may come from a page, and is never read as an
-    /// option.
+    /// `name` is for messages and the command line shown: it may come from a page, and is never
+    /// read as an option.
     fn opened(&self, name: &Path, scene: Scene) -> Result<Opened, Failure> {
         let options = self.line(&self.scene).map_err(Failure::Usage)?;
         let options = render::Options { scene: name.into(), ..options };

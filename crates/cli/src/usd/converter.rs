@@ -1,4 +1,4 @@
-//! The converter as one program, which Python reads from its input.
+//! The converter as one program, which Python reads from standard input.
 
 /// A module of the converter: its name, and its text.
 macro_rules! modules {
@@ -24,20 +24,20 @@ const MODULES: [(&str, &str); 15] = modules![
     "_tree",
     "__main__",
 ];
-/// What Python runs first: the rest comes from standard input, which stays open after it.
+/// The program that Python runs first: the rest comes from standard input, which stays open.
 pub const BOOT: &str = "import sys; exec(sys.stdin.buffer.read(int(sys.argv[1])))";
-/// Sets limits, makes modules of their texts, and runs the last: a finder, so that a module is run
-/// when it is imported.
+/// Sets limits, installs a finder that loads the modules from their texts on import, and runs the
+/// last one.
 const START: &str = include_str!("start.py");
 
-/// The text of the program. Its arguments are its own length in bytes, the name of the stage in
-/// messages, and those of `python3 -m snell.usd`.
+/// The text of the program. Its arguments are its own length in bytes, the name of the stage for
+/// messages, and the arguments of `python3 -m snell.usd`.
 pub fn program() -> String {
     let mut text = String::from("TEXTS = {\n");
     for (name, source) in MODULES {
         let module =
             if name == "__init__" { "snell_usd".into() } else { format!("snell_usd.{name}") };
-        // What JSON writes of a text is a literal of Python.
+        // A JSON string is a valid Python literal.
         text += &format!("{module:?}: {},\n", serde_json::Value::from(source));
     }
     text + "}\n" + START

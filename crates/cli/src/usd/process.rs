@@ -1,5 +1,5 @@
-//! The Python that reads a stage: one that imports nothing from the current folder or that of the
-//! scene, with limits of time, memory and output, that ends when this program does.
+//! The Python process that reads a stage. It imports nothing from the current folder or the
+//! scene's, has limits on time, memory and output, and ends when this program does.
 
 use super::converter;
 use snell_formats::ReadOptions;
@@ -9,20 +9,20 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-/// Longest time that reading a stage may take.
+/// Maximum time for reading a stage.
 pub const TIME: Duration = Duration::from_secs(600);
-/// Most bytes of messages that are kept.
+/// Maximum number of bytes of messages that are kept.
 const MOST_SAID: u64 = 16 << 20;
-/// How often the process is looked at.
+/// Interval between checks on the process.
 const INTERVAL: Duration = Duration::from_millis(5);
-/// Variables that change what Python and USD load; they may say "the current folder".
+/// Prefixes of variables that change what Python and USD load; they may include the current folder.
 const FOREIGN: [&str; 7] = ["PYTHON", "PXR_", "USD", "TF_", "AR_", "SDF_", "PCP_"];
 
 /// How the process ended.
 pub enum End {
-    /// By itself.
+    /// It exited.
     Exit(i32),
-    /// By a signal, or whatever else the system says.
+    /// A signal killed it, or the system reported something else.
     Killed(ExitStatus),
     /// It took longer than [`TIME`].
     TooLong,
@@ -30,7 +30,7 @@ pub enum End {
     TooLarge,
 }
 
-/// What the process gave.
+/// The output of the process.
 pub struct Answer {
     pub end: End,
     /// Its standard output.
@@ -39,8 +39,8 @@ pub struct Answer {
     pub said: String,
 }
 
-/// The programs `python3` and `python` of the search path, but for entries that depend on where one
-/// is: relative ones, and the current folder and that of the scene.
+/// The programs `python3` and `python` on the search path, except for entries that depend on the
+/// working directory: relative ones, the current folder and the scene's.
 pub fn interpreters(scene: &Path) -> Vec<PathBuf> {
     let here = [std::env::current_dir().ok(), absolute(scene).parent().map(Path::to_path_buf)];
     let here: Vec<_> =
@@ -80,8 +80,8 @@ pub fn run(python: &Path, scene: &Path, options: &ReadOptions) -> Result<Answer>
         (process.0.stdin.take(), process.0.stdout.take(), process.0.stderr.take());
     let limit = options.limits.file_bytes;
     std::thread::scope(|threads| {
-        // Threads, so that neither side waits for the other for ever. The pipe of the program stays
-        // open: the process ends when it closes. One that ends early says why by itself.
+        // Threads, so that neither side waits for the other forever. The program's pipe stays open:
+        // the process ends when it closes. If the process ends early, its own message says why.
         let input = threads
             .spawn(move || stdin.map(|mut pipe| pipe.write_all(program.as_bytes()).map(|()| pipe)));
         let output = threads.spawn(move || read(stdout, limit));
@@ -110,7 +110,7 @@ fn command(python: &Path, scene: &Path, options: &ReadOptions, length: usize) ->
         command.arg("--allow-outside");
     }
     command.arg(&path).arg("-").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    // Nothing that is looked for in the current folder is found there, libraries included.
+    // Nothing is loaded from the current folder, libraries included.
     command.current_dir(path.ancestors().last().unwrap_or(&path));
     let is_foreign =
         |name: &OsStr| FOREIGN.iter().any(|start| name.to_string_lossy().starts_with(start));
@@ -120,20 +120,20 @@ fn command(python: &Path, scene: &Path, options: &ReadOptions, length: usize) ->
     command
 }
 
-/// What comes from a pipe, and one byte more than the limit if there is more. The other side cannot
-/// write on then.
+/// Reads a pipe up to the limit, and one byte more if there is more. Then the other side cannot go
+/// on writing.
 fn read(pipe: Option<impl Read>, limit: u64) -> Vec<u8> {
     let mut bytes = Vec::new();
-    // What was read before an error is what there is; how the process ended says the rest.
+    // After an error the bytes read so far are kept; the exit status says the rest.
     let _ = pipe.map(|pipe| pipe.take(limit.saturating_add(1)).read_to_end(&mut bytes));
     bytes
 }
 
-/// A process that ends with this value.
+/// A child process that is killed when this value is dropped.
 struct Process(Child);
 
 impl Process {
-    /// Waits until it ends; `None` if it did not in time.
+    /// Waits until it ends; `None` on timeout.
     fn wait(&mut self, until: Instant) -> Result<Option<ExitStatus>> {
         while Instant::now() < until {
             if let Some(status) = self.0.try_wait()? {
@@ -158,7 +158,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::PermissionsExt;
 
-    /// A program in the place of Python.
+    /// A script in the place of Python.
     fn script(folder: &tempfile::TempDir, text: &str) -> PathBuf {
         let path = folder.path().join("python3");
         std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).expect("written");

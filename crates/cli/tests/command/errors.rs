@@ -76,7 +76,7 @@ fn a_wrong_value_says_what_is_expected() {
     ");
     insta::assert_snapshot!(failure(&place, "render --time 5x"), @r#"
     2
-    error: invalid value '5x' for '--time <TIME>': "5x" is not a time; write 30s, 5m, 1h or 1h30m
+    error: invalid value '5x' for '--time <TIME>': "5x" is not a duration; write 30s, 5m, 1h or 1h30m
 
     For more information, try '--help'.
     "#);
@@ -157,11 +157,11 @@ fn a_broken_file_names_place_problem_and_remedy() {
             &format!("{} {}", run.code, if run.err.is_empty() { "rendered\n" } else { &run.err });
     }
     insta::assert_snapshot!(found, @r#"
-    1 error: syntax.gltf:1:30: not valid JSON: EOF while parsing a value; export the file again, or see what the glTF validator says about it
-    1 error: range.gltf:1:65: at /scenes/0/nodes/0: it refers to number 7 of "nodes", but there are 0; export the file again, or see what the glTF validator says about it
+    1 error: syntax.gltf:1:30: not valid JSON: EOF while parsing a value; export the file again, or check it with the glTF validator
+    1 error: range.gltf:1:65: at /scenes/0/nodes/0: it refers to number 7 of "nodes", but there are 0; export the file again, or check it with the glTF validator
     1 error: version.gltf:1:23: at /asset/version: this is glTF "1.0", expected 2.0; convert it to glTF 2.0, for example with gltf-pipeline or Blender
     1 error: required.gltf:1:54: at /extensionsRequired/0: the file requires the extension EXT_unheard_of, which Snell does not support; export the file again without this extension, or as optional
-    1 error: buffer.gltf:1:148: at /accessors/0: 1 elements of 12 bytes, 12 bytes apart, from byte 0 do not fit into the 4 bytes of the buffer view; export the file again, or see what the glTF validator says about it
+    1 error: buffer.gltf:1:148: at /accessors/0: 1 elements of 12 bytes, 12 bytes apart, from byte 0 do not fit into the 4 bytes of the buffer view; export the file again, or check it with the glTF validator
     1 error: cut.glb: at byte 8: the header promises 255 bytes, but the file has 12; the file is cut off: copy or export it again
     1 error: index.obj:4:7: index 9 into the v lines, but the file has 3; correct the face, or export the file again
     1 error: number.obj:1:7: found "zero", expected a coordinate of a vertex; write a decimal number
@@ -172,7 +172,7 @@ fn a_broken_file_names_place_problem_and_remedy() {
     1 error: word.scn:2:16: "big" stands where the radius of the sphere, a number, was expected; write it as: sphere material center(3) radius
     1 error: short.nff:3: the file ends where `at` was expected; write it as: v from x y z at x y z up x y z angle degrees hither distance resolution width height
     1 error: word.pbrt:2:35: "big" stands where a number of radius was expected; write a number
-    1 error: what.xyz: this is not a scene or mesh format that Snell knows, neither by its content nor by its extension; use one of: snell, gltf, minray, nff, nanovdb, pbrt, mitsuba, scn, ply, off, stl, ray, obj (`snell formats` tells more)
+    1 error: what.xyz: this is not a scene or mesh format that Snell knows, neither by its content nor by its extension; use one of: snell, gltf, minray, nff, nanovdb, pbrt, mitsuba, scn, ply, off, stl, ray, obj (`snell formats` says more)
     0 rendered
     "#);
 }

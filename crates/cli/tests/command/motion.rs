@@ -99,7 +99,7 @@ fn an_interrupted_animation_goes_on_where_it_was() {
     // Other settings: nothing of before is of use.
     let other = place.run(&format!("{words} --resume --seed 1 --time 0.01s"));
     assert!(
-        other.err.contains("in another way") && other.err.contains("frame 4 of 4"),
+        other.err.contains("other files or options") && other.err.contains("frame 4 of 4"),
         "{}",
         other.err
     );

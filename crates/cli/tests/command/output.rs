@@ -135,9 +135,9 @@ fn what_cannot_be_written_is_known_before_the_render() {
             "error: picture: the name has no extension that says which image format to write; use \
                 one of: .exr .png .jpg .hdr .pfm .ppm\n",
         ),
-        ("-o no/a.png", "error: no/a.png: the folder no does not exist; make it first\n"),
+        ("-o no/a.png", "error: no/a.png: the folder no does not exist; create it first\n"),
         ("-o folder.png", "error: folder.png: this is a folder; name a file in it\n"),
-        ("--stats no/a.json", "error: no/a.json: the folder no does not exist; make it first\n"),
+        ("--stats no/a.json", "error: no/a.json: the folder no does not exist; create it first\n"),
     ] {
         let run = place.run(&format!("{long} {options}"));
         assert_eq!((run.code, run.err.as_str()), (1, message), "{options}");

@@ -99,7 +99,7 @@ fn a_python_that_gives_messages_or_dies_ends_in_one_line() {
     assert_eq!((refused.code, refused.err.as_str()), (1, "error: a.usda: at /s: odd; mend it\n"));
     let killed = run("kill -9 $$");
     assert!(
-        killed.err.starts_with("error: a.usda: its reader was ended (signal: 9"),
+        killed.err.starts_with("error: a.usda: its reader was killed (signal: 9"),
         "{}",
         killed.err
     );

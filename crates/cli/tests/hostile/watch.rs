@@ -39,7 +39,7 @@ impl Report {
             }
             Ok(End::Refused(message)) => {
                 self.refused += 1;
-                if message.contains("gave up") {
+                if ["decoder failed", "parser failed"].iter().any(|text| message.contains(text)) {
                     eprintln!("note: {message}");
                 }
             }

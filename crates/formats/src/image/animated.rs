@@ -1,10 +1,9 @@
-//! Animated pictures: frames of display values, one after the other. APNG keeps every colour; GIF
-//! has 256 for each frame. Both run in a loop. Y4M is a raw video, which `ffmpeg` and others read
-//! without being told its size and rate.
+//! Animated pictures: a sequence of frames of display values. APNG keeps every colour; GIF has 256
+//! per frame. Both loop. Y4M is raw video, from which `ffmpeg` and others read size and rate.
 
 use std::io::Write;
 
-/// A format of animated pictures.
+/// A format for animated pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AnimatedFormat {
     /// Animated PNG.
@@ -16,7 +15,7 @@ pub enum AnimatedFormat {
 }
 
 impl AnimatedFormat {
-    /// All of them.
+    /// All formats.
     pub const ALL: [Self; 3] = [Self::Apng, Self::Gif, Self::Y4m];
 
     /// Its extension.
@@ -37,7 +36,7 @@ impl AnimatedFormat {
 /// Writes an animated picture frame by frame.
 pub struct AnimatedWriter<W: Write> {
     size: [u32; 2],
-    /// Frames a second.
+    /// Frames per second.
     rate: f64,
     written: u32,
     encoder: Encoder<W>,
@@ -50,8 +49,8 @@ enum Encoder<W: Write> {
 }
 
 impl<W: Write> AnimatedWriter<W> {
-    /// Begins an animated picture of `count` frames, `rate` in a second, each as large as `first`,
-    /// a PNG file; if that is opaque, all frames are.
+    /// Begins an animated picture of `count` frames at `rate` frames per second. `first` is a PNG
+    /// file that sets the size; if it is opaque, all frames are.
     pub fn new(
         format: AnimatedFormat,
         mut out: W,
@@ -100,7 +99,7 @@ impl<W: Write> AnimatedWriter<W> {
     pub fn add(&mut self, png: &[u8]) -> Result<(), String> {
         let mut image = decode(png)?;
         if [image.width(), image.height()] != self.size {
-            return Err("the frames are not of one size".into());
+            return Err("the frames differ in size".into());
         }
         let number = f64::from(self.written);
         self.written += 1;
@@ -117,7 +116,8 @@ impl<W: Write> AnimatedWriter<W> {
                 // From 1, the slowest and best, to 30.
                 const SPEED: i32 = 10;
                 let mut frame = gif::Frame::from_rgba_speed(w, h, &mut image, SPEED);
-                // In hundredths of a second, rounded so that the whole takes the right time.
+                // Delays are in hundredths of a second, rounded so that the total duration is
+                // right.
                 let end = |frames: f64| (frames * 100.0 / self.rate).round();
                 frame.delay = (end(number + 1.0) - end(number)).clamp(1.0, 65535.0) as u16;
                 frame.dispose = gif::DisposalMethod::Background;
@@ -130,7 +130,7 @@ impl<W: Write> AnimatedWriter<W> {
         }
     }
 
-    /// Writes what is left.
+    /// Writes the end of the file.
     pub fn finish(self) -> Result<(), String> {
         match self.encoder {
             Encoder::Apng { writer, .. } => writer.finish().map_err(text),
@@ -145,21 +145,21 @@ fn decode(png: &[u8]) -> Result<::image::RgbaImage, String> {
     image.map(|image| image.to_rgba8()).map_err(text)
 }
 
-/// The time of a frame as a fraction of seconds.
+/// The duration of a frame in seconds, as a fraction.
 fn delay(rate: f64) -> (u16, u16) {
     if rate.fract() == 0.0 && (1.0..=65535.0).contains(&rate) {
         return (1, rate as u16);
     }
-    // Whole numbers that are near enough: 1001 for the rates of television (24000/1001 ...), else
-    // 1000 and less.
+    // The denominator: 1001 for the rates of television (24000/1001 ...), otherwise 1000 or a
+    // divisor that is close enough.
     let near = |n: f64| ((rate * n).round() / n - rate).abs() < 1e-4 && rate * n <= 65535.0;
     let numerator = [1001.0, 1000.0, 100.0, 10.0].into_iter().find(|&n| near(n)).unwrap_or(1.0);
     (numerator as u16, (rate * numerator).round().clamp(1.0, 65535.0) as u16)
 }
 
-/// Planes of luma and colour differences in the range of video. Where the picture is transparent,
-/// black shows. The matrix is that which players assume: of BT.709 for pictures of 720 rows and
-/// more, of BT.601 for smaller ones.
+/// Planes of luma and chroma in video range. Transparent pixels are composited over black. The
+/// matrix is what players assume: BT.709 for pictures of 720 rows and more, BT.601 for smaller
+/// ones.
 fn yuv(image: &::image::RgbaImage) -> Vec<u8> {
     let [kr, kb] = if image.height() >= 720 { [0.2126f32, 0.0722] } else { [0.299, 0.114] };
     let count = image.width() as usize * image.height() as usize;

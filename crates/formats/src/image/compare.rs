@@ -1,8 +1,8 @@
-//! Comparing two pictures: here is the reference, here is the other one, how far apart are they?
+//! Compares two pictures: how far is the test picture from the reference?
 //!
-//! Pure functions over linear RGB. Errors of radiance (MSE, relative MSE, largest difference) are
-//! measured on the linear values, errors of what one sees (PSNR, FLIP, differing pixels) on sRGB
-//! display values.
+//! Pure functions over linear RGB. Radiometric errors (MSE, relative MSE, largest difference) are
+//! measured on the linear values, perceptual ones (PSNR, FLIP, differing pixels) on sRGB display
+//! values.
 
 use super::picture::finite;
 use super::{Display, Tonemap, display_value, flip};
@@ -11,7 +11,7 @@ use serde::Serialize;
 use snell_math::spectrum::srgb_to_linear;
 use snell_scene::{Image, Layer, LayeredImage};
 
-/// Linear Rec. 709 RGB, row by row from the top; transparent pictures over black.
+/// Linear Rec. 709 RGB, row by row from the top; transparent pictures are composited over black.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearImage {
     /// Width in pixels.
@@ -23,7 +23,7 @@ pub struct LinearImage {
 }
 
 impl LinearImage {
-    /// From an image file's pixels.
+    /// Converts the pixels of an image file.
     pub fn from_image(image: &Image) -> Self {
         let pixel = |i: usize| {
             let (x, y) = (i % image.width as usize, i / image.width as usize);
@@ -38,8 +38,8 @@ impl LinearImage {
         }
     }
 
-    /// From a layer of `image`: its channels R, G, B; otherwise its first three; fewer are
-    /// repeated.
+    /// Converts a layer of `image`: its channels R, G, B, or else its first three; with fewer, they
+    /// are repeated.
     pub fn from_layer(image: &LayeredImage, layer: &Layer) -> Self {
         let find = |name: &str, otherwise: usize| {
             let last = layer.channels.len().saturating_sub(1);
@@ -58,10 +58,10 @@ impl LinearImage {
     }
 }
 
-/// What [`compare`] takes beside the pictures, in bytes for each pixel: 128 were measured.
+/// Memory that [`compare`] takes beside the pictures, in bytes per pixel: 128 were measured.
 pub const BYTES_PER_PIXEL: usize = 140;
 
-/// How to compare.
+/// Options of [`compare`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompareOptions {
     /// How display values are made; `None` decides by the pictures ([`automatic_display`]).
@@ -77,8 +77,7 @@ impl Default for CompareOptions {
     }
 }
 
-/// The differences in numbers. Values that are not finite count as [`super::read_image`] reads
-/// them.
+/// The results as numbers. Values that are not finite are replaced as in [`super::read_image`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     /// Width of both in pixels.
@@ -98,7 +97,7 @@ pub struct Comparison {
     pub flip: f64,
     /// Largest difference of a linear channel value.
     pub max_abs: f64,
-    /// Column and row of the largest difference, from the top left; the first in reading order.
+    /// Column and row of the largest difference, from the top left; the first one in reading order.
     pub max_at: [u32; 2],
     /// Largest difference of an 8-bit display value in levels.
     pub max_levels: u8,
@@ -110,14 +109,14 @@ pub struct Comparison {
     pub not_finite_in_reference: u64,
     /// Pixels of the other picture with a value that is not finite.
     pub not_finite_in_test: u64,
-    /// True if the display values were tone mapped because the pictures have a high dynamic range
-    /// (or on request).
+    /// True if the display values were tone mapped, because the pictures have a high dynamic range
+    /// or on request.
     pub tone_mapped: bool,
     /// Exposure in stops that was used for the display values.
     pub exposure: f64,
 }
 
-/// The numbers, and where the differences are.
+/// The results as numbers, and the error of each pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compared {
     /// The numbers.
@@ -154,8 +153,8 @@ pub enum CompareError {
     },
 }
 
-/// Added to the square of the reference in the relative error: below 0.1, errors count as absolute
-/// ones.
+/// Added to the square of the reference in the relative error: for references well below 0.1 the
+/// error is in effect absolute.
 pub const RELATIVE_EPSILON: f64 = 1e-2;
 
 /// Compares `test` with `reference`.
@@ -173,7 +172,7 @@ pub fn compare(
     let test = &made_finite(test);
 
     let display = options.display.unwrap_or_else(|| automatic_display(reference, test));
-    // The measures are defined on sRGB values, whatever the caller's format wants.
+    // The measures are defined on sRGB values, whatever display the caller uses.
     let display = Display { srgb: true, ..display };
     let shown = |image: &LinearImage| -> Vec<[f32; 3]> {
         image.pixels.par_iter().map(|p| display_value(*p, &display)).collect()
@@ -188,7 +187,7 @@ pub fn compare(
         let display = shown_reference[range.clone()].iter().zip(&shown_test[range]);
         Sums::of_row(y, linear, display, options.threshold)
     });
-    // Rows are added in order: the sums do not depend on the threads.
+    // Rows are added in order, so the sums do not depend on the threads.
     let sums = rows.collect::<Vec<_>>().into_iter().fold(Sums::default(), Sums::add);
     let values = reference.pixels.len() as f64 * 3.0;
     let mse_srgb = sums.squared_display / values;
@@ -234,9 +233,9 @@ fn made_finite(image: &LinearImage) -> LinearImage {
 /// reference to middle grey, 0.18 (Reinhard, Stark, Shirley, Ferwerda, "Photographic Tone
 /// Reproduction for Digital Images", SIGGRAPH 2002, Section 3.1), rounded to whole stops so that
 /// small differences between references do not shift it. (HDR-FLIP proper takes the largest error
-/// over many exposures; one exposure shows what one looks at.)
+/// over many exposures; one exposure corresponds to what is seen.)
 pub fn automatic_display(reference: &LinearImage, test: &LinearImage) -> Display {
-    // A little above 1, for rounding.
+    // Slightly above 1, to allow for rounding.
     let is_high =
         |image: &LinearImage| image.pixels.par_iter().any(|p| p.iter().any(|v| *v > 1.001));
     if !is_high(reference) && !is_high(test) {

@@ -1,27 +1,27 @@
-//! Cryptomatte: which share of each pixel each thing of a picture covers, for mattes in a
-//! compositor (Friedman and Jones, Cryptomatte Specification 1.2, Psyop, 2018).
+//! Cryptomatte: the coverage of each pixel by each object or material, for mattes in a compositor
+//! (Friedman and Jones, Cryptomatte Specification 1.2, Psyop, 2018).
 //!
-//! A thing goes by a hash of its name. The largest shares of a pixel come first, two ranks a layer,
-//! and the names are told in a manifest among the file's metadata.
+//! Each name is identified by its hash. The largest shares of a pixel come first, two ranks per
+//! layer, and a manifest in the file's metadata lists the names.
 
 use snell_scene::Layer;
 use std::collections::BTreeMap;
 
-/// Ranks kept of a pixel: as many as is usual.
+/// Ranks kept per pixel: the customary number.
 const RANKS: usize = 6;
 
-/// Layers and metadata of one kind of things.
+/// Layers and metadata for one kind, such as objects.
 #[derive(Clone, Debug)]
 pub struct Cryptomatte {
-    /// Two ranks each: hash, share, hash, share.
+    /// Layers of two ranks each: hash, share, hash, share.
     pub layers: Vec<Layer>,
-    /// What a compositor must know of them.
+    /// Metadata that a compositor needs.
     pub metadata: Vec<(String, String)>,
 }
 
-/// Encodes shares. `pixels` has, for each pixel row by row, the things there by number in `names`,
-/// with the share that each covers (0 to 1); several with one name count as one thing. `kind` names
-/// the layers, such as `CryptoObject`.
+/// Encodes coverage. `pixels` has, for each pixel in row order, pairs of an index into `names` and
+/// the share that it covers (0 to 1); several with one name count as one. `kind` names the layers,
+/// such as `CryptoObject`.
 pub fn encode<'a>(
     kind: &str,
     names: &[String],
@@ -31,7 +31,7 @@ pub fn encode<'a>(
     let mut layers: Vec<Layer> = (0..RANKS / 2)
         .map(|number| Layer {
             name: format!("{kind}{number:02}"),
-            // Lower case, so that nobody takes them for colours.
+            // Lower case, so that readers do not take them for colours.
             channels: ["r", "g", "b", "a"].map(String::from).to_vec(),
             values: Vec::new(),
         })
@@ -67,7 +67,7 @@ pub fn encode<'a>(
     Cryptomatte { layers, metadata }
 }
 
-/// The hash of a name, with bits that are a normal number when taken for a float.
+/// Hashes a name. The bits are a normal number when read as a float.
 fn hash(name: &str) -> u32 {
     // Reading from memory does not fail.
     let hash = murmur3::murmur3_32(&mut name.as_bytes(), 0).unwrap_or_default();

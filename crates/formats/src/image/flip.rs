@@ -14,7 +14,7 @@ use snell_math::spectrum::srgb_to_linear;
 /// Pixels per degree of visual angle: a 0.7 m wide monitor of 3840 pixels, seen from 0.7 m.
 const PIXELS_PER_DEGREE: f32 = 3840.0 * std::f32::consts::PI / 180.0;
 
-/// One error from 0 (equal) to 1 per pixel, for images of sRGB display values.
+/// The FLIP error of each pixel, from 0 (equal) to 1, for images of sRGB display values.
 pub fn flip(width: usize, reference: &[[f32; 3]], test: &[[f32; 3]]) -> Vec<f32> {
     let reference = Appearance::of(width, reference);
     let test = Appearance::of(width, test);
@@ -78,7 +78,7 @@ fn perceived_colour(width: usize, opponent: &[[f32; 3]]) -> Vec<[f32; 3]> {
     let sums = kernels.each_ref().map(|k| k.iter().sum::<f32>());
     let kernels: [Vec<f32>; 4] =
         std::array::from_fn(|i| kernels[i].iter().map(|v| v / sums[i]).collect());
-    // Shares of the two Gaussians of the third channel in the normalised sum.
+    // Weights of the two Gaussians of the third channel in the normalised sum.
     let volume = |a: f32, b: f32, sum: f32| a * (std::f32::consts::PI / b).sqrt() * sum * sum;
     let first = volume(blue_yellow[0], blue_yellow[1], sums[2]);
     let second = volume(blue_yellow[2], blue_yellow[3], sums[3]);
@@ -106,7 +106,7 @@ fn hyab(p: [f32; 3], q: [f32; 3]) -> f32 {
 
 /// Maps colour distances to errors from 0 to 1 (Section 4.1.3).
 struct ColourRange {
-    /// The largest distance, that of green and blue, raised to [`ColourRange::EXPONENT`].
+    /// The largest distance, between green and blue, raised to [`ColourRange::EXPONENT`].
     largest: f32,
 }
 

@@ -1,9 +1,9 @@
-//! Image files: here are the bytes, what are the pixels, and back.
+//! Image files: decodes bytes to pixels, and encodes them.
 //!
-//! [`IMAGE_FORMATS`] is the list of all formats; reading, writing and `snell formats` follow from
-//! it. The content decides the format, the extension only where the content is silent (TGA has no
-//! signature). Decoding is done by well-kept crates; PFM is small enough to be done here. Nothing
-//! here looks at light or materials: [`read_image`] gives stored values and says how they are
+//! [`IMAGE_FORMATS`] lists all formats; reading, writing and `snell formats` follow from it. The
+//! content decides the format, the extension only for formats without a signature (TGA).
+//! Well-maintained crates do the decoding, except for PFM, which is small enough to be done here.
+//! Nothing here knows light or materials: [`read_image`] returns stored values and how they are
 //! encoded.
 
 mod animated;
@@ -36,7 +36,7 @@ pub struct Display {
     pub exposure: f64,
     /// Curve.
     pub tonemap: Tonemap,
-    /// False for formats that want the clamped linear values as they are.
+    /// False for formats that store the clamped linear values.
     pub srgb: bool,
 }
 
@@ -75,12 +75,12 @@ impl Tonemap {
 /// Settings of the writers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WriteOptions {
-    /// For display formats.
+    /// Conversion to display values, for display formats.
     pub display: Display,
     /// Bits per channel of PNG: 8 or 16.
     pub png_bits: u8,
-    /// Half instead of float for the colour channels of OpenEXR. Other channels (depth, positions,
-    /// ids) stay float.
+    /// True to write colour channels of OpenEXR as half instead of float. Other channels (depth,
+    /// positions, ids) stay float.
     pub exr_half: bool,
     /// Quality of JPEG, 1 to 100.
     pub jpeg_quality: u8,
@@ -97,7 +97,7 @@ impl Default for WriteOptions {
 pub struct ImageFormat {
     /// Short name, such as `openexr`.
     pub name: &'static str,
-    /// Extensions in lower case, without the dot; the usual one first.
+    /// Extensions in lower case, without the dot; the preferred one first.
     pub extensions: &'static [&'static str],
     /// One line for `snell formats`.
     pub description: &'static str,
@@ -108,12 +108,12 @@ pub struct ImageFormat {
 }
 
 impl ImageFormat {
-    /// True if [`read_image`] knows it.
+    /// True if [`read_image`] supports it.
     pub fn reads(&self) -> bool {
         self.read.is_some()
     }
 
-    /// True if [`encode_image`] knows it.
+    /// True if [`encode_image`] supports it.
     pub fn writes(&self) -> bool {
         self.write.is_some()
     }
@@ -195,9 +195,8 @@ pub const IMAGE_FORMATS: &[ImageFormat] = &[
     },
 ];
 
-/// Decodes an image file; the content decides the format, then the extension. Floating-point values
-/// that are not numbers become 0, infinite ones the largest half (65504) with their sign, so that
-/// what follows need not care.
+/// Decodes an image file. The content decides the format, then the extension. NaN becomes 0,
+/// infinity the largest half (65504) with its sign, so that callers need not check.
 pub fn read_image(input: &Input) -> Result<Image, ReadError> {
     let read = reader_of(input)?;
     let mut image = guarded(input, || read(input))?;
@@ -205,8 +204,8 @@ pub fn read_image(input: &Input) -> Result<Image, ReadError> {
     Ok(image)
 }
 
-/// Decodes an image file with all of its layers, values as they are in the file (display values
-/// linearised). Formats other than OpenEXR have one layer.
+/// Decodes an image file with all of its layers. Values are as stored, except that display values
+/// are linearised. Formats other than OpenEXR have one layer.
 pub fn read_layers(input: &Input) -> Result<LayeredImage, ReadError> {
     if is_openexr(&input.bytes) {
         return guarded(input, || openexr::read_layers(input));
@@ -251,28 +250,28 @@ fn names(which: fn(&ImageFormat) -> bool) -> String {
     IMAGE_FORMATS.iter().filter(|f| which(f)).map(|f| f.name).collect::<Vec<_>>().join(", ")
 }
 
-/// Decodes the image of an environment, from which light comes.
+/// Decodes the image of an environment light.
 pub fn read_environment(input: &Input) -> Result<Image, ReadError> {
     let image = read_image(input)?;
     charge_environment(input, &image)?;
     Ok(image)
 }
 
-/// Bytes that light from a pixel of an environment takes when it is rendered: three floats.
+/// Bytes that a renderer takes per pixel of an environment for sampling: three floats.
 const ENVIRONMENT_BYTES: u64 = 12;
 
-/// Counts the memory that rendering takes for an environment.
+/// Charges the memory that rendering takes for an environment.
 pub(crate) fn charge_environment(input: &Input, image: &Image) -> Result<(), ReadError> {
     let pixels = u64::from(image.width) * u64::from(image.height);
     input.charge(pixels * ENVIRONMENT_BYTES, "light from the environment's image")
 }
 
-/// A panic of a decoder is an error of the file.
+/// Turns a panic of a decoder into an error of the file.
 fn guarded<T>(input: &Input, read: impl FnOnce() -> Result<T, ReadError>) -> Result<T, ReadError> {
     crate::guard::guarded(read).unwrap_or_else(|| {
         Err(input.error(
             Place::Whole,
-            "the image is damaged: its decoder gave up",
+            "the image is damaged: its decoder failed",
             "export the image again",
         ))
     })
@@ -289,8 +288,8 @@ pub fn encode_image(
     encode(path, &extension, image, options)
 }
 
-/// Encodes a picture in the format of this name or extension, such as `png` or `exr`: for standard
-/// output.
+/// Encodes a picture in the format of this name or extension, such as `png` or `exr`, for writing
+/// to standard output.
 pub fn encode_image_as(
     format: &str,
     image: &LayeredImage,
@@ -330,8 +329,8 @@ fn writer(name: &str) -> Result<Writer, Unfit> {
     })
 }
 
-/// Bytes for each pixel that the encoder of a name or extension takes beside the picture, whose
-/// layers have this many values for each pixel: its input, what is compressed and its output.
+/// Memory that the encoder of a name or extension takes beside the picture, in bytes per pixel, for
+/// layers of `values` channels in total: its input, compressed data and its output.
 pub fn encoder_bytes(name: &str, values: u64, png_bits: u8) -> u64 {
     let known = IMAGE_FORMATS.iter().find(|f| f.name == name || f.extensions.contains(&name));
     match known.map(|f| f.name) {
@@ -343,8 +342,8 @@ pub fn encoder_bytes(name: &str, values: u64, png_bits: u8) -> u64 {
     }
 }
 
-/// Checks that [`write_image`] knows the format of `path`, so that a long render does not end in an
-/// error.
+/// Checks that [`write_image`] supports the format of `path`, so that a long render does not end in
+/// an error.
 pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     let extension =
         path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
@@ -353,7 +352,7 @@ pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     writer(&extension).map(|_| ()).map_err(unfit)
 }
 
-/// Encodes and writes a picture: to a temporary file first, then renamed.
+/// Encodes and writes a picture: to a temporary file first, which is then renamed.
 pub fn write_image(
     path: &Path,
     image: &LayeredImage,

@@ -1,6 +1,6 @@
 //! Portable float maps: a text header of three words, then raw floats, bottom row first.
 //!
-//! Format: Debevec, "PFM Portable FloatMap Image Format". The sign of the third number tells the
+//! Format: Debevec, "PFM Portable FloatMap Image Format". The sign of the third number gives the
 //! byte order (negative: little endian), its magnitude scales the values.
 
 use super::WriteOptions;
@@ -57,8 +57,8 @@ struct Header<'a> {
 }
 
 impl<'a> Header<'a> {
-    /// The next word, and one white-space byte after it (pixels may start with bytes that look like
-    /// white space).
+    /// Returns the next word, and skips one white-space byte after it (pixels may start with bytes
+    /// that look like white space).
     fn word(&mut self) -> Result<&'a str, ReadError> {
         let rest = &self.input.bytes[self.at..];
         let start = rest.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(rest.len());
@@ -86,8 +86,8 @@ impl<'a> Header<'a> {
     }
 }
 
-/// Encodes RGB, or grey if the picture has one channel; little endian. Alpha is left out: the
-/// colours are over black. Values that are not finite are written as they are.
+/// Encodes RGB, or grey if the picture has one channel, in little endian. Alpha is dropped: colours
+/// are composited over black. Values that are not finite are written as they are.
 pub fn encode(image: &LayeredImage, _: &WriteOptions) -> Result<Vec<u8>, Unfit> {
     let picture = Picture::of(image)?;
     let (name, channels) = if picture.is_grey() { ("Pf", 1) } else { ("PF", 3) };

@@ -1,4 +1,4 @@
-//! What readers and writers share: bounds on sizes, and the picture's pixels as RGBA.
+//! Shared by readers and writers: limits on sizes, and the picture's pixels as RGBA.
 
 use crate::memory::Available;
 use crate::{Input, Place, ReadError};
@@ -19,19 +19,20 @@ impl Unfit {
     }
 }
 
-/// No compression in use here makes more than this many bytes out of one (deflate stops at 1032,
+/// The maximum expansion of any compression in use here, in bytes per byte (deflate stops at 1032,
 /// JPEG near 1024).
 const MAX_EXPANSION: u64 = 4096;
-/// Pictures up to this many bytes in memory are decoded whatever the file's size: enough for 4 Mi
+/// Images up to this many bytes in memory are decoded whatever the file's size: enough for 4 Mi
 /// pixels of RGBA floats.
 const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
-/// Beyond this many bytes in memory (8192 x 8192 pixels of RGBA), pictures with content do not
-/// expand nearly as much; files that do are made to fill the memory.
+/// Beyond this many bytes in memory (8192 x 8192 pixels of RGBA), real pictures expand far less; a
+/// file that expands that much is made to exhaust the memory.
 const LARGE_BYTES: u64 = 256 << 20;
 const MAX_EXPANSION_OF_LARGE: u64 = 128;
 
-/// Refuses an image that is empty, over the limit, or that declares more than its bytes can hold,
-/// or the scene may take; counts the memory. To be called once, before anything is allocated.
+/// Refuses an image that is empty, over the limit, or that declares more pixels than its bytes can
+/// hold or the scene may take; charges its memory. It must be called once, before anything is
+/// allocated.
 pub fn check_size(
     input: &Input,
     width: u64,
@@ -69,7 +70,7 @@ pub fn check_size(
         ));
     }
     input.charge(needed, "the image")?;
-    // The decoder's own pixels, and those that it gives.
+    // The decoder's own pixels, and the returned ones.
     let needed = needed.saturating_mul(2);
     if needed > ALWAYS_ALLOWED_BYTES {
         let what = format!("the image of {width} x {height} pixels");
@@ -90,10 +91,10 @@ pub fn first_bytes(bytes: &[u8]) -> String {
     format!("the bytes {}", shown.join(" "))
 }
 
-/// The largest half: what infinities are read as.
+/// The largest half: infinities are read as this.
 const LARGEST: f32 = 65504.0;
 
-/// Not-a-number becomes 0, infinity the largest half.
+/// Replaces NaN by 0 and infinity by the largest half.
 pub fn finite(value: f32) -> f32 {
     match value {
         v if v.is_finite() => v,
@@ -102,7 +103,7 @@ pub fn finite(value: f32) -> f32 {
     }
 }
 
-/// [`finite`] for all values.
+/// Applies [`finite`] to all values.
 pub fn make_finite(image: &mut Image) {
     if let Pixels::F32(values) = &mut image.pixels {
         values.iter_mut().for_each(|v| *v = finite(*v));
@@ -111,7 +112,7 @@ pub fn make_finite(image: &mut Image) {
 
 /// The first layer of a picture as RGBA.
 pub struct Picture<'a> {
-    /// Values of all channels of a pixel, pixel after pixel.
+    /// Values of all channels, pixel after pixel.
     values: &'a [f32],
     stride: usize,
     rgb: [usize; 3],
@@ -122,7 +123,7 @@ pub struct Picture<'a> {
 
 impl<'a> Picture<'a> {
     /// The first layer: its channels `R`, `G`, `B` and `A` if it has them; otherwise the first
-    /// three, or the first one for all.
+    /// three, or the only one for all three.
     pub fn of(image: &'a LayeredImage) -> Result<Self, Unfit> {
         check_layers(image)?;
         let layer = &image.layers[0];
@@ -160,7 +161,7 @@ impl<'a> Picture<'a> {
     }
 }
 
-/// Every layer has a value per channel and pixel, and there is at least one of each.
+/// Checks that there is at least one layer, and that each has one value per channel and pixel.
 pub fn check_layers(image: &LayeredImage) -> Result<(), Unfit> {
     let pixels = image.width as usize * image.height as usize;
     if pixels == 0 || image.layers.is_empty() {

@@ -1,4 +1,4 @@
-//! Formats that the crate `image` decodes.
+//! Formats that are decoded by the crate `image`.
 
 use super::picture::check_size;
 use crate::{Input, Place, ReadError};
@@ -8,8 +8,8 @@ use snell_scene::{Encoding, Image, Pixels};
 use std::error::Error;
 use std::io::Cursor;
 
-/// Decodes a format of display values: the colours carry the sRGB curve, whatever gamma or profile
-/// the file may name.
+/// Decodes a format of display values. They are taken as sRGB; any gamma or colour profile in the
+/// file is ignored.
 pub fn read(input: &Input, format: image::ImageFormat) -> Result<Image, ReadError> {
     let mut reader = ImageReader::with_format(Cursor::new(input.bytes.as_slice()), format);
     reader.limits(decoder_limits(input));
@@ -17,15 +17,15 @@ pub fn read(input: &Input, format: image::ImageFormat) -> Result<Image, ReadErro
     decode(input, decoder)
 }
 
-/// Decodes Radiance HDR, also without or with an unusual signature.
+/// Decodes Radiance HDR, also with a missing or unusual signature.
 pub fn read_radiance(input: &Input) -> Result<Image, ReadError> {
     let decoder = HdrDecoder::new_nonstrict(Cursor::new(input.bytes.as_slice()))
         .map_err(|e| decode_error(input, &e))?;
     decode(input, decoder)
 }
 
-/// What decoders may take beside the pixels, such as for profiles and comments, which are
-/// compressed as well: twice what the file's bytes may stand for.
+/// Limits on what decoders may allocate beside the pixels, such as for profiles and comments, which
+/// are compressed as well: twice what the file's bytes may expand to.
 fn decoder_limits(input: &Input) -> Limits {
     let mut limits = Limits::default();
     let crate::Limits { memory_bytes, expansion, .. } = input.options.limits;
@@ -76,7 +76,7 @@ fn decode_error(input: &Input, error: &ImageError) -> ReadError {
     }
 }
 
-/// What a decoder says, without who says it and what it was made of.
+/// A decoder's message, without the names of the format and of internal types.
 fn in_words(error: &ImageError) -> String {
     let text = match error {
         ImageError::Decoding(error) => {

@@ -3,8 +3,7 @@
 use super::{Display, Tonemap};
 use snell_math::spectrum::linear_to_srgb;
 
-/// Display values, each from 0 to 1, of a scene-linear Rec. 709 colour. Values that are not numbers
-/// count as 0.
+/// Display values, each from 0 to 1, of a scene-linear Rec. 709 colour. NaN counts as 0.
 pub fn display_value(rgb: [f32; 3], display: &Display) -> [f32; 3] {
     let exposure = (display.exposure as f32).exp2();
     let exposed = rgb.map(|v| bounded(v * exposure, f32::MAX));
@@ -17,7 +16,7 @@ pub fn display_value(rgb: [f32; 3], display: &Display) -> [f32; 3] {
     if display.srgb { clamped.map(|v| linear_to_srgb(v).clamp(0.0, 1.0)) } else { clamped }
 }
 
-/// From 0 to `highest`; not-a-number becomes 0.
+/// Clamps to the range from 0 to `highest`; NaN becomes 0.
 fn bounded(value: f32, highest: f32) -> f32 {
     if value.is_nan() { 0.0 } else { value.clamp(0.0, highest) }
 }
@@ -26,7 +25,7 @@ fn multiply(matrix: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
     matrix.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// Beyond this a tone map is flat; keeps the squares below finite.
+/// Tone maps are flat beyond this; it keeps the squares below finite.
 const BRIGHTEST: f32 = 1e6;
 
 /// The ACES reference rendering and sRGB output transforms as fitted by Stephen Hill (2016),

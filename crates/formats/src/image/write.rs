@@ -8,8 +8,8 @@ use image::codecs::jpeg::JpegEncoder;
 use rayon::prelude::*;
 use snell_scene::LayeredImage;
 
-/// Encodes PNG of 8 or 16 bits, with alpha if the picture has it (not premultiplied, as the format
-/// wants), and with the metadata.
+/// Encodes PNG of 8 or 16 bits, with the metadata, and with alpha if the picture has it (not
+/// premultiplied, as the format requires).
 pub fn png(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, Unfit> {
     let picture = Picture::of(image)?;
     let has_alpha = picture.has_alpha();
@@ -41,7 +41,7 @@ pub fn png(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, Unfi
     Ok(bytes)
 }
 
-/// Text chunks. A keyword has 1 to 79 printable characters.
+/// Adds text chunks. A keyword has 1 to 79 printable characters.
 fn add_metadata(
     encoder: &mut ::png::Encoder<'_, &mut Vec<u8>>,
     metadata: &[(String, String)],
@@ -63,7 +63,7 @@ fn add_metadata(
     Ok(())
 }
 
-/// Encodes JPEG. Where the picture is transparent, black shows.
+/// Encodes JPEG. Transparent pixels are composited over black.
 pub fn jpeg(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, Unfit> {
     let picture = Picture::of(image)?;
     if image.width.max(image.height) > 65535 {
@@ -80,7 +80,7 @@ pub fn jpeg(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, Unf
     Ok(bytes)
 }
 
-/// Encodes binary PPM of 8 bits. Where the picture is transparent, black shows.
+/// Encodes binary PPM of 8 bits. Transparent pixels are composited over black.
 pub fn ppm(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, Unfit> {
     let picture = Picture::of(image)?;
     let mut bytes = format!("P6\n{} {}\n255\n", picture.width, picture.height).into_bytes();
@@ -88,8 +88,8 @@ pub fn ppm(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, Unfi
     Ok(bytes)
 }
 
-/// Encodes Radiance HDR: one exponent for three mantissas of 8 bits; negative values become 0.
-/// Alpha is left out.
+/// Encodes Radiance HDR: three 8-bit mantissas with a shared exponent; negative values become 0.
+/// Alpha is dropped.
 pub fn radiance(image: &LayeredImage, _: &WriteOptions) -> Result<Vec<u8>, Unfit> {
     let picture = Picture::of(image)?;
     let pixel = |i| {
@@ -131,11 +131,11 @@ fn display_bytes<const BYTES: usize>(
     bytes
 }
 
-/// Display values of a premultiplied colour: over black, or divided by alpha.
+/// Display values of a premultiplied colour: composited over black, or divided by alpha.
 fn display_rgba([r, g, b, a]: [f32; 4], display: &Display, with_alpha: bool) -> [f32; 4] {
     let alpha = if a.is_nan() { 0.0 } else { a.clamp(0.0, 1.0) };
     let divisor = if with_alpha && alpha > 0.0 { alpha } else { 1.0 };
-    // Infinities are not pixels that a renderer means: they count as 0, like not-a-number.
+    // An infinite value is a renderer's error: it counts as 0, like NaN.
     let [r, g, b] =
         display_value([r, g, b].map(|v| if v.is_finite() { v / divisor } else { 0.0 }), display);
     [r, g, b, alpha]

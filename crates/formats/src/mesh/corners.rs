@@ -1,15 +1,15 @@
-//! Which corners of triangles meet in which point, for a part of the points at a time: for all at
-//! once, the lists would take more memory than the mesh.
+//! Lists the triangle corners that meet at each point, for one range of points at a time: for all
+//! points at once, the lists would take more memory than the mesh.
 
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-/// Into how many parts the points of large meshes are divided.
+/// The number of ranges into which the points of large meshes are divided.
 const PARTS: usize = 4;
-/// Corners that a part has at least, unless it is the last.
+/// The minimum number of corners in a range, unless it is the last.
 const LEAST_CORNERS: usize = 1 << 20;
-/// Triangles that one thread looks at at a time.
+/// Triangles that one thread processes at a time.
 const PIECE: usize = 1 << 12;
 
 /// The points of a triangle's corners.
@@ -18,14 +18,15 @@ fn points_of(triangle: &[u32; 3], points: &[u32]) -> [usize; 3] {
     triangle.map(|vertex| points[vertex as usize] as usize)
 }
 
-/// Where the corners of each point are in the list of all corners by point. Corners have numbers: 3
-/// times the triangle plus 0, 1 or 2.
+/// The position of each point's corners in the list of all corners, sorted by point. A corner's
+/// number is 3 times the triangle plus 0, 1 or 2.
 pub struct Corners {
-    /// For points of parts that were made, where their corners end; for others, where they begin.
+    /// Where the corners of each point end, for ranges already listed; where they begin, for
+    /// others.
     places: Vec<AtomicU32>,
     parts: Vec<Range<usize>>,
-    /// The lowest and the highest point of each piece of the triangles: those near each other in
-    /// the file are often near in space too, and then few pieces concern a part.
+    /// The lowest and the highest point of each piece of the triangles. Triangles that are adjacent
+    /// in the file are often close in space too; then few pieces concern a range.
     reach: Vec<[usize; 2]>,
 }
 
@@ -57,7 +58,7 @@ impl Corners {
         Self { places, parts, reach }
     }
 
-    /// Ranges of points. Their corners must be asked for in this order, each once.
+    /// Ranges of points. Their corners must be requested in this order, each once.
     pub fn parts(&self) -> Vec<Range<usize>> {
         self.parts.clone()
     }
@@ -94,14 +95,14 @@ impl Corners {
 /// The corners of a range of points.
 pub struct Part<'a> {
     ends: &'a [AtomicU32],
-    /// How many corners earlier parts have.
+    /// How many corners earlier ranges have.
     start: u32,
     first: usize,
     corners: Vec<AtomicU32>,
 }
 
 impl Part<'_> {
-    /// Numbers of the corners that meet in a point of the part, in any order.
+    /// Numbers of the corners that meet at a point of the range, in any order.
     pub fn around(&self, point: usize) -> impl Iterator<Item = u32> {
         let start =
             if point == self.first { self.start } else { self.ends[point - 1].load(Relaxed) };

@@ -31,11 +31,11 @@ use snell_math::Vec3;
 use snell_scene::{Geometry, Node, Scene, Surface, WarningKind};
 use std::sync::Arc;
 
-/// What a mesh format does with a file.
+/// A function that reads a mesh format.
 type Parse = fn(&Input, &mut Notes) -> Result<TriangleMesh, ReadError>;
 
-/// All mesh formats, in the order in which contents are tried, each with its reader of scenes and
-/// its reader of bare meshes. Formats that nothing marks for certain come last.
+/// All mesh formats, in the order in which contents are tried, each with its reader for scenes and
+/// its reader for bare meshes. Formats without a reliable signature come last.
 pub(crate) const FORMATS: &[(SceneReader, Parse)] = &[
     (ply::READER, ply::parse),
     (off::READER, off::parse),
@@ -44,9 +44,9 @@ pub(crate) const FORMATS: &[(SceneReader, Parse)] = &[
     (obj::READER, obj::parse_mesh),
 ];
 
-/// Reads a mesh file as one mesh, without materials, for files that name mesh files. The format is
-/// chosen by content, then by extension. Normals are those of the file; a mesh without is shaded
-/// flat ([`smooth_normals`] makes some).
+/// Reads a mesh file as one mesh, without materials, for scene files that name mesh files. The
+/// format is chosen by content, then by extension. Normals are those of the file; a mesh without
+/// any is shaded flat ([`smooth_normals`] computes some).
 pub fn read_mesh(input: &Input) -> Result<TriangleMesh, ReadError> {
     let extension = input.extension();
     let by_content = FORMATS.iter().find(|(reader, _)| (reader.recognises)(&input.bytes));
@@ -64,8 +64,8 @@ pub fn read_mesh(input: &Input) -> Result<TriangleMesh, ReadError> {
     parse(input, &mut Notes::default())
 }
 
-/// Gives a mesh vertex normals: smooth, except across edges at which the faces meet at more than
-/// `crease_degrees`, where vertices are split. Normals that it has are replaced.
+/// Computes vertex normals: smooth, except across edges at which the faces meet at more than
+/// `crease_degrees`, where vertices are split. Existing normals are replaced.
 pub fn smooth_normals(mesh: &mut TriangleMesh, crease_degrees: f32) {
     normals::smooth(mesh, crease_degrees, &[]);
 }
@@ -83,7 +83,7 @@ fn scene_of(input: &Input, mesh: TriangleMesh, mut notes: Notes) -> Scene {
     scene
 }
 
-/// Warns of meshes that show less than one might expect.
+/// Warns if a mesh is empty or has vertices that are not finite.
 fn note_oddities(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) {
     if mesh.indices.is_empty() {
         let name = &input.name;
@@ -102,7 +102,7 @@ fn note_oddities(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) {
     }
 }
 
-/// The error for too many elements, at the place of the first that is too many, or of their number.
+/// The error for too many elements, at the first one over the limit, or at the declared count.
 fn too_many(input: &Input, place: crate::Place, what: &str) -> ReadError {
     input.error(
         place,
@@ -111,7 +111,7 @@ fn too_many(input: &Input, place: crate::Place, what: &str) -> ReadError {
     )
 }
 
-/// Appends the triangles of a polygon with the given vertices. `place` tells where it is.
+/// Appends the triangles of a polygon with the given vertices. `place` is its place in the file.
 fn push_polygon(
     input: &Input,
     place: impl FnOnce() -> crate::Place,
@@ -132,7 +132,7 @@ fn push_polygon(
     Ok(())
 }
 
-/// Replaces normals that are not finite or have no length by those of the faces around.
+/// Replaces normals that are not finite or have zero length by those of the adjacent faces.
 fn repair_normals(mesh: &mut TriangleMesh, input: &Input, notes: &mut Notes) {
     let is_bad = |n: &Vec3| {
         !n.is_finite() || n.length_squared() < f32::MIN_POSITIVE || !n.length_squared().is_finite()

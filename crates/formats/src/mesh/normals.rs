@@ -1,14 +1,13 @@
-//! Vertex normals for meshes that come without.
+//! Vertex normals for meshes without any.
 //!
 //! Around a vertex, two triangles that share an edge belong together if the edge is not sharp. Each
 //! such group of triangles gets the angle-weighted mean of their normals (Thürmer and Wüthrich,
 //! "Computing Vertex Normals from Polygonal Facets", 1998), and a vertex with several groups is
 //! split. So balls look round and boxes keep their edges.
 //!
-//! All cores work on it, and little is kept in memory: which corners meet in a point is written
-//! down for a part of the points at a time ([`corners`](super::corners)), and what a triangle has
-//! to say is computed anew at each of its corners. The result does not depend on the number of
-//! threads.
+//! The work runs on all cores with little memory: the corners that meet at a point are listed for
+//! one range of points at a time ([`corners`](super::corners)), and a triangle's normal and angle
+//! are recomputed at each of its corners. The result does not depend on the number of threads.
 
 use super::corners::Corners;
 use super::weld;
@@ -25,12 +24,12 @@ const NONE: u32 = u32::MAX;
 /// Points that one thread works on at a time.
 const BLOCK: usize = 1 << 12;
 
-/// What decides whether an edge is sharp.
+/// The criterion for sharp edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Smoothing {
     /// The angle between the faces.
     Angle,
-    /// Always sharp: the face is flat.
+    /// Every edge is sharp: the face is flat.
     Flat,
     /// Smooth among faces of the same group, sharp to others.
     Group(u32),
@@ -46,14 +45,14 @@ impl Smoothing {
     }
 }
 
-/// Gives a mesh vertex normals, splitting vertices at edges sharper than `crease_degrees`. Vertices
-/// at equal positions count as one, so seams of texture coordinates stay smooth. `smoothing` has
-/// one entry per triangle, or none: then angles decide.
+/// Computes vertex normals, splitting vertices at edges sharper than `crease_degrees`. Vertices at
+/// equal positions count as one, so seams of texture coordinates stay smooth. `smoothing` has one
+/// entry per triangle, or is empty: then angles decide.
 pub fn smooth(mesh: &mut TriangleMesh, crease_degrees: f32, smoothing: &[Smoothing]) {
     if mesh.indices.is_empty() {
         return;
     }
-    // Vertices that no proper triangle uses keep `+z`.
+    // Vertices that only degenerate triangles use, or none, keep `+z`.
     let mut normals = vec![Vec3::Z; mesh.positions.len()];
     let points = weld::points(&mesh.positions, &mesh.indices);
     let facets = Facets::new(mesh, &points, crease_degrees, smoothing);
@@ -84,7 +83,7 @@ pub fn smooth(mesh: &mut TriangleMesh, crease_degrees: f32, smoothing: &[Smoothi
     splits.into_iter().for_each(|split| split.apply(mesh));
 }
 
-/// The triangles and what decides which of them belong together.
+/// The triangles, and the criterion that groups them.
 struct Facets<'a> {
     positions: &'a [Vec3],
     indices: &'a [[u32; 3]],
@@ -109,7 +108,7 @@ impl<'a> Facets<'a> {
         Self { positions, indices, points, smoothing, crease_cosine, half_cosine }
     }
 
-    /// A corner as seen from its point; `None` in triangles without a normal, which have no say.
+    /// A corner as seen from its point; `None` in triangles without a normal, which are ignored.
     fn corner(&self, number: u32) -> Option<Corner> {
         let (triangle, k) = (number as usize / 3, number as usize % 3);
         let vertices = [0, 1, 2].map(|i| self.indices[triangle][(k + i) % 3]);
@@ -128,8 +127,8 @@ impl<'a> Facets<'a> {
         a.smoothing.joins(b.smoothing, a.normal.dot(b.normal), self.crease_cosine)
     }
 
-    /// The common case, decided quickly: all normals close to the first, or all in its smoothing
-    /// group.
+    /// Fast path for the common case: all normals are close to the first, or all corners are in its
+    /// smoothing group.
     fn all_join(&self, first: &Corner, corners: &[Corner]) -> bool {
         if first.smoothing == Smoothing::Flat {
             return corners.len() == 1;
@@ -141,12 +140,12 @@ impl<'a> Facets<'a> {
     }
 }
 
-/// Height of a triangle, as a share of its largest coordinate, below which its normal is but
-/// rounding of its corners.
+/// Height of a triangle, relative to its largest coordinate, below which its normal is only
+/// rounding error of its corners.
 const LEAST_HEIGHT: f64 = 1e-6;
 
-/// Unit normal of a triangle and the angle at its first corner, in double precision inside: tiny
-/// triangles have normals too. `None` for slivers.
+/// Unit normal of a triangle and the angle at its first corner, computed in double precision so
+/// that tiny triangles have normals too. `None` for slivers.
 fn facet(corners: [Vec3; 3]) -> Option<(Vec3, f32)> {
     let [a, b, c] = corners.map(|p| p.as_dvec3());
     let (ab, ac) = (b - a, c - a);
@@ -162,7 +161,7 @@ fn facet(corners: [Vec3; 3]) -> Option<(Vec3, f32)> {
     Some(((cross * length.recip()).as_vec3(), angle(length, ab.dot(ac)) as f32))
 }
 
-/// The angle between two vectors, 0 to pi, by the length of their cross product and their dot
+/// The angle between two vectors, 0 to pi, from the length of their cross product and their dot
 /// product. Its error is below 3e-8: the polynomial is number 4.4.49 of Abramowitz and Stegun,
 /// "Handbook of Mathematical Functions", 1964.
 fn angle(cross: f64, dot: f64) -> f64 {
@@ -197,15 +196,14 @@ struct Corner {
     smoothing: Smoothing,
 }
 
-/// What the corners around points need beyond one normal for each point. New vertices are numbered
-/// from 0.
+/// Changes where one normal per point is not enough. New vertices are numbered from 0.
 #[derive(Default)]
 struct Split {
-    /// Normals of vertices whose point has several.
+    /// Normals of vertices whose point has several normals.
     kept: Vec<(u32, Vec3)>,
     /// New vertices: copies of others, with normals of their own.
     added: Vec<(u32, Vec3)>,
-    /// Corners that get a new vertex, and which.
+    /// Corners that get a new vertex, and its number.
     moved: Vec<(u32, u32)>,
 }
 
@@ -233,7 +231,7 @@ fn extend<T: Copy>(values: &mut Vec<T>, sources: impl ExactSizeIterator<Item = u
     }
 }
 
-/// Groups the corners around one point after the other. All but `split` is scratch memory.
+/// Groups the corners around one point after another. All but `split` is scratch memory.
 #[derive(Default)]
 struct Around {
     split: Split,
@@ -250,12 +248,12 @@ struct Around {
 }
 
 impl Around {
-    /// The normal of a point's first group, which is that of all of its vertices but for those that
-    /// `split` tells otherwise. `None` if no triangle has a say.
+    /// Returns the normal of a point's first group, which all of its vertices have except those in
+    /// `split`. `None` if no triangle at the point has a normal.
     fn group(&mut self, facets: &Facets, corners: impl Iterator<Item = u32>) -> Option<Vec3> {
         self.corners.clear();
         self.corners.extend(corners.filter_map(|corner| facets.corner(corner)));
-        // Sums must not depend on which thread came first.
+        // Sums must not depend on the order of the threads.
         self.corners.sort_unstable_by_key(|corner| corner.number);
         if facets.all_join(self.corners.first()?, &self.corners) {
             return Some(upright(self.corners.iter().map(|corner| corner.weighted).sum()));
@@ -310,7 +308,7 @@ impl Around {
         self.means.iter_mut().for_each(|mean| *mean = upright(*mean));
     }
 
-    /// Each vertex keeps the first of its groups; for the others there are new ones.
+    /// Each vertex keeps its first group; new vertices are made for the others.
     fn split_vertices(&mut self) {
         self.users.clear();
         self.users.extend(
@@ -333,7 +331,7 @@ impl Around {
     }
 }
 
-/// The direction of a sum of normals; `+z` where they cancel.
+/// Normalises a sum of normals; `+z` where they cancel.
 fn upright(sum: Vec3) -> Vec3 {
     sum.try_normalize().unwrap_or(Vec3::Z)
 }

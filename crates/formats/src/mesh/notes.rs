@@ -1,6 +1,6 @@
 //! Warnings of the mesh readers, counted by kind.
 //!
-//! A file may repeat one oddity millions of times: the message is made for the first one only.
+//! A file may repeat one oddity millions of times: the message is composed for the first one only.
 
 use snell_scene::{Scene, Warning, WarningKind};
 
@@ -11,13 +11,13 @@ pub struct Notes {
 }
 
 impl Notes {
-    /// Counts one warning of a kind; `message` says what the first one was, where, and what was
+    /// Counts one warning of a kind; `message` describes the first one, its place, and what was
     /// done instead.
     pub fn add(&mut self, kind: &'static str, message: impl FnOnce() -> String) {
         self.add_of(WarningKind::Changed, kind, message);
     }
 
-    /// Counts one warning of a kind that is about something else than a change.
+    /// Counts one warning of a kind whose [`WarningKind`] is not a change.
     pub fn add_of(
         &mut self,
         about: WarningKind,
@@ -30,7 +30,7 @@ impl Notes {
         }
     }
 
-    /// Notes a warning of which there are few; equal messages are counted.
+    /// Adds a warning of a rare kind; equal messages are counted.
     pub fn say(&mut self, about: WarningKind, message: String) {
         match self.kinds.iter_mut().find(|(_, w)| w.message == message) {
             Some((_, warning)) => warning.count += 1,
@@ -52,7 +52,7 @@ impl Notes {
         }
     }
 
-    /// Hands the warnings to a scene.
+    /// Moves the warnings to a scene.
     pub fn finish(self, scene: &mut Scene) {
         scene.warnings.extend(self.kinds.into_iter().map(|(_, warning)| warning));
     }

@@ -1,9 +1,9 @@
 //! Object File Format (Geomview's OFF), text form.
 //!
-//! The header may be `OFF` with the prefixes `ST`, `C` and `N` in any mix, may stand on the line of
-//! the counts, may even touch them (`OFF8 6 12`), or may be missing. One vertex and one face per
-//! line; what follows the numbers needed is ignored, colours included. Meshes have no normals
-//! unless the prefix `N` says so: they are shaded flat.
+//! The header may be `OFF` with the prefixes `ST`, `C` and `N` in any order, may share a line with
+//! the counts, may even touch them (`OFF8 6 12`), or may be missing. There is one vertex or face
+//! per line; anything after the required numbers is ignored, including colours. Meshes have no
+//! normals unless the prefix `N` is present: they are shaded flat.
 
 use super::notes::Notes;
 use super::polygon::Triangulator;
@@ -30,12 +30,12 @@ pub const READER: SceneReader = SceneReader {
     },
 };
 
-/// What the first word says.
+/// The parts of the first word.
 struct Header<'a> {
     normals: bool,
-    /// Four or n dimensions, which cannot be shown.
+    /// True if there are more than three dimensions, which is not supported.
     dimensions: bool,
-    /// What touches the keyword.
+    /// Text that touches the keyword.
     rest: &'a [u8],
 }
 
@@ -58,7 +58,7 @@ pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, Re
     let has_normals = skip_header(&mut reader)?;
     let vertices = reader.count("the number of vertices", true)?;
     let faces = reader.count("the number of faces", true)?;
-    // The number of edges is often left out or wrong; nobody needs it.
+    // The number of edges is often missing or wrong, and it is not needed.
     reader.text.next_line();
     let mut mesh = TriangleMesh::default();
     read_vertices(&mut reader, vertices, has_normals, &mut mesh)?;
@@ -74,7 +74,7 @@ fn skip_header(reader: &mut Reader) -> Result<bool, ReadError> {
         return Err(reader.error(0, "the file is empty, expected OFF", "export the file again"));
     };
     let Some(header) = Header::of(word.bytes) else {
-        // Without a keyword the counts come first; what they are not, their own message says.
+        // Without a keyword the counts come first; invalid counts are reported when they are read.
         return Ok(false);
     };
     if header.dimensions {
@@ -101,7 +101,7 @@ fn read_vertices(
     has_normals: bool,
     mesh: &mut TriangleMesh,
 ) -> Result<(), ReadError> {
-    // A vertex takes six bytes at least, so a false count cannot reserve much.
+    // A vertex takes at least six bytes, so a false count cannot reserve much.
     mesh.positions.reserve(count.min(reader.text.remaining() as u64 / 6 + 1) as usize);
     for i in 0..count {
         if mesh.positions.len() >= reader.input.options.limits.elements {

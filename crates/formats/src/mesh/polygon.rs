@@ -1,9 +1,9 @@
-//! Polygons to triangles.
+//! Triangulates polygons.
 //!
 //! Convex polygons become fans from their first corner. Concave ones are cut by ear clipping in
-//! their plane (Meisters, 1975; the form that re-examines only the two neighbours of a cut follows
-//! Eberly, "Triangulation by Ear Clipping", 2002). Whatever the polygon, `n` corners give `n - 2`
-//! triangles, so a broken polygon gives odd triangles rather than none.
+//! their plane (Meisters, 1975; re-examining only the two neighbours of a cut follows Eberly,
+//! "Triangulation by Ear Clipping", 2002). Any polygon of `n` corners yields `n - 2` triangles, so
+//! a broken polygon yields odd triangles rather than none.
 
 use snell_math::glam::DVec2;
 use snell_math::{DVec3, Vec3};
@@ -23,8 +23,8 @@ pub struct Triangulator {
 }
 
 impl Triangulator {
-    /// Triangles of a polygon by corner number, wound as the polygon is. Fewer than three corners
-    /// give none.
+    /// Triangles of a polygon as corner numbers, with the winding of the polygon. Fewer than three
+    /// corners give none.
     pub fn triangulate(&mut self, corners: impl Iterator<Item = Vec3>) -> &[[usize; 3]] {
         self.corners.clear();
         self.corners.extend(corners);
@@ -39,7 +39,7 @@ impl Triangulator {
     }
 
     /// Projects the polygon along its normal (Newell's) and finds its reflex corners. True if there
-    /// are none, or no telling.
+    /// are none, or if the polygon has no normal.
     fn is_convex(&mut self) -> bool {
         let n = self.corners.len();
         let origin = self.corners[0].as_dvec3();
@@ -64,7 +64,7 @@ impl Triangulator {
         self.previous.extend((0..n).map(|i| (i + n - 1) % n));
         let mut at = 0;
         let mut left = n;
-        // Corners looked at since the last cut; when all failed, the polygon crosses itself and any
+        // Corners examined since the last cut; if all failed, the polygon crosses itself and any
         // cut is as good.
         let mut failed = 0;
         while left > 3 {

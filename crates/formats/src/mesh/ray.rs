@@ -1,5 +1,5 @@
-//! The old Princeton mesh format, `.ray`: `#vertex px py pz nx ny nz s t` and
-//! `#shape_polygon material n i1 .. in` records among others, which are skipped.
+//! The old Princeton mesh format, `.ray`: records `#vertex px py pz nx ny nz s t` and
+//! `#shape_polygon material n i1 .. in`. All other records are skipped.
 
 use super::notes::Notes;
 use super::polygon::Triangulator;

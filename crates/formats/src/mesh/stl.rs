@@ -1,8 +1,8 @@
 //! STL, text and binary.
 //!
-//! Binary files are told by their size: 84 bytes and 50 for each facet counted, whatever the first
-//! word is (many begin with `solid`). Facet normals and attribute bytes are ignored; equal
-//! positions become one vertex.
+//! Binary files are recognised by their size: 84 bytes plus 50 per facet, whatever the first word
+//! is (many begin with `solid`). Facet normals and attribute bytes are ignored; equal positions
+//! become one vertex.
 
 use super::normals;
 use super::notes::Notes;
@@ -25,7 +25,7 @@ pub const READER: SceneReader = SceneReader {
         let mut mesh = parse(input, &mut notes)?;
         normals::smooth(&mut mesh, normals::CREASE_ANGLE, &[]);
         let mut scene = super::scene_of(input, mesh, notes);
-        // The programs that write STL, for machines that build in layers, stand things on the xy
+        // STL is written for machines that build in layers; its programs place objects on the xy
         // plane.
         scene.settings.up = Some(DVec3::Z);
         Ok(scene)
@@ -58,7 +58,7 @@ fn looks_like_text(bytes: &[u8]) -> bool {
     })
 }
 
-/// Reads the mesh; normals are left out.
+/// Reads the mesh; the file's normals are ignored.
 pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
     let bytes = &input.bytes;
     let starts_as_text = decoded(&bytes[..bytes.len().min(64)])

@@ -1,7 +1,7 @@
 //! Words and numbers of line-based text formats.
 //!
-//! [`Text`] keeps a position only. Lines and columns are counted when a message needs them, so the
-//! common path pays nothing for good messages. Line ends are `\n`, `\r\n` or `\r`.
+//! [`Text`] keeps only a position. Lines and columns are counted when a message needs them, so the
+//! common path has no cost. Line ends are `\n`, `\r\n` or `\r`.
 
 use crate::{Input, Place, ReadError};
 use std::borrow::Cow;
@@ -16,7 +16,7 @@ pub struct Word<'a> {
 }
 
 impl Word<'_> {
-    /// The word for messages: quoted, shortened if long.
+    /// The word for messages: in quotes, shortened if long.
     pub fn quoted(&self) -> String {
         let shown = String::from_utf8_lossy(&self.bytes[..self.bytes.len().min(40)]).into_owned();
         let dots = if self.bytes.len() > 40 { "…" } else { "" };
@@ -47,7 +47,7 @@ impl<'a> Text<'a> {
         Self { bytes, position, continuations: false, comment: None }
     }
 
-    /// The same text, where a backslash at the end of a line continues it on the next.
+    /// The same text, with lines continued by a backslash at their end.
     pub fn with_continuations(self) -> Self {
         Self { continuations: true, ..self }
     }
@@ -107,8 +107,7 @@ impl<'a> Text<'a> {
         }
     }
 
-    /// What is left of this line, without blanks at its ends, comments included. Does not go to the
-    /// next line.
+    /// The rest of this line, trimmed, including comments. Does not move to the next line.
     pub fn rest_of_line(&mut self) -> Word<'a> {
         self.skip_blanks();
         let start = self.position;
@@ -119,7 +118,7 @@ impl<'a> Text<'a> {
         Word { bytes: &rest[..kept], start }
     }
 
-    /// Goes to the start of the next line.
+    /// Moves to the start of the next line.
     pub fn next_line(&mut self) {
         loop {
             let rest = &self.bytes[self.position..];
@@ -178,7 +177,7 @@ pub fn place_of(bytes: &[u8], offset: usize) -> Place {
     Place::Column(line, column)
 }
 
-/// How a word reads as a number.
+/// A word interpreted as a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Number {
     /// A number; may be infinite or NaN if the word says so.
@@ -189,8 +188,8 @@ pub enum Number {
     None,
 }
 
-/// Reads a number: all that C's `strtod` and Rust's `parse` accept in decimals, and `1.#QNAN` and
-/// its kin.
+/// Parses a number: everything that C's `strtod` and Rust's `parse` accept in decimal, and
+/// `1.#QNAN` and the like.
 pub fn number(word: &[u8]) -> Number {
     if let Some(value) = short_decimal(word) {
         return Number::Exact(value);
@@ -202,7 +201,7 @@ pub fn number(word: &[u8]) -> Number {
     if let Some(at) =
         word.iter().position(|&b| b == b'#').filter(|&at| at >= 2 && word[at - 1] == b'.')
     {
-        // What old Microsoft libraries print: 1.#INF, -1.#IND, 1.#QNAN.
+        // As printed by old Microsoft libraries: 1.#INF, -1.#IND, 1.#QNAN.
         let infinite = word[at..].to_ascii_uppercase().starts_with(b"#INF");
         let sign = if word[0] == b'-' { -1.0 } else { 1.0 };
         return Number::Exact(if infinite { sign * f32::INFINITY } else { f32::NAN });
@@ -212,7 +211,7 @@ pub fn number(word: &[u8]) -> Number {
     (1..=numeric).rev().find_map(|n| parse(&word[..n])).map_or(Number::None, Number::Prefix)
 }
 
-/// The usual numbers quickly: up to seven digits or so without exponent are a quotient of two
+/// Fast path for common numbers: up to about seven digits without exponent are a quotient of two
 /// numbers that single precision holds exactly, rounded once (Clinger, How to read floating point
 /// numbers accurately, 1990).
 fn short_decimal(word: &[u8]) -> Option<f32> {
@@ -236,7 +235,7 @@ fn short_decimal(word: &[u8]) -> Option<f32> {
             _ => return None,
         }
     }
-    // Without a digit before or after the point it is none.
+    // A word without digits before or after the point is not a number.
     let has_digits = digits.len() > usize::from(point);
     let number = (has_digits && value <= MOST).then(|| value as f32 / POWERS[decimals])?;
     Some(if negative { -number } else { number })
@@ -258,10 +257,10 @@ pub fn decoded(bytes: &[u8]) -> Cow<'_, [u8]> {
     }
 }
 
-/// A text file being read: the words, and messages about them.
+/// A text file being read: its words, and errors about them.
 #[derive(Clone, Debug)]
 pub struct Reader<'a> {
-    /// Which file.
+    /// The file.
     pub input: &'a Input,
     /// Its decoded content.
     pub bytes: &'a [u8],
@@ -280,7 +279,7 @@ impl<'a> Reader<'a> {
         self.input.error(place_of(self.bytes, offset), problem, remedy)
     }
 
-    /// Where the next word is searched for.
+    /// The place where the search for the next word begins.
     pub fn here(&self) -> Place {
         place_of(self.bytes, self.bytes.len() - self.text.remaining())
     }

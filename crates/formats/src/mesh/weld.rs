@@ -1,4 +1,4 @@
-//! One vertex for each position.
+//! Welds vertices at equal positions.
 
 use rayon::prelude::*;
 use snell_math::Vec3;
@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use std::hash::{BuildHasher, RandomState};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-/// What is compared: adding zero turns -0 into +0.
+/// The key for comparison: adding zero turns -0 into +0.
 fn key(position: Vec3) -> [u32; 3] {
     (position + Vec3::ZERO).to_array().map(f32::to_bits)
 }
@@ -14,16 +14,17 @@ fn key(position: Vec3) -> [u32; 3] {
 /// No vertex.
 const NONE: u32 = u32::MAX;
 
-/// For each vertex, the number of the first at an equal position (in the sense of [`Welder`]), but
-/// for those that need no other: around whom the triangles close. On all cores, with a table of
-/// numbers alone.
+/// For each vertex, the lowest number of a vertex at an equal position (in the sense of
+/// [`Welder`]). Vertices around which the triangles close keep their own number: they need no
+/// partner. Runs on all cores, with a table of numbers only.
 pub fn points(positions: &[Vec3], indices: &[[u32; 3]]) -> Vec<u32> {
     let open = open_vertices(positions.len(), indices);
     let number = open.par_iter().with_min_len(1 << 12).filter(|open| is_open(open)).count();
     let size = (number + number / 3 + 1).next_power_of_two();
     let mut table = Vec::new();
     table.resize_with(size, || AtomicU32::new(NONE));
-    // Keyed by chance, so that a file cannot make it slow; the numbers do not depend on the key.
+    // The hash has a random key, so that a file cannot make it slow; the numbers do not depend on
+    // it.
     let state = RandomState::new();
     let place = |number: usize| {
         if !is_open(&open[number]) {
@@ -32,8 +33,8 @@ pub fn points(positions: &[Vec3], indices: &[[u32; 3]]) -> Vec<u32> {
         let here = key(positions[number]);
         let mut place = state.hash_one(here) as usize & (size - 1);
         loop {
-            // Whoever comes first takes the place for all equal positions, and the lowest number
-            // stays.
+            // The first thread to arrive takes the place for all equal positions; the lowest number
+            // wins.
             let known = table[place].compare_exchange(NONE, number as u32, Relaxed, Relaxed).err();
             if known.is_none_or(|known| key(positions[known as usize]) == here) {
                 table[place].fetch_min(number as u32, Relaxed);
@@ -54,9 +55,9 @@ fn is_open(balance: &AtomicU32) -> bool {
     balance.load(Relaxed) != 0
 }
 
-/// A number that is not 0 for each vertex around which the triangles do not close. Where they do,
-/// and are wound alike, each neighbour comes once after and once before it: what is added for the
-/// one is subtracted for the other. (Chance makes one vertex in 2³² look closed.)
+/// For each vertex, a number that is not 0 if the triangles around it do not close. If they close
+/// with consistent winding, each neighbour comes once after and once before the vertex, and what is
+/// added for one is subtracted for the other. (By chance, one vertex in 2³² seems closed.)
 fn open_vertices(count: usize, indices: &[[u32; 3]]) -> Vec<AtomicU32> {
     let mut balance = Vec::new();
     balance.resize_with(count, AtomicU32::default);
@@ -78,8 +79,8 @@ fn mixed(mut x: u32) -> u32 {
     x ^ (x >> 16)
 }
 
-/// Numbers positions; equal ones get the same number. Both zeros are equal, and so are equal bit
-/// patterns of NaN.
+/// Numbers positions; equal ones get the same number. The two zeros are equal, and so are NaNs of
+/// the same bits.
 #[derive(Clone, Debug, Default)]
 pub struct Welder {
     // Never iterated, so its order does not matter; its hash is keyed, so a file cannot make it

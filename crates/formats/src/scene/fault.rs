@@ -1,4 +1,5 @@
-//! What is wrong, and where: places by number of file, which become names when the user sees them.
+//! Errors in scene files. Places refer to files by number, which become names when a user sees
+//! them.
 
 use crate::{Place, ReadError};
 
@@ -13,19 +14,19 @@ pub struct Spot {
     pub column: u32,
 }
 
-/// Why reading stops.
+/// A reason to stop reading.
 #[derive(Clone, Debug)]
 pub enum Fault {
     /// Something in a file of the scene.
     Here {
-        /// Where.
+        /// The place.
         at: Spot,
         /// What was found and what was expected.
         problem: String,
         /// What to do about it.
         remedy: String,
     },
-    /// Something about another file, which has its own place.
+    /// An error about another file, which has its own place.
     Read(ReadError),
 }
 

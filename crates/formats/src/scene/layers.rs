@@ -1,15 +1,15 @@
-//! Several materials on one surface: a surface for each of them at the same place, each there with
-//! some probability. Where one is absent, the next one is met, so the shares are exact whatever the
-//! materials are.
+//! Several materials on one surface, as coincident surfaces that are each present with some
+//! probability. Where one is absent the ray hits the next, so the shares are exact for any
+//! materials.
 
 use snell_scene::Material;
 use snell_scene::material::{AlphaMode, ScalarParam};
 
-/// Materials from the one that is met first to the last; none for no surface at all. The opacity of
-/// each is the probability that it is met if those before it were not.
+/// Materials from the outermost to the innermost; empty for no surface at all. The opacity of each
+/// is the probability that it is hit if those before it were not.
 pub type Layers = Vec<Material>;
 
-/// Most layers of a surface. Blends of blends of blends double them each time.
+/// Maximum number of layers of a surface. Each level of nested blends doubles them.
 pub const MAX_LAYERS: usize = 256;
 
 /// `top` on this share of the surface, `rest` elsewhere.
@@ -25,8 +25,8 @@ pub fn blend(top: Layers, rest: Layers, share: ScalarParam) -> Layers {
     layers
 }
 
-/// The layers with this share of what they were; false if that can be said of the last layer only,
-/// because the share has a texture.
+/// Reduces the layers to this share of the surface. The result is false if only the last layer
+/// could be reduced, because the share has a texture.
 pub fn mask(mut layers: Layers, share: ScalarParam) -> (Layers, bool) {
     let (count, factor) = (layers.len(), share.factor.clamp(0.0, 1.0));
     if share.texture.is_some() {
@@ -36,7 +36,7 @@ pub fn mask(mut layers: Layers, share: ScalarParam) -> (Layers, bool) {
         }
         return (layers, count <= 1);
     }
-    // The share of rays that come to a layer, before and after.
+    // The share of rays that reach a layer, before and after.
     let (mut before, mut after) = (1.0f32, 1.0f32);
     for layer in &mut layers {
         let own = if layer.alpha_mode == AlphaMode::Opaque { 1.0 } else { layer.alpha.factor };
@@ -59,7 +59,7 @@ mod tests {
         vec![Material::new("", Diffuse::new(Rgb::WHITE))]
     }
 
-    /// The probabilities with which rays meet the layers.
+    /// The probability of a hit for each layer.
     fn met(layers: &Layers) -> Vec<f32> {
         let mut left = 1.0;
         let share = |layer: &Material| {

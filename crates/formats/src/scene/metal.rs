@@ -1,20 +1,20 @@
-//! Metals of formats that give the widths of their microfacets along tangent and bitangent.
+//! Metals of formats with separate microfacet widths along tangent and bitangent.
 
 use snell_scene::Material;
 use snell_scene::bsdf::MicrofacetShape;
 use snell_scene::material::{ColorParam, Conductor, ConductorSpectrum, ScalarParam};
 
-/// The roughness of a surface, whose square is the width of the distribution of microfacets.
+/// The roughness of a surface; its square is the width of the microfacet distribution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Roughness {
-    /// In all directions alike.
+    /// The same in all directions.
     Even(ScalarParam),
-    /// Along the tangent, or along the bitangent below 0 ([`Conductor::anisotropy`]).
+    /// Stretched along the tangent, or along the bitangent if negative ([`Conductor::anisotropy`]).
     Stretched { roughness: f32, anisotropy: f32 },
 }
 
 impl Roughness {
-    /// Of the widths of the distribution along tangent and bitangent.
+    /// Converts the widths of the distribution along tangent and bitangent.
     pub fn of_widths(u: f32, v: f32) -> Self {
         let (most, least) = (u.max(v).max(0.0), u.min(v).max(0.0));
         if most == least {
@@ -26,7 +26,7 @@ impl Roughness {
         Self::Stretched { roughness, anisotropy: if v > u { ratio - 1.0 } else { 1.0 - ratio } }
     }
 
-    /// One number for what cannot be stretched: that of the geometric mean of the widths.
+    /// One roughness for isotropic models, from the geometric mean of the widths.
     pub fn mean(self) -> ScalarParam {
         match self {
             Self::Even(roughness) => roughness,

@@ -1,6 +1,6 @@
 //! Scenes of Heckbert's minimal ray tracer as JSON (P. Heckbert, A Minimal Ray Tracer, Graphics
 //! Gems IV, 1994): spheres, some of which are lights, and a camera at the origin that looks along
-//! `+y`. What the numbers mean: [`MinrayDescription`].
+//! `+y`. [`MinrayDescription`] documents the numbers.
 
 use crate::{Input, Place, ReadError, SceneReader};
 use snell_scene::Scene;
@@ -17,8 +17,7 @@ pub const READER: SceneReader = SceneReader {
 
 const UTF8_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// True for a JSON object that near its start or end names an angle of view and near either names
-/// spheres.
+/// True for a JSON object that has an angle of view near its start or end, and spheres near either.
 fn recognises(bytes: &[u8]) -> bool {
     const WINDOW: usize = 4096;
     let text = bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes);

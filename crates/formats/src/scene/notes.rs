@@ -1,4 +1,4 @@
-//! What readers of scenes have to say about what they changed: each kind once, at its first place.
+//! Warnings of scene readers about changes: each kind is reported once, at its first place.
 
 use crate::scene::fault::Spot;
 use snell_scene::{Scene, Warning, WarningKind};
@@ -12,8 +12,8 @@ pub struct Notes {
 }
 
 impl Notes {
-    /// Notes what was found at a place and what was done instead, unless something of this kind was
-    /// noted before.
+    /// Adds a warning at a place: what was found, and what was done instead; only the first of each
+    /// kind is kept.
     pub fn add(
         &mut self,
         about: WarningKind,
@@ -30,8 +30,8 @@ impl Notes {
         }
     }
 
-    /// Hands the warnings to the scene, in the order of the text. `files` are the names of the
-    /// files by number.
+    /// Moves the warnings to the scene, in the order of the text. `files` are the file names by
+    /// number.
     pub fn finish(&mut self, scene: &mut Scene, files: &[String]) {
         self.notes.sort_by_key(|(at, ..)| (at.file, at.line, at.column));
         for (at, Warning { message, count, kind }) in self.notes.drain(..) {

@@ -1,8 +1,8 @@
-//! Media by name: what things of daily life absorb and scatter.
+//! Media by name: absorption and scattering of everyday materials.
 
 use snell_math::Rgb;
 
-/// Coefficients per millimetre: absorption, and scattering as if it were even in all directions.
+/// Coefficients per millimetre: absorption, and reduced (isotropic) scattering.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coefficients {
     pub sigma_a: Rgb,
@@ -26,15 +26,15 @@ const MEASURED: [(&str, [f32; 3], [f32; 3]); 12] = [
     ("wholemilk", [2.55, 3.21, 3.77], [0.0011, 0.0024, 0.014]),
 ];
 
-/// The medium of this name, in whatever case.
+/// The medium of this name, in any case.
 pub fn named(name: &str) -> Option<Coefficients> {
     let plain: String = name.chars().filter(char::is_ascii_alphanumeric).collect();
     let found = MEASURED.iter().find(|(known, ..)| known.eq_ignore_ascii_case(&plain));
     found.map(|(_, s, a)| Coefficients { sigma_a: Rgb::from(*a), sigma_s: Rgb::from(*s) })
 }
 
-/// The colour of a deep medium in diffuse light by its albedo of single scattering and the mean
-/// cosine of that (van de Hulst's approximation).
+/// The diffuse reflectance of a semi-infinite medium from its single-scattering albedo and mean
+/// cosine (van de Hulst's approximation).
 pub fn color_of_albedo(albedo: f32, g: f32) -> f32 {
     let albedo = albedo.clamp(0.0, 1.0);
     let s = ((1.0 - albedo) / (1.0 - albedo * g).max(1e-6)).max(0.0).sqrt();

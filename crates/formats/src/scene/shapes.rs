@@ -1,4 +1,4 @@
-//! Shapes on their way into a scene: equal ones are stored once and placed by nodes.
+//! Stores equal shapes once, and places them by nodes.
 
 use snell_intersect::{AnyShape, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Vec2};
@@ -16,7 +16,7 @@ pub struct ShapeTable {
 impl ShapeTable {
     /// The shape, shared with all equal ones.
     pub fn shared(&mut self, shape: AnyShape) -> Geometry {
-        // The debug form of a float is exact, so equal text is an equal shape.
+        // The debug form of a float is exact, so equal text means equal shapes.
         let shared = self.known.entry(format!("{shape:?}")).or_insert_with(|| Arc::new(shape));
         Geometry::Shape(shared.clone())
     }
@@ -41,7 +41,7 @@ impl ShapeTable {
     }
 }
 
-/// A surface of a material, or of the node's if there is none.
+/// A surface with a material, or that of its node.
 pub fn surface(geometry: Geometry, material: Option<MaterialId>) -> Surface {
     material.map_or_else(
         || Surface::new(geometry.clone()),
@@ -53,14 +53,14 @@ pub fn surface(geometry: Geometry, material: Option<MaterialId>) -> Surface {
 pub const AROUND: u32 = 256;
 pub const ALONG: u32 = 128;
 
-/// From our round shapes, which stand around y and count longitude from z towards x, to those that
-/// stand around z and count it from x towards y, as pbrt and Mitsuba have them.
+/// The rotation from our round shapes, which stand around y and count longitude from z towards x,
+/// to those of pbrt and Mitsuba, which stand around z and count it from x towards y.
 pub fn around_z() -> DMat3 {
     DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X)
 }
 
-/// The surface of points and normals by longitude (radians) and v from 0 to 1, over a turn in
-/// degrees, in pieces.
+/// Tessellates a surface of points and normals over longitude (radians) and v from 0 to 1, for a
+/// turn in degrees, into pieces.
 pub fn swept(
     turn: f64,
     [around, along]: [u32; 2],

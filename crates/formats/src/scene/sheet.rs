@@ -1,16 +1,17 @@
-//! Thin sheets that reflect and let through diffuse light: leaves, paper, cloth.
+//! Thin sheets with diffuse reflection and transmission: leaves, paper, cloth.
 
 use snell_scene::Material;
 use snell_scene::material::{ColorParam, OpenPbr};
 
-/// A sheet that reflects and lets through these shares of the light, both diffusely. Where they are
-/// more than all of it together, both become less in proportion.
+/// A sheet with this diffuse reflectance and transmittance. If their sum exceeds 1, both are scaled
+/// down.
 pub fn letting_through(reflectance: ColorParam, transmittance: ColorParam) -> Material {
     let most = |color: ColorParam| color.factor.max_element().max(0.0);
     let (r, t) = (most(reflectance), most(transmittance));
     let share = if r + t > 0.0 { t / (r + t) } else { 0.0 };
     let at_most_one = if r + t > 1.0 { 1.0 / (r + t) } else { 1.0 };
-    // What a part of the surface does, it does as part of the whole.
+    // A lobe that covers a part of the surface is divided by that part, so that the whole reflects
+    // the given share.
     let of_part = |color: ColorParam, part: f32| ColorParam {
         factor: color.factor * (at_most_one / part.max(1e-6)),
         ..color

@@ -1,4 +1,4 @@
-//! What the tests of scene readers share.
+//! Shared helpers for the tests of scene readers.
 
 use crate::{Input, ReadError, ReadOptions, SceneReader};
 use snell_intersect::TriangleMesh;
@@ -19,12 +19,12 @@ pub fn read_in(reader: &SceneReader, folder: &Path, text: &str) -> Result<Scene,
     (reader.read)(&input)
 }
 
-/// The message of the error that reading the text must give.
+/// The error message for a text that must be refused.
 pub fn error_of(reader: &SceneReader, text: &str) -> String {
     read_text(reader, text).expect_err("the text is broken").to_string()
 }
 
-/// A folder of public scenes, if this machine has it.
+/// A folder of public scenes, if it exists on this machine.
 pub fn data(folder: &str) -> Option<PathBuf> {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")).join(folder);
     if !path.is_dir() {
@@ -58,7 +58,7 @@ pub fn meshes(scene: &Scene) -> Vec<Arc<TriangleMesh>> {
     geometries(scene).into_iter().filter_map(mesh).collect()
 }
 
-/// One line about what a scene holds.
+/// A one-line summary of a scene's contents.
 pub fn summary(scene: &Scene) -> String {
     use snell_scene::Background;
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
@@ -87,8 +87,8 @@ pub fn summary(scene: &Scene) -> String {
     parts.join(", ")
 }
 
-/// Reads thousands of broken versions of a text: cut off, with changed bytes, with words swapped or
-/// repeated. A panic fails the test that calls this.
+/// Reads thousands of broken versions of a text: truncated, with changed bytes, with words swapped
+/// or repeated. A panic fails the calling test.
 pub fn read_broken_versions(reader: &SceneReader, seed: &[u8], folder: &Path) {
     let read =
         |bytes: Vec<u8>| {

@@ -1,4 +1,4 @@
-//! Text as a stream of words with their places: what formats without line structure are read from.
+//! Text as a stream of words with their places, for formats without line structure.
 
 use crate::{Input, Place, ReadError};
 use snell_math::{DVec3, Rgb};
@@ -26,7 +26,7 @@ impl<'a> Token<'a> {
         std::str::from_utf8(self.bytes).ok()
     }
 
-    /// The word for a message: in quotes and not too long.
+    /// The word for a message: in quotes and shortened.
     pub fn quoted(&self) -> String {
         let shown: String = self.text().chars().take(60).flat_map(char::escape_debug).collect();
         let dots = if self.text().chars().nth(60).is_some() { "..." } else { "" };
@@ -47,7 +47,7 @@ pub struct Tokens<'a> {
 }
 
 impl<'a> Tokens<'a> {
-    /// Words of `input`; a `#` is a character like others.
+    /// Words of `input`, without comments; `#` is an ordinary character.
     pub fn new(input: &'a Input) -> Self {
         // Editors may put a byte order mark first.
         let next = if input.bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
@@ -62,7 +62,7 @@ impl<'a> Tokens<'a> {
         }
     }
 
-    /// Words of `input`; from a `#` to the end of its line is a comment, wherever it stands.
+    /// Words of `input`; a comment runs from any `#` to the end of its line.
     pub fn with_comments(input: &'a Input) -> Self {
         Self { hash_is_comment: true, ..Self::new(input) }
     }
@@ -72,19 +72,19 @@ impl<'a> Tokens<'a> {
         self.input
     }
 
-    /// How the command being read is written: errors in its arguments show it.
+    /// Sets the syntax of the command being read: errors in its arguments show it.
     pub fn set_usage(&mut self, usage: &'static str) {
         self.usage = usage;
     }
 
-    /// The next word, taken; `None` at the end of the file.
+    /// Takes the next word; `None` at the end of the file.
     pub fn take(&mut self) -> Option<Token<'a>> {
         let token = self.peek()?;
         self.next = token.start + token.bytes.len();
         Some(token)
     }
 
-    /// The next word, left where it is; `None` at the end of the file.
+    /// The next word without taking it; `None` at the end of the file.
     pub fn peek(&mut self) -> Option<Token<'a>> {
         loop {
             match *self.bytes.get(self.next)? {
@@ -94,8 +94,8 @@ impl<'a> Tokens<'a> {
                     self.line_start = self.next;
                 }
                 b'#' if self.hash_is_comment => self.skip_line(),
-                // The vertical tab is white space to the C library, which wrote and read most such
-                // files.
+                // The vertical tab is white space to the C library, which most of these files were
+                // written and read with.
                 b if b.is_ascii_whitespace() || b == 0x0b => self.next += 1,
                 _ => break,
             }
@@ -108,7 +108,7 @@ impl<'a> Tokens<'a> {
         Some(Token { bytes, start, line: self.line, line_start: self.line_start })
     }
 
-    /// Drops what is left of the current line.
+    /// Skips the rest of the current line.
     pub fn skip_line(&mut self) {
         let rest = &self.bytes[self.next..];
         self.next += rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
@@ -130,7 +130,7 @@ impl<'a> Tokens<'a> {
         self.input.error(self.place(token), problem, remedy)
     }
 
-    /// The next word, which must exist. `what` says what for.
+    /// The next word, which is required. `what` describes it for messages.
     pub fn expect(&mut self, what: &str) -> Result<Token<'a>, ReadError> {
         match self.take() {
             Some(token) => Ok(token),
@@ -149,7 +149,7 @@ impl<'a> Tokens<'a> {
         }
     }
 
-    /// An error at a word that is not what was expected.
+    /// The error for an unexpected word.
     pub fn unexpected(&self, token: &Token, what: &str) -> ReadError {
         let problem = format!("{} stands where {what} was expected", token.quoted());
         let remedy = if token.bytes.starts_with(b"#") {
@@ -204,7 +204,7 @@ impl<'a> Tokens<'a> {
         Ok(Rgb::new(r, g, b))
     }
 
-    /// The next three words as a direction, made unit. An error if it has no direction.
+    /// The next three words as a direction, normalised. Fails for the zero vector.
     pub fn direction(&mut self, what: &str) -> Result<DVec3, ReadError> {
         let first = self.peek();
         let vector = self.vector(what)?;

@@ -1,4 +1,4 @@
-//! All surfaces as triangles in the world, as the simplest formats have them.
+//! All surfaces as triangles in the world, for the simplest formats.
 
 use super::BYTES_OF_TRIANGLE;
 use super::Output;
@@ -9,10 +9,10 @@ use snell_scene::placed::{Placed, placed, total};
 use snell_scene::{Geometry, Node, Scene, Surface};
 use std::borrow::Cow;
 
-/// What 32-bit numbers can count of corners.
+/// Maximum number of triangles whose corners 32-bit numbers can count.
 const MOST_TRIANGLES: u64 = u32::MAX as u64 / 3;
 
-/// What a scene becomes when everything is triangles: their number, instances counted each.
+/// The number of triangles after tessellating everything; each instance counts.
 fn triangle_count(scene: &Scene) -> Result<u64, String> {
     let of_surface = |surface: &Surface| match &surface.geometry {
         Geometry::Mesh(mesh) => mesh.indices.len() as u64,
@@ -23,7 +23,7 @@ fn triangle_count(scene: &Scene) -> Result<u64, String> {
     total(scene, of_node)
 }
 
-/// Refuses a scene of more triangles than a file or the memory of this process can hold.
+/// Refuses a scene with more triangles than a file or the memory of this process can hold.
 fn check_expansion(scene: &Scene, output: &Output) -> Result<(), String> {
     let count = triangle_count(scene)?;
     let remedy = "write a format with instances: .snell, .pbrt or .glb";
@@ -38,7 +38,7 @@ fn check_expansion(scene: &Scene, output: &Output) -> Result<(), String> {
     admitted.map_err(|problem| format!("{problem}; {remedy}"))
 }
 
-/// Every surface and its mesh in the world. What is no mesh becomes one, and that is noted.
+/// The world-space mesh of every surface. Other geometry is tessellated, which is noted.
 pub fn world_meshes<'a>(
     scene: &'a Scene,
     output: &mut Output,
@@ -64,7 +64,7 @@ pub fn world_meshes<'a>(
     Ok(meshes)
 }
 
-/// The triangles of strands, for formats that have none; says so.
+/// Tessellates strands for formats without curves, and notes it.
 pub fn tubes_of(curves: &Curves, output: &mut Output) -> Option<TriangleMesh> {
     if strip::most_triangles(curves) > u32::MAX as usize / 3 {
         output.lose("strands of more segments than can become triangles are left out");
@@ -74,13 +74,13 @@ pub fn tubes_of(curves: &Curves, output: &mut Output) -> Option<TriangleMesh> {
     Some(strip::tubes(curves))
 }
 
-/// Says what became of an analytic shape.
+/// Notes the conversion of an analytic shape.
 pub fn note_shape(name: &str, output: &mut Output) {
     match name {
         "plane" => output.lose("an infinite plane is left out"),
         "box" | "rectangle" | "triangle" | "polygon" => {
             output.lose(format!("a {name} became triangles"))
         }
-        _ => output.lose(format!("a {name} became triangles, and is round no more")),
+        _ => output.lose(format!("a {name} became triangles, and is no longer exactly round")),
     }
 }

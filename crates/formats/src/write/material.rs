@@ -1,4 +1,5 @@
-//! The nearest OpenPBR surface of any material: what formats with one model for all start from.
+//! The nearest OpenPBR surface for any material: the starting point for formats with a single
+//! model.
 
 use super::Output;
 use snell_math::Rgb;
@@ -10,7 +11,7 @@ use snell_scene::material::{
 };
 use std::f32::consts::FRAC_PI_2;
 
-/// How a material is called in messages.
+/// The name of a material in messages.
 pub fn shown_name(index: usize, material: &Material) -> String {
     if material.name.is_empty() {
         format!("material {index}")
@@ -32,8 +33,8 @@ pub fn metal_color(spectrum: &ConductorSpectrum) -> ColorParam {
     }
 }
 
-/// The base colour and the specular weight of OpenPBR's metal, by the colour at normal incidence
-/// and a factor on all it reflects.
+/// The base colour and the specular weight of OpenPBR's metal, from the colour at normal incidence
+/// and a factor on all reflection.
 fn tinted(color: ColorParam, tint: ColorParam) -> (ColorParam, f32) {
     let (strength, tint) = match tint.texture {
         Some(_) => (1.0, tint),
@@ -50,19 +51,19 @@ fn tinted(color: ColorParam, tint: ColorParam) -> (ColorParam, f32) {
     (base_color, strength)
 }
 
-/// A colour without its spectrum: the spectrum's colour is multiplied in.
+/// A colour without its spectrum, which is multiplied in as a colour.
 pub fn without_spectrum(color: ColorParam, is_light: bool) -> ColorParam {
     let Some(spectrum) = color.spectrum else { return color };
     let tint = if is_light { spectrum.light_rgb() } else { spectrum.reflectance_rgb() };
     ColorParam { factor: color.factor * tint, spectrum: None, ..color }
 }
 
-/// The GGX roughness with a highlight about as wide as that of Phong's exponent.
+/// The GGX roughness whose highlight is about as wide as that of a Phong exponent.
 pub fn roughness_of_shininess(shininess: f32) -> f32 {
     (2.0 / (shininess.max(0.0) + 2.0)).sqrt().sqrt()
 }
 
-/// Says that microfacets are GGX's now if they were not.
+/// Notes that microfacets became GGX, if they were not.
 pub fn lose_shape(kind: &MaterialKind, who: &str, output: &mut Output) {
     let shape = match kind {
         MaterialKind::Conductor(metal) => metal.microfacets,
@@ -77,7 +78,7 @@ pub fn lose_shape(kind: &MaterialKind, who: &str, output: &mut Output) {
     }
 }
 
-/// The nearest OpenPBR surface; what is not the same is a loss, said of `who`.
+/// The nearest OpenPBR surface; differences are noted as losses of `who`.
 pub fn open_pbr(material: &Material, who: &str, output: &mut Output) -> OpenPbr {
     lose_shape(&material.kind, who, output);
     let mut lose = |what: &str| output.lose(format!("{who}: {what}"));

@@ -1,8 +1,8 @@
-//! Writing scenes: one file per format, and its line in [`WRITERS`].
+//! Writes scenes: one file per format, and its line in [`WRITERS`].
 //!
-//! A writer makes bytes and touches no file. It fills an [`Output`]: the file itself, files beside
-//! it (meshes, pictures), and what the format could not hold. [`write_scene_as`] then puts all of
-//! it in place, or nothing.
+//! A writer produces bytes and touches no file. It fills an [`Output`]: the file itself, files
+//! beside it (meshes, pictures), and notes on what the format could not hold. [`write_scene_as`]
+//! then puts all files in place, or none.
 
 mod flat;
 mod gltf;
@@ -31,13 +31,13 @@ use std::path::{Path, PathBuf};
 /// A writer of scene files.
 #[derive(Clone, Copy)]
 pub struct SceneWriter {
-    /// Short name, that of the reader of the same format.
+    /// Short name, the same as that of the format's reader.
     pub name: &'static str,
-    /// Extensions in lower case, without the dot; the usual one first.
+    /// Extensions in lower case, without the dot; the preferred one first.
     pub extensions: &'static [&'static str],
-    /// True for patterns that it has words for; the others come to it as pictures.
+    /// True for patterns that the format can express; others are converted to pictures.
     pub knows: fn(&Pattern) -> bool,
-    /// Fills the output; an error says why there is nothing that could be written.
+    /// Fills the output; fails if the scene cannot be written.
     pub write: fn(&Scene, &mut Output) -> Result<(), String>,
 }
 
@@ -52,19 +52,19 @@ pub const WRITERS: &[SceneWriter] = &[
     off::WRITER,
 ];
 
-/// What a writer makes.
+/// The output of a writer.
 #[derive(Debug)]
 pub struct Output {
     /// Name of the file without folder and extension.
     stem: String,
-    /// Extension in lower case: a writer of several kinds of files looks which one is wanted.
+    /// Extension in lower case, for writers of several kinds of files.
     extension: String,
     /// The file itself.
     main: Vec<u8>,
     /// Files in the folder beside it: name and content.
     files: Vec<(String, Vec<u8>)>,
     losses: Vec<Warning>,
-    /// What memory there is for all of this.
+    /// The memory available for this.
     available: Available,
 }
 
@@ -88,24 +88,24 @@ impl Output {
         self.main = bytes;
     }
 
-    /// Notes what the file will not hold, or holds as something else; equal notes are counted.
+    /// Notes that the file omits or changes something; equal notes are counted.
     pub fn lose(&mut self, what: impl Into<String>) {
         Warning::note(&mut self.losses, what.into(), 1);
     }
 
-    /// Adds a file beside the one that is written; gives its name as the main file has to say it,
-    /// with slashes.
+    /// Adds a file beside the main one; returns the name by which the main file refers to it, with
+    /// slashes.
     pub fn file(&mut self, name: &str, bytes: Vec<u8>) -> String {
         self.files.push((name.to_string(), bytes));
         format!("{}/{name}", self.folder())
     }
 
-    /// The folder of the files beside: letters that every format can say without quoting.
+    /// The folder of the files beside it: its characters need no quoting in any format.
     fn folder(&self) -> String {
         format!("{}-files", plain_name(&self.stem))
     }
 
-    /// Writes what any format but Snell's own leaves out.
+    /// Notes settings that no format but Snell's own can hold.
     fn lose_settings(&mut self, scene: &Scene) {
         if !scene.ambient.is_black() {
             self.lose("the ambient light of local illumination is left out");
@@ -123,7 +123,7 @@ impl Output {
         }
     }
 
-    /// What formats of bare meshes leave out.
+    /// Notes everything that formats of bare meshes leave out.
     fn lose_all_but_surfaces(&mut self, scene: &Scene) {
         let kinds = [
             (scene.cameras.len(), "camera"),
@@ -142,21 +142,21 @@ impl Output {
     }
 }
 
-/// The name with every character that some format would have to quote replaced.
+/// The name with every character replaced that some format would have to quote.
 fn plain_name(name: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     let name: String = name.chars().map(plain).collect();
     if name.is_empty() { "scene".into() } else { name }
 }
 
-/// What was written.
+/// The result of writing a scene.
 #[derive(Debug)]
 pub struct Written {
     /// Name of the format.
     pub format: &'static str,
     /// All files, the main one first.
     pub files: Vec<PathBuf>,
-    /// What the format could not hold, and what was done instead.
+    /// What the format could not hold, and what was written instead.
     pub losses: Vec<Warning>,
 }
 
@@ -180,8 +180,8 @@ fn writer_for(path: &Path) -> Result<SceneWriter, WriteError> {
     })
 }
 
-/// Finds out, before any work, whether a scene can be written to `path`: whether its extension is
-/// known and, unless `overwrite`, nothing stands there.
+/// Checks, before any work is done, whether a scene can be written to `path`: its extension must be
+/// known and, unless `overwrite`, no file may exist there.
 pub fn check_scene_path(path: &Path, overwrite: bool) -> Result<(), WriteError> {
     writer_for(path)?;
     if !overwrite && path.exists() {
@@ -198,20 +198,20 @@ fn exists(path: &Path) -> WriteError {
     }
 }
 
-/// Bytes of a triangle of a mesh, with its vertices, on its way into a file: as what is written, in
-/// buffers that grow. Measured.
+/// Memory per triangle of a mesh, including its vertices, while a file is written: the output, in
+/// growing buffers. Measured.
 const BYTES_OF_TRIANGLE: u64 = 220;
 
-/// Writes a scene in the format that the extension of `path` names; the file appears whole or not
-/// at all. Replaces files.
+/// Writes a scene in the format of `path`'s extension; either the whole file appears or none.
+/// Existing files are replaced.
 pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), WriteError> {
     write_scene_as(path, scene, true).map(drop)
 }
 
-/// Writes a scene in the format that the extension of `path` names, with the files that belong to
-/// it in the folder `NAME-files`. Unless `overwrite`, files that exist and hold something else are
-/// an error, and nothing is written. All files are made under temporary names; only when all of
-/// them are there are they renamed, the one at `path` last.
+/// Writes a scene in the format of `path`'s extension, with the files that belong to it in the
+/// folder `NAME-files`. Unless `overwrite`, existing files with other contents are an error, and
+/// nothing is written. All files are created under temporary names; only when all of them exist are
+/// they renamed, the one at `path` last.
 pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Written, WriteError> {
     let writer = writer_for(path)?;
     let mut output = Output::new(path, Available::now());
@@ -250,8 +250,8 @@ pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Wri
     Ok(Written { format: writer.name, files, losses: output.losses })
 }
 
-/// What files are not written with: the scene is written as it stands. Only Snell's own format has
-/// motion.
+/// Notes choices that are not written: the scene is written as it stands. Only Snell's own format
+/// has motion.
 fn lose_choices(scene: &Scene, format: &str, output: &mut Output) {
     if scene.motion.is_some() && format != crate::scene::snell::READER.name {
         output.lose("what moves is written as it stands; its motion is left out");

@@ -43,7 +43,7 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
         let name = output.file("materials.mtl", bytes);
         _ = writeln!(text, "mtllib {name}");
     }
-    // Vertices, texture coordinates and normals so far.
+    // Numbers of the next vertex, texture coordinate and normal.
     let mut base = [1; 3];
     for (number, (placed, mesh)) in meshes.iter().enumerate() {
         let name = plain_name(if placed.name.is_empty() { "object" } else { placed.name });
@@ -107,7 +107,7 @@ fn faces(mesh: &TriangleMesh, slot: u16, base: [usize; 3], text: &mut String) {
     }
 }
 
-/// A name for each material, all different and without spaces.
+/// A unique name without spaces for each material.
 fn material_names(scene: &Scene) -> Vec<String> {
     let mut taken = HashSet::new();
     let mut names = Vec::new();
@@ -177,7 +177,7 @@ impl Library<'_, '_> {
             None => {}
         }
         if !material.double_sided {
-            self.output.lose(format!("{shown}: it is seen from both sides"));
+            self.output.lose(format!("{shown}: it is visible from both sides"));
         }
         if material.interior.is_some_and(|i| i.medium.is_some()) {
             self.output.lose(format!("{shown}: the medium inside is left out"));
@@ -222,7 +222,7 @@ impl Library<'_, '_> {
         }
     }
 
-    /// The PBR extension.
+    /// Writes the PBR extension.
     fn metallic_roughness(&mut self, shown: &str, material: &Material, kind: &MaterialKind) {
         let surface = super::material::open_pbr(material, shown, self.output);
         if let MaterialKind::Conductor(c) = kind
@@ -264,7 +264,8 @@ impl Library<'_, '_> {
         }
     }
 
-    /// A texture statement. The file is named relative to the MTL, which stands in the same folder.
+    /// Writes a texture statement. The file name is relative to the MTL, which is in the same
+    /// folder.
     fn map(&mut self, key: &str, id: TextureId, file: &str, options: &str) {
         let texture = self.pictures.texture(id);
         let file = file.rsplit('/').next().unwrap_or(file);
@@ -276,10 +277,10 @@ impl Library<'_, '_> {
     fn placement(&mut self, texture: &ImageTexture) -> String {
         let [[a, b, c], [d, e, f]] = texture.uv_transform;
         if b != 0.0 || d != 0.0 {
-            self.output.lose("a turned texture is not turned");
+            self.output.lose("the rotation of a texture is left out");
         }
         if texture.uv_set != 0 {
-            self.output.lose("a texture on the second coordinates is on the first");
+            self.output.lose("a texture on the second coordinates now uses the first");
         }
         let (scale, offset) = ([a, -e], [c, 1.0 - f]);
         let mut text = String::new();
@@ -292,7 +293,9 @@ impl Library<'_, '_> {
         match texture.wrap {
             [Wrap::Repeat, Wrap::Repeat] => {}
             [Wrap::Clamp, Wrap::Clamp] => text += "-clamp on ",
-            _ => self.output.lose("a texture that is mirrored, or differs by direction, repeats"),
+            _ => {
+                self.output.lose("a texture that is mirrored, or differs by direction, now repeats")
+            }
         }
         text
     }

@@ -1,5 +1,5 @@
-//! Patterns for formats that have no words for them: drawn into pictures where the coordinates of
-//! the surface say all, else their mean.
+//! Patterns for formats that cannot express them: they are drawn into pictures if they depend only
+//! on the surface's coordinates, and are replaced by their mean otherwise.
 
 use super::Output;
 use snell_math::{Bounds3d, DVec3, Rgb, Vec2, rng};
@@ -9,16 +9,16 @@ use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Pixels of a unit of the coordinates, if nothing asks for more.
+/// Minimum pixels per unit of the coordinates.
 const DETAIL: f32 = 256.0;
-/// Most pixels along a side.
+/// Maximum number of pixels along a side.
 const MAX_SIZE: f32 = 2048.0;
-/// Longest period that is looked for.
+/// Longest period that is tried.
 const MAX_PERIOD: u8 = 8;
-/// How far values may differ to count as the same.
+/// Maximum difference of values that count as equal.
 const SAME: f32 = 1e-3;
 
-/// The scene without the patterns that are not `known` to the format.
+/// The scene with the patterns replaced that are not `known` to the format.
 pub fn drawn<'a>(
     scene: &'a Scene,
     known: fn(&Pattern) -> bool,
@@ -29,7 +29,7 @@ pub fn drawn<'a>(
     if !scene.textures.iter().any(is_strange) {
         return Cow::Borrowed(scene);
     }
-    // Textures of materials, and those that known patterns are made of: the others are not written.
+    // Textures of materials and inputs of known patterns; others are not written.
     let mut used: BTreeSet<TextureId> =
         scene.materials.iter().flat_map(Material::textures).collect();
     for (i, texture) in scene.textures.iter().enumerate().rev() {
@@ -64,7 +64,7 @@ pub fn drawn<'a>(
             drawn
         } else {
             output.lose(format!(
-                "{who} is a pattern in space, for which the format has no words: \
+                "{who} is a pattern in space, which the format cannot express: \
                 its mean is written"
             ));
             Drawn { image: plain(drawing.mean(id)), period: 1.0, wrap: Wrap::Repeat }
@@ -84,15 +84,15 @@ fn plain(color: Rgb) -> Image {
     Image::from_f32(1, 1, 3, color.to_array().to_vec())
 }
 
-/// A pattern as a picture.
+/// A pattern drawn into a picture.
 struct Drawn {
     image: Image,
-    /// It covers the coordinates from 0 to this.
+    /// The picture covers the coordinates from 0 to this.
     period: f32,
     wrap: Wrap,
 }
 
-/// What draws.
+/// State for drawing patterns.
 struct Drawing<'a> {
     scene: &'a Scene,
     set: TextureSet,
@@ -103,7 +103,7 @@ impl Drawing<'_> {
         self.scene.textures.get(id.index()).and_then(Texture::as_pattern)
     }
 
-    /// True if the first coordinates of the surface decide alone.
+    /// True if the pattern depends only on the first coordinates of the surface.
     fn is_on_surface(&self, id: TextureId) -> bool {
         self.pattern(id).is_none_or(|p| {
             p.is_on_surface() && p.textures().into_iter().all(|id| self.is_on_surface(id))
@@ -115,7 +115,7 @@ impl Drawing<'_> {
         Rgb::new(r, g, b)
     }
 
-    /// Draws a pattern over one period, and says whether it has one.
+    /// Draws a pattern over one period; the second result is true if it has a period.
     fn picture(&mut self, id: TextureId) -> (Drawn, bool) {
         let period = (1..=MAX_PERIOD).map(f32::from).find(|&period| self.repeats_after(id, period));
         let length = period.unwrap_or(1.0);
@@ -132,7 +132,7 @@ impl Drawing<'_> {
         (Drawn { image, period: length, wrap }, period.is_some())
     }
 
-    /// True if a pattern shows the same a period further, at random places.
+    /// True if a pattern has the same values one period further, at random places.
     fn repeats_after(&self, id: TextureId, period: f32) -> bool {
         (0..256u32).all(|i| {
             let uv = rng::uniform2([i, 11, 0, 0]) * 8.0;
@@ -144,7 +144,7 @@ impl Drawing<'_> {
         })
     }
 
-    /// Pixels along a unit of the coordinates that show all there is.
+    /// Pixels per unit of the coordinates needed to show all detail.
     fn detail(&self, id: TextureId) -> [f32; 2] {
         let stretch = |mapping: &Mapping| match mapping {
             Mapping::Uv { uv_transform: [[a, b, _], [c, d, _]], .. } => {

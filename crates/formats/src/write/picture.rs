@@ -10,7 +10,7 @@ use snell_scene::{Encoding, Image, ImageTexture, Layer, LayeredImage, Pixels, Sc
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// What of an image a file holds.
+/// The part of an image that a file holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Part {
     Whole,
@@ -22,14 +22,15 @@ enum Part {
     Baked(Baked),
 }
 
-/// Pictures that hold more than a texture: a function of each of its values.
+/// Pictures whose values are a function of a texture's values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Baked {
     /// Colours times a factor.
     Tinted(Rgb),
-    /// Light: colours times a factor, linear whatever they were.
+    /// Light: colours times a factor, always linear.
     Light(Rgb),
-    /// The colours of bodies that show these colours, times a factor, under a clear layer.
+    /// The colours of bodies that show the texture's colours, times a factor, through a clear
+    /// layer.
     UnderCoat { factor: Rgb, ior: f32 },
     /// A channel times a factor.
     Scaled { channel: u8, factor: f32 },
@@ -40,8 +41,8 @@ pub enum Baked {
 }
 
 impl Baked {
-    /// Reflectance of a body under a clear layer that shows this reflectance: the inverse of the
-    /// material "coated-diffuse".
+    /// Reflectance of a body that shows the reflectance `seen` through a clear layer: the inverse
+    /// of the material "coated-diffuse".
     pub fn under_coat(seen: f32, ior: f32) -> f32 {
         let back = if ior > 1.0 {
             1.0 - (1.0 - fresnel::dielectric_average(ior)) / (ior * ior)
@@ -83,7 +84,7 @@ impl Baked {
             }
         }
         let is_light = matches!(self, Self::Light(_));
-        // Floating-point pictures are linear in files.
+        // Floating-point pictures are stored as linear.
         let is_float = matches!(image.pixels, Pixels::F32(_));
         if !self.is_color()
             || is_light
@@ -101,20 +102,20 @@ impl Baked {
     }
 }
 
-/// The pictures of a scene on their way into files, each written once.
+/// The pictures of a scene to be written, each once.
 #[derive(Debug)]
 pub struct Pictures<'a> {
     scene: &'a Scene,
     known: HashMap<String, String>,
 }
 
-/// What textures show that refer to no image.
+/// The texture for an invalid id.
 fn missing() -> ImageTexture {
     ImageTexture::new(snell_scene::graph::ImageId(u32::MAX), Encoding::Srgb)
 }
 
 impl<'a> Pictures<'a> {
-    /// None so far.
+    /// Begins with no pictures.
     pub fn new(scene: &'a Scene) -> Self {
         Self { scene, known: HashMap::new() }
     }
@@ -135,15 +136,15 @@ impl<'a> Pictures<'a> {
         image.cloned().unwrap_or_else(|| Arc::new(missing_texture_image()))
     }
 
-    /// The name of a file that shows a texture to a reader that takes colours as `meant`.
+    /// The name of a file that shows a texture to a reader that decodes colours as `meant`.
     pub fn color(&mut self, output: &mut Output, id: TextureId, meant: Encoding) -> String {
         let texture = self.texture(id);
         let part = if texture.encoding == meant { Part::Whole } else { Part::Recoded };
         self.file(output, &texture, part)
     }
 
-    /// The name of a file that shows a function of a texture; the stored picture where that is all
-    /// there is.
+    /// The name of a file with a function of a texture; the stored picture if the function is the
+    /// identity.
     pub fn baked(&mut self, output: &mut Output, id: TextureId, baked: Baked) -> String {
         match baked {
             Baked::Tinted(Rgb::WHITE) => self.file(output, &self.texture(id), Part::Whole),
@@ -152,7 +153,7 @@ impl<'a> Pictures<'a> {
         }
     }
 
-    /// How the integers of such a file are encoded.
+    /// The encoding of such a file's integers.
     pub fn encoding_of_baked(&self, id: TextureId, baked: Baked) -> Encoding {
         match baked {
             Baked::Tinted(Rgb::WHITE) => self.texture(id).encoding,
@@ -199,7 +200,7 @@ fn is_sound(image: &Image) -> bool {
     values > 0 && found == values && image.channels <= 4
 }
 
-/// Numbers from 0 to 1 as 16-bit ones, others as they are.
+/// Numbers from 0 to 1 as 16-bit integers, others as floats.
 fn from_values(image: &Image, channels: u32, values: Vec<f32>) -> Image {
     let fits =
         !matches!(image.pixels, Pixels::F32(_)) && values.iter().all(|x| (0.0..=1.0).contains(x));
@@ -210,7 +211,7 @@ fn from_values(image: &Image, channels: u32, values: Vec<f32>) -> Image {
     Image { width: image.width, height: image.height, channels, pixels, encoding: Encoding::Linear }
 }
 
-/// The image with colours in the other encoding than they are in.
+/// The image with colours converted to the other encoding.
 fn recoded(image: &Image, from: Encoding) -> Image {
     let colors = if matches!(image.channels, 2 | 4) { image.channels - 1 } else { image.channels };
     let map = |x: f32| match from {
@@ -234,7 +235,7 @@ fn grey(image: &Image, encoding: Encoding, channel: u8) -> Image {
         values
             .extend((0..image.width).map(|x| image.rgba_as(x, y, encoding)[usize::from(channel)]));
     }
-    // Values of 8 bits that no curve changed are 8 bits still.
+    // 8-bit values that no curve changed stay 8-bit.
     if matches!(image.pixels, Pixels::U8(_)) && (encoding == Encoding::Linear || channel == 3) {
         let pixels = Pixels::U8(values.iter().map(|x| (x * 255.0).round() as u8).collect());
         return Image { channels: 1, pixels, encoding: Encoding::Linear, ..image.clone() };
@@ -274,7 +275,7 @@ fn png_bytes(
     Ok(bytes)
 }
 
-/// OpenEXR of 32-bit numbers; colours are multiplied by alpha, as the format wants.
+/// OpenEXR of 32-bit numbers; colours are multiplied by alpha, as the format requires.
 fn open_exr(image: &Image, values: &[f32]) -> Vec<u8> {
     let has_alpha = matches!(image.channels, 2 | 4);
     let mut out = Vec::with_capacity(values.len() * if image.channels < 3 { 3 } else { 1 });

@@ -21,7 +21,7 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     }
     let mesh = if meshes.len() == 1 { meshes.remove(0) } else { joined(&meshes, output)? };
     if mesh.normals.is_empty() && !mesh.indices.is_empty() {
-        output.lose("flat shading is not told: programs that read the file may smooth it");
+        output.lose("flat shading cannot be expressed: programs that read the file may smooth it");
     }
     if !mesh.uvs[1].is_empty() || !mesh.tangents.is_empty() {
         output.lose("tangents and second texture coordinates are left out");
@@ -30,7 +30,7 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     Ok(())
 }
 
-/// One mesh of all. An attribute that only some have is made up for the others.
+/// Joins all meshes into one. An attribute that only some have gets default values in the others.
 pub fn joined(meshes: &[TriangleMesh], output: &mut Output) -> Result<TriangleMesh, String> {
     let mut all = TriangleMesh::default();
     let vertices: usize = meshes.iter().map(|m| m.positions.len()).sum();
@@ -64,7 +64,7 @@ pub fn joined(meshes: &[TriangleMesh], output: &mut Output) -> Result<TriangleMe
     Ok(all)
 }
 
-/// A binary file of a mesh with what attributes it has.
+/// A binary file of a mesh with the attributes it has.
 pub fn encoded(mesh: &TriangleMesh) -> Vec<u8> {
     let mut header =
         format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", mesh.positions.len());

@@ -23,7 +23,7 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     {
         output.lose("vertex normals, texture coordinates and colours are left out");
     }
-    // A file that begins with "solid" would be taken for text.
+    // A file that begins with "solid" would be read as text.
     let mut bytes = vec![b' '; 80];
     let title = b"binary STL";
     bytes[..title.len()].copy_from_slice(title);

@@ -1,4 +1,4 @@
-//! Triangles instead of analytic shapes.
+//! Tessellates analytic shapes.
 
 use snell_intersect::{AnyShape, Shape, TriangleMesh};
 use snell_math::{DVec2, DVec3};
@@ -9,15 +9,15 @@ const AROUND: u32 = 96;
 /// Pieces from pole to pole.
 const ALONG: u32 = 48;
 
-/// Triangles with the normals and texture coordinates of the shape, outer side outside; `None` for
-/// what is infinite.
+/// Triangles with the normals, texture coordinates and orientation of the shape; `None` for
+/// infinite shapes.
 pub fn tessellate(shape: &AnyShape) -> Option<TriangleMesh> {
     let mut mesh = Builder { shape, mesh: TriangleMesh::default() };
     match shape {
         AnyShape::Plane(_) => return None,
         AnyShape::Sphere(sphere) => mesh.grid(0, AROUND, ALONG, |u, v| {
             let ((sin, cos), (sin_phi, cos_phi)) = ((v * PI).sin_cos(), (u * TAU).sin_cos());
-            // A pole is one point, to the bit: what would be triangles without area are left out.
+            // A pole is exactly one point, so degenerate triangles are detected and left out.
             let sin = if v == 1.0 { 0.0 } else { sin };
             DVec3::new(sin * sin_phi, cos, sin * cos_phi) * sphere.radius
         }),
@@ -43,7 +43,7 @@ pub fn tessellate(shape: &AnyShape) -> Option<TriangleMesh> {
     Some(mesh.mesh)
 }
 
-/// How many triangles [`tessellate`] makes at most.
+/// The maximum number of triangles that [`tessellate`] makes.
 pub fn most_triangles(shape: &AnyShape) -> u64 {
     let (around, along) = (u64::from(AROUND), u64::from(ALONG));
     match shape {
@@ -88,8 +88,7 @@ impl Builder<'_> {
         self.mesh.positions.len() as u32 - 1
     }
 
-    /// A triangle turned so that its outer side is the shape's; left out if two corners are one
-    /// point.
+    /// Adds a triangle with the shape's orientation, unless two corners coincide.
     fn triangle(&mut self, corners: [u32; 3]) {
         let [a, b, c] = corners.map(|i| self.mesh.positions[i as usize].as_dvec3());
         if a == b || b == c || c == a {
@@ -111,14 +110,14 @@ impl Builder<'_> {
         }
     }
 
-    /// A patch over the unit square that closes in `u`: the last column has coordinates 1 where the
-    /// shape says 0 again.
+    /// A patch over the unit square that closes in `u`: the last column has coordinate 1 where the
+    /// shape has 0 again.
     fn grid(&mut self, face: u32, columns: u32, rows: u32, point: impl Fn(f64, f64) -> DVec3) {
         let start = self.mesh.positions.len() as u32;
         for j in 0..=rows {
             for i in 0..=columns {
                 let (u, v) = (f64::from(i) / f64::from(columns), f64::from(j) / f64::from(rows));
-                // The same point at both ends of the seam, to the bit.
+                // Exactly the same point at both ends of the seam.
                 let vertex = self.vertex(point(if i == columns { 0.0 } else { u }, v), face);
                 self.mesh.uvs[0][vertex as usize].x = u as f32;
             }

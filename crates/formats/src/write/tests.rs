@@ -13,7 +13,7 @@ use snell_scene::{
 };
 use std::sync::Arc;
 
-/// A textured quad of two materials, twice under a turned parent, with a camera and every light.
+/// A textured quad of two materials, twice under a rotated parent, with a camera and every light.
 fn scene() -> Scene {
     let mut scene = Scene::new("two quads");
     let pixels = Pixels::U8((0..4 * 4 * 3).map(|i| i * 5).collect());
@@ -154,7 +154,7 @@ fn strands_stay_strands_where_a_format_has_them_and_are_tubes_elsewhere() {
     }
 }
 
-/// Without what stands for invisible lights.
+/// A scene without the panels for invisible lights.
 fn without_panels(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
     for node in &mut scene.nodes {
@@ -175,7 +175,7 @@ fn textures_and_materials_survive_where_the_format_has_them() {
             textures.lookup_at(snell_scene::TextureId(0), uv, 0.0)
         };
         for (u, v) in [(0.1, 0.2), (0.6, 0.7), (0.3, 0.9)] {
-            // The readers of pbrt turn v.
+            // The pbrt reader flips v.
             let found = texel(&read, Vec2::new(u, v));
             let expected = texel(&scene, Vec2::new(u, v));
             for c in 0..3 {
@@ -263,7 +263,7 @@ fn cameras_and_lights_survive_in_gltf_and_pbrt() {
 fn every_built_in_scene_can_be_written_in_every_format_and_read_again() {
     for builtin in BUILTINS {
         let scene = (builtin.make)();
-        // A town is as good as a street.
+        // A small scene is as good a test as a large one.
         if snell_scene::placed::placement_count(&scene).is_ok_and(|n| n > 100) {
             continue;
         }
@@ -292,12 +292,12 @@ fn every_material_can_be_written_and_what_changes_is_said() {
         let mut scene = scene();
         for (i, kind) in MaterialKind::examples().into_iter().enumerate() {
             let id = scene.add_material(Material::new(format!("number {i}"), kind));
-            // Few triangles: not they are tested.
+            // Few triangles, because they are not tested here.
             let small = BoxShape { min: DVec3::ZERO, max: DVec3::splat(0.1) };
             scene.nodes[1].surfaces.push(Surface::shape(small, id));
         }
         let (_folder, _, read) = written(extension, &scene);
-        // An interface without a medium is nothing in pbrt.
+        // pbrt has no interface without a medium.
         let warnings: Vec<_> =
             read.warnings.iter().filter(|w| !w.message.contains("bound no medium")).collect();
         assert!(
@@ -452,11 +452,11 @@ fn patterns() -> Scene {
     scene
 }
 
-/// What the reflectance of a material is at a few points of space.
+/// The reflectance of a material at a few points in space.
 fn reflectances(scene: &Scene, material: &Material) -> Vec<Rgb> {
     let textures = snell_scene::TextureSet::new(&scene.textures, &scene.images);
     let MaterialKind::Diffuse(kind) = &material.kind else { panic!("{material:?}") };
-    // The reader of pbrt mirrors a scene whose camera would.
+    // The pbrt reader mirrors a scene whose camera would be mirrored.
     let root = scene.nodes[scene.root.index()].transform;
     let colors = (0..50u32).map(|i| {
         let (a, b) =
@@ -489,7 +489,7 @@ fn patterns_are_the_same_in_pbrt_and_in_snells_own_format() {
         }
         assert!(read.warnings.is_empty(), "{:?}", read.warnings);
         for material in &scene.materials {
-            // Named after their number, in the order of the spheres.
+            // They are named after their number, in the order of the spheres.
             let found = read.materials.iter().find(|m| {
                 m.name.starts_with(&material.name) && {
                     let rest = &m.name[material.name.len()..];
@@ -509,8 +509,8 @@ fn patterns_are_the_same_in_pbrt_and_in_snells_own_format() {
                     .iter()
                     .zip(b.to_array())
                     .all(|(a, b)| (a - b).abs() < 2e-3 * (1.0 + a.abs()));
-                // The amount of a mix is a number in pbrt, and so is the tint of marble; losses say
-                // so.
+                // The amount of a mix is a number in pbrt, and so is the tint of marble; losses
+                // report both.
                 let is_lost =
                     losses.iter().any(|l| l.message.contains(&format!("\"{}\"", material.name)));
                 assert!(close || is_lost, "{extension}: {pattern:?}: {a:?} {b:?}; {losses:?}");

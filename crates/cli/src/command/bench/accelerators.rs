@@ -1,5 +1,5 @@
-//! `snell bench accelerators`: all acceleration structures on one scene, and how their cost grows
-//! with the number of triangles.
+//! `snell bench accelerators`: all acceleration structures on one scene, and the growth of their
+//! cost with the number of triangles.
 
 mod growth;
 mod measure;
@@ -37,10 +37,10 @@ pub struct Options {
     /// The largest number of triangles to which the scene is refined
     #[arg(long, value_name = "N", default_value_t = 1_200_000)]
     max_triangles: u64,
-    /// A structure is not built when that would take longer than about so many seconds
+    /// Skip structures whose build would take longer than about this many seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 20.0)]
     build_limit: f64,
-    /// Seconds for which each kind of ray is traced
+    /// Seconds of tracing for each kind of ray
     #[arg(long, value_name = "SECONDS", default_value_t = 0.25)]
     seconds: f64,
     /// Width and height of the picture whose rays are traced; a power of two
@@ -83,13 +83,13 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Prints what is measured.
+/// The output of the benchmark.
 struct Report<'a> {
     options: &'a Options,
 }
 
-/// A point of the sweep over resolutions of the grid: cells along the longest side, and
-/// microseconds for a diffuse ray.
+/// A point of the sweep over grid resolutions: cells along the longest side, and microseconds per
+/// diffuse ray.
 type SweepPoint = (u32, f64);
 
 impl Report<'_> {
@@ -99,7 +99,7 @@ impl Report<'_> {
         standard_output::write(line.as_bytes())
     }
 
-    /// Prints a line that only people read.
+    /// Prints a line that is not part of the JSON output.
     fn heading(&self, text: &str) -> Result<(), Failure> {
         if self.options.json {
             Ok(())
@@ -108,7 +108,7 @@ impl Report<'_> {
         }
     }
 
-    /// All structures on the scene itself.
+    /// Measures all structures on the scene itself.
     fn structures(
         &self,
         bench: &Bench,
@@ -158,8 +158,8 @@ impl Report<'_> {
         Ok(())
     }
 
-    /// The uniform grid at several resolutions, without grids in cells; then as it chooses by
-    /// itself, without and with.
+    /// Measures the uniform grid at several resolutions, without nested grids; then at its default
+    /// resolution, without and with them.
     fn resolutions(&self, bench: &Bench, measurer: &Measurer) -> Result<Vec<SweepPoint>, Failure> {
         let triangles = bench.world.instanced_triangle_count();
         self.heading(
@@ -200,7 +200,7 @@ impl Report<'_> {
         Ok(sweep)
     }
 
-    /// What front-to-back order and the memory of the last hit save.
+    /// Measures the effect of front-to-back order and of testing the last hit first.
     fn switches(
         &self,
         bench: &Bench,
@@ -249,7 +249,7 @@ impl Report<'_> {
         Ok(())
     }
 
-    /// The scene with fewer and with more triangles.
+    /// Measures the scene with fewer and with more triangles.
     fn growth(
         &self,
         bench: &Bench,
@@ -342,7 +342,7 @@ impl Report<'_> {
     }
 }
 
-/// Rebuilds a world.
+/// Rebuilds a world with other options.
 fn rebuilt(bench: &Bench, options: &BuildOptions) -> Result<snell_intersect::World, Failure> {
     variants::rebuilt(&bench.world, options)
         .map_err(|e| Failure::Scene(format!("{}: {e}", bench.name)))

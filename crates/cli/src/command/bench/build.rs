@@ -1,5 +1,4 @@
-//! `snell bench build`: how long acceleration structures take to build, and how much memory, beside
-//! Embree's.
+//! `snell bench build`: build time and memory of acceleration structures, compared with Embree's.
 
 use super::clock::{self, median};
 use super::peer::{Peer, PeerPath, parse_peer};
@@ -26,7 +25,7 @@ pub struct Options {
     threads: Vec<u32>,
     #[command(flatten)]
     variants: variants::Options,
-    /// Builds of each kind; medians count
+    /// Builds of each kind; the median is reported
     #[arg(
         long,
         value_name = "N",
@@ -34,8 +33,8 @@ pub struct Options {
         value_parser = clap::value_parser!(u32).range(1..=1000),
     )]
     repeat: u32,
-    /// Whom to compare with: embree=PATH, where PATH is its shared library or the wheel `embreex`
-    /// of PyPI
+    /// Peer to compare with: embree=PATH, where PATH is its shared library or the wheel `embreex`
+    /// from PyPI
     #[arg(long, value_name = "NAME=PATH", value_parser = parse_peer)]
     peer: Option<PeerPath>,
     /// Print JSON, a line for each measurement
@@ -68,11 +67,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
                 })
             };
             let mut rows: Vec<Row> = own.chain(peer.iter().flat_map(of_peer)).collect();
-            // In turn, so that whatever else the machine does troubles all.
+            // Alternately, so that other load on the machine affects all equally.
             for _ in 0..options.repeat {
                 for row in &mut rows {
-                    // Threads of the one before may still look for work, and would take time from
-                    // this one.
+                    // Threads of the previous build may still be looking for work, and would take
+                    // time from this one.
                     std::thread::sleep(PAUSE);
                     row.build(&bench)?;
                 }
@@ -87,21 +86,21 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// How long to wait before each build. (After 20 ms a virtual machine of two cores ran both threads
-/// of whoever built on one of them, for milliseconds; after 5 it does not.)
+/// Pause before each build. (After 20 ms, a virtual machine with two cores ran both threads of a
+/// build on one core for milliseconds; after 5 ms it does not.)
 const PAUSE: Duration = Duration::from_millis(5);
 
-/// A way to build.
+/// A builder to measure.
 enum Way<'a> {
     Own(&'a BuildOptions, &'a ThreadPool),
-    /// And whether it is to be compact.
+    /// The peer, and whether its structure is to be compact.
     Peer(&'a Peer, BuildQuality, bool),
 }
 
-/// A way to build, measured.
+/// A builder and its measurements.
 struct Row<'a> {
     way: Way<'a>,
-    /// Of each build.
+    /// Seconds of each build.
     seconds: Vec<f64>,
     memory_bytes: u64,
 }

@@ -1,16 +1,16 @@
-//! Time, threads and medians.
+//! Clocks, threads and medians.
 
 use crate::threads::cores;
 use rayon::ThreadPool;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// Rays that a thread takes at a time: an eighth of its share, so that all end at about the same
-/// time, between these limits.
+/// Limits on the number of rays that a thread takes at a time. Within them it is an eighth of its
+/// share, so that all threads end at about the same time.
 pub const MIN_PIECE: usize = 4096;
 const MAX_PIECE: usize = 65536;
 
-/// How many of `count` rays each of so many threads takes at a time: a multiple of 64.
+/// The number of rays that each of `threads` threads takes at a time: a multiple of 64.
 fn piece(count: usize, threads: usize) -> usize {
     if threads == 1 {
         MAX_PIECE
@@ -19,12 +19,12 @@ fn piece(count: usize, threads: usize) -> usize {
     }
 }
 
-/// Which time counts.
+/// The clock of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Clock {
-    /// What a clock on the wall shows.
+    /// Wall-clock time.
     Wall,
-    /// Processor time, the mean of all threads: other work on the machine counts less.
+    /// Processor time, averaged over all threads: other load on the machine counts less.
     Processor,
 }
 
@@ -38,7 +38,7 @@ impl Clock {
     }
 }
 
-/// The numbers of threads asked for, or else 1 and one per core.
+/// The requested numbers of threads, by default 1 and one per core.
 pub fn thread_counts(asked: &[u32]) -> Vec<usize> {
     let cores = cores();
     match asked {
@@ -56,15 +56,15 @@ pub fn pool(threads: usize) -> Result<ThreadPool, String> {
         .map_err(|e| format!("cannot start {threads} threads: {e}; ask for fewer"))
 }
 
-/// What a call gives, and the processor time it took in seconds.
+/// Calls `work`; returns its result and the processor time it took in seconds.
 pub fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start = thread_time();
     let result = work();
     (result, thread_time().saturating_sub(start).as_secs_f64().max(1e-9))
 }
 
-/// Calls `work` on pieces of two slices of one length, each thread of the pool taking the next
-/// piece in turn. Gives the seconds it took.
+/// Calls `work` on pieces of two slices of equal length; each thread of the pool repeatedly takes
+/// the next piece. Returns the seconds it took.
 pub fn time_pieces<A: Sync, B: Send>(
     pool: &ThreadPool,
     clock: Clock,
@@ -89,11 +89,11 @@ pub fn time_pieces<A: Sync, B: Send>(
             processor.iter().sum::<Duration>().as_secs_f64() / processor.len() as f64
         }
     };
-    // A clock may be too coarse to see a tiny batch.
+    // A clock may be too coarse for a tiny batch.
     seconds.max(1e-9)
 }
 
-/// Processor time of this thread; wall time where the system does not tell.
+/// Processor time of this thread; wall-clock time where the system does not report it.
 pub fn thread_time() -> Duration {
     #[cfg(any(target_os = "linux", target_os = "macos"))]
     {
@@ -106,7 +106,7 @@ pub fn thread_time() -> Duration {
     START.get_or_init(Instant::now).elapsed()
 }
 
-/// The median; of an even number of values the mean of the middle two. NaN if there are none.
+/// The median; for an even number of values, the mean of the middle two. NaN if there are none.
 pub fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

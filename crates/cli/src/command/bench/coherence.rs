@@ -1,4 +1,4 @@
-//! `snell bench coherence`: the rays of a picture traced one by one, in batches and bundles, and as
+//! `snell bench coherence`: the rays of a picture traced one by one, in batches and packets, and as
 //! beams, pencils and cones.
 
 mod pictures;
@@ -32,7 +32,7 @@ pub struct Options {
     /// Width and height of the picture whose rays are traced; a power of two
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = parse_side)]
     side: u32,
-    /// Runs of each way but cones, which run once; medians count
+    /// Runs of each method, except cones, which run once; the median is reported
     #[arg(
         long,
         value_name = "N",
@@ -40,10 +40,10 @@ pub struct Options {
         value_parser = clap::value_parser!(u32).range(1..=1000),
     )]
     repeat: u32,
-    /// Pencils may be off by this, relative to the distance
+    /// Pencils may have this error, relative to the distance
     #[arg(long, value_name = "X", default_value_t = 1e-4, value_parser = parse_tolerance)]
     tolerance: f64,
-    /// Also write the picture that each way makes, as PNG
+    /// Also write the picture of each method, as PNG
     #[arg(long, value_name = "DIR")]
     image_folder: Option<PathBuf>,
     /// Print JSON, a line for each measurement
@@ -61,19 +61,19 @@ fn parse_tolerance(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A scene, its rays, and what all ways want to know.
+/// A scene, its rays, and data that all methods use.
 pub struct Case<'a> {
     pub bench: &'a Bench,
     pub world: &'a World,
     pub side: u32,
-    /// Places are pixels.
+    /// A view whose places are pixels.
     pub view: View,
     /// The diameter of the cone of each primary ray, per unit of distance.
     pub spreads: Vec<f32>,
     pub tolerance: f64,
     /// The light of cones is a ball of this radius.
     pub light_radius: f64,
-    /// Distances up to this are none.
+    /// Distances up to this count as zero.
     pub slack: f32,
 }
 
@@ -84,7 +84,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let bench = scenes::load(&options.scene, &read)?;
     let fail = |e: &dyn std::fmt::Display| Failure::Scene(format!("{}: {e}", bench.name));
     let world = variants::rebuilt(&bench.world, &BuildOptions::default()).map_err(|e| fail(&e))?;
-    // Fails before anything is measured if this world cannot be traced so.
+    // Fails before anything is measured if this world is not supported.
     snell_lab::coherence::BeamTracer::new(&world).map_err(|e| fail(&e))?;
     let view = kinds::view(&bench.camera, options.side).ok_or_else(|| {
         fail(&"beams, pencils and cones need a pinhole camera with a flat picture")
@@ -121,7 +121,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Traces rays in all ways, compares with the first of them, and prints.
+/// Traces rays by all methods, compares the results with the first method's, and prints.
 fn measure<A: ways::Answers>(
     options: &Options,
     case: &Case,
@@ -134,7 +134,7 @@ fn measure<A: ways::Answers>(
         let mut answers = vec![A::default(); rays.len()];
         let mut times = Vec::new();
         let mut extra = ways::Extra::default();
-        // Cones take long enough to be measured once.
+        // Cones are slow enough to be measured once.
         let repeat = if way == Way::Cones { 1 } else { options.repeat };
         for _ in 0..repeat {
             let (traced, seconds) = timed(|| A::trace(way, case, rays, &mut answers));
@@ -145,7 +145,7 @@ fn measure<A: ways::Answers>(
         if exact.is_empty() {
             exact.clone_from(&answers);
         }
-        // A cone sees more than its ray: it hits if more than half of it is covered.
+        // A cone is wider than its ray: it hits if more than half of it is covered.
         let agrees = |(a, b): &(&A, &A)| match way {
             Way::Cones => a.is_hit() == b.is_hit(),
             _ => a.agrees(b, case.slack),
@@ -168,17 +168,17 @@ fn measure<A: ways::Answers>(
     Ok(())
 }
 
-/// What was measured.
+/// The measurements of a method.
 struct Row {
     kind: Kind,
     way: Way,
     count: usize,
     mrays: f64,
     work: Option<Work>,
-    /// Share of the rays that were traced one by one after all.
+    /// Share of the rays that fell back to tracing one by one.
     traced: Option<f64>,
-    /// Share of the rays with the same answer as one by one: to the bit, and up to the tolerance of
-    /// all benchmarks.
+    /// Share of the rays with the same result as one by one: bit for bit, and up to the tolerance
+    /// of all benchmarks.
     identical: f64,
     agree: f64,
 }
@@ -242,7 +242,7 @@ fn heading(case: &Case) -> String {
     )
 }
 
-/// How fast the cones of the pixels grow, in the order of primary rays.
+/// The spread of the pixels' cones, in the order of primary rays.
 fn spreads(camera: &Camera, side: u32) -> Vec<f32> {
     let spread = |i: u32| {
         let (x, y) = (kinds::even_bits(i), kinds::even_bits(i >> 1));

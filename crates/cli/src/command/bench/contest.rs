@@ -1,5 +1,5 @@
-//! Snell and a peer trace the same rays in turn, so that whatever else the machine does troubles
-//! both.
+//! Times Snell and a peer alternately on the same rays, so that other load on the machine affects
+//! both equally.
 
 use super::clock::{Clock, median, time_pieces};
 use super::peer::Contender;
@@ -7,27 +7,27 @@ use rayon::ThreadPool;
 use snell_intersect::{AcceptAll, Grouping, Hit, World};
 use snell_math::Ray;
 
-/// Contenders that come within this factor of the fastest at first are measured further.
+/// Contenders within this factor of the fastest one in the first run are measured further.
 const CLOSE: f64 = 1.25;
 
-/// How many of them at most.
+/// Their maximum number.
 const MAX_FINALISTS: usize = 3;
 
-/// What rounding of coordinates may do to distances, in radii of the scene: hits that are very near
-/// differ by more than 0.0001 of their distance where a peer computes with rounded transforms.
+/// Allowed rounding of distances, in radii of the scene: nearby hits differ by more than 0.0001 of
+/// their distance if a peer computes with rounded transforms.
 const ROUNDING: f32 = 1e-6;
 
-/// How Snell is called.
+/// The way of calling Snell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Call {
     /// A batch at a time.
     Batch,
-    /// One ray a call.
+    /// One ray per call.
     One,
 }
 
 impl Call {
-    /// All ways.
+    /// All ways of calling.
     pub const ALL: [Self; 2] = [Self::Batch, Self::One];
 
     /// The name on the command line.
@@ -39,7 +39,7 @@ impl Call {
     }
 }
 
-/// What a query answers for one ray.
+/// The result of a query for one ray.
 pub trait Answer: Copy + Default + Send + Sync {
     fn snell(world: &World, call: Call, grouping: Grouping, rays: &[Ray], answers: &mut [Self]);
     fn peer(peer: &Contender, rays: &[Ray], answers: &mut [Self]);
@@ -100,7 +100,7 @@ impl Answer for bool {
     }
 }
 
-/// What is asked, of whom, and how often.
+/// The queries, the contenders, and the number of runs.
 pub struct Contest<'a> {
     pub pool: &'a ThreadPool,
     pub clock: Clock,
@@ -112,7 +112,7 @@ pub struct Contest<'a> {
     pub contenders: &'a [Contender<'a>],
 }
 
-/// How it went.
+/// The result of a contest.
 pub struct Outcome {
     /// Rays that hit something.
     pub hits: usize,
@@ -124,7 +124,7 @@ pub struct Outcome {
     pub robust: Option<Opponent>,
 }
 
-/// How a contender did.
+/// The result of a contender.
 pub struct Opponent {
     /// The contender's way.
     pub mode: String,
@@ -143,16 +143,16 @@ struct Runs<'a> {
 }
 
 impl Contest<'_> {
-    /// Runs it.
+    /// Runs the contest.
     pub fn run<A: Answer>(&self) -> Outcome {
         let mut answers = vec![A::default(); self.rays.len()];
         let mut other = answers.clone();
-        // To warm up, and for the answers.
+        // Warms up, and keeps the answers.
         self.time_snell(&mut answers);
         let mut finalists = self.finalists(&mut other);
         let mut own = Vec::new();
         for round in 0..self.repeat {
-            // Each goes first in turn.
+            // They take turns in going first.
             if round % 2 == 0 {
                 own.push(self.time_snell(&mut answers));
             }
@@ -197,7 +197,7 @@ impl Contest<'_> {
         )
     }
 
-    /// The contenders that may be the fastest, of those that are robust and of those that are not.
+    /// The contenders that may be the fastest, among the robust ones and among the others.
     fn finalists<A: Answer>(&self, answers: &mut [A]) -> Vec<Runs<'_>> {
         let mut kept = Vec::new();
         for robust in [false, true] {

@@ -1,5 +1,5 @@
-//! `--dump-rays`: the triangles and rays of a benchmark as NumPy arrays, for other programs to
-//! trace.
+//! `--dump-rays`: writes the triangles and rays of a benchmark as NumPy arrays, for other programs
+//! to trace.
 
 use super::kinds::Kind;
 use super::make_folder;
@@ -9,8 +9,8 @@ use snell_intersect::{AcceptAll, Geometry, GeometryId, Grouping, Hit, World};
 use snell_math::Ray;
 use std::path::Path;
 
-/// Writes the triangles of a scene and each batch of rays with what they hit to a folder named
-/// after the scene.
+/// Writes the triangles of a scene, and each batch of rays with its hits, to a folder named after
+/// the scene.
 pub fn write(
     folder: &Path,
     bench: &Bench,
@@ -20,7 +20,7 @@ pub fn write(
     let is_mesh = |i| matches!(world.geometry(GeometryId(i)), Geometry::Mesh(_));
     if !(0..world.geometry_count() as u32).all(is_mesh) {
         return Err(Failure::Scene(format!(
-            "{}: has more than triangles, which cannot be written; take a scene of meshes",
+            "{}: has geometry other than triangles, which cannot be written; use a scene of meshes",
             bench.name
         )));
     }
@@ -59,8 +59,8 @@ pub fn write(
     Ok(())
 }
 
-/// Where each ray hits; infinite where it hits nothing. For shadow rays 0 where something is in the
-/// way.
+/// The distance to the hit of each ray; infinite for a miss. For shadow rays, 0 if the ray is
+/// occluded.
 fn distances(kind: Kind, world: &World, rays: &[Ray]) -> Vec<f32> {
     if kind == Kind::Shadow {
         let mut blocked = vec![false; rays.len()];
@@ -72,7 +72,7 @@ fn distances(kind: Kind, world: &World, rays: &[Ray]) -> Vec<f32> {
     hits.iter().map(|h| h.t).collect()
 }
 
-/// Writes an array of rows of `columns` numbers in NumPy's format (version 1.0).
+/// Writes an array with rows of `columns` numbers in NumPy's format (version 1.0).
 fn save(
     folder: &Path,
     name: &str,
@@ -84,7 +84,7 @@ fn save(
     let rows = body.len() / (4 * columns);
     let shape = if columns == 1 { format!("({rows},)") } else { format!("({rows}, {columns})") };
     let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
-    // The numbers begin at a multiple of 64 bytes.
+    // The data is aligned to 64 bytes.
     let padded = (10 + header.len() + 1).next_multiple_of(64) - 10;
     let mut file = b"\x93NUMPY\x01\x00".to_vec();
     file.extend((padded as u16).to_le_bytes());

@@ -1,4 +1,4 @@
-//! `snell bench guiding`: what path guiding gains at equal time.
+//! `snell bench guiding`: the effect of path guiding at equal time.
 
 use super::{make_folder, scenes};
 use crate::failure::Failure;
@@ -18,10 +18,10 @@ pub struct Options {
     /// Scenes: files or built-in ones
     #[arg(value_name = "SCENE", default_values = ["caustic", "door-ajar"])]
     scenes: Vec<String>,
-    /// Processor time of each of four renders, all threads together
+    /// Processor time of each of four renders, summed over all threads
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = parse_seconds)]
     seconds: f64,
-    /// Width of the pictures; the scene says how high
+    /// Width of the pictures; the scene sets the height
     #[arg(
         long,
         value_name = "N",
@@ -29,13 +29,13 @@ pub struct Options {
         value_parser = clap::value_parser!(u32).range(1..=16384),
     )]
     width: u32,
-    /// Bounces after the first hit at most
+    /// Maximum number of bounces after the first hit
     #[arg(long, value_name = "N", default_value_t = Settings::MAX_DEPTH)]
     max_depth: u32,
     /// Learn from paths only
     #[arg(long)]
     no_photons: bool,
-    /// Write the pictures here
+    /// Write the pictures to this folder
     #[arg(long, value_name = "FOLDER")]
     keep: Option<PathBuf>,
     /// Threads. Default: one per core
@@ -103,7 +103,7 @@ fn measure(name: &str, read: &ReadOptions, options: &Options) -> Result<Value, F
         |kind: &str| options.keep.as_ref().map(|folder| folder.join(format!("{stem}-{kind}.exr")));
     let mut found = Vec::new();
     for (kind, settings) in [("plain", &plain), ("guided", &guided)] {
-        // Twice, with other random numbers.
+        // Two renders with different random numbers.
         let (first, statistics) = render(settings, options.seconds);
         let (second, _) =
             render(&Settings { seed: settings.seed + 1, ..settings.clone() }, options.seconds);
@@ -155,7 +155,7 @@ fn render(
     })
 }
 
-/// Processor time of all threads; wall time where the system does not tell.
+/// Processor time of all threads; wall-clock time where the system does not report it.
 fn process_time() -> Duration {
     #[cfg(unix)]
     {
@@ -171,13 +171,13 @@ fn process_time() -> Duration {
 /// Relative squared errors.
 struct Errors {
     mean: f64,
-    /// Without the worst thousandth of the pixels.
+    /// The error without the worst thousandth of the pixels.
     trimmed: f64,
 }
 
-/// Of a picture, told by two that differ in nothing but noise: half of the square of their
-/// difference. So no picture need be known that is right, and noise of such a picture is not taken
-/// for error. Relative to `mean`, as in `snell compare`.
+/// The errors of a picture, estimated from two that differ only in noise, as half of the squared
+/// difference. So no converged reference is needed, and its noise cannot be taken for error.
+/// Relative to `mean`, as in `snell compare`.
 fn errors([a, b]: &[Pixels; 2], mean: &Pixels) -> Errors {
     let pixel = |((a, b), mean): ((&[f64; 3], &[f64; 3]), &[f64; 3])| {
         let channel = |c: usize| {

@@ -1,4 +1,4 @@
-//! `snell bench hidden-surfaces`: the classical ways to find what is visible, on one scene.
+//! `snell bench hidden-surfaces`: the classical visibility algorithms on one scene.
 
 mod pictures;
 
@@ -16,14 +16,14 @@ use snell_lab::visible::{self, Characterization, HiddenLines, Method, Prepared, 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// A centre this near to an edge, in pixels, may be on either side of it for a ray, whose direction
-/// is rounded to `f32`.
+/// A pixel centre this close to an edge, in pixels, may be on either side of it for a ray, whose
+/// direction is rounded to `f32`.
 const TOLERANCE: f64 = 1e-3;
 
-/// Stretches of lines shorter than this, in pixels, are not compared with rays.
+/// Segments of lines shorter than this, in pixels, are not compared with rays.
 const SHORT: f64 = 0.05;
 
-/// A method is not run again after so many seconds.
+/// A method is not run again after this many seconds.
 const ENOUGH: f64 = 10.0;
 
 /// Options of `snell bench hidden-surfaces`.
@@ -33,14 +33,14 @@ pub struct Options {
     /// The scene, as in `snell bench rays`; triangles only, seen by a pinhole camera
     #[arg(value_name = "SCENE")]
     scene: String,
-    /// Which methods: ray-casting-all, ray-casting, z-buffer, scan-line-z, scan-line, depth-sort,
-    /// bsp, bsp-front-to-back, warnock, weiler-atherton, quantitative-invisibility. Default: all
+    /// Methods: ray-casting-all, ray-casting, z-buffer, scan-line-z, scan-line, depth-sort, bsp,
+    /// bsp-front-to-back, warnock, weiler-atherton, quantitative-invisibility. Default: all
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     method: Vec<String>,
     /// Width and height of the picture in pixels; a power of two
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = parse_side)]
     side: u32,
-    /// Runs of each method, but none after ten seconds; medians count
+    /// Runs of each method, but none after ten seconds; the median is reported
     #[arg(
         long,
         value_name = "N",
@@ -59,7 +59,7 @@ pub struct Options {
     allow_outside: bool,
 }
 
-/// Surfaces, or the lines of them.
+/// An algorithm for surfaces, or for lines.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     Surfaces(Method),
@@ -82,40 +82,40 @@ impl Kind {
     }
 }
 
-/// The scene as all methods get it.
+/// The input of all methods.
 struct Case<'a> {
     name: &'a str,
     world: &'a World,
     screen: &'a Screen,
-    /// Seconds for the world's structure, and for projecting all triangles.
+    /// Seconds to build the acceleration structure, and to project all triangles.
     build: f64,
     project: f64,
-    /// What rays hit, and what the z-buffer has.
+    /// The hits of rays, and the contents of the z-buffer.
     rays: Seen,
     reference: Seen,
 }
 
-/// What was measured of a method.
+/// The measurements of a method.
 struct Row {
     kind: Kind,
     outcome: Result<Measured, String>,
 }
 
 struct Measured {
-    /// Before the picture is known, and for each picture.
+    /// Seconds of view-independent preparation, and seconds per picture.
     prepare: Option<f64>,
     seconds: f64,
     runs: usize,
     memory: Option<usize>,
     work: Vec<(&'static str, u64)>,
-    /// Share of pixels (lines: of stretches) that are as rays have them; and of the others, those
-    /// for which there is a reason, and those without.
+    /// Share of pixels (for lines: of segments) that agree with rays; and the numbers of those that
+    /// differ for a known reason, and of the others.
     agree: f64,
     borderline: u64,
     unexplained: u64,
-    /// Share of pixels with the very same triangle as the z-buffer.
+    /// Share of pixels with the same triangle as the z-buffer.
     identical: Option<f64>,
-    /// Mean and greatest work of a pixel.
+    /// Mean and maximum work per pixel.
     cost: Option<(f64, u32)>,
 }
 
@@ -130,7 +130,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         .ok_or_else(|| fail(&visible::VisibleError::NotPinhole))?;
     let (screen, project) = timed(|| Screen::new(&bench.world, &view, [options.side; 2]));
     let screen = screen.map_err(|e| fail(&e))?;
-    // Built by one thread, like all that is measured here.
+    // Built on one thread, as everything that is measured here.
     let pool = pool(1).map_err(Failure::Other)?;
     let (world, build) =
         pool.install(|| timed(|| variants::rebuilt(&bench.world, &BuildOptions::default())));
@@ -162,7 +162,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The methods of these names, or all.
+/// The methods with these names, or all.
 fn methods(names: &[String]) -> Result<Vec<Kind>, Failure> {
     let all: Vec<Kind> = Method::ALL.map(Kind::Surfaces).into_iter().chain([Kind::Lines]).collect();
     match names {
@@ -171,7 +171,8 @@ fn methods(names: &[String]) -> Result<Vec<Kind>, Failure> {
     }
 }
 
-/// Runs as often as asked for, but not for long. Gives the last result and the seconds of each run.
+/// Runs as often as requested, but not for long. Returns the last result and the seconds of each
+/// run.
 fn repeated<T, E>(repeat: u32, mut work: impl FnMut() -> Result<T, E>) -> Result<(T, Vec<f64>), E> {
     let (first, seconds) = timed(&mut work);
     let (mut last, mut times) = (first?, vec![seconds]);
@@ -236,8 +237,8 @@ fn surfaces(options: &Options, case: &Case, method: Method) -> Result<Row, Failu
     Ok(Row { kind, outcome: Ok(measured) })
 }
 
-/// The share of pixels that are as rays have them; of the others, how many are so near to an edge
-/// or to another triangle that rounding may decide, and how many are not.
+/// The share of pixels that agree with rays; of the others, the number that are so close to an edge
+/// or another triangle that rounding may decide, and the number that are not.
 fn compare(case: &Case, items: &[u32]) -> (f64, u64, u64) {
     let width = case.screen.size()[0];
     let (mut same, mut borderline, mut unexplained) = (0u64, 0, 0);
@@ -254,7 +255,7 @@ fn compare(case: &Case, items: &[u32]) -> (f64, u64, u64) {
     (same as f64 / items.len().max(1) as f64, borderline, unexplained)
 }
 
-/// Measures hidden lines, and asks rays about the middles of their stretches.
+/// Measures hidden-line removal, and checks the middles of the segments by rays.
 fn lines(options: &Options, case: &Case) -> Result<Row, Failure> {
     let run = repeated(options.repeat, || HiddenLines::new(case.screen));
     let (found, times) = match run {
@@ -394,7 +395,7 @@ fn heading(case: &Case) -> String {
     )
 }
 
-/// The methods in the terms of the paper of 1974.
+/// The methods, in the terms of the 1974 paper.
 fn legend(rows: &[Row]) -> String {
     let mut text = String::new();
     for row in rows {

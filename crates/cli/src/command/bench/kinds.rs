@@ -1,4 +1,4 @@
-//! The kinds of rays that are measured, made for a scene and always the same.
+//! The kinds of rays that are measured, generated deterministically for a scene.
 
 use super::scenes::Bench;
 use snell_intersect::{AcceptAll, Grouping, Hit, SurfaceInteraction, World};
@@ -12,7 +12,7 @@ use snell_scene::camera::{CameraSample, Projection};
 pub enum Kind {
     /// From the camera through the middle of each pixel, pixels in Morton order.
     Primary,
-    /// From the points that primary rays hit to a light: is anything in the way?
+    /// From the hit points of primary rays to a light: is it occluded?
     Shadow,
     /// One bounce from these points in a cosine-distributed direction, in the order of the pixels.
     Diffuse,
@@ -34,8 +34,7 @@ impl Kind {
         }
     }
 
-    /// What is known about rays that stand next to each other: those of 4x4 pixels have an origin
-    /// or a target in common.
+    /// The coherence of neighbouring rays: those of 4x4 pixels have a common origin or target.
     pub fn grouping(self) -> Grouping {
         match self {
             Self::Primary | Self::Shadow => Grouping::Coherent,
@@ -70,8 +69,8 @@ pub fn first_hits(bench: &Bench, world: &World, side: u32) -> Vec<First> {
     rays.into_iter().zip(hits).map(surface).collect()
 }
 
-/// Rays that leave a surface begin this far from it, in radii of the scene: the fast ways of the
-/// peer would find the same surface again, and stop there. (Snell's own do not need it.)
+/// Rays that leave a surface begin this far from it, in radii of the scene: otherwise the peer's
+/// fast modes would hit the same surface again. (Snell's own do not need it.)
 const START: f64 = 1e-4;
 
 /// The rays of a kind.
@@ -115,7 +114,7 @@ fn bounce(i: u32, ray: &Ray, surface: &SurfaceInteraction, start: f32) -> Ray {
     Ray { t_min: start, ..Ray::new(surface.ray_origin(direction), direction) }
 }
 
-/// The view of a camera in a square picture, with pixels as places; `None` if its rays do not leave
+/// The view of a camera in a square picture, with pixels as places; `None` unless its rays leave
 /// one point for a flat picture.
 pub fn view(camera: &Camera, side: u32) -> Option<View> {
     let is_flat =
@@ -123,8 +122,7 @@ pub fn view(camera: &Camera, side: u32) -> Option<View> {
     if !is_flat || !camera.has_common_origin() {
         return None;
     }
-    // Directions that reach the plane at distance 1: there they are an affine function of the
-    // place.
+    // Directions scaled to the plane at distance 1, where they are an affine function of the place.
     let reach = |x: f64, y: f64| {
         let sample = CameraSample { film: DVec2::new(x, y), lens: Vec2::ZERO };
         let direction = camera.ray(&sample, [side; 2]).ray.direction.as_dvec3();
@@ -140,7 +138,7 @@ pub fn view(camera: &Camera, side: u32) -> Option<View> {
     )
 }
 
-/// Every second bit of a number, from the lowest, side by side.
+/// Every second bit of a number, from the lowest, compacted.
 pub fn even_bits(i: u32) -> u32 {
     (0..16).map(|bit| (i >> (2 * bit) & 1) << bit).sum()
 }

@@ -1,4 +1,4 @@
-//! `snell bench`: measurements that anybody can repeat.
+//! `snell bench`: reproducible measurements.
 
 mod accelerators;
 mod build;
@@ -22,26 +22,25 @@ use crate::failure::Failure;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// What to measure.
+/// A benchmark.
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
-    /// Rays per second, by kind of ray, beside those of Embree.
+    /// Rays per second, by kind of ray, compared with Embree
     Rays(rays::Options),
-    /// How long acceleration structures take to build, and their memory, beside Embree's.
+    /// Build time and memory of acceleration structures, compared with Embree
     Build(build::Options),
-    /// All acceleration structures beside each other: time, memory, work, and how they grow with
-    /// the scene.
+    /// All acceleration structures compared: time, memory, work, and their growth with the scene
     Accelerators(accelerators::Options),
-    /// Rays one by one, in batches and in bundles, beams, pencils and cones beside each other
+    /// Rays one by one, in batches and in packets, beams, pencils and cones compared
     Coherence(coherence::Options),
-    /// The classical ways to find what is visible, beside each other: z-buffer, scan lines,
-    /// painters, area subdivision and others
+    /// The classical visibility algorithms compared: z-buffer, scan lines, painters, area
+    /// subdivision and others
     HiddenSurfaces(hidden_surfaces::Options),
-    /// How fast files are read, and the memory that takes
+    /// Speed and memory of reading files
     Read(read::Options),
-    /// Rays per second inside of a render, beside those of the same rays alone.
+    /// Rays per second inside of a render, compared with the same rays alone
     Render(render::Options),
-    /// What path guiding gains at equal time: errors with and without it.
+    /// The effect of path guiding at equal time: errors with and without it
     Guiding(guiding::Options),
     /// Error against number of samples, for all samplers, on integrands of known value
     Samplers(samplers::Options),
@@ -62,13 +61,13 @@ pub fn run(command: &Command) -> Result<ExitCode, Failure> {
     }
 }
 
-/// Makes a folder for results, unless it is there: before anything is measured, so that no time is
-/// lost if it cannot be made.
+/// Creates a folder for results, unless it exists: before anything is measured, so that no time is
+/// lost if it cannot be created.
 fn make_folder(folder: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(|e| {
         let folder = folder.display();
         Failure::Other(format!(
-            "{folder}: cannot make the folder: {e}; name one where you may write"
+            "{folder}: cannot create the folder: {e}; name one where you may write"
         ))
     })
 }

@@ -1,4 +1,4 @@
-//! Whom Snell is compared with: `--peer embree=PATH`.
+//! The peer that Snell is compared with: `--peer embree=PATH`.
 
 use crate::failure::Failure;
 use snell_embree::{Device, Embree, Mode, PeerScene, SceneOptions};
@@ -15,14 +15,14 @@ pub fn parse_peer(text: &str) -> Result<PeerPath, String> {
     match text.split_once('=') {
         Some(("embree", path)) if !path.is_empty() => Ok(PeerPath(path.into())),
         _ => Err(format!(
-            "\"{text}\" is no peer; write embree=PATH, where PATH is the shared library of Embree \
+            "\"{text}\" is not a peer; write embree=PATH, where PATH is the library of Embree \
                 4 or the wheel `embreex` of PyPI"
         )),
     }
 }
 
 impl PeerPath {
-    /// Loads it.
+    /// Loads the library.
     pub fn load(&self) -> Result<Arc<Embree>, Failure> {
         Embree::load(&self.0).map_err(|e| Failure::Other(e.to_string()))
     }
@@ -34,7 +34,7 @@ pub struct Peer {
 }
 
 impl Peer {
-    /// Embree that builds with this many threads. One at a time: see [`Device::new`].
+    /// Embree with this many build threads. Only one may exist at a time: see [`Device::new`].
     pub fn new(embree: &Arc<Embree>, threads: usize) -> Result<Self, Failure> {
         Ok(Self {
             device: Device::new(embree, threads).map_err(|e| Failure::Other(e.to_string()))?,
@@ -46,13 +46,13 @@ impl Peer {
         self.device.version()
     }
 
-    /// A world, built in Embree's way.
+    /// Builds a world with Embree.
     pub fn build(&self, world: &World, options: SceneOptions) -> Result<PeerScene, Failure> {
         PeerScene::build(&self.device, world, options).map_err(|e| Failure::Scene(e.to_string()))
     }
 }
 
-/// A scene and a way to ask it.
+/// A scene, and the mode in which it is queried.
 #[derive(Clone, Copy, Debug)]
 pub struct Contender<'a> {
     pub scene: &'a PeerScene,
@@ -60,7 +60,7 @@ pub struct Contender<'a> {
 }
 
 impl Contender<'_> {
-    /// Such as `16 coherent, medium`.
+    /// A name such as `16 coherent, medium`.
     pub fn name(&self) -> String {
         let options = self.scene.options();
         let robust = if options.robust { ", robust" } else { "" };
@@ -73,7 +73,7 @@ impl Contender<'_> {
     }
 }
 
-/// Every way to ask some scenes, or those with one ray a call.
+/// Every query mode for some scenes, or only those with one ray per call.
 pub fn contenders(scenes: &[PeerScene], one_ray: bool) -> Vec<Contender<'_>> {
     let modes = if one_ray { &[Mode::ONE][..] } else { &Mode::ALL };
     scenes

@@ -1,4 +1,4 @@
-//! `snell bench rays`: rays per second by kind, and beside Embree.
+//! `snell bench rays`: rays per second by kind, compared with Embree.
 
 use super::clock::{self, Clock};
 use super::contest::{Call, Contest, Opponent, Outcome};
@@ -20,8 +20,8 @@ use std::process::ExitCode;
 #[derive(Debug, clap::Args)]
 pub struct Options {
     /// Scenes: files, built-in scenes, `terrain` (4 million triangles) or `room` (1.8 million).
-    /// With `:subdivide=N` each triangle is cut into four, N times; with `:copies=N` there are N of
-    /// it in one mesh, with `:instances=N` as instances
+    /// `:subdivide=N` cuts each triangle into four, N times; `:copies=N` makes N copies in one
+    /// mesh, `:instances=N` the same as instances
     #[arg(value_name = "SCENE", required = true)]
     scenes: Vec<String>,
     /// Kinds of rays: primary, shadow, diffuse, shuffled
@@ -35,12 +35,12 @@ pub struct Options {
     /// Numbers of threads. Default: 1 and one per core
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = threads::number())]
     threads: Vec<u32>,
-    /// How Snell is called: batch, or one (ray a call, against one ray a call)
+    /// Ways of calling Snell: batch, or one (one ray per call, against the peer's one ray per call)
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "batch")]
     calls: Vec<String>,
     #[command(flatten)]
     variants: variants::Options,
-    /// Runs of each side; medians count
+    /// Runs of each side; the median is reported
     #[arg(
         long,
         value_name = "N",
@@ -51,15 +51,14 @@ pub struct Options {
     /// Width and height of the picture whose rays are traced; a power of two
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = kinds::parse_side)]
     side: u32,
-    /// Which time counts: wall, or processor (on a machine that does other work)
+    /// Clock: wall, or processor (for a machine with other load)
     #[arg(long, value_name = "NAME", default_value = "wall")]
     clock: Clock,
-    /// Whom to compare with: embree=PATH, where PATH is its shared library or the wheel `embreex`
-    /// of PyPI
+    /// Peer to compare with: embree=PATH, where PATH is its shared library or the wheel `embreex`
+    /// from PyPI
     #[arg(long, value_name = "NAME=PATH", value_parser = parse_peer)]
     peer: Option<PeerPath>,
-    /// Also write the triangles, the rays and what they hit, as NumPy arrays in a folder for each
-    /// scene
+    /// Also write the triangles, the rays and their hits, as NumPy arrays in a folder per scene
     #[arg(long, value_name = "FOLDER")]
     dump_rays: Option<PathBuf>,
     /// Print JSON, a line for each measurement
@@ -70,7 +69,7 @@ pub struct Options {
     allow_outside: bool,
 }
 
-/// What is measured on every scene.
+/// The measurements to make on every scene.
 struct Plan<'a> {
     options: &'a Options,
     kinds: Vec<Kind>,
@@ -210,7 +209,7 @@ impl Plan<'_> {
     }
 }
 
-/// What was measured.
+/// The measurements of one row.
 struct Row<'a> {
     bench: &'a Bench,
     world: &'a World,

@@ -1,4 +1,4 @@
-//! `snell bench read`: how fast files are read, and how much memory that takes.
+//! `snell bench read`: speed and memory of reading files.
 
 use super::clock::median;
 use super::scenes::short_name;
@@ -19,10 +19,10 @@ pub struct Options {
     /// Scene or mesh files
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
-    /// Take meshes as they stand in the file: make no shading normals for those without
+    /// Read meshes exactly as in the file: make no shading normals for those without
     #[arg(long)]
     as_written: bool,
-    /// How often each is read; medians count
+    /// Number of reads of each file; the median is reported
     #[arg(
         long,
         value_name = "N",
@@ -57,7 +57,7 @@ fn measure(path: &Path, read: &ReadOptions, options: &Options) -> Result<Value, 
     let (mut seconds, mut triangles) = (Vec::new(), 0);
     for _ in 0..options.repeat {
         let start = Instant::now();
-        // Freeing the scene counts neither here nor for others.
+        // Freeing the scene is not part of the time.
         if options.as_written && is_mesh(path) {
             let mesh = read_mesh(&Input::open(path, read)?)?;
             seconds.push(start.elapsed().as_secs_f64());
@@ -93,7 +93,7 @@ fn is_mesh(path: &Path) -> bool {
         .any(|extension| name.ends_with(&format!(".{extension}")))
 }
 
-/// Triangles of all meshes, each counted once for each surface that it is.
+/// Triangles of all meshes; a mesh counts once for each surface that uses it.
 fn triangle_count(scene: &Scene) -> usize {
     let surfaces = scene.nodes.iter().flat_map(|node| &node.surfaces);
     surfaces

@@ -1,4 +1,4 @@
-//! `snell bench render`: how much of the ray core's speed reaches a picture.
+//! `snell bench render`: the share of the ray core's speed that a render reaches.
 
 use super::clock::{self, Clock, median, time_pieces};
 use super::{kinds, scenes, variants};
@@ -35,7 +35,7 @@ pub struct Options {
         value_parser = clap::value_parser!(u32).range(1..=65536),
     )]
     spp: u32,
-    /// Runs of each; medians count
+    /// Runs of each; the median is reported
     #[arg(
         long,
         value_name = "N",
@@ -86,11 +86,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
 
 /// The rays of a render, as three long batches.
 struct RecordedRays {
-    /// Those of each kind of query.
+    /// The rays of each kind of query.
     coherent: Vec<Ray>,
     unrelated: Vec<Ray>,
     occluded: Vec<Ray>,
-    /// How many queries there were.
+    /// The number of queries.
     queries: usize,
 }
 

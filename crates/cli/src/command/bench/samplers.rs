@@ -1,8 +1,8 @@
 //! `snell bench samplers`: error against number of samples.
 //!
 //! Every pixel of some pictures estimates the same integral of known value. The root mean square of
-//! their errors tells how good a sampler is; the same after a slight blur tells how the errors of
-//! neighbours make up for each other, which is what the eye sees.
+//! their errors measures a sampler's quality; the same after a slight blur measures how well the
+//! errors of neighbours cancel, which is what the eye sees.
 
 mod blur;
 mod integrands;
@@ -20,7 +20,7 @@ use std::process::ExitCode;
 /// Options of `snell bench samplers`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// Which samplers: independent, stratified, sobol, zsobol. Default: all
+    /// Samplers: independent, stratified, sobol, zsobol. Default: all
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     sampler: Vec<String>,
     /// Numbers of samples per pixel
@@ -32,7 +32,7 @@ pub struct Options {
         value_parser = clap::value_parser!(u32).range(1..=1 << 20),
     )]
     spp: Vec<u32>,
-    /// Pictures, each with another seed, whose pixels are estimates
+    /// Number of pictures, each with another seed, whose pixels are the estimates
     #[arg(
         long,
         value_name = "N",
@@ -66,20 +66,19 @@ pub struct Series {
     points: Vec<Point>,
 }
 
-/// Errors of estimates with one number of samples, relative to the integral.
+/// Errors of the estimates with one number of samples, relative to the integral.
 #[derive(Clone, Copy)]
 pub struct Point {
     spp: u32,
     /// Root mean square.
     error: f64,
-    /// Root mean square after a blur, times what the blur divides white noise by: as `error` if
-    /// neighbours are independent.
+    /// Root mean square after a blur, divided by the blur's effect on white noise: equal to `error`
+    /// if neighbours are independent.
     blurred: f64,
 }
 
 impl Series {
-    /// The exponent of the power of the number of samples that fits the errors; `None` if there are
-    /// not two.
+    /// The exponent of the power law fitted to the errors; `None` for fewer than two points.
     fn exponent(&self) -> Option<f64> {
         let logs: Vec<[f64; 2]> =
             self.points.iter().map(|p| [f64::from(p.spp).ln(), p.error.ln()]).collect();

@@ -1,4 +1,4 @@
-//! The scenes that are measured: files, built-in scenes, two generated ones, and each of them
+//! The scenes that are measured: files, built-in scenes and two generated ones, each optionally
 //! refined, copied or instanced.
 
 mod generate;
@@ -18,29 +18,29 @@ use std::sync::Arc;
 
 /// A scene to be measured.
 pub struct Bench {
-    /// As it was named.
+    /// Its name on the command line.
     pub name: String,
-    /// What rays hit. Built without a structure: see [`super::variants::rebuilt`].
+    /// The geometry, without an acceleration structure: see [`super::variants::rebuilt`].
     pub world: World,
-    /// Where primary rays come from.
+    /// The camera of primary rays.
     pub camera: Camera,
-    /// Where shadow rays go.
+    /// The target of shadow rays.
     pub light: Vec3,
 }
 
-/// What is done with a scene before it is measured: `NAME:subdivide=2`, `NAME:copies=145`,
+/// A change to a scene before it is measured: `NAME:subdivide=2`, `NAME:copies=145`,
 /// `NAME:instances=145`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Change {
-    /// Each triangle is cut into four, this often; the surface stays where it is.
+    /// Cuts each triangle into four, this many times; the surface stays the same.
     Subdivide(u32),
-    /// Copies, turned and spread, all in one mesh.
+    /// Rotated and spread copies, all in one mesh.
     Copies(u32),
-    /// The same as instances.
+    /// The same copies as instances.
     Instances(u32),
 }
 
-/// Splits a name into the scene and what is done with it.
+/// Splits a name into the scene and the change.
 fn parse(name: &str) -> Result<(&str, Option<Change>), Failure> {
     let Some((scene, change)) = name.rsplit_once(':') else { return Ok((name, None)) };
     let Some((word, number)) = change.split_once('=') else { return Ok((name, None)) };
@@ -50,7 +50,7 @@ fn parse(name: &str) -> Result<(&str, Option<Change>), Failure> {
         "instances" => (Change::Instances, 10_000_000),
         _ => {
             return Err(Failure::Usage(format!(
-                "{name}: what can be done is subdivide=N, copies=N or instances=N"
+                "{name}: the possible changes are subdivide=N, copies=N or instances=N"
             )));
         }
     };
@@ -60,8 +60,7 @@ fn parse(name: &str) -> Result<(&str, Option<Change>), Failure> {
     }
 }
 
-/// Checks the name of a scene as far as that is quick, so that a benchmark of many scenes does not
-/// fail late.
+/// Quick checks on the name of a scene, so that a benchmark of many scenes does not fail late.
 pub fn check(name: &str) -> Result<(), Failure> {
     parse(name).map(|_| ())
 }
@@ -71,8 +70,8 @@ pub fn short_name(name: &str) -> &str {
     name.rsplit(['/', '\\']).next().unwrap_or(name)
 }
 
-/// Loads or makes the scene of this name, with a camera and light. The light of generated scenes
-/// comes beside it.
+/// Loads or generates the scene of this name, with a camera. Generated scenes return their light
+/// separately.
 pub fn load_scene(name: &str, read: &ReadOptions) -> Result<(Scene, Option<Vec3>), Failure> {
     let (base, change) = parse(name)?;
     let (mut scene, light) = match base {
@@ -97,7 +96,7 @@ pub fn camera(name: &str, scene: &Scene) -> Result<Camera, Failure> {
         .ok_or_else(|| Failure::Scene(format!("{name}: the scene has no camera")))
 }
 
-/// Loads or makes the scene of this name, ready for rays.
+/// Loads or generates the scene of this name, ready for rays.
 pub fn load(name: &str, read: &ReadOptions) -> Result<Bench, Failure> {
     let (scene, light) = load_scene(name, read)?;
     let camera = camera(name, &scene)?;
@@ -127,8 +126,8 @@ fn compile(name: &str, scene: &Scene) -> Result<World, Failure> {
     Arc::into_inner(compiled.world).ok_or_else(shared)
 }
 
-/// A point light: outside and above a scene that is seen from outside, below the ceiling of one
-/// that is seen from inside.
+/// A point light: above a scene that is seen from outside, below the ceiling of one that is seen
+/// from inside.
 fn light_above(bounds: &Bounds3d, eye: DVec3) -> Vec3 {
     if bounds.is_empty() || !bounds.is_finite() {
         return (eye + DVec3::Y).as_vec3();
@@ -206,7 +205,7 @@ fn joined(meshes: impl IntoIterator<Item = TriangleMesh>) -> TriangleMesh {
     all
 }
 
-/// Where copy `i` of `n` stands: turned at random, spread in a cube that keeps their density.
+/// The transform of copy `i` of `n`: randomly rotated, and spread in a cube that keeps the density.
 fn place(i: u32, n: u32, mesh: &TriangleMesh) -> Transform {
     let u = |k: u32| f64::from(rng::to_unit(rng::pcg4d([i, k, 0, 0])[0]));
     let bounds = Bounds3d::from(mesh.bounds());
@@ -214,11 +213,11 @@ fn place(i: u32, n: u32, mesh: &TriangleMesh) -> Transform {
     let spread = bounds.size().max_element() * f64::from(n).cbrt() * 0.7;
     let offset = DVec3::new(u(4), u(5), u(6)) * spread;
     let map = DAffine3::from_mat3_translation(turn, offset - turn * bounds.center());
-    // A rotation is never singular; of a mesh that is not finite nothing is hit anyway.
+    // A rotation is never singular; a mesh that is not finite is never hit anyway.
     Transform::new(map).unwrap_or(Transform::IDENTITY)
 }
 
-/// Each triangle cut into four at the middles of its sides. Triangles that shared an edge still do.
+/// Cuts each triangle into four at the midpoints of its sides. Shared edges stay shared.
 pub fn subdivided(mesh: &TriangleMesh) -> TriangleMesh {
     let mut positions = mesh.positions.clone();
     let mut middles: HashMap<(u32, u32), u32> = HashMap::with_capacity(mesh.indices.len() * 3 / 2);
@@ -250,7 +249,7 @@ mod tests {
     fn a_subdivided_mesh_stays_closed() {
         let mesh = subdivided(&subdivided(&tetrahedron()));
         assert_eq!(mesh.indices.len(), 4 * 16);
-        // Euler: as many vertices as half of the triangles, and two.
+        // Euler: the number of vertices is half of the triangles, plus two.
         assert_eq!(mesh.positions.len(), 4 * 16 / 2 + 2);
     }
 
@@ -273,7 +272,7 @@ mod tests {
         };
         let (copies, instances) = (count(Change::Copies(5)), count(Change::Instances(5)));
         assert_eq!((copies.0, instances.0), (320, 320));
-        // Bounds of instances are those of turned boxes; copies are rounded.
+        // Bounds of instances are those of rotated boxes; copies are rounded.
         let slack = 1e-5;
         assert!(
             instances.1.contains(copies.1.min + slack)

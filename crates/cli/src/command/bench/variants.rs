@@ -1,4 +1,4 @@
-//! The ways in which a world can be built and asked, as lists on the command line.
+//! Lists of ways to build and query a world, for the command line.
 
 use crate::failure::{Failure, choice};
 use snell_intersect::AcceleratorKind;
@@ -12,19 +12,19 @@ pub struct Options {
     /// Acceleration structures
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "bvh")]
     accelerator: Vec<String>,
-    /// How carefully `bvh` is built: fast, medium, high
+    /// Build quality of `bvh`: fast, medium, high
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "medium")]
     quality: Vec<String>,
-    /// Build `bvh` also compact: less memory, somewhat slower
+    /// Also build `bvh` compact: less memory, somewhat slower
     #[arg(long)]
     pub compact: bool,
-    /// Instruction sets: scalar, avx2, avx512. Default: the best of this machine
+    /// Instruction sets: scalar, avx2, avx512. Default: the best one of this machine
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     simd: Vec<String>,
 }
 
 impl Options {
-    /// Every combination of what is asked for.
+    /// Every combination of the requested options.
     pub fn variants(&self) -> Result<Vec<BuildOptions>, Failure> {
         let accelerators = self.accelerator.iter();
         let accelerators: Vec<_> = accelerators
@@ -80,13 +80,13 @@ impl Options {
     }
 }
 
-/// What tables call it.
+/// The name of the layout in tables.
 pub fn layout(compact: bool) -> &'static str {
     if compact { "compact" } else { "" }
 }
 
-/// A builder with everything that is in a world, for the same hits from another structure. Nothing
-/// is filtered.
+/// A builder with the full contents of a world, for the same hits from another structure. Filters
+/// are not included.
 pub fn builder_of(world: &World) -> WorldBuilder {
     let mut builder = WorldBuilder::default();
     for _ in 1..world.group_count() {
@@ -115,7 +115,7 @@ pub fn builder_of(world: &World) -> WorldBuilder {
     builder
 }
 
-/// The same world, built in another way.
+/// The same world, built with other options.
 pub fn rebuilt(world: &World, options: &BuildOptions) -> Result<World, WorldError> {
     builder_of(world).build(options)
 }

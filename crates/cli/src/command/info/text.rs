@@ -1,4 +1,4 @@
-//! What `snell info` says to people.
+//! The text output of `snell info`.
 
 use super::Facts;
 use snell_scene::NodeId;
@@ -12,7 +12,7 @@ macro_rules! line {
     }};
 }
 
-/// Names of a file must not move the cursor of a terminal.
+/// Removes control characters: names from a file must not control the terminal.
 fn printable(line: &str) -> String {
     let escaped = |c: char| {
         if c.is_control() && c != '\n' { c.escape_unicode().collect() } else { c.to_string() }
@@ -21,7 +21,7 @@ fn printable(line: &str) -> String {
 }
 
 impl Facts<'_> {
-    /// What is in the scene, for people; at most `limit` nodes of the tree.
+    /// The contents of the scene as text; at most `limit` nodes of the tree.
     pub fn text(&self, limit: usize) -> String {
         let mut out = String::new();
         let (scene, counts) = (self.scene, &self.counts);
@@ -40,7 +40,7 @@ impl Facts<'_> {
         }
         let b = self.scene_bounds();
         if b.is_empty() {
-            line!(out, "bounds: nothing to see");
+            line!(out, "bounds: none, as nothing is visible");
         } else {
             line!(out, "bounds: {:.4} to {:.4}, size {:.4}", b.min, b.max, b.size());
         }
@@ -56,7 +56,7 @@ impl Facts<'_> {
         self.add_node(&mut out, scene.root, 1, &mut left, &mut HashSet::new());
         self.add_tables(&mut out);
         if !scene.notes.is_empty() {
-            line!(out, "\nHow it was translated");
+            line!(out, "\nHow the file was converted");
             for note in &scene.notes {
                 line!(out, "  {} ({}x)", note.message, note.count);
             }
@@ -107,7 +107,7 @@ impl Facts<'_> {
             line!(out, "\nMaterials");
             for (i, material) in scene.materials.iter().enumerate() {
                 let emits = if material.is_emissive() { ", emits" } else { "" };
-                // In RGB all colours have the index of the d-line.
+                // In RGB all colours have the index of refraction at the d line.
                 let disperses =
                     if material.is_dispersive() { ", disperses with --color spectral" } else { "" };
                 line!(
@@ -169,13 +169,13 @@ impl Facts<'_> {
         self.add_choices(out);
     }
 
-    /// What one may choose from in the file.
+    /// Adds the choices that the file offers.
     fn add_choices(&self, out: &mut String) {
         let scene = self.scene;
         if let Some(motion) = &scene.motion {
             line!(
                 out,
-                "\nAnimations ({} joints, {} bent meshes)",
+                "\nAnimations ({} joints, {} deformed meshes)",
                 motion.joints.len(),
                 motion.deformed.len()
             );

@@ -1,4 +1,4 @@
-//! `--denoise`: the picture without its noise.
+//! `--denoise`: removes the picture's noise.
 
 use crate::failure::Failure;
 use crate::interrupt;
@@ -10,24 +10,24 @@ use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
-/// How often a signal is looked for meanwhile.
+/// Interval between checks for a signal during denoising.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Finds Open Image Denoise. `named` is empty for wherever the system finds it.
+/// Loads Open Image Denoise. An empty `named` means wherever the system finds it.
 pub fn load(named: &OsStr) -> Result<Denoiser, Failure> {
     let path = Some(Path::new(named)).filter(|_| !named.is_empty());
     Denoiser::load(path).map_err(|e| Failure::Other(e.to_string()))
 }
 
-/// Whether the noise is gone.
+/// The result of denoising.
 pub enum Denoised {
     Done,
-    /// A signal came meanwhile; the picture is as it was.
+    /// A signal came during denoising; the picture is unchanged.
     Interrupted,
 }
 
-/// Replaces the colours of the picture, see [`Denoiser::denoise_picture`]. The library cannot be
-/// stopped, so it works on a copy that is left to it when a signal comes.
+/// Denoises the colours of the picture, see [`Denoiser::denoise_picture`]. The library cannot be
+/// stopped, so it works on a copy, which is abandoned when a signal comes.
 pub fn apply(
     denoiser: &Arc<Denoiser>,
     picture: &mut LayeredImage,
@@ -57,7 +57,7 @@ pub fn apply(
             Err(RecvTimeoutError::Timeout) if interrupt::requests() == known => {}
             Err(RecvTimeoutError::Timeout) => return Ok(Denoised::Interrupted),
             Err(RecvTimeoutError::Disconnected) => {
-                return Err(Failure::Other("Open Image Denoise gave up".into()));
+                return Err(Failure::Other("Open Image Denoise failed".into()));
             }
         }
     }

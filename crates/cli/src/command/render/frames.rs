@@ -1,8 +1,8 @@
 //! Many pictures of one scene: the frames of an animation or of a turntable, as numbered files or
 //! as one animated picture.
 //!
-//! Each frame appears whole or not at all. While not all are there, a file beside them remembers
-//! how they are made, so that `--resume` renders only those that are missing.
+//! Each frame appears as a whole or not at all. Until all are done, a file beside them records how
+//! they are made, so that `--resume` renders only the missing ones.
 
 mod resume;
 
@@ -26,42 +26,42 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// Most frames of one command.
+/// Maximum number of frames of one command.
 const MOST: f64 = 1e6;
 
-/// Frames a second of a turntable, unless it says.
+/// Default number of frames per second of a turntable.
 const TURNTABLE_RATE: f64 = 24.0;
-/// Most frames of a turn.
+/// Maximum number of frames of a turn.
 const MOST_OF_TURN: f64 = 100_000.0;
 
-/// What `--frames` says: from a time until just before another, so many in a second.
+/// The value of `--frames`: a half-open interval of time and a number of frames per second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameRange {
-    /// Seconds; the start of the animation if it is not said.
+    /// Start in seconds; `None` for the start of the animation.
     pub start: Option<f64>,
-    /// Seconds; the end of the animation if it is not said.
+    /// End in seconds; `None` for the end of the animation.
     pub end: Option<f64>,
-    /// Frames a second.
+    /// Frames per second.
     pub rate: f64,
 }
 
-/// What `--turntable` says.
+/// The value of `--turntable`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turntable {
     /// Frames of a whole turn.
     pub count: u32,
-    /// Frames a second of an animated picture.
+    /// Frames per second of an animated picture.
     pub rate: f64,
 }
 
 /// One frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Frame {
-    /// In names: the time in frames, so that parts of an animation that are rendered apart fit
-    /// together.
+    /// The number in file names: the time in frames, so that separately rendered parts of an
+    /// animation fit together.
     number: i64,
     time: f64,
-    /// Share of a whole turn.
+    /// Fraction of a whole turn.
     turn: f64,
 }
 
@@ -111,7 +111,7 @@ fn possible_rate(rate: f64) -> Result<f64, String> {
     if (0.001..=1000.0).contains(&rate) {
         return Ok(rate);
     }
-    Err(format!("{rate} frames a second are not possible: rates are from 0.001 to 1000"))
+    Err(format!("{rate} frames per second are not possible: rates are from 0.001 to 1000"))
 }
 
 /// Reads `0..0.02`.
@@ -126,7 +126,7 @@ pub fn parse_shutter(text: &str) -> Result<[f64; 2], String> {
     if open <= close { Ok([open, close]) } else { Err(error()) }
 }
 
-/// The frames that the options ask for, and how many are shown in a second; `None` if they ask for
+/// The frames that the options ask for, and the number of frames per second; `None` if they ask for
 /// one picture.
 fn frames(options: &Options, stage: &Stage) -> Result<Option<(Vec<Frame>, f64)>, Failure> {
     if let Some(Turntable { count, rate }) = options.turntable {
@@ -138,7 +138,7 @@ fn frames(options: &Options, stage: &Stage) -> Result<Option<(Vec<Frame>, f64)>,
     let Some(FrameRange { start, end, rate }) = options.frames else { return Ok(None) };
     let [first, last] = stage.span();
     let (start, end) = (start.unwrap_or(first), end.unwrap_or(last));
-    // A frame counts if it begins before the end, but for rounding.
+    // A frame counts if it begins before the end, up to rounding.
     let count = ((end - start) * rate - 1e-6).ceil().max(1.0);
     if count > MOST || !count.is_finite() {
         return Err(Failure::Usage(format!(
@@ -150,20 +150,20 @@ fn frames(options: &Options, stage: &Stage) -> Result<Option<(Vec<Frame>, f64)>,
     Ok(Some(((0..count as i64).map(frame).collect(), rate)))
 }
 
-/// Where frames go.
+/// The destination of frames.
 struct Place {
     folder: PathBuf,
-    /// What comes before and after the number, and how many digits that has at least.
+    /// The name before and after the number, and the minimum number of digits.
     before: OsString,
     after: OsString,
     digits: usize,
-    /// The picture that they become, if they do: `None` is standard output.
+    /// The animated picture, if requested; its path is `None` for standard output.
     animated: Option<(AnimatedFormat, Option<PathBuf>)>,
 }
 
 impl Place {
-    /// `walk.png` becomes `walk.0000.png`; `#` are digits where there are any. Frames of an
-    /// animated picture wait in a folder beside it.
+    /// `walk.png` becomes `walk.0000.png`; `#` stand for digits if there are any. Frames of an
+    /// animated picture are kept in a folder beside it until it is written.
     fn of(output: Option<&Path>, stem: &OsStr) -> Result<Self, Failure> {
         let path =
             output.map_or_else(|| joined([stem, OsStr::new(".png")]).into(), Path::to_path_buf);
@@ -217,7 +217,7 @@ impl Place {
         self.folder.join(joined([&self.before, OsStr::new(&number), &self.after]))
     }
 
-    /// The file that remembers which frames are there.
+    /// The file that records the finished frames.
     fn memory(&self) -> PathBuf {
         let before = if self.before.is_empty() { OsStr::new("frames.") } else { &self.before };
         self.folder.join(joined([before, OsStr::new("resume")]))
@@ -228,7 +228,7 @@ fn joined<const N: usize>(parts: [&OsStr; N]) -> OsString {
     parts.into_iter().collect()
 }
 
-/// A piece of a name, between bytes that are ASCII.
+/// A part of a name, between ASCII bytes.
 #[cfg(unix)]
 fn part(name: &OsStr, bytes: Range<usize>) -> OsString {
     use std::os::unix::ffi::OsStrExt;
@@ -240,7 +240,7 @@ fn part(name: &OsStr, bytes: Range<usize>) -> OsString {
     String::from_utf8_lossy(&name.as_encoded_bytes()[bytes]).into_owned().into()
 }
 
-/// The format of animated pictures that a file's name asks for.
+/// The format for animated pictures with a file's extension.
 pub fn animated_format(path: &Path) -> Option<AnimatedFormat> {
     AnimatedFormat::of_extension(&path.extension()?.to_string_lossy())
 }
@@ -253,8 +253,8 @@ pub fn is_animated(options: &Options) -> bool {
         .is_some_and(|path| path == Path::new("-") || animated_format(path).is_some())
 }
 
-/// How all frames are made, in few letters: frames of one fingerprint belong together. What was
-/// read counts, and every option that changes pictures.
+/// A short fingerprint of how all frames are made: only frames with the same one belong together.
+/// It covers the files read and every option that changes pictures.
 fn fingerprint(
     options: &Options,
     stage: &Stage,
@@ -279,8 +279,8 @@ fn fingerprint(
             .collect::<Result<_, _>>()?,
         ..options.clone()
     };
-    // A number stands for other moments if the first of them is not a whole number of frames from
-    // 0; but for rounding.
+    // Frame numbers mean other times if the first time is not a whole number of frames from 0, up
+    // to rounding.
     let offset = frames.first().map_or(0.0, |f| f.time - f.number as f64 / rate);
     let offset = (offset * 1e9).round();
     let version = env!("CARGO_PKG_VERSION");
@@ -363,15 +363,15 @@ pub fn render(session: &mut Session, stage: &mut Stage) -> Result<Option<ExitCod
     Ok(Some(if is_in_place { ExitCode::SUCCESS } else { ExitCode::from(1) }))
 }
 
-/// What became of a frame.
+/// The result of a frame.
 struct Taken {
-    /// SHA-256 of its file; `None` if that is in a second place.
+    /// SHA-256 of its file; `None` if that is in a fallback place.
     sha256: Option<String>,
     line: String,
     statistics: Value,
 }
 
-/// Renders one frame; `None` if it was interrupted, and so is not there.
+/// Renders one frame; `None` if it was interrupted and not written.
 fn render_one(
     session: &mut Session,
     stage: &mut Stage,
@@ -415,7 +415,7 @@ fn render_one(
     Ok(Some(Taken { sha256, line, statistics }))
 }
 
-/// Where the time of all frames went.
+/// Total times of all frames.
 struct Totals {
     seconds: f64,
     pose: f64,
@@ -463,13 +463,13 @@ impl Totals {
     }
 }
 
-/// What the frames have become.
+/// The result of assembling the frames.
 struct Assembled {
     shown: String,
     is_in_place: bool,
 }
 
-/// Makes an animated picture of the frames, if that was asked for.
+/// Makes an animated picture of the frames, if requested.
 fn assemble(
     place: &Place,
     files: &BTreeMap<i64, PathBuf>,
@@ -496,7 +496,7 @@ fn assemble(
     if !matches!(written, Ok(true)) {
         let folder = place.folder.display();
         eprintln!(
-            "the frames are in {folder}; the same command with --resume makes the picture of them"
+            "the frames are in {folder}; the same command with --resume makes the animated picture"
         );
     }
     Ok(Assembled { shown, is_in_place: written? })
@@ -520,7 +520,7 @@ fn encode(
     writer.finish().map_err(failed)
 }
 
-/// The content of a file of our own making, which may have become a pipe.
+/// Reads a file of our own, which may have been replaced by a pipe.
 fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     open::read(path, NamedBy::File, u64::MAX - 1)
         .map_err(|e| Failure::Other(format!("{}: {e}", path.display())))

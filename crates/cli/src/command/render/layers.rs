@@ -1,4 +1,4 @@
-//! The layers that are asked for: which, and what names they have in the file.
+//! The requested layers and their names in the file.
 
 use crate::failure::{Failure, choice};
 use snell_formats::image::cryptomatte;
@@ -24,7 +24,7 @@ pub fn aovs(names: &[String]) -> Result<Vec<Aov>, Failure> {
     Ok(asked)
 }
 
-/// The groups of `--light-group NAME=LIST`: their names, and what each lists.
+/// Parses `--light-group NAME=LIST`: the names of the groups, and their lists.
 pub fn light_groups(definitions: &[String]) -> Result<Vec<(String, Vec<String>)>, Failure> {
     let group = |definition: &String| {
         let parts = definition.split_once('=');

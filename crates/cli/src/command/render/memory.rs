@@ -1,4 +1,4 @@
-//! Whether there is memory for a picture, before work begins.
+//! Checks that there is memory for a picture, before work begins.
 
 use super::options::Options;
 use crate::failure::Failure;
@@ -9,7 +9,7 @@ use snell_render::Settings;
 use snell_render::memory::{Estimate, Uses, of_picture, of_scene, picture_channels};
 use snell_scene::Scene;
 
-/// What a render of these settings will take beside what the process has.
+/// The memory that a render with these settings will take, beside that already in use.
 fn estimate(options: &Options, settings: &Settings, scene: &Scene) -> Estimate {
     let output = options.output.as_deref().and_then(|path| path.extension());
     let extension = output.map_or("png".into(), |e| e.to_string_lossy().to_lowercase());
@@ -23,8 +23,8 @@ fn estimate(options: &Options, settings: &Settings, scene: &Scene) -> Estimate {
     of_picture(settings, &uses).with(of_scene(scene))
 }
 
-/// Refuses a picture that there is no memory for, and says what would fit. Gives what the process
-/// will have taken at most, in bytes.
+/// Refuses a picture for which there is too little memory, and says what would fit. Returns the
+/// estimated peak memory of the process, in bytes.
 pub fn check(options: &Options, settings: &Settings, scene: &Scene) -> Result<u64, Failure> {
     let estimate = estimate(options, settings, scene);
     let available = Available::now().for_threads(options.threads());

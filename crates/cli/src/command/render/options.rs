@@ -23,12 +23,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// What `--display` says.
+/// The value of `--display`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DisplayOption {
-    /// How values are stored.
+    /// An encoding of display values.
     Encoding(DisplayEncoding),
-    /// Address of a tev.
+    /// Address of a tev viewer.
     Tev(String),
 }
 
@@ -50,7 +50,7 @@ pub enum DisplayEncoding {
     Linear,
 }
 
-/// What to try, under the help.
+/// Examples below the help.
 const EXAMPLES: &str = "Examples:
   snell render                                    the Cornell box, as cornell-box.png
   snell render model.glb -o model.png             a camera and a sky are made if the file has none
@@ -72,10 +72,10 @@ pub struct Options {
     /// the scene's name with .png
     #[arg(short, long, value_name = "FILE", help_heading = "The picture")]
     pub output: Option<PathBuf>,
-    /// flat, raycast, whitted, direct, ao, path or aov. Default: what the scene says, else path
+    /// flat, raycast, whitted, direct, ao, path or aov. Default: the scene's, else path
     #[arg(short, long, value_name = "NAME", help_heading = "How light is computed")]
     pub integrator: Option<String>,
-    /// How light is computed with colours: rgb, or spectral (four wavelengths for each sample)
+    /// Colours in light transport: rgb, or spectral (four wavelengths per sample)
     #[arg(
         long,
         value_name = "NAME",
@@ -93,7 +93,8 @@ pub struct Options {
     )]
     pub spp: Option<u32>,
     /// Stop each pixel when its 95 % confidence interval is this narrow on both sides, such as
-    /// 0.02: relative to the light where it is bright, see the documents. --spp and --time are caps
+    /// 0.02: relative to the light in bright regions, see the documents. --spp and --time are upper
+    /// limits
     #[arg(
         long,
         value_name = "ERROR",
@@ -110,7 +111,7 @@ pub struct Options {
         help_heading = "How light is computed",
     )]
     pub time: Option<Duration>,
-    /// Bounces after the first hit at most. Default: 1000 for path, 8 for whitted
+    /// Maximum number of bounces after the first hit. Default: 1000 for path, 8 for whitted
     #[arg(long, value_name = "N", help_heading = "How light is computed")]
     pub max_depth: Option<u32>,
     /// Size of the picture in pixels
@@ -119,7 +120,7 @@ pub struct Options {
     /// Camera by name or number
     #[arg(long, value_name = "NAME|INDEX", help_heading = "What is rendered")]
     pub camera: Option<String>,
-    /// The moment that is shown, in seconds of the scene's animation
+    /// The time to show, in seconds of the scene's animation
     #[arg(
         long,
         value_name = "SECONDS",
@@ -132,7 +133,7 @@ pub struct Options {
     /// that move other things
     #[arg(long, value_name = "NAME|INDEX", help_heading = "Motion")]
     pub animation: Option<String>,
-    /// Render many pictures: from a time until just before another, so many a second, such as
+    /// Render many pictures: from one time until just before another, at a rate per second, such as
     /// 0..2s@24 (@24 for all of the animation). Numbered files; one animated picture if the output
     /// is .apng, .gif or .y4m; a video stream (Y4M) if it is `-`
     #[arg(
@@ -145,11 +146,11 @@ pub struct Options {
     )]
     pub frames: Option<FrameRange>,
     /// Turn the scene once about its middle in this many pictures (N@RATE for an animated picture
-    /// of another rate than 24 a second)
+    /// with another rate than 24 per second)
     #[arg(long, value_name = "N", value_parser = frames::parse_turntable, help_heading = "Motion")]
     pub turntable: Option<Turntable>,
-    /// Blur what moves between these times, in seconds from the moment that is shown, such as
-    /// 0..0.02. Default: what the file says
+    /// Blur motion between these times, in seconds from the time shown, such as 0..0.02. Default:
+    /// the file's
     #[arg(
         long,
         value_name = "OPEN..CLOSE",
@@ -158,7 +159,7 @@ pub struct Options {
         help_heading = "Motion",
     )]
     pub shutter: Option<[f64; 2]>,
-    /// Go on with frames that were interrupted: only those that are missing are rendered
+    /// Continue interrupted frames: only the missing ones are rendered
     #[arg(long, help_heading = "Motion")]
     pub resume: bool,
     /// Show this set of materials, in glTF files with several
@@ -207,7 +208,7 @@ pub struct Options {
         help_heading = "How light is computed",
     )]
     pub shadows: String,
-    /// Where light and shadow meet on coarse meshes with smooth normals: smooth or faceted
+    /// Shadow terminator on coarse meshes with smooth normals: smooth or faceted
     #[arg(
         long,
         value_name = "NAME",
@@ -224,7 +225,7 @@ pub struct Options {
         help_heading = "How light is computed",
     )]
     pub accelerator: String,
-    /// How the bvh is built: fast, medium or high. Never changes the picture
+    /// Build quality of the bvh: fast, medium or high. Never changes the picture
     #[arg(
         long,
         value_name = "NAME",
@@ -235,8 +236,8 @@ pub struct Options {
     /// Keep acceleration structures of large meshes in this folder, for the next render
     #[arg(long, value_name = "FOLDER", help_heading = "How light is computed")]
     pub bvh_cache: Option<PathBuf>,
-    /// Keep the bvh in about two thirds of the memory; rays take somewhat longer. Never changes the
-    /// picture
+    /// Store the bvh in about two thirds of the memory; rays take somewhat longer. Never changes
+    /// the picture
     #[arg(long, help_heading = "How light is computed")]
     pub bvh_compact: bool,
     /// Which samples find lights in path and direct: mis, light or bsdf
@@ -247,7 +248,7 @@ pub struct Options {
         help_heading = "How light is computed",
     )]
     pub light_samples: String,
-    /// How a light is chosen among many: bvh, power or uniform
+    /// Choice of a light among many: bvh, power or uniform
     #[arg(
         long,
         value_name = "NAME",
@@ -256,7 +257,8 @@ pub struct Options {
     )]
     pub light_sampler: String,
     /// Learn where light comes from before rendering, for caustics and hidden lights (path). PASSES
-    /// is how often; default: auto, as long as that takes a quarter of the samples, or of the time
+    /// is the number of training passes; default: auto, which takes a quarter of the samples or of
+    /// the time
     #[arg(
         long,
         value_name = "PASSES",
@@ -267,8 +269,8 @@ pub struct Options {
         help_heading = "How light is computed",
     )]
     pub guiding: Option<GuidingPasses>,
-    /// Dim light of two or more bounces to this radiance: no fireflies, but the picture becomes too
-    /// dark. Default: off
+    /// Clamp light after two or more bounces to this radiance: no fireflies, but the picture
+    /// becomes too dark. Default: off
     #[arg(
         long,
         value_name = "RADIANCE",
@@ -276,7 +278,7 @@ pub struct Options {
         help_heading = "How light is computed",
     )]
     pub clamp: Option<f32>,
-    /// How far ao looks, in scene units. Default: half of the scene's radius
+    /// Range of ao, in scene units. Default: half of the scene's radius
     #[arg(
         long,
         value_name = "DISTANCE",
@@ -287,8 +289,8 @@ pub struct Options {
     /// Extra layers, separated by commas, such as depth,normal,albedo (`all` for all)
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "The picture")]
     pub aov: Vec<String>,
-    /// Show the light of some lights apart: NAME=LIST of light numbers, names of emissive
-    /// materials, and `environment`
+    /// Write the light of some lights as a separate layer: NAME=LIST of light numbers, names of
+    /// emissive materials, and `environment`
     #[arg(long, value_name = "NAME=LIST", help_heading = "The picture")]
     pub light_group: Vec<String>,
     /// Remove noise with Open Image Denoise, if it is installed; PATH is its library or folder
@@ -316,10 +318,9 @@ pub struct Options {
     /// Tone map for display formats: none, aces or agx
     #[arg(long, value_name = "NAME", help_heading = "The picture")]
     pub tonemap: Option<String>,
-    /// How display formats store values: srgb (the standard) or linear (clamped, without the sRGB
-    /// curve, as old programs wrote them). Default: srgb, but linear for .scn and .nff. Or
-    /// tev://HOST:PORT: tiles are shown by the viewer tev, which runs there, while they are
-    /// rendered
+    /// Encoding of display formats: srgb (the standard) or linear (clamped, without the sRGB curve,
+    /// as old programs wrote them). Default: srgb, but linear for .scn and .nff. Or
+    /// tev://HOST:PORT: shows tiles in a running tev viewer while they are rendered
     #[arg(long, value_name = "NAME", value_parser = parse_display, help_heading = "The picture")]
     pub display: Vec<DisplayOption>,
     /// Bits per channel of PNG: 8 or 16
@@ -328,15 +329,15 @@ pub struct Options {
     /// 16-bit instead of 32-bit channels in OpenEXR
     #[arg(long, help_heading = "The picture")]
     pub half: bool,
-    /// What the camera sees behind the scene: environment, transparent (or none), white, black,
-    /// #rrggbb or r,g,b
+    /// Background seen by the camera: environment, transparent (or none), white, black, #rrggbb or
+    /// r,g,b
     #[arg(long, value_name = "COLOR", help_heading = "What is rendered")]
     pub background: Option<String>,
     /// Light from all around: a latitude-longitude picture (.hdr, .exr), sky (a studio),
     /// sky:elevation=35,azimuth=135,… (a clear day), none, #rrggbb or r,g,b
     #[arg(long, value_name = "FILE", help_heading = "What is rendered")]
     pub environment: Option<OsString>,
-    /// Fill the scene with fog that takes this share of light per scene unit, such as 0.001
+    /// Fill the scene with fog that removes this share of light per scene unit, such as 0.001
     #[arg(
         long,
         value_name = "DENSITY",
@@ -359,13 +360,13 @@ pub struct Options {
     /// Let the scene name files outside of its folder
     #[arg(long, help_heading = "What is rendered")]
     pub allow_outside: bool,
-    /// How progress is shown
+    /// Style of the progress display
     #[arg(long, value_name = "STYLE", default_value = "auto", help_heading = "Messages")]
     pub progress: ProgressStyleOption,
-    /// No output but errors
+    /// Print nothing but errors
     #[arg(short, long, help_heading = "Messages")]
     pub quiet: bool,
-    /// More about what was done
+    /// Print more details
     #[arg(short, long, help_heading = "Messages")]
     pub verbose: bool,
     /// The record of the files that are read, if there is one.
@@ -394,9 +395,9 @@ fn parse_guiding(text: &str) -> Result<GuidingPasses, String> {
 }
 
 impl Options {
-    /// How the scene file is read.
+    /// The options for reading the scene file.
     pub fn read_options(&self) -> ReadOptions {
-        // Keys of the scene graph have dots; what has none may be a parameter of the file.
+        // Keys of the scene graph have dots; others may be parameters of the file.
         let plain = self
             .define
             .iter()
@@ -413,14 +414,14 @@ impl Options {
         }
     }
 
-    /// The same options, with a record of the files that are read if there are frames, which
-    /// `--resume` compares.
+    /// The same options, with a record of the files that are read if there are frames; `--resume`
+    /// compares it.
     pub fn recording_sources(mut self) -> Self {
         self.sources = self.has_frames().then(Sources::default);
         self
     }
 
-    /// True if many pictures are rendered.
+    /// True if several pictures are rendered.
     pub fn has_frames(&self) -> bool {
         self.frames.is_some() || self.turntable.is_some()
     }
@@ -430,7 +431,7 @@ impl Options {
         self.threads.map_or_else(threads::cores, |n| n as usize)
     }
 
-    /// How values are stored, if that was said.
+    /// The encoding of display values, if set.
     pub fn encoding(&self) -> Option<DisplayEncoding> {
         let encoding = |option: &DisplayOption| match option {
             DisplayOption::Encoding(encoding) => Some(*encoding),
@@ -439,7 +440,7 @@ impl Options {
         self.display.iter().rev().find_map(encoding)
     }
 
-    /// Where tiles are sent, if that was said.
+    /// The address of tev, if set.
     pub fn tev(&self) -> Option<&str> {
         self.display.iter().rev().find_map(|option| match option {
             DisplayOption::Tev(url) => Some(url.as_str()),
@@ -452,7 +453,7 @@ impl Options {
         self.exposure.or(scene.settings.exposure).unwrap_or(0.0)
     }
 
-    /// The tone map asked for.
+    /// The requested tone map.
     pub fn tonemap(&self, scene: &Scene) -> Result<Tonemap, Failure> {
         let name = self.tonemap.as_deref().or(scene.settings.tonemap.as_deref()).unwrap_or("none");
         choice("tone map", name, &Tonemap::ALL, Tonemap::name)
@@ -468,7 +469,7 @@ impl Options {
         self.request(simd)?.resolve(scene, camera).map_err(|error| self.usage(&error))
     }
 
-    /// What the options ask of the renderer.
+    /// The options as a request to the renderer.
     fn request(&self, simd: Level) -> Result<Request, Failure> {
         let integrator = |name: &String| {
             let all = &IntegratorKind::ALL;
@@ -518,7 +519,7 @@ impl Options {
         })
     }
 
-    /// What is wrong with the options, as they are written on the command line.
+    /// The error message for invalid options, in command-line terms.
     fn usage(&self, error: &RequestError) -> Failure {
         Failure::Usage(match error {
             RequestError::Parameter { parameter, problem } => {
@@ -541,7 +542,7 @@ impl Options {
     /// Applies `--environment`.
     pub fn apply_environment(&self, scene: &mut Scene) -> Result<(), Failure> {
         let Some(value) = &self.environment else { return Ok(()) };
-        // What is no text can only be the name of a file.
+        // A value that is not valid text can only be the name of a file.
         let name = value.to_str().unwrap_or_default();
         scene.environment = match name {
             "none" => None,
@@ -606,7 +607,7 @@ fn parse_sky(text: &str) -> Result<Environment, Failure> {
             part.split_once('=').ok_or_else(|| usage(format!("\"{part}\" has no \"=\"")))?;
         let slot = sky
             .parameter(name.trim())
-            .ok_or_else(|| usage(format!("\"{name}\" is no parameter")))?;
+            .ok_or_else(|| usage(format!("\"{name}\" is not a parameter")))?;
         *slot = value.trim().parse().map_err(|_| usage(format!("\"{value}\" is not a number")))?;
     }
     sky.environment().map_err(|error| usage(error.to_string()))
@@ -632,7 +633,7 @@ fn parse_color(text: &str) -> Option<Rgb> {
     (color.is_finite() && r >= 0.0 && g >= 0.0 && b >= 0.0).then_some(color)
 }
 
-/// True for what may be a color with mistakes.
+/// True for text that may be a misspelt colour.
 fn is_meant_as_color(text: &str) -> bool {
     text.starts_with('#') || text.split(',').all(|n| n.trim().parse::<f32>().is_ok())
 }
@@ -676,7 +677,7 @@ fn parse_density(text: &str) -> Result<f32, String> {
 
 fn parse_seconds(text: &str) -> Result<f64, String> {
     let seconds = text.trim_end_matches('s').parse().ok().filter(|t: &f64| t.abs() <= 1e6);
-    seconds.ok_or_else(|| format!("\"{text}\" is not a moment; write seconds, such as 1.5"))
+    seconds.ok_or_else(|| format!("\"{text}\" is not a time; write seconds, such as 1.5"))
 }
 
 fn parse_size(text: &str) -> Result<[u32; 2], String> {
@@ -706,7 +707,7 @@ fn parse_crop(text: &str) -> Result<Crop, String> {
 }
 
 fn parse_duration(text: &str) -> Result<Duration, String> {
-    let error = || format!("\"{text}\" is not a time; write 30s, 5m, 1h or 1h30m");
+    let error = || format!("\"{text}\" is not a duration; write 30s, 5m, 1h or 1h30m");
     let (mut seconds, mut number, mut any) = (0.0, String::new(), false);
     for c in text.chars() {
         if c.is_ascii_digit() || c == '.' {

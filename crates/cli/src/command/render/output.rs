@@ -1,4 +1,4 @@
-//! From film to file.
+//! Writes a film to a file.
 
 use super::options::{DisplayEncoding, Options};
 use super::summary::Summary;
@@ -13,12 +13,12 @@ use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Where and how the picture is written.
+/// The destination and format of the picture.
 pub struct Output<'a> {
     options: &'a Options,
 }
 
-/// True if two names mean the same file, whether it is there or not.
+/// True if two names mean the same file, which need not exist.
 fn is_same_place(a: &Path, b: &Path) -> bool {
     let place = |path: &Path| {
         let folder =
@@ -50,7 +50,7 @@ impl<'a> Output<'a> {
         Ok(Self { options })
     }
 
-    /// Where the picture goes, or what would be its name if it is for standard output.
+    /// The path of the picture, or its substitute name if it goes to standard output.
     pub fn path(&self, stem: &OsStr) -> PathBuf {
         match &self.options.output {
             Some(path) if path != Path::new("-") => path.clone(),
@@ -63,7 +63,7 @@ impl<'a> Output<'a> {
         self.options.output.as_deref() == Some(Path::new("-"))
     }
 
-    /// Makes sure that the picture replaces nothing that the command reads or writes besides.
+    /// Checks that the picture does not replace another file that the command reads or writes.
     pub fn check_apart(&self, target: &Path) -> Result<(), Failure> {
         if self.is_standard() {
             return Ok(());
@@ -94,7 +94,7 @@ impl<'a> Output<'a> {
     ) -> Result<Written, Failure> {
         let options = self.options;
         if options.variance {
-            // Light groups have been given names.
+            // Light groups have unique names by now.
             let names: Vec<String> = picture.layers.iter().map(|l| l.name.clone()).collect();
             picture.layers.extend(film.variance().layers.into_iter().zip(names).map(
                 |(layer, name)| Layer {
@@ -169,12 +169,12 @@ impl<'a> Output<'a> {
     }
 }
 
-/// Where a picture is written.
+/// The destination of a picture.
 #[derive(Clone, Copy, Debug)]
 pub enum Target<'a> {
     /// A file.
     File(&'a Path),
-    /// Standard output, or a file in the current folder for what cannot be written there.
+    /// Standard output, with a fallback file in the current folder if it cannot be written to.
     Output {
         /// The name of that file.
         stand_in: &'a Path,
@@ -182,7 +182,7 @@ pub enum Target<'a> {
 }
 
 impl<'a> Target<'a> {
-    /// The file, or the one that stands in for standard output.
+    /// The file, or the fallback for standard output.
     pub fn path(self) -> &'a Path {
         match self {
             Self::File(path) | Self::Output { stand_in: path } => path,
@@ -193,7 +193,7 @@ impl<'a> Target<'a> {
 /// A picture that was written.
 #[derive(Debug)]
 pub struct Written {
-    /// False if it is in a second place, see [`rescue`].
+    /// False if it is in a fallback place, see [`rescue`].
     pub is_in_place: bool,
     /// SHA-256 of the file.
     pub sha256: String,
@@ -204,13 +204,13 @@ pub fn write_text(path: &Path, what: &str, text: &str) -> Result<bool, Failure> 
     rescue::write(path, what, &|out| out.write_all(text.as_bytes()))
 }
 
-/// Checks that a file may be put there.
+/// Checks that a file can be created at a path.
 pub fn check_place(path: &Path) -> Result<(), Failure> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let (shown, folder_shown) = (path.display(), folder.display());
     if !folder.is_dir() {
         return Err(Failure::Other(format!(
-            "{shown}: the folder {folder_shown} does not exist; make it first"
+            "{shown}: the folder {folder_shown} does not exist; create it first"
         )));
     }
     if path.is_dir() {
@@ -219,8 +219,8 @@ pub fn check_place(path: &Path) -> Result<(), Failure> {
     Ok(snell_formats::atomic::check(path)?)
 }
 
-/// SHA-256 of the values of the first layer (rows from the top, channels together) as little-endian
-/// 32-bit floats.
+/// SHA-256 of the values of the first layer (rows from the top, channels interleaved) as
+/// little-endian 32-bit floats.
 pub fn sha256(picture: &LayeredImage) -> String {
     let mut hasher = Sha256::new();
     for value in &picture.layers[0].values {

@@ -1,4 +1,5 @@
-//! Writing what took long to make: where its place does not take it, a second place does.
+//! Saves results that took long to make: if they cannot be written to their place, a fallback is
+//! used.
 
 use crate::failure::Failure;
 use crate::interrupt;
@@ -9,15 +10,15 @@ use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Longest name of a file on most systems, in bytes.
+/// Longest file name on most systems, in bytes.
 const MAX_NAME_BYTES: usize = 255;
-/// Names that are tried in a folder.
+/// Number of names that are tried in a folder.
 const MAX_NAMES: u32 = 1000;
 
-/// Writes a file as [`atomic::write_with()`] does; `what` it is, such as "the picture", is for
-/// messages. True if it is in its place. If that fails, it goes to the current folder or else to
-/// the one for temporary files, under a name that is free; the message names it. If none of them
-/// takes it and a person is there, the person is asked to make room, once.
+/// Writes a file as [`atomic::write_with()`] does; `what` describes it in messages, such as "the
+/// picture". Returns true if it is in its place. If that fails, it is written to the current
+/// folder, or else to the one for temporary files, under a free name that the message reports. If
+/// neither works and the terminal is interactive, the user is asked once to make room.
 pub fn write(
     path: &Path,
     what: &str,
@@ -42,7 +43,7 @@ pub fn write(
 }
 
 /// Writes a file under a free name in the current folder or in the one for temporary files, and
-/// says where, after what is wrong with its own place. False if neither takes it.
+/// reports the place and the original problem. False if neither works.
 pub fn elsewhere(
     path: &Path,
     what: &str,
@@ -63,8 +64,8 @@ pub fn elsewhere(
     true
 }
 
-/// Waits until something reads the pipe at `path`, if there is one, and keeps it open. A signal
-/// that comes meanwhile is an error.
+/// Waits for a reader of the pipe at `path`, if there is one, and keeps it open. A signal during
+/// the wait is an error.
 #[cfg(unix)]
 fn reader(path: &Path) -> std::io::Result<Option<std::fs::File>> {
     use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
@@ -111,12 +112,12 @@ fn write_in(
     None
 }
 
-/// The name of what is not the whole picture that was asked for: `a.partial.png` for `a.png`.
+/// The name of an incomplete picture: `a.partial.png` for `a.png`.
 pub fn partial(path: &Path) -> PathBuf {
     path.with_file_name(extended(path, ".partial"))
 }
 
-/// The name of a file with an addition before its extension, another one if that is too long.
+/// A file name with an addition before its extension; another name if that is too long.
 fn extended(path: &Path, addition: &str) -> OsString {
     let extension = path
         .extension()
@@ -130,8 +131,8 @@ fn extended(path: &Path, addition: &str) -> OsString {
     if name.len() <= MAX_NAME_BYTES { name } else { with("picture".as_ref()) }
 }
 
-/// Asks for room where a person can answer; true once there is an answer, false if there is nobody,
-/// or the program shall end.
+/// Asks the user to make room; true once there is an answer, false without an interactive terminal
+/// or if the program shall end.
 fn asked_to_make_room(what: &str, error: &WriteError) -> bool {
     if !has_person() || interrupt::is_requested() {
         return false;
@@ -152,13 +153,13 @@ fn asked_to_make_room(what: &str, error: &WriteError) -> bool {
     }
 }
 
-/// True if standard input and the messages are a terminal, which this program may read.
+/// True if standard input and the messages are a terminal that this program may read.
 fn has_person() -> bool {
     let stdin = std::io::stdin();
     if !stdin.is_terminal() || !std::io::stderr().is_terminal() {
         return false;
     }
-    // Reading would stop a program in the background.
+    // Reading would stop a background process.
     #[cfg(unix)]
     return nix::unistd::tcgetpgrp(stdin).is_ok_and(|group| group == nix::unistd::getpgrp());
     #[cfg(not(unix))]

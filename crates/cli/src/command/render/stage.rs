@@ -1,4 +1,4 @@
-//! A scene that may move: at which times it is shown, and what it is compiled to then.
+//! A scene that may move: its poses over time, compiled for rendering.
 
 use super::options::Options;
 use super::{choose_camera, prepare_for};
@@ -12,12 +12,12 @@ use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::{Camera, Environment, Light, Player, Pose, Scene};
 use std::time::Instant;
 
-/// Poses that a camera which is made for an animation must show.
+/// Number of poses that a default camera for an animation must frame.
 const PROBES: u32 = 9;
 
-/// A scene ready to be shown at any time.
+/// A scene that can be shown at any time.
 pub struct Stage {
-    /// In the last pose.
+    /// The scene in the last pose.
     pub scene: Scene,
     /// Cameras, lights and environment before any pose.
     cameras: Vec<Camera>,
@@ -27,26 +27,26 @@ pub struct Stage {
     moving: Moving,
     shutter: [f64; 2],
     compiled: Option<CompiledScene>,
-    /// True if the light was made for the camera, and so goes with it around the scene.
+    /// True if the light was made for the camera, and so turns with it.
     light_follows: bool,
 }
 
-/// What is rendered at a time.
+/// The compiled scene and camera at a time.
 pub struct Shot {
     /// The camera when the shutter opens.
     pub camera: Camera,
-    /// The camera after that, while it is open.
+    /// The cameras at later times while the shutter is open.
     pub later_cameras: Vec<Camera>,
     /// The scene.
     pub compiled: CompiledScene,
-    /// Time to find out where everything is.
+    /// Seconds to compute the pose.
     pub pose_seconds: f64,
-    /// Time to compile that.
+    /// Seconds to compile the scene.
     pub build_seconds: f64,
 }
 
 impl Stage {
-    /// Prepares a scene. It plays only if the options ask for a time, or the file for a shutter.
+    /// Prepares a scene. It is animated only if the options set a time, or the file a shutter.
     pub fn new(mut scene: Scene, options: &Options) -> Result<Self, Failure> {
         let shutter = options.shutter.or(scene.settings.shutter);
         let is_asked =
@@ -62,8 +62,7 @@ impl Stage {
                 Some(Player::new(motion.clone(), clips))
             }
             _ if is_asked => {
-                let problem =
-                    "nothing in the scene moves, so that there are no times to show it at";
+                let problem = "nothing in the scene moves, so there are no times to show it at";
                 return Err(Failure::Usage(format!(
                     "{}: {problem} (--turntable N turns it)",
                     options.scene.display()
@@ -91,18 +90,17 @@ impl Stage {
         })
     }
 
-    /// First and last key of what is played, in seconds.
+    /// First and last key of the animation, in seconds.
     pub fn span(&self) -> [f64; 2] {
         self.player.as_ref().map_or([0.0; 2], Player::span)
     }
 
-    /// When it is shown if nobody says: when the animation begins, or, for a file with a shutter,
-    /// at 0.
+    /// The default time: the start of the animation, or 0 for a file with a shutter.
     pub fn usual_time(&self) -> f64 {
         if self.scene.settings.shutter.is_some() { 0.0 } else { self.span()[0] }
     }
 
-    /// The scene in the pose of a time; gives the poses after it, while the shutter is open.
+    /// Poses the scene at a time; returns the later poses while the shutter is open.
     fn pose(&mut self, time: f64) -> Vec<Pose> {
         let Some(player) = &mut self.player else { return Vec::new() };
         let [open, close] = self.shutter.map(|offset| time + offset);
@@ -114,7 +112,7 @@ impl Stage {
         later
     }
 
-    /// The scene in the pose of a time, for those who only look at it.
+    /// The scene in the pose at a time, for viewing only.
     pub fn into_scene(mut self, time: Option<f64>) -> Scene {
         let time = time.unwrap_or_else(|| self.usual_time());
         self.pose(time);
@@ -126,8 +124,8 @@ impl Stage {
         choose_camera(&self.scene, options)
     }
 
-    /// What is rendered at a time. What has not changed since the shot before is taken over, if
-    /// that was handed back.
+    /// Compiles the scene at a time. Unchanged parts of the previous shot are reused, if it was
+    /// handed back.
     pub fn shot(
         &mut self,
         time: f64,
@@ -157,7 +155,7 @@ impl Stage {
         self.compiled = Some(compiled);
     }
 
-    /// Where a camera goes while the shutter is open.
+    /// The cameras at later times while the shutter is open.
     fn later_cameras(&self, camera: &Camera) -> Vec<Camera> {
         let Some(number) = self.scene.cameras.iter().position(|c| c == camera) else {
             return Vec::new();
@@ -166,15 +164,16 @@ impl Stage {
             let moved = pose.cameras.iter().find(|(i, _)| *i == number);
             let placed = moved
                 .map_or(self.cameras[number].clone(), |(_, by)| self.cameras[number].moved(by));
-            // What an animation changes but where it is, it keeps from when the shutter opens.
+            // Animated properties other than the placement keep their values at the shutter's
+            // opening.
             Camera { eye: placed.eye, towards: placed.towards, up: placed.up, ..camera.clone() }
         };
         let cameras: Vec<Camera> = self.moving.later.iter().map(of_pose).collect();
         if cameras.iter().all(|later| later == camera) { Vec::new() } else { cameras }
     }
 
-    /// Turns a shot about the middle of the scene by a share of a whole turn: the scene seems to
-    /// turn the other way. Light that was made for the camera goes with it.
+    /// Turns the camera about the middle of the scene by a fraction of a turn, so that the scene
+    /// seems to turn the other way. Light that was made for the camera turns with it.
     pub fn turn(&mut self, shot: &mut Shot, share: f64) {
         let up = self.scene.settings.up.and_then(DVec3::try_normalize).unwrap_or(DVec3::Y);
         let turn = DAffine3::from_quat(DQuat::from_axis_angle(up, share * std::f64::consts::TAU));

@@ -1,4 +1,4 @@
-//! What a render says about itself: on the terminal, in the picture, and as JSON.
+//! The summary of a render: on the terminal, in the picture's metadata, and as JSON.
 
 use super::options::Options;
 use super::output::Target;
@@ -11,12 +11,12 @@ use snell_render::{CompiledScene, Film, Settings, Statistics};
 use snell_scene::{Scene, Warning};
 use std::path::Path;
 
-/// The facts.
+/// The facts of a finished render.
 pub struct Summary<'a> {
     pub scene: &'a Scene,
     pub compiled: &'a CompiledScene,
     pub settings: &'a Settings,
-    /// What was said before the render began.
+    /// Warnings from before the render.
     pub warnings: Vec<Warning>,
     pub tonemap: Tonemap,
     pub statistics: Statistics,
@@ -25,7 +25,7 @@ pub struct Summary<'a> {
     pub build_seconds: f64,
     pub render_seconds: f64,
     pub threads: usize,
-    /// What was expected before the render began.
+    /// The memory estimate from before the render.
     pub estimated_memory_bytes: u64,
     pub image_sha256: String,
 }
@@ -35,13 +35,13 @@ impl Summary<'_> {
         self.statistics.rays.total() as f64 / self.render_seconds.max(1e-9) / 1e6
     }
 
-    /// The share of pixels whose error is as small as was asked for.
+    /// The share of pixels whose error is within the requested limit.
     fn converged(&self) -> Option<f64> {
         let pixels = self.film.crop.size().iter().map(|&s| f64::from(s)).product::<f64>();
         self.settings.noise.map(|_| self.statistics.converged_pixels as f64 / pixels.max(1.0))
     }
 
-    /// Samples per pixel, in words.
+    /// Samples per pixel, as text.
     fn samples(&self) -> String {
         let least = self.film.least_samples();
         match (self.settings.noise, self.converged()) {
@@ -55,7 +55,7 @@ impl Summary<'_> {
         }
     }
 
-    /// For `--stats`.
+    /// The JSON of `--stats`.
     pub fn json(&self) -> Value {
         let rays = self.statistics.rays;
         json!({
@@ -96,7 +96,7 @@ impl Summary<'_> {
         })
     }
 
-    /// What travels with the picture.
+    /// Metadata of the picture.
     pub fn metadata(&self) -> Vec<(String, String)> {
         let s = self.settings;
         [

@@ -1,7 +1,7 @@
-//! `--display tev://HOST:PORT`: tiles go to the viewer tev while they are rendered.
+//! `--display tev://HOST:PORT`: sends tiles to the viewer tev while they are rendered.
 //!
-//! The protocol is tev's own, as its documentation has it: messages over TCP, little endian, each
-//! with its length in front. One creates the picture, the others update rectangles of it.
+//! The protocol follows tev's documentation: little-endian messages over TCP, each preceded by its
+//! length. One creates the picture, the others update rectangles of it.
 
 use crate::failure::Failure;
 use snell_render::FilmTile;
@@ -16,11 +16,11 @@ use std::time::Duration;
 const CREATE: u8 = 4;
 const UPDATE: u8 = 6;
 const CHANNELS: [&str; 4] = ["R", "G", "B", "A"];
-/// Where tev listens if nobody says.
+/// The default port of tev.
 const PORT: u16 = 14158;
-/// Tiles on their way; while tev is slower than this, tiles are left out until they change again.
+/// Maximum number of queued tiles; if tev is slower, tiles are left out until they change again.
 const WAITING: usize = 4096;
-/// How long a message may take.
+/// Time limit for a message.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// A picture in tev.
@@ -29,7 +29,7 @@ pub struct Tev {
     thread: Option<JoinHandle<Result<(), std::io::Error>>>,
     name: String,
     address: String,
-    /// Upper left corner of what is rendered.
+    /// Upper left corner of the rendered rectangle.
     corner: [u32; 2],
 }
 
@@ -54,7 +54,7 @@ impl Tev {
         let address =
             if place.contains(':') { place.to_string() } else { format!("{place}:{PORT}") };
         let failed = |e: std::io::Error| {
-            Failure::Other(format!("--display {url}: {e}; is tev running there?"))
+            Failure::Other(format!("--display {url}: {e}; check that tev is running there"))
         };
         let mut stream = TcpStream::connect(&address).map_err(failed)?;
         stream.set_write_timeout(Some(PATIENCE)).map_err(failed)?;
@@ -79,8 +79,8 @@ impl Tev {
         }
     }
 
-    /// Sends the whole picture as it is now, and waits until all has arrived. The render does not
-    /// fail because nobody looks any more.
+    /// Sends the whole current picture, and waits until it has arrived. The render does not fail if
+    /// the viewer was closed.
     pub fn finish(mut self, tiles: &[FilmTile]) {
         let sender = self.sender.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
         if let Some(sender) = sender {
@@ -160,7 +160,7 @@ mod tests {
         tev.send(&film.tiles[0]);
         tev.finish(&film.tiles);
         let bytes = heard.join().expect("no panic");
-        // Every message is as long as it says, and the last four cover the picture.
+        // Every message has its declared length, and the last four cover the picture.
         let (mut at, mut kinds, mut pixels) = (0, Vec::new(), 0);
         while at < bytes.len() {
             let length =

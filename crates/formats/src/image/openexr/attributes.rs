@@ -8,8 +8,8 @@
 /// Flag in the version field: names may have up to 255 bytes instead of 31.
 const LONG_NAMES: u8 = 0x04;
 
-/// Adds the metadata to a file of a single part. Names that are taken or unusable get a prefix or
-/// are left out.
+/// Adds the metadata to a file of a single part. Names in use get a prefix; names that cannot be
+/// used are left out.
 pub fn insert(mut bytes: Vec<u8>, metadata: &[(String, String)], long_names: bool) -> Vec<u8> {
     let Some((end, mut names)) = header_end(&bytes) else { return bytes };
     let mut added = Vec::new();
@@ -36,7 +36,7 @@ pub fn insert(mut bytes: Vec<u8>, metadata: &[(String, String)], long_names: boo
     bytes
 }
 
-/// Where the zero byte stands that ends the attributes, and the names before it.
+/// Finds the zero byte that ends the attributes, and the names before it.
 fn header_end(bytes: &[u8]) -> Option<(usize, Vec<String>)> {
     let mut at = 8;
     let mut names = Vec::new();
@@ -49,7 +49,7 @@ fn header_end(bytes: &[u8]) -> Option<(usize, Vec<String>)> {
     Some((at, names))
 }
 
-/// The text up to a zero byte; moves behind it.
+/// Reads text up to a zero byte, and moves past it.
 fn text(bytes: &[u8], at: &mut usize) -> Option<String> {
     let length = bytes.get(*at..)?.iter().position(|b| *b == 0)?;
     let text = String::from_utf8_lossy(&bytes[*at..*at + length]).into_owned();
@@ -57,8 +57,8 @@ fn text(bytes: &[u8], at: &mut usize) -> Option<String> {
     Some(text)
 }
 
-/// Adds to every entry of the table of chunk offsets. The first entry tells where the table ends:
-/// chunks follow at once, and the lowest offset is that of the first chunk.
+/// Adds `by` to every entry of the table of chunk offsets. The lowest offset is that of the first
+/// chunk, which follows the table directly, so it marks the table's end.
 fn shift_offsets(bytes: &mut [u8], table: usize, by: u64) {
     let mut end = bytes.len();
     let mut at = table;

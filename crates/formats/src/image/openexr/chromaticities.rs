@@ -1,15 +1,15 @@
-//! Colours of files that name other primaries than Rec. 709.
+//! Converts colours of files with primaries other than Rec. 709.
 
 use exr::math::Vec2;
 use exr::meta::attribute::Chromaticities;
 
 type Matrix = [[f64; 3]; 3];
 
-/// Chromaticities of red, green, blue and white in Rec. 709: what a file means that names none.
+/// Chromaticities of red, green, blue and white in Rec. 709: the default if a file names none.
 const REC709: [[f64; 2]; 4] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], [0.3127, 0.3290]];
 
-/// The matrix that takes RGB of the file to RGB in Rec. 709; none if there is nothing to do or the
-/// chromaticities make no sense.
+/// The matrix from RGB of the file to Rec. 709; `None` if no conversion is needed or the
+/// chromaticities are invalid.
 pub fn to_rec709(chromaticities: &Chromaticities) -> Option<[[f32; 3]; 3]> {
     let point = |v: Vec2<f32>| [f64::from(v.0), f64::from(v.1)];
     let Chromaticities { red, green, blue, white } = *chromaticities;

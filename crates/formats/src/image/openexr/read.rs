@@ -1,9 +1,9 @@
-//! Reading OpenEXR: parts and dotted channel names become layers, data windows are placed into the
-//! display window.
+//! Reads OpenEXR: parts and dotted channel names become layers, and data windows are placed into
+//! the display window.
 //!
 //! The file is decompressed chunk by chunk with the crate's low-level interface: sizes are checked
-//! before anything is allocated, chunks are decompressed in parallel, and a panic in there stays an
-//! error of the file.
+//! before anything is allocated, chunks are decompressed in parallel, and a panic of the decoder
+//! becomes an error of the file.
 
 use super::super::picture::check_size;
 use super::chromaticities::to_rec709;
@@ -19,11 +19,11 @@ use rayon::prelude::*;
 use snell_scene::{Image, Layer, LayeredImage};
 use std::io::Cursor;
 
-/// Chunks decompressed at a time: enough for all cores, little enough to bound the memory.
+/// Chunks decompressed at a time: enough for all cores, few enough to bound the memory.
 const BATCH: usize = 64;
 
-/// Reads all layers. The first is the picture. Colours of a file that names other primaries are
-/// converted to Rec. 709; all other values are as stored.
+/// Reads all layers. The first is the picture. Colours with primaries other than Rec. 709 are
+/// converted; all other values are as stored.
 pub fn read_layers(input: &Input) -> Result<LayeredImage, ReadError> {
     read(input, false)
 }
@@ -50,7 +50,7 @@ pub fn read_image(input: &Input) -> Result<Image, ReadError> {
     Ok(Image::from_f32(width, height, chosen.len() as u32, values))
 }
 
-/// Divides the colours by alpha. Light without coverage (alpha of 0) stays as it is.
+/// Divides the colours by alpha. Emission without coverage (alpha of 0) is unchanged.
 fn unpremultiply(pixel: &mut [f32]) {
     if let [colours @ .., alpha] = pixel
         && *alpha > 0.0
@@ -108,7 +108,7 @@ fn read(input: &Input, only_picture: bool) -> Result<LayeredImage, ReadError> {
     Ok(target.image)
 }
 
-/// To Rec. 709 primaries, in layers of `R G B`.
+/// Converts to Rec. 709 primaries, in layers of `R G B`.
 fn convert_colours(meta: &MetaData, image: &mut LayeredImage) {
     let named = meta.headers.first().and_then(|h| h.shared_attributes.chromaticities.as_ref());
     let Some(matrix) = named.and_then(to_rec709) else { return };
@@ -128,11 +128,11 @@ fn convert_colours(meta: &MetaData, image: &mut LayeredImage) {
 fn decompress(chunk: Chunk, meta: &MetaData) -> Result<UncompressedBlock, String> {
     match guarded(|| UncompressedBlock::decompress_chunk(chunk, meta, false)) {
         Some(block) => block.map_err(|e| e.to_string()),
-        None => Err("its decoder gave up".into()),
+        None => Err("its decoder failed".into()),
     }
 }
 
-/// The picture being filled.
+/// The picture being decoded.
 struct Target {
     image: LayeredImage,
     /// For every part and channel of the file: which channel of which layer it fills, if any.
@@ -148,7 +148,7 @@ struct Slot {
 }
 
 impl Target {
-    /// Checks all sizes, names the layers, allocates.
+    /// Checks all sizes, names the layers and allocates.
     fn plan(input: &Input, meta: &MetaData, only_picture: bool) -> Result<Self, ReadError> {
         let first = meta.headers.first().ok_or_else(|| damaged(input, "it has no parts"))?;
         let mut window = first.shared_attributes.display_window;
@@ -185,7 +185,7 @@ impl Target {
         })
     }
 
-    /// Copies a block, as far as it lies in the display window.
+    /// Copies the part of a block that lies in the display window.
     fn place(&mut self, meta: &MetaData, block: &UncompressedBlock) {
         if block.index.level.0 != 0 || block.index.level.1 != 0 {
             return;
@@ -217,7 +217,7 @@ impl Target {
     }
 }
 
-/// Converts samples (native endian, as the crate leaves them) to floats.
+/// Converts samples (native endian, as the crate returns them) to floats.
 fn copy_samples<'a>(
     kind: SampleType,
     bytes: &[u8],
@@ -246,7 +246,7 @@ fn copy_samples<'a>(
     }
 }
 
-/// Refuses what cannot be read, before anything is allocated.
+/// Refuses unsupported parts, before anything is allocated.
 fn check_part(input: &Input, header: &Header) -> Result<(), ReadError> {
     if header.deep {
         return Err(input.error(
@@ -275,7 +275,7 @@ fn check_part(input: &Input, header: &Header) -> Result<(), ReadError> {
     check_size(input, size.0 as u64, size.1 as u64, header.channels.bytes_per_pixel as u64)
 }
 
-/// Groups the channels of all parts into layers by part name and by what stands before the last dot
+/// Groups the channels of all parts into layers by part name and by the prefix before the last dot
 /// of the channel name, and puts the picture first.
 fn name_layers(headers: &[Header], only_picture: bool) -> (Vec<Layer>, Vec<Vec<Option<Slot>>>) {
     /// Part, prefix, and the indices of the channels in the part.
@@ -340,8 +340,8 @@ fn name_layers(headers: &[Header], only_picture: bool) -> (Vec<Layer>, Vec<Vec<O
     (layers, slots)
 }
 
-/// Files list channels by alphabet; people write `R G B A`. Unknown names keep their order behind
-/// the known ones.
+/// Sort key of a channel name: files list channels alphabetically, but readers expect `R G B A`.
+/// Unknown names keep their order after the known ones.
 fn channel_rank(name: &str) -> usize {
     ["R", "G", "B", "Y", "A"]
         .iter()

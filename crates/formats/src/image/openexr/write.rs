@@ -1,8 +1,8 @@
-//! Writing OpenEXR: one part of scan lines, ZIP; the picture's channels bare, those of other layers
-//! as `layer.channel`.
+//! Writes OpenEXR: one part of scan lines, ZIP; the picture's channels have plain names, those of
+//! other layers `layer.channel`.
 //!
-//! The crate `exr` would start a pool of threads for each file; here blocks are compressed on the
-//! threads of the current rayon pool, straight from the layers.
+//! The crate `exr` would start a thread pool for each file; here blocks are compressed on the
+//! current rayon pool, straight from the layers.
 
 use super::super::WriteOptions;
 use super::super::picture::{Unfit, check_layers};
@@ -18,19 +18,19 @@ use rayon::prelude::*;
 use snell_scene::{Layer, LayeredImage};
 use std::io::Cursor;
 
-/// Blocks that are compressed before the next are begun.
+/// Blocks that are compressed before the next ones are begun.
 const BATCH: usize = 64;
 
 /// A channel of the file.
 struct Channel<'a> {
     name: String,
     layer: &'a Layer,
-    /// Its number in the layer.
+    /// Its index in the layer.
     index: usize,
     is_half: bool,
 }
 
-/// Encodes all layers, and the metadata as text attributes. Same input, same bytes.
+/// Encodes all layers, and the metadata as text attributes. The output is deterministic.
 pub fn encode(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, Unfit> {
     check_layers(image)?;
     let mut channels = Vec::new();
@@ -85,8 +85,7 @@ impl Channel<'_> {
     }
 }
 
-/// The values of a block as the format wants them: line by line, and in each line channel by
-/// channel.
+/// The values of a block in the format's layout: line by line, and in each line channel by channel.
 fn block_bytes(channels: &[Channel], width: usize, block: &BlockIndex) -> Vec<u8> {
     let (Vec2(left, top), Vec2(columns, rows)) = (block.pixel_position, block.pixel_size);
     let mut bytes = Vec::with_capacity(columns * rows * channels.len() * 4);
@@ -105,7 +104,7 @@ fn block_bytes(channels: &[Channel], width: usize, block: &BlockIndex) -> Vec<u8
     bytes
 }
 
-/// Names are bytes to the format; UTF-8 by custom.
+/// The format treats names as bytes; UTF-8 is customary.
 fn text(name: &str) -> Text {
     Text::from_slice_unchecked(name.as_bytes())
 }
@@ -120,7 +119,8 @@ fn check_name(name: &str) -> Result<(), Unfit> {
     Ok(())
 }
 
-/// Whether half is enough: only for colours. Its 11 bits are too few for depth, positions and ids.
+/// True if half precision suffices: only for colours. Its 11 bits are too few for depth, positions
+/// and ids.
 fn is_color(layer: &Layer, index: usize) -> bool {
     match layer.channels[index].as_str() {
         "R" | "G" | "B" | "A" => true,
@@ -130,7 +130,7 @@ fn is_color(layer: &Layer, index: usize) -> bool {
     }
 }
 
-/// To nearest; what is finite stays finite.
+/// Rounds to nearest; finite values stay finite.
 fn to_half(value: f32) -> f16 {
     let limit = f16::MAX.to_f32();
     f16::from_f32(if value.is_finite() { value.clamp(-limit, limit) } else { value })

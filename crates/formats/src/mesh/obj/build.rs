@@ -1,4 +1,4 @@
-//! From the lists of an OBJ file to indexed meshes.
+//! Builds indexed meshes from the lists of an OBJ file.
 
 use super::file::{Corner, Faces, NONE, ObjFile, State};
 use crate::mesh::normals::{self, CREASE_ANGLE, Smoothing};
@@ -19,7 +19,7 @@ pub struct Object {
     pub materials: Vec<u32>,
 }
 
-/// Makes a mesh of each object that has faces. The faces of the file are used up.
+/// Makes a mesh of each object that has faces, and consumes the faces of the file.
 pub fn objects(
     input: &Input,
     file: &mut ObjFile,
@@ -44,7 +44,7 @@ pub fn objects(
     for (faces, runs) in std::mem::take(&mut file.pieces) {
         let mut ranges = faces.ranges();
         for run in runs {
-            // Faces of one object stand together, unless a name comes back; then it is another
+            // Faces of one object are contiguous. If a name occurs again later, that is another
             // object.
             if run.state.object != number {
                 finish(&mut builder, object.take(), file, notes);
@@ -59,7 +59,7 @@ pub fn objects(
     Ok(objects)
 }
 
-/// Makes one mesh of everything. The faces of the file are used up.
+/// Makes one mesh of all faces, and consumes them.
 pub fn one_mesh(
     input: &Input,
     file: &mut ObjFile,
@@ -83,7 +83,7 @@ pub fn one_mesh(
     Ok(mesh)
 }
 
-/// Computes normals where the file has none, and replaces those that are none.
+/// Computes normals where the file has none, and replaces invalid ones.
 fn finish_normals(
     input: &Input,
     mesh: &mut TriangleMesh,
@@ -104,8 +104,8 @@ fn finish_normals(
     crate::mesh::repair_normals(mesh, input, notes);
 }
 
-/// Vertices of one position that are compared one by one; a position with more is looked up in a
-/// table.
+/// Up to this many vertices of one position are compared one by one; a position with more uses a
+/// hash table.
 const LONGEST_CHAIN: u32 = 32;
 
 /// Scratch memory that serves all objects.
@@ -115,14 +115,14 @@ struct Builder {
     /// For each material of the file (and one more for none), its slot and in which object.
     slots: Vec<(u32, u16)>,
     object: u32,
-    /// For each vertex of the object, the one made before it from the same position, and its
-    /// corner.
+    /// For each vertex of the object, the previous one made from the same position, and its corner.
     vertices: Vec<(u32, Corner)>,
-    /// Vertices beyond the longest chain, by object and corner. Looked up only.
+    /// Vertices beyond the longest chain, by object and corner. Never iterated, so order does not
+    /// matter.
     overflow: HashMap<(u32, Corner), u32>,
     /// Vertices without a normal in an object that has normals.
     missing_normals: Vec<u32>,
-    /// Smoothing of each triangle of the object, or nothing if the file says none.
+    /// Smoothing of each triangle of the object; empty if the file has no `s` statement.
     smoothing: Vec<Smoothing>,
     /// Triangles of the object so far.
     smoothed: usize,
@@ -156,7 +156,7 @@ impl Builder {
         Object { name, mesh: TriangleMesh::default(), materials: Vec::new() }
     }
 
-    /// Adds faces of which the same was said.
+    /// Adds faces that have the same state.
     fn add(
         &mut self,
         input: &Input,
@@ -181,7 +181,7 @@ impl Builder {
         }
         let slot = self.slot(input, state.material.unwrap_or(NONE), &mut object.materials, notes);
         mesh.material_slots.resize(mesh.indices.len(), slot);
-        // Without a word about it, angles decide: so nothing is kept until there is one.
+        // Without any `s` statement angles decide, so nothing is stored until there is one.
         if state.smoothing.is_some() || !self.smoothing.is_empty() {
             self.smoothing.resize(self.smoothed, Smoothing::Angle);
             self.smoothing.resize(mesh.indices.len(), smoothing(state.smoothing));

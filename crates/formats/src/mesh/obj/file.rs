@@ -1,9 +1,9 @@
-//! What an OBJ file says, read in pieces on all cores.
+//! The contents of an OBJ file, read in pieces on all cores.
 //!
-//! Lines do not depend on each other but for three things: numbers of faces may count back from the
-//! latest vertex, so the lines of each list are counted first; the material, smoothing group and
-//! object of a face are what was said last, so they stay open until the pieces are put together in
-//! order; and what a face refers to may come later, so that is checked in the end.
+//! Lines are independent with three exceptions. Face indices may count back from the latest vertex,
+//! so the lines of each list are counted first. The material, smoothing group and object of a face
+//! are set by earlier statements, so they stay open until the pieces are joined in order. And a
+//! face may refer to later lines, so indices are checked at the end.
 
 use super::parse::{self, Piece};
 use crate::mesh::notes::Notes;
@@ -15,10 +15,10 @@ use snell_math::{Vec2, Vec3};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// No such index.
+/// Marks a missing index.
 pub const NONE: u32 = u32::MAX;
 
-/// About how many bytes a piece has. Tests cut small files too.
+/// The approximate size of a piece in bytes. Tests cut small files too.
 const PIECE: usize = if cfg!(test) { 48 } else { 1 << 20 };
 
 /// A corner of a face: numbers from 0, or [`NONE`].
@@ -37,7 +37,7 @@ pub struct Counts {
     pub normals: usize,
 }
 
-/// What was said last; `None` if nothing was.
+/// The state set by the latest statements; `None` before any.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct State {
     /// Number of the material name.
@@ -48,7 +48,7 @@ pub struct State {
     pub object: Option<u32>,
 }
 
-/// Faces one after the other for which the same was said.
+/// A run of faces that have the same state.
 #[derive(Clone, Copy, Debug)]
 pub struct Run {
     pub faces: usize,
@@ -65,13 +65,13 @@ impl Run {
     }
 }
 
-/// The faces of a piece. What most files do not have takes no memory.
+/// The faces of a piece. Attributes that a file lacks take no memory.
 #[derive(Debug, Default)]
 pub struct Faces {
     /// Where the piece starts in the text.
     start: usize,
     positions: Vec<u32>,
-    /// Empty, or one for each corner up to the last that has one.
+    /// Empty, or one per corner up to the last that has one.
     uvs: Vec<u32>,
     normals: Vec<u32>,
     /// Corners of each face; empty if all have three.
@@ -89,7 +89,7 @@ impl Faces {
         self.positions.len()
     }
 
-    /// Adds a corner to the face that has not ended.
+    /// Adds a corner to the current face.
     pub fn push_corner(&mut self, corner: Corner) {
         let put = |list: &mut Vec<u32>, index: u32, at: usize| {
             if index != NONE || !list.is_empty() {
@@ -102,7 +102,7 @@ impl Faces {
         self.positions.push(corner.position);
     }
 
-    /// Forgets the last corners.
+    /// Removes the last corners.
     pub fn take_back(&mut self, corners: usize) {
         let left = self.positions.len() - corners;
         for list in [&mut self.positions, &mut self.uvs, &mut self.normals] {
@@ -110,7 +110,7 @@ impl Faces {
         }
     }
 
-    /// Makes the last corners a face.
+    /// Ends a face that consists of the last corners.
     pub fn end_face(&mut self, corners: usize) {
         if corners != 3 && self.sizes.is_empty() {
             self.sizes.resize((self.positions.len() - corners) / 3, 3);
@@ -137,7 +137,7 @@ impl Faces {
         })
     }
 
-    /// The first corner that refers to what is not there.
+    /// The first corner with an index out of range.
     fn first_dangling(&self, counts: Counts) -> Option<usize> {
         let bad = |list: &[u32], count: usize| {
             list.par_iter().position_first(|&i| i != NONE && i as usize >= count)
@@ -151,7 +151,7 @@ impl Faces {
     }
 }
 
-/// What an OBJ file says.
+/// The contents of an OBJ file.
 #[derive(Debug, Default)]
 pub struct ObjFile {
     pub positions: Vec<Vec3>,
@@ -159,13 +159,13 @@ pub struct ObjFile {
     pub colors: Vec<[f32; 4]>,
     pub uvs: Vec<Vec2>,
     pub normals: Vec<Vec3>,
-    /// The faces with what was said of them. Every face has a number of an object.
+    /// The faces and their states. Every face has an object number.
     pub pieces: Vec<(Faces, Vec<Run>)>,
     /// Object names in order of appearance; the first is that of faces before any `o`.
     pub objects: Vec<String>,
     /// Material names in order of appearance, each with the offset of its first use.
     pub materials: Vec<(String, usize)>,
-    /// What `mtllib` statements name, with their offsets.
+    /// The names in `mtllib` statements, with their offsets.
     pub libraries: Vec<(String, usize)>,
 }
 
@@ -206,7 +206,7 @@ pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
         (file.pieces.iter().map(|(faces, _)| faces.corner_count()).sum(), "corners of faces"),
     ] {
         if count > elements {
-            // Which of them is the first too many is not known here: the file has been read in
+            // The position of the first one over the limit is not known: the file was read in
             // pieces.
             return Err(too_many(input, crate::mesh::text::place_of(&bytes, bytes.len()), what));
         }
@@ -217,7 +217,7 @@ pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
 }
 
 impl Counts {
-    /// Adds counts and gives those before.
+    /// Adds counts, and returns the sum before.
     fn then(&mut self, more: Self) -> Self {
         let before = *self;
         self.positions += more.positions;
@@ -232,7 +232,7 @@ fn pieces(bytes: &[u8]) -> Vec<Range<usize>> {
     let mut pieces = Vec::with_capacity(bytes.len() / PIECE + 1);
     let mut start = 0;
     while bytes.len() - start > PIECE {
-        // Not between a backslash and the end of its line, or in the middle of a line end.
+        // Not between a backslash and the end of its line, nor inside a line end.
         let cut = bytes[start..start + PIECE]
             .iter()
             .rposition(|b| !b"\\\r".contains(b))
@@ -262,12 +262,12 @@ fn count_lines(mut text: Text) -> Counts {
     counts
 }
 
-/// Puts pieces together.
+/// Joins pieces.
 struct Joiner {
     file: ObjFile,
-    /// What holds at the end of the pieces so far.
+    /// The state at the end of the pieces so far.
     state: State,
-    /// Numbers of material names; looked up only.
+    /// Numbers of material names. Never iterated, so order does not matter.
     material_numbers: HashMap<String, u32>,
     known: u64,
     unknown: Option<usize>,
@@ -328,7 +328,7 @@ impl Joiner {
     }
 }
 
-/// Indices of `vt` or `vn` in files without any such line are dropped.
+/// Drops indices of `vt` or `vn` in files without any such line.
 fn drop_indices_into_nothing(input: &Input, file: &mut ObjFile, notes: &mut Notes) {
     let (uvs, normals) = (file.uvs.is_empty(), file.normals.is_empty());
     let mut dangling = false;
@@ -352,7 +352,7 @@ fn drop_indices_into_nothing(input: &Input, file: &mut ObjFile, notes: &mut Note
     }
 }
 
-/// Checks that what the faces refer to exists.
+/// Checks that the indices of the faces are in range.
 fn check_corners(file: &ObjFile, reader: &Reader) -> Result<(), ReadError> {
     let counts = Counts {
         positions: file.positions.len(),
@@ -377,7 +377,7 @@ fn check_corners(file: &ObjFile, reader: &Reader) -> Result<(), ReadError> {
     Err(reader.error(offset, problem, "correct the face, or export the file again"))
 }
 
-/// Where a corner of a piece is in the text, found by reading the piece again.
+/// Finds the offset of a piece's corner in the text, by reading the piece again.
 fn offset_of_corner(reader: &Reader, start: usize, at: usize) -> usize {
     let mut text = Text::new(reader.bytes, start).with_continuations().with_comments(b'#');
     let mut before = 0;
@@ -385,7 +385,7 @@ fn offset_of_corner(reader: &Reader, start: usize, at: usize) -> usize {
         if matches!(keyword.bytes, b"f" | b"fo") {
             let corners: Vec<usize> =
                 std::iter::from_fn(|| text.word().map(|word| word.start)).collect();
-            // Faces of fewer corners were skipped.
+            // Faces with fewer corners were skipped.
             if corners.len() >= 3 {
                 if let Some(&offset) = corners.get(at - before) {
                     return offset;

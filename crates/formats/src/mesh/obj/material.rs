@@ -1,14 +1,14 @@
-//! From MTL materials to materials of the scene.
+//! Converts MTL materials to materials of the scene.
 //!
 //! * With `Pr` or `Pm` (the PBR extension): metallic-roughness.
-//! * `illum` 6 and 7, and 4 and 9 unless `d 1` says that it is opaque: glass of index `Ni` (1.5 if
-//!   not said), tinted by `Tf`.
-//! * With `Ks` and `Ns` above 0, and not `illum` 0 or 1: Phong; it reflects like a mirror, by `Ks`,
-//!   if `illum` is 3, 5 or 8.
+//! * `illum` 6 and 7, and 4 and 9 unless `d 1` makes it opaque: glass of index `Ni` (default 1.5),
+//!   tinted by `Tf`.
+//! * With `Ks` and `Ns` above 0, and not `illum` 0 or 1: Phong; it has a mirror reflection, by
+//!   `Ks`, if `illum` is 3, 5 or 8.
 //! * Everything else is diffuse.
 //!
-//! Bump maps are heights relative to the size that the picture has on the surface, unless the
-//! picture shows normals.
+//! Bump maps are heights relative to the size that the image has on the surface, unless the image
+//! is a normal map.
 //!
 //! Colours are linear, those of textures sRGB.
 
@@ -25,14 +25,14 @@ use snell_scene::material::{
 use snell_scene::texture::Wrap;
 use snell_scene::{Encoding, Material, MaterialId, Scene, TextureId, WarningKind};
 
-/// How high a bump map of strength 1 is at its brightest, in widths of its picture. (The format
-/// does not say.)
+/// The height of a bump map of strength 1 at its brightest, in widths of its image. (The format
+/// does not specify it.)
 pub const HEIGHT_OF_BUMPS: f32 = 0.02;
 
-/// Reflectance where a material says nothing about its colour.
+/// Reflectance of a material that names no colour.
 const DEFAULT_DIFFUSE: Rgb = Rgb::splat(0.8);
 
-/// The materials that an OBJ file uses, by the number of their name; undefined ones are `None`.
+/// The materials that an OBJ file uses, by the number of their name; `None` if undefined.
 pub fn materials(
     input: &Input,
     file: &ObjFile,
@@ -44,7 +44,7 @@ pub fn materials(
     let mut materials = Vec::with_capacity(file.materials.len());
     for (name, _) in &file.materials {
         let Some(mtl) = library.materials.get(name) else {
-            // Without any library its absence has been said, or everyone knows.
+            // Without any library, a warning was given already or there was no `mtllib`.
             if !library.inputs.is_empty() {
                 maker.notes.add("undefined material", || {
                     format!(
@@ -62,7 +62,7 @@ pub fn materials(
     Ok(materials)
 }
 
-/// Exponent of highlights where a material says none.
+/// Exponent of highlights of a material without `Ns`.
 const DEFAULT_SHININESS: f32 = 32.0;
 
 fn is_glass(mtl: &Mtl) -> bool {
@@ -93,7 +93,7 @@ impl Maker<'_> {
         }
         if let Some(map) = &mtl.bump_map {
             let texture = self.texture(map, Encoding::Linear, mtl)?;
-            // Many programs write their normal maps as bumps.
+            // Many programs write their normal maps as bump maps.
             if self.shows_normals(texture) {
                 material.normal_map.get_or_insert(NormalMap { texture, scale: map.strength });
             } else {
@@ -102,7 +102,7 @@ impl Maker<'_> {
                     Some(BumpMap { texture, channel: None, height, unit: HeightUnit::Picture });
             }
         }
-        // What glass lets through is not a matter of opacity.
+        // The transmission of glass is not opacity.
         if !matches!(material.kind, MaterialKind::Dielectric(_)) {
             self.alpha(name, mtl, &mut material)?;
         }
@@ -123,7 +123,7 @@ impl Maker<'_> {
         }
         if is_glass(mtl) {
             let ior = mtl.ior.filter(|&n| n > 0.0).unwrap_or(1.5);
-            // Some write no filter as black.
+            // Some programs write black for no filter.
             let tint = mtl
                 .transmission
                 .filter(|c| !c.is_black())
@@ -168,13 +168,13 @@ impl Maker<'_> {
             return Ok(ScalarParam::constant(factor.unwrap_or(default).clamp(0.0, 1.0)));
         };
         let texture = self.texture(map, Encoding::Linear, mtl)?;
-        // A factor of 0 beside a map means that the map says it all.
+        // A factor of 0 beside a map means that only the map counts.
         let factor = factor.filter(|&f| f > 0.0).unwrap_or(1.0).min(1.0);
         Ok(ScalarParam { factor, texture: Some((texture, 0)) })
     }
 
     fn diffuse(&mut self, mtl: &Mtl) -> Result<ColorParam, ReadError> {
-        // Exporters write black where a texture is meant to say it all.
+        // Exporters write black where only the texture is meant to count.
         let factor = mtl.diffuse.filter(|c| mtl.diffuse_map.is_none() || !c.is_black());
         let default = if mtl.diffuse_map.is_some() { Rgb::WHITE } else { DEFAULT_DIFFUSE };
         self.color(factor.map(|c| c.map(|x| x.min(1.0))), default, &mtl.diffuse_map, mtl)
@@ -199,7 +199,7 @@ impl Maker<'_> {
             let texture = self.texture(map, Encoding::Linear, mtl)?;
             let picture = self.scene.textures[texture.index()].as_image();
             let image = picture.and_then(|picture| self.scene.images.get(picture.image.index()));
-            // An image with an alpha channel means that; others mean their brightness.
+            // In an image with an alpha channel alpha is the opacity; in others the brightness is.
             let channel =
                 if image.is_some_and(|image| matches!(image.channels, 2 | 4)) { 3 } else { 0 };
             material.alpha.texture = Some((texture, channel));
@@ -221,7 +221,7 @@ impl Maker<'_> {
         Ok(ColorParam::textured(factor.unwrap_or(default), texture))
     }
 
-    /// True for the light blue of normal maps.
+    /// True if the image has the light blue of normal maps.
     fn shows_normals(&self, texture: TextureId) -> bool {
         let texture = self.scene.textures[texture.index()].as_image();
         let Some(image) = texture.and_then(|texture| self.scene.images.get(texture.image.index()))

@@ -1,13 +1,13 @@
 //! Wavefront OBJ, with its materials in MTL files.
 //!
 //! `parse.rs` turns a piece of the text into lists of vertices and faces as they stand in the file,
-//! and `file.rs` puts the pieces together; `build.rs` makes indexed meshes of them, one per object
-//! (`o`); `mtl.rs` reads the materials, and `material.rs` makes ours of them. Polygons of any size
-//! are triangulated; lines, points and free-form surfaces are skipped with a warning.
+//! and `file.rs` joins the pieces; `build.rs` makes indexed meshes of them, one per object (`o`);
+//! `mtl.rs` reads the materials, and `material.rs` converts them. Polygons of any size are
+//! triangulated; lines, points and free-form surfaces are skipped with a warning.
 //!
-//! Normals: those of the file (`vn`). Faces without: smoothed within their smoothing group (`s 1`),
-//! flat after `s off`, and by angle (40°) where the file never says `s`. Vertex colours
-//! (`v x y z r g b`) are sRGB.
+//! Normals: those of the file (`vn`). Faces without any: smoothed within their smoothing group (`s
+//! 1`), flat after `s off`, and by angle (40°) in files without `s`. Vertex colours (`v x y z r g
+//! b`) are sRGB.
 
 mod build;
 mod file;
@@ -23,7 +23,7 @@ use snell_intersect::TriangleMesh;
 use snell_scene::{Geometry, Node, Scene, Surface};
 use std::sync::Arc;
 
-/// The reader of OBJ files. It recognises no content for certain, so it must be asked last.
+/// The reader of OBJ files. OBJ has no reliable signature, so it must be tried last.
 pub const READER: SceneReader = SceneReader {
     name: "obj",
     description: "Wavefront OBJ polygon meshes, with MTL materials",

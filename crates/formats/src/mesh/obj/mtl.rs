@@ -1,7 +1,7 @@
 //! The statements of MTL files.
 //!
-//! A statement that cannot be used is a warning, never an error: a mesh with one odd material is
-//! better than none.
+//! An invalid statement is a warning, never an error: a mesh with one odd material is better than
+//! none.
 
 use super::file::ObjFile;
 use crate::mesh::notes::Notes;
@@ -10,8 +10,8 @@ use crate::{Input, ReadError};
 use snell_math::Rgb;
 use std::collections::BTreeMap;
 
-/// A material as its file states it; `None` is not said. See Bourke's page on MTL, and Exocortex'
-/// "PBR extension to MTL" for `Pr`, `Pm` and `norm`.
+/// A material as its file states it; `None` if it has no such statement. See Bourke's page on MTL,
+/// and Exocortex' "PBR extension to MTL" for `Pr`, `Pm` and `norm`.
 #[derive(Clone, Debug, Default)]
 pub struct Mtl {
     pub ambient: Option<Rgb>,
@@ -41,7 +41,7 @@ pub struct Mtl {
     pub metallic_map: Option<Map>,
     pub normal_map: Option<Map>,
     pub bump_map: Option<Map>,
-    /// Number of its file in the list of libraries read.
+    /// Index of its file in the list of libraries.
     pub library: usize,
 }
 
@@ -161,8 +161,8 @@ impl Statements<'_, '_> {
                     "displacement maps are not supported (bump and normal maps are)",
                 );
             }
-            // Nothing to say about what hardly shows: sharpness of reflections, maps of ambient
-            // light, anti-aliasing, and so on.
+            // No warning for statements with little visible effect: sharpness of reflections, maps
+            // of ambient light, anti-aliasing, and so on.
             b"map_ka" | b"sharpness" | b"map_aat" | b"km" | b"ps" | b"pc" | b"pcr" | b"aniso"
             | b"anisor" => {}
             _ => self.warn(
@@ -178,7 +178,7 @@ impl Statements<'_, '_> {
         self.notes.add(kind, || format!("{}: {}: {what}", reader.location(at.start), at.quoted()));
     }
 
-    /// The numbers up to the end of the line or the first other word, three at most.
+    /// The numbers up to the end of the line or the first other word, at most three.
     fn numbers(&mut self) -> ([f32; 3], usize) {
         let mut values = [0.0; 3];
         let mut count = 0;
@@ -204,7 +204,7 @@ impl Statements<'_, '_> {
         (count > 0).then_some(value)
     }
 
-    /// A colour: one number is a grey.
+    /// Reads a colour; a single number is a grey.
     fn color(&mut self, keyword: Word) -> Option<Rgb> {
         let ([r, g, b], count) = self.numbers();
         let color = match count {
@@ -222,7 +222,7 @@ impl Statements<'_, '_> {
         Some(color.map(|x| x.max(0.0)))
     }
 
-    /// `d 0.5` or `d -halo 0.5`.
+    /// Reads `d 0.5` or `d -halo 0.5`.
     fn dissolve(&mut self, keyword: Word) -> Option<f32> {
         let before = self.reader.text.clone();
         if self.reader.text.word().is_none_or(|w| w.bytes != b"-halo") {
@@ -231,7 +231,7 @@ impl Statements<'_, '_> {
         self.scalar(keyword)
     }
 
-    /// Options and a file name, which may hold spaces.
+    /// Reads options and a file name, which may contain spaces.
     fn map(&mut self, keyword: Word) -> Option<Map> {
         let mut map = Map {
             file: String::new(),

@@ -35,7 +35,7 @@ pub fn recognises(bytes: &[u8]) -> bool {
     has_vertices
 }
 
-/// What a piece says.
+/// The contents of a piece.
 #[derive(Debug, Default)]
 pub struct Piece {
     pub positions: Vec<Vec3>,
@@ -46,23 +46,23 @@ pub struct Piece {
     pub faces: Faces,
     /// Runs of faces; materials and objects are those of the piece.
     pub runs: Vec<Run>,
-    /// What holds after the last statement.
+    /// The state after the last statement.
     pub end: State,
     /// Object names in order of appearance.
     pub objects: Vec<String>,
     /// Material names in order of appearance, each with the offset of its first use.
     pub materials: Vec<(String, usize)>,
-    /// What `mtllib` statements name, with their offsets.
+    /// The names in `mtllib` statements, with their offsets.
     pub libraries: Vec<(String, usize)>,
     /// Number of statements understood.
     pub known: u64,
-    /// Offset of the first one not understood.
+    /// Offset of the first unknown statement.
     pub unknown: Option<usize>,
     pub notes: Notes,
 }
 
-/// Reads the statements to the end of the reader's text. `before` is how many lines of each list
-/// came before.
+/// Reads the statements to the end of the reader's text. `before` has the numbers of lines of each
+/// list in earlier pieces.
 pub fn parse(reader: Reader, before: Counts) -> Result<Piece, ReadError> {
     let piece = Piece { faces: Faces::starting_at(reader.text.position()), ..Piece::default() };
     let mut parser =
@@ -79,7 +79,7 @@ struct Parser<'a> {
     before: Counts,
     piece: Piece,
     state: State,
-    /// Numbers of material names; looked up only.
+    /// Numbers of material names. Never iterated, so order does not matter.
     material_numbers: HashMap<String, u32>,
 }
 
@@ -119,8 +119,8 @@ impl Parser<'_> {
                 self.state.smoothing = Some(match self.reader.text.word().map(|w| w.bytes) {
                     Some(b"off") | None => 0,
                     Some(b"on") => 1,
-                    // Groups are compared, not counted with; whatever is not a number is one of its
-                    // own.
+                    // Group numbers are only compared for equality; a word that is not a number is
+                    // a group of its own.
                     Some(word) => {
                         std::str::from_utf8(word).ok().and_then(|s| s.parse().ok()).unwrap_or(1)
                     }
@@ -192,7 +192,7 @@ impl Parser<'_> {
         })
     }
 
-    /// The numbers up to the end of the line, eight at most, and how many there are.
+    /// The numbers up to the end of the line, at most eight, and their count.
     fn numbers(&mut self, least: usize, what: &str) -> Result<([f32; 8], usize), ReadError> {
         let mut values = [0.0; 8];
         let mut count = 0;
@@ -240,8 +240,8 @@ impl Parser<'_> {
                 )
             });
         }
-        // Four numbers are a weight, which only free-form surfaces use; six are a colour, seven a
-        // colour with alpha.
+        // The fourth of four numbers is a weight, which only free-form surfaces use; six numbers
+        // have a colour, seven a colour with alpha.
         if count >= 6 {
             let alpha = if count >= 7 { d } else { 1.0 };
             self.color([a, b, c, alpha]);
@@ -252,7 +252,7 @@ impl Parser<'_> {
         Ok(())
     }
 
-    /// Notes the colour of the vertex about to be added.
+    /// Stores the colour of the vertex about to be added.
     fn color(&mut self, color: [f32; 4]) {
         let linear = if color.iter().all(|c| c.is_finite()) {
             let [r, g, b, a] = color.map(|c| c.clamp(0.0, 1.0));
@@ -326,8 +326,8 @@ impl Parser<'_> {
         if parts.next().is_some() { Err(bad()) } else { Ok(Corner { position, uv, normal }) }
     }
 
-    /// An index from 0. Positive ones are checked at the end, for what they refer to may come
-    /// later.
+    /// An index from 0. Positive ones are checked at the end, because they may refer to later
+    /// lines.
     fn index(
         &self,
         digits: &[u8],

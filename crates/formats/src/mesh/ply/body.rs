@@ -1,4 +1,4 @@
-//! The values.
+//! Reads the values of the elements.
 
 use super::header::{Element, Header, Property, Type, is_index_list};
 use super::uniform;
@@ -11,7 +11,7 @@ use snell_intersect::TriangleMesh;
 use snell_math::spectrum::srgb_to_linear;
 use snell_math::{Vec2, Vec3};
 
-/// Where values come from: text, or binary of one byte order. Every value fits `f64` exactly.
+/// A source of values: text, or binary of either byte order. Every value fits `f64` exactly.
 pub trait Source {
     /// The next value.
     fn value(&mut self, kind: Type) -> Result<f64, ReadError>;
@@ -19,18 +19,18 @@ pub trait Source {
     fn skip(&mut self, kind: Type, count: u64) -> Result<(), ReadError>;
     /// How much of the file is left.
     fn bytes_left(&self) -> u64;
-    /// Says that an element is complete.
+    /// Ends an element.
     fn end_element(&mut self);
-    /// Notes what the source has to say in the end.
+    /// Adds the source's warnings at the end.
     fn finish(&self, notes: &mut Notes);
     /// An error about the value read last.
     fn error(&self, problem: String, remedy: &str) -> ReadError;
-    /// Reads all vertices at once, if that is possible; else reads nothing.
+    /// Reads all vertices at once, if possible, and returns true; otherwise reads nothing.
     fn all_vertices(&mut self, _: &Element, _: &[Role], _: &mut TriangleMesh) -> bool {
         false
     }
-    /// Reads all faces at once, if that is possible and all are triangles of existing vertices;
-    /// else reads nothing. `list` is which property has the corners.
+    /// Reads all faces at once, if possible and if all are triangles of existing vertices, and
+    /// returns true; otherwise reads nothing. `list` is the index of the property with the corners.
     fn all_triangles(
         &mut self,
         _element: &Element,
@@ -41,11 +41,11 @@ pub trait Source {
     }
 }
 
-/// Values as words. An element may span lines, but the next one begins on a new line.
+/// Values as text. An element may span lines, but the next one begins on a new line.
 pub struct AsciiSource<'a> {
     reader: Reader<'a>,
     last: usize,
-    /// Lines with more values than the header says, and where the first surplus value is.
+    /// The number of lines with surplus values, and where the first surplus value is.
     surplus: Option<(u64, usize)>,
 }
 
@@ -73,7 +73,8 @@ impl Source for AsciiSource<'_> {
         } else {
             text.parse::<f64>().ok()
         };
-        // Some writers print whole numbers with a point, and old libraries have their own NaN.
+        // Some programs write whole numbers with a decimal point, and old libraries have their own
+        // NaN.
         value
             .or_else(|| text.parse::<f64>().ok())
             .map_or_else(|| self.reader.number_in(word, "a number").map(f64::from), Ok)
@@ -115,7 +116,7 @@ impl Source for AsciiSource<'_> {
     }
 }
 
-/// Values as bytes, the most significant first if `BIG`.
+/// Values as bytes, big endian if `BIG`.
 pub struct BinarySource<'a, const BIG: bool> {
     input: &'a Input,
     position: usize,
@@ -195,7 +196,7 @@ impl<const BIG: bool> Source for BinarySource<'_, BIG> {
         else {
             return false;
         };
-        // Of properties that are there twice, the last one counts.
+        // If a property occurs twice, the last one counts.
         let field = |role| {
             roles.iter().rposition(|r| *r == role).map(|i| (fields[i], element.properties[i].value))
         };
@@ -277,7 +278,7 @@ pub fn read(
     faces.triangulate(input, mesh)
 }
 
-/// What a property of a vertex is for.
+/// The role of a vertex property.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Role {
     Skip,
@@ -310,7 +311,7 @@ impl Role {
     }
 }
 
-/// True if each of the parts of an attribute is there.
+/// True if all parts of an attribute are present.
 fn has_all(roles: &[Role], role: fn(usize) -> Role, parts: usize) -> bool {
     (0..parts).all(|k| roles.contains(&role(k)))
 }
@@ -376,7 +377,7 @@ fn read_vertices(
     Ok(())
 }
 
-/// Channel 3 is alpha. Values that are not finite or negative count as full.
+/// Channel 3 is alpha. Values that are not finite, or negative, count as 1.
 fn linear_color(value: f32, kind: Type, channel: usize) -> f32 {
     let value = value / kind.color_scale();
     if !value.is_finite() || value < 0.0 {
@@ -412,7 +413,7 @@ fn skip_property(source: &mut impl Source, property: &Property) -> Result<(), Re
 }
 
 fn skip_element(source: &mut impl Source, element: &Element) -> Result<(), ReadError> {
-    // Elements without properties take no space, so any number of them costs nothing.
+    // Elements without properties take no space and are not iterated, whatever their count.
     if !element.properties.is_empty() {
         for _ in 0..element.count {
             for property in &element.properties {
@@ -430,7 +431,7 @@ struct Faces {
     vertices: u64,
     /// Where the header declares them.
     declared: usize,
-    /// Those that were read at once, before all others.
+    /// Triangles that were read at once, before all others.
     triangles: Vec<[u32; 3]>,
     corners: Vec<u32>,
     /// Where each polygon's corners end.

@@ -1,9 +1,9 @@
-//! The header: which elements there are, with which properties.
+//! The header: the elements and their properties.
 
 use crate::mesh::text::{Reader, Text, Word};
 use crate::{Input, ReadError};
 
-/// How values are written.
+/// The encoding of values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     Ascii,
@@ -54,7 +54,7 @@ impl Type {
         !matches!(self, Self::F32 | Self::F64)
     }
 
-    /// What a colour of this type is divided by.
+    /// The divisor for colours of this type.
     pub fn color_scale(self) -> f32 {
         match self {
             Self::U16 | Self::I16 => 65535.0,
@@ -85,7 +85,7 @@ pub struct Element {
 }
 
 impl Element {
-    /// The smallest size of one element in the body: bytes, or characters with their separators.
+    /// The minimum size of one element in the body: bytes, or characters with their separators.
     pub fn least_size(&self, format: Format) -> usize {
         let of = |p: &Property| {
             if format == Format::Ascii { 2 } else { p.length.unwrap_or(p.value).size() }
@@ -179,8 +179,8 @@ impl Header {
 
 const EXPORT_AGAIN: &str = "correct the header, or export the file again";
 
-/// Skips exactly one line end of the kind that the first line has: a binary body may itself begin
-/// with a line feed.
+/// Skips exactly one line end of the kind that the first line has, because a binary body may itself
+/// begin with a line feed.
 fn body_start(bytes: &[u8], at: usize) -> usize {
     let lone_return = bytes.get(3) == Some(&b'\r') && bytes.get(4) != Some(&b'\n');
     match bytes.get(at..) {

@@ -1,12 +1,12 @@
 //! Stanford PLY, text and binary of both byte orders.
 //!
-//! Any elements and properties in any order; what is not known is skipped. Used are `vertex`
-//! (`x y z`, `nx ny nz`, texture coordinates `u v`, `s t` or `texture_u texture_v`, colours
-//! `red green blue alpha`), `face` with a list `vertex_indices` or `vertex_index`, and `tristrips`
-//! with the same. Colours of integer types are sRGB (as scanners and editors write them), those of
+//! Elements and properties may come in any order; unknown ones are skipped. Used are `vertex` (`x y
+//! z`, `nx ny nz`, texture coordinates `u v`, `s t` or `texture_u texture_v`, colours `red green
+//! blue alpha`), `face` with a list `vertex_indices` or `vertex_index`, and `tristrips` with the
+//! same. Colours of integer types are sRGB (as scanners and editors write them), those of
 //! floating-point types linear. Colours and normals of faces are ignored.
 //!
-//! `header.rs` reads what the file holds, `body.rs` the values, and `uniform.rs` those of usual
+//! `header.rs` reads the declarations, `body.rs` the values, and `uniform.rs` the values of common
 //! binary files on all cores.
 
 mod body;

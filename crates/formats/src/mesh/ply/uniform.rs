@@ -1,8 +1,9 @@
-//! Elements of one size in binary files, on all cores.
+//! Elements of a fixed size in binary files, read on all cores.
 //!
 //! Vertices without lists, and faces that all have as many corners as the first, take the same
-//! number of bytes each: so each can be found without reading those before. What turns out to be
-//! otherwise, or wrong, is left to the reader of [`super::body`], which knows what to say.
+//! number of bytes each, so any of them can be located without reading those before. If a file
+//! turns out to be different or invalid, the reader of [`super::body`] takes over and reports
+//! errors.
 
 use super::header::{Element, Property, Type};
 use rayon::prelude::*;
@@ -10,7 +11,7 @@ use rayon::prelude::*;
 /// Elements that one thread reads at a time.
 const PIECE: usize = 1 << 14;
 
-/// Where a property is in each element.
+/// The offset and type of a property in each element.
 #[derive(Clone, Copy, Debug)]
 pub struct Field {
     offset: usize,
@@ -59,14 +60,14 @@ pub fn fields(element: &Element) -> Option<(Vec<Field>, usize)> {
     (size > 0).then_some((fields, size))
 }
 
-/// One value made of each element, in order.
+/// Makes one value of each element, in order.
 pub fn each<T: Send>(bytes: &[u8], size: usize, make: impl Fn(&[u8]) -> T + Send + Sync) -> Vec<T> {
     bytes.par_chunks_exact(size).with_min_len(PIECE).map(make).collect()
 }
 
-/// Triangles, if all of the `count` elements at the start of `bytes` are faces of three corners
-/// among so many vertices; and how many bytes they take. `list` is the position of the list of
-/// corners among the properties.
+/// Returns triangles, if all of the `count` elements at the start of `bytes` are faces of three
+/// corners with valid vertex indices; and how many bytes they take. `list` is the index of the list
+/// of corners among the properties.
 pub fn triangles<const BIG: bool>(
     bytes: &[u8],
     element: &Element,
@@ -100,7 +101,7 @@ pub fn triangles<const BIG: bool>(
             && found.iter().all(|&i| i >= 0.0 && i < vertices as f64);
         good.then(|| found.map(|i| i as u32))
     };
-    // Many short lists, so that the first face of another kind ends it soon and nothing is copied
+    // Many short pieces, so that a face of another kind ends the work early and nothing is copied
     // twice.
     let mut all = vec![[0; 3]; element.count as usize];
     let pieces = all.par_chunks_mut(PIECE).zip(faces.par_chunks(PIECE * size));

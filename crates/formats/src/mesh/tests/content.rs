@@ -1,4 +1,4 @@
-//! What small files mean.
+//! The meaning of small files.
 
 use super::*;
 use snell_math::Vec2;

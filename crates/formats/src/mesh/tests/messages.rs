@@ -1,4 +1,4 @@
-//! What the readers say about typical mistakes.
+//! The readers' messages for typical mistakes.
 
 use super::*;
 use insta::assert_snapshot;

@@ -1,4 +1,4 @@
-//! Real and broken files, whole: what every reader must do.
+//! Real and broken files: requirements on every reader.
 
 mod content;
 mod materials;

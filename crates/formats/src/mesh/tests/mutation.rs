@@ -86,7 +86,7 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// What hostile files are made of.
+/// The words that hostile files are made of.
 const WORDS: [&[u8]; 14] = [
     b"-1",
     b"0",
@@ -177,7 +177,7 @@ fn broken_files_end_in_a_scene_or_an_error() {
                 Err(error) => assert!(!error.problem.is_empty(), "{name}"),
             }
         }
-        // Otherwise nothing behind the first lines was tested.
+        // Otherwise only the first lines would have been tested.
         assert!((100..3900).contains(&good), "{name}: {good} of 4000 read");
     }
 }

@@ -1,15 +1,15 @@
-//! Accessors: typed arrays in buffers. All arithmetic is checked, and nothing is allocated that the
-//! file's bytes do not pay for.
+//! Accessors: typed arrays in buffers. All arithmetic is checked, and allocations are bounded by
+//! the size of the file's data.
 
 use super::container::{Buffers, View};
 use super::json::Json;
 use crate::ReadError;
 use std::cell::Cell;
 
-/// Most elements of an accessor without data of its own (it stands for zeros).
+/// Maximum number of elements of an accessor without data of its own (all are zero).
 const MAX_ZEROS: usize = 1 << 22;
 
-/// Most such elements in a file, counted as often as they are used.
+/// Maximum number of such elements in a file; an accessor counts each time it is used.
 const MAX_ZEROS_IN_ALL: usize = 1 << 25;
 
 /// Type of one component.
@@ -49,7 +49,7 @@ impl Component {
         }
     }
 
-    /// The value of `bytes`, which are as many as [`Self::bytes`] says.
+    /// The value of `bytes`, which has [`Self::bytes`] elements.
     fn number(self, bytes: &[u8], normalized: bool) -> f32 {
         let [a, b, c, d] = [0, 1, 2, 3].map(|i| bytes.get(i).copied().unwrap_or(0));
         let scaled =
@@ -64,7 +64,7 @@ impl Component {
         }
     }
 
-    /// The value of `bytes` as an index; `None` for types that are not unsigned.
+    /// The value of `bytes` as an index; `None` for types other than unsigned integers.
     fn index(self, bytes: &[u8]) -> Option<u32> {
         let [a, b, c, d] = [0, 1, 2, 3].map(|i| bytes.get(i).copied().unwrap_or(0));
         match self {
@@ -86,7 +86,7 @@ pub(super) struct Accessors<'a> {
     max_decoded: usize,
 }
 
-/// One accessor, its numbers checked against its buffer view.
+/// An accessor that has been checked against its buffer view.
 pub(super) struct Accessor<'s, 'a> {
     json: &'s Json<'a>,
     all: &'s Accessors<'a>,
@@ -94,11 +94,11 @@ pub(super) struct Accessor<'s, 'a> {
     pub count: usize,
     /// Type of the components.
     pub component: Component,
-    /// Integers stand for `[0, 1]` or `[-1, 1]`.
+    /// True if integers represent `[0, 1]` or `[-1, 1]`.
     normalized: bool,
     /// Components per element.
     pub width: usize,
-    /// Where the elements are; `None` stands for zeros.
+    /// Location of the elements; `None` if all are zero.
     part: Option<Part>,
     stride: usize,
 }
@@ -178,7 +178,7 @@ impl<'a> Accessors<'a> {
         Ok(accessor(Some(part), stride))
     }
 
-    /// Checks all accessors of the document against their buffer views. Reads no buffer.
+    /// Checks all accessors of the document against their buffer views, without reading any buffer.
     pub fn check(&self) -> Result<(), ReadError> {
         for json in &self.table {
             let accessor = self.of(json)?;
@@ -198,8 +198,7 @@ struct Part {
 }
 
 impl Part {
-    /// `count` elements of `size` bytes, `stride` bytes apart, from the `byteOffset` that `json`
-    /// names.
+    /// `count` elements of `size` bytes, `stride` bytes apart, from the `byteOffset` of `json`.
     fn new(
         json: &Json,
         view: View,
@@ -228,7 +227,7 @@ impl Part {
     }
 }
 
-/// The places and values of a sparse accessor.
+/// The indices and values of a sparse accessor.
 struct Replacement {
     component: Component,
     places: Part,
@@ -241,7 +240,7 @@ impl Accessor<'_, '_> {
         self.json.error(problem)
     }
 
-    /// The same accessor, its integers taken as fractions whether or not it says so (for attributes
+    /// The same accessor with its integers read as fractions, normalized or not (for attributes
     /// that are always fractions).
     pub fn into_fractions(mut self) -> Self {
         self.normalized = true;
@@ -304,7 +303,7 @@ impl Accessor<'_, '_> {
         Ok(elements)
     }
 
-    /// Keeps to the limits on what a file may make us decode.
+    /// Counts the elements, and fails at the limits on what a file may make the reader decode.
     fn count_decoded(&self) -> Result<(), ReadError> {
         let [mut decoded, mut zeros] = self.all.decoded.get();
         decoded = decoded.saturating_add(self.count);
@@ -321,7 +320,7 @@ impl Accessor<'_, '_> {
         charged.map_err(|e| self.json.error_with(e.problem, e.remedy))
     }
 
-    /// Where a sparse accessor has its places and values.
+    /// The indices and values of a sparse accessor.
     fn replacement(&self, sparse: &Json) -> Result<Replacement, ReadError> {
         let count = sparse.require("count")?.size()?;
         if count > self.count {

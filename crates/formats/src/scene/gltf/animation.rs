@@ -1,8 +1,8 @@
-//! Animations: which nodes move, and what moves with them.
+//! Animations: the nodes that move, and everything that depends on them.
 //!
-//! Every node of the file becomes a joint of the scene's motion, whether or not it is shown: skins
-//! refer to nodes. A channel that cannot be played is left out with a warning, because the scene
-//! can be shown without it.
+//! Every node of the file becomes a joint of the scene's motion, whether or not it is shown,
+//! because skins refer to nodes. A channel that is not supported is left out with a warning,
+//! because the scene can be shown without it.
 
 use super::json::Json;
 use super::node::Hierarchy;
@@ -18,25 +18,25 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The motion of a file that has animations; keeps nothing for others.
+/// The motion of a file with animations; empty for other files.
 pub(super) struct Rig {
     motion: Option<Motion>,
-    /// By number of the node.
+    /// Joint numbers, by node.
     joint_of: Vec<u32>,
     /// Nodes whose morph weights change.
     weighted: BTreeSet<usize>,
-    /// Nodes that are shown or hidden.
+    /// Nodes whose visibility changes.
     switched: BTreeSet<usize>,
 }
 
-/// Which cameras and lights of the scene are which of the file.
+/// Maps cameras and lights of the scene to those of the file.
 #[derive(Default)]
 pub(super) struct Placed {
     /// Number in the scene, number in the file.
     pub cameras: Vec<(usize, usize)>,
     /// Number in the scene, number in the file, `world_from_node`.
     pub lights: Vec<(usize, usize, DAffine3)>,
-    /// Factor on the intensities of the file.
+    /// The factor that was applied to the file's intensities.
     pub light_scale: f64,
 }
 
@@ -64,7 +64,7 @@ impl Rig {
         }
         for animation in &animations {
             let mut clip = Clip { name: animation.name(), ..Clip::default() };
-            // Anything may be wrong here; what is not understood is not played.
+            // Any of this may be invalid; a channel that is not understood is not played.
             let channels = animation.items_of("channels").unwrap_or_default();
             for channel in &channels {
                 match rig.channel(reader, animation, channel) {
@@ -80,7 +80,7 @@ impl Rig {
             }
             motion.clips.push(clip);
         }
-        // Of what pointers name, nodes are ours; the rest is for when the scene is there.
+        // Pointers to nodes are handled here; the others once the scene is complete.
         for pointer in std::mem::take(&mut reader.pointers) {
             match rig.channels_of(reader, &pointer)? {
                 Some(channels) => motion.clips[pointer.clip].channels.extend(channels),
@@ -91,7 +91,7 @@ impl Rig {
         Ok(rig)
     }
 
-    /// A channel; `None` for one that asks for nothing that is known.
+    /// Reads a channel; `None` if it has no known target.
     fn channel(
         &mut self,
         reader: &Reader,
@@ -191,7 +191,7 @@ impl Rig {
         self.switched.contains(&node)
     }
 
-    /// Notes what is there only while all of some nodes are visible.
+    /// Records things that are visible only while all of some nodes are.
     pub fn switches(&mut self, nodes: &[usize], what: Switched) {
         let joints: Vec<u32> = nodes.iter().map(|node| self.joint_of[*node]).collect();
         if !joints.is_empty() {
@@ -219,7 +219,7 @@ impl Rig {
         }
     }
 
-    /// Notes that a node of the scene is where a node of the file is.
+    /// Records that a node of the scene follows a node of the file.
     pub fn carries_node(&mut self, node: usize, shown: NodeId) {
         let joint = self.joint_of[node] as usize;
         if let Some(joint) = self.motion.as_mut().and_then(|m| m.joints.get_mut(joint)) {
@@ -227,24 +227,24 @@ impl Rig {
         }
     }
 
-    /// Notes that cameras of the scene are at a node.
+    /// Records that cameras of the scene follow a node.
     pub fn carries_cameras(&mut self, node: usize, cameras: Range<usize>) {
         let joint = self.joint_of[node];
         self.motion.iter_mut().for_each(|m| m.cameras.extend(cameras.clone().map(|i| (i, joint))));
     }
 
-    /// Notes that lights of the scene are at a node.
+    /// Records that lights of the scene follow a node.
     pub fn carries_lights(&mut self, node: usize, lights: Range<usize>) {
         let joint = self.joint_of[node];
         self.motion.iter_mut().for_each(|m| m.lights.extend(lights.clone().map(|i| (i, joint))));
     }
 
-    /// Notes a surface that is bent.
+    /// Records a surface that is deformed.
     pub fn bends(&mut self, deformed: Deformed) {
         self.motion.iter_mut().for_each(|m| m.deformed.push(deformed.clone()));
     }
 
-    /// Gives the scene its motion, once all else is there.
+    /// Adds the motion to the scene, once everything else is in place.
     pub fn finish(self, reader: &mut Reader, placed: &Placed) -> Result<(), ReadError> {
         let Some(mut motion) = self.motion else { return Ok(()) };
         for (clip, track) in pointer::tracks(reader, placed)? {
@@ -257,7 +257,7 @@ impl Rig {
     }
 }
 
-/// Takes out of the scene what is hidden while nothing is played. (Lights stay.)
+/// Hides nodes of the scene that are invisible while no animation is played. (Lights stay.)
 fn hide(scene: &mut Scene, motion: &Arc<Motion>) {
     let mut switched = Player::new(motion.clone(), Vec::new()).pose(0.0).switched;
     switched.retain(|(what, _)| matches!(what, Switched::Node(..)));
@@ -270,7 +270,7 @@ pub(super) fn is_visible(node: &Json) -> Result<bool, ReadError> {
         .map_or(Ok(true), |extension| extension.boolean_or("visible", true))
 }
 
-/// A sampler, for values of `width` numbers, or of as many as there are.
+/// Reads a sampler for values of `width` numbers, or of any number.
 pub(super) fn curve(
     reader: &Reader,
     sampler: &Json,

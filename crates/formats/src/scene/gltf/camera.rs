@@ -7,7 +7,7 @@ use snell_math::DAffine3;
 use snell_scene::{Camera, Projection};
 use std::f64::consts::PI;
 
-/// Adds the camera of a node, if it has one, and gives its number in the file. It looks along the
+/// Adds the camera of a node, if it has one, and returns its index in the file. It looks along the
 /// node's `-z`, with `+y` up.
 pub(super) fn read(
     reader: &mut Reader,
@@ -17,8 +17,7 @@ pub(super) fn read(
     let Some(index) = node.get("camera")? else { return Ok(None) };
     let camera = reader.root.entry("cameras", &index)?;
     let projection = projection(&camera)?;
-    // Scale does not count for cameras (section 3.10.2): `from_direction` keeps the directions
-    // only.
+    // Cameras ignore scale (section 3.10.2): `from_direction` keeps only the directions.
     let axes = &world_from_node.matrix3;
     let name = [node.name(), camera.name()].into_iter().find(|n| !n.is_empty()).unwrap_or_default();
     let camera =
@@ -27,9 +26,9 @@ pub(super) fn read(
     index.size().map(Some)
 }
 
-/// The projection of a camera. The vertical extent counts; the horizontal one follows from the
-/// picture, because nothing may be stretched when the picture has another shape than the camera's
-/// aspect ratio.
+/// The projection of a camera. The vertical extent is kept; the horizontal one follows from the
+/// picture, so that nothing is stretched if the picture's shape differs from the camera's aspect
+/// ratio.
 pub(super) fn projection(camera: &Json) -> Result<Projection, ReadError> {
     let kind = camera.require("type")?;
     match kind.string()? {

@@ -1,4 +1,5 @@
-//! From bytes to the JSON document and its buffers: GLB chunks, data URIs, files next to the scene.
+//! Splits a file into the JSON document and its buffers: GLB chunks, data URIs, and files next to
+//! the scene.
 
 use super::json::{Json, REPAIR};
 use super::meshopt::{self, Compression};
@@ -9,10 +10,10 @@ use serde_json::Value;
 use std::borrow::Cow;
 use std::cell::OnceCell;
 
-/// First bytes of a binary glTF file.
+/// Magic bytes of a binary glTF file.
 pub(super) const GLB_MAGIC: &[u8] = b"glTF";
 
-/// The parts of a file before anything is understood.
+/// The parts of a file before they are interpreted.
 pub(super) struct Container<'a> {
     /// The document.
     pub json: Value,
@@ -26,7 +27,7 @@ impl<'a> Container<'a> {
         if input.bytes.starts_with(GLB_MAGIC) {
             return open_glb(input);
         }
-        // The standard forbids a byte order mark, but editors write it.
+        // The standard forbids a byte order mark, but some editors write one.
         let text = input.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&input.bytes);
         Ok(Self { json: parse_json(input, text)?, binary: None })
     }
@@ -102,14 +103,14 @@ fn open_glb(input: &Input) -> Result<Container<'_>, ReadError> {
     Ok(Container { json: parse_json(input, json)?, binary })
 }
 
-/// A part of a buffer, known to lie within what the buffer declares.
+/// A part of a buffer, known to lie within the declared length.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
     /// Number of the view.
     number: usize,
     buffer: usize,
     offset: usize,
-    /// Bytes in the buffer, if they are compressed.
+    /// Bytes that the compressed data takes in the buffer, if the view is compressed.
     packed: Option<usize>,
     /// Length in bytes.
     pub length: usize,
@@ -117,19 +118,19 @@ pub(super) struct View {
     pub stride: Option<usize>,
 }
 
-/// The buffers of a document, each fetched when first asked for.
+/// The buffers of a document, each loaded on first use.
 pub(super) struct Buffers<'a> {
     input: &'a Input,
     binary: Option<&'a [u8]>,
     declared: Vec<Json<'a>>,
     views: Vec<Json<'a>>,
     loaded: Vec<OnceCell<Cow<'a, [u8]>>>,
-    /// Views that were compressed.
+    /// Decoded contents of compressed views.
     decoded: Vec<OnceCell<Vec<u8>>>,
 }
 
 impl<'a> Buffers<'a> {
-    /// Nothing is read yet.
+    /// Prepares the buffers; nothing is read yet.
     pub fn new(
         input: &'a Input,
         root: &Json<'a>,
@@ -147,13 +148,14 @@ impl<'a> Buffers<'a> {
         self.input
     }
 
-    /// Where a buffer view lies, checked against what its buffer declares. Reads no buffer.
+    /// Locates a buffer view, checked against its buffer's declared length, without reading any
+    /// buffer.
     pub fn view(&self, index: &Json) -> Result<View, ReadError> {
         let view = entry(&self.views, index, "buffer views")?;
         let number = index.size()?;
         let length = view.require("byteLength")?.size()?;
         let stride = view.get("byteStride")?.map(|s| s.size()).transpose()?;
-        // Where the bytes of a compressed view would be without compression does not matter.
+        // The uncompressed fallback location of a compressed view is ignored.
         let Some(extension) = meshopt::extension(view)? else {
             let (buffer, offset) = self.place(view, length)?;
             return Ok(View { number, buffer, offset, packed: None, length, stride });
@@ -164,7 +166,7 @@ impl<'a> Buffers<'a> {
         Ok(View { number, buffer, offset, packed: Some(packed), length, stride })
     }
 
-    /// The buffer of a view and where in it `length` bytes begin, checked.
+    /// The buffer of a view, and the checked offset of its `length` bytes.
     fn place(&self, view: &Json, length: usize) -> Result<(usize, usize), ReadError> {
         let index = view.require("buffer")?;
         let buffer = entry(&self.declared, &index, "buffers")?;
@@ -196,7 +198,7 @@ impl<'a> Buffers<'a> {
                 self.input.charge(view.length as u64, "a compressed buffer view")?;
                 let decoded =
                     crate::guard::guarded(|| compression.decode(bytes)).ok_or_else(|| {
-                        json.error("the compressed data is damaged: its decoder gave up")
+                        json.error("the compressed data is damaged: its decoder failed")
                     })??;
                 cell.get_or_init(|| decoded)
             }
@@ -204,7 +206,7 @@ impl<'a> Buffers<'a> {
         Ok(&decoded[..view.length])
     }
 
-    /// Bytes of a buffer, as the file has them.
+    /// Bytes of a buffer, as stored in the file.
     fn stored(&self, buffer: usize, offset: usize, length: usize) -> Result<&[u8], ReadError> {
         let (json, cell) = (&self.declared[buffer], &self.loaded[buffer]);
         let bytes = match cell.get() {
@@ -222,7 +224,7 @@ impl<'a> Buffers<'a> {
         self.bytes(&self.view(index)?)
     }
 
-    /// The bytes of a buffer, at least as many as it declares.
+    /// Loads a buffer, with at least as many bytes as it declares.
     fn load(&self, buffer: &Json<'a>, is_first: bool) -> Result<Cow<'a, [u8]>, ReadError> {
         let bytes = self.fetch(buffer, is_first)?;
         let length = buffer.require("byteLength")?.size()?;
@@ -256,7 +258,7 @@ fn entry<'t, T>(table: &'t [T], index: &Json, what: &str) -> Result<&'t T, ReadE
     })
 }
 
-/// The bytes behind a URI: a data URI, or a file relative to the scene's.
+/// The bytes that a URI names: a data URI, or a file relative to the scene's.
 pub(super) fn fetch_uri(input: &Input, uri: &Json) -> Result<Vec<u8>, ReadError> {
     let text = uri.string()?;
     if let Some(data) = text.strip_prefix("data:") {
@@ -274,7 +276,7 @@ pub(super) fn fetch_uri(input: &Input, uri: &Json) -> Result<Vec<u8>, ReadError>
     let decoded =
         percent_encoding::percent_decode_str(text).decode_utf8().unwrap_or(Cow::Borrowed(text));
     let opened = match input.open_relative(&decoded) {
-        // Some exporters do not encode: "50%25.bin" may be the name itself.
+        // Some exporters do not encode: "50%25.bin" may be the literal name.
         Err(first) if decoded != text => input.open_relative(text).map_err(|_| first),
         result => result,
     };

@@ -1,11 +1,10 @@
-//! Which extensions are understood, and what becomes of the others: required ones are refused,
-//! optional ones leave a warning.
+//! Extensions: required ones that are not supported are errors, optional ones leave a warning.
 
 use super::json::Json;
 use crate::ReadError;
 use snell_scene::Scene;
 
-/// Extensions that this reader honours.
+/// Supported extensions.
 const UNDERSTOOD: &[&str] = &[
     "EXT_lights_ies",
     "EXT_mesh_gpu_instancing",
@@ -33,10 +32,10 @@ const UNDERSTOOD: &[&str] = &[
     "KHR_texture_transform",
 ];
 
-/// Extensions that cannot change a still picture.
+/// Extensions that do not affect a still picture.
 const WITHOUT_EFFECT: &[&str] = &["FB_ngon_encoding", "KHR_xmp", "KHR_xmp_json_ld"];
 
-/// Refuses required extensions that are not understood, and warns of optional ones.
+/// Refuses required extensions that are not supported, and warns of optional ones.
 pub(super) fn check(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {
     let known = |name: &str| UNDERSTOOD.contains(&name) || WITHOUT_EFFECT.contains(&name);
     for required in root.items_of("extensionsRequired")? {

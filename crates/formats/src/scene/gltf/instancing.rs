@@ -1,11 +1,11 @@
-//! `EXT_mesh_gpu_instancing`: one mesh at many places below its node.
+//! `EXT_mesh_gpu_instancing`: many instances of a mesh below its node.
 
 use super::json::Json;
 use super::{Reader, mesh, node};
 use crate::ReadError;
 use snell_math::DAffine3;
 
-/// The places of a node's mesh, `node_from_instance`; `None` if the node does not use the
+/// The transforms `node_from_instance` of a node's mesh; `None` if the node does not use the
 /// extension.
 pub(super) fn transforms(reader: &Reader, node: &Json) -> Result<Option<Vec<DAffine3>>, ReadError> {
     let Some(extension) = node.extension("EXT_mesh_gpu_instancing")? else { return Ok(None) };

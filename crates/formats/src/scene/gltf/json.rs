@@ -1,15 +1,13 @@
-//! A place in the JSON of a glTF file: its value and its path. Every question about the value
-//! answers with an error that names the path, so that the rest of the reader states only what it
-//! wants.
+//! A value in the JSON of a glTF file, with its path. Every query returns an error that names the
+//! path, so that the rest of the reader states only what it expects.
 
 use crate::{Input, Place, ReadError};
 use serde_json::Value;
 
-/// What to do about a file that breaks the rules of glTF.
-pub(super) const REPAIR: &str =
-    "export the file again, or see what the glTF validator says about it";
+/// Remedy for files that violate the glTF specification.
+pub(super) const REPAIR: &str = "export the file again, or check it with the glTF validator";
 
-/// A value in the document and where it stands.
+/// A value in the document, and its path.
 #[derive(Clone)]
 pub(super) struct Json<'a> {
     input: &'a Input,
@@ -28,7 +26,7 @@ impl<'a> Json<'a> {
         self.value
     }
 
-    /// Another value that stands for this one.
+    /// Another value in the place of this one.
     pub fn with_value<'b>(&self, value: &'b Value) -> Json<'b>
     where
         'a: 'b,
@@ -36,7 +34,7 @@ impl<'a> Json<'a> {
         Json { input: self.input, value, path: self.path.clone() }
     }
 
-    /// The value that a JSON pointer names, from here.
+    /// The value that a JSON pointer names, relative to this one.
     pub fn at(&self, pointer: &str) -> Result<Self, ReadError> {
         let found = self.value.pointer(pointer);
         let value =
@@ -80,7 +78,7 @@ impl<'a> Json<'a> {
         Ok(map.get(key).map(|value| self.step(value, key)))
     }
 
-    /// A property that must be there.
+    /// A required property.
     pub fn require(&self, key: &str) -> Result<Self, ReadError> {
         self.get(key)?.ok_or_else(|| self.error(format!("the property \"{key}\" is missing")))
     }
@@ -164,7 +162,7 @@ impl<'a> Json<'a> {
         self.value.as_f64().ok_or_else(|| self.wrong_type("a number"))
     }
 
-    /// A whole number from 0. Written as `2.0` it counts too.
+    /// A whole number from 0; `2.0` counts too.
     pub fn size(&self) -> Result<usize, ReadError> {
         let whole = |x: f64| (x.fract() == 0.0 && (0.0..9e15).contains(&x)).then_some(x as u64);
         self.value
@@ -174,7 +172,7 @@ impl<'a> Json<'a> {
             .ok_or_else(|| self.wrong_type("a whole number from 0"))
     }
 
-    /// A truth value.
+    /// A boolean.
     pub fn boolean(&self) -> Result<bool, ReadError> {
         self.value.as_bool().ok_or_else(|| self.wrong_type("true or false"))
     }
@@ -222,17 +220,17 @@ impl<'a> Json<'a> {
         self.get(key)?.map_or(Ok(default), |value| value.numbers())
     }
 
-    /// A truth property or its default.
+    /// A boolean property or its default.
     pub fn boolean_or(&self, key: &str, default: bool) -> Result<bool, ReadError> {
         self.get(key)?.map_or(Ok(default), |value| value.boolean())
     }
 
-    /// The property `name`, for people; empty if absent or not a string.
+    /// The property `name`, for display; empty if absent or not a string.
     pub fn name(&self) -> String {
         self.value.get("name").and_then(Value::as_str).unwrap_or_default().to_owned()
     }
 
-    /// True for an object (extension slots hold anything in broken files).
+    /// True for an object (broken files have other values as extensions).
     pub fn is_object(&self) -> bool {
         self.value.is_object()
     }

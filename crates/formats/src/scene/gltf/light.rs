@@ -12,7 +12,7 @@ use snell_scene::light::{Attenuation, Directional, Point, Profile, Spot, SpotFal
 use snell_scene::{Background, Light, Material, Scene, WarningKind};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
-/// Lumens per watt by which Blender multiplies what it exports (its standard lighting mode).
+/// Lumens per watt by which Blender multiplies exported intensities (its standard lighting mode).
 const BLENDER_LUMENS_PER_WATT: f64 = 683.0;
 
 fn table<'a>(reader: &Reader<'a>) -> Result<Vec<Json<'a>>, ReadError> {
@@ -22,7 +22,7 @@ fn table<'a>(reader: &Reader<'a>) -> Result<Vec<Json<'a>>, ReadError> {
     }
 }
 
-/// Factor on the intensities of the file: 1, except for photometric numbers of Blender (see the
+/// The factor on the file's intensities: 1, except for photometric values from Blender (see the
 /// module `gltf`).
 pub(super) fn scale(reader: &mut Reader) -> Result<f64, ReadError> {
     let generator = reader.root.require("asset")?.get("generator")?;
@@ -47,7 +47,7 @@ pub(super) fn scale(reader: &mut Reader) -> Result<f64, ReadError> {
     Ok(if is_photometric { 1.0 / BLENDER_LUMENS_PER_WATT } else { 1.0 })
 }
 
-/// Adds the light of a node, if it has one, and gives its number in the file. It shines along the
+/// Adds the light of a node, if it has one, and returns its index in the file. It shines along the
 /// node's `-z`.
 pub(super) fn read(
     reader: &mut Reader,
@@ -68,7 +68,7 @@ pub(super) fn read(
     index.size().map(Some)
 }
 
-/// A light of the table, placed. `None` for a type that is not known.
+/// Places a light of the table. `None` if its type is unknown.
 pub(super) fn light(
     reader: &mut Reader,
     light: &Json,
@@ -94,7 +94,7 @@ pub(super) fn light(
 }
 
 /// Adds the luminaire of a node, if it has one: its axis is the node's `-z`, its horizontal angles
-/// go from `x` towards `y`. A profile that cannot be read leaves a warning.
+/// go from `x` towards `y`. An unreadable profile leaves a warning.
 pub(super) fn read_ies(
     reader: &mut Reader,
     node: &Json,
@@ -138,10 +138,10 @@ pub(super) fn read_ies(
     Ok(())
 }
 
-/// Adds the default sky to a scene that only its own emission would light, if that is at most 1.
-/// Such emission (displays, small lamps, unlit surfaces) is there to be seen, and the scene is made
-/// for viewers that bring their light. More needs `KHR_materials_emissive_strength`: then the
-/// surfaces are meant as lights, and there is no sky.
+/// Adds the default sky to a scene that only its own emission would light, if that is never above
+/// 1. Such emission (displays, small lamps, unlit surfaces) is only to be seen, and the scene is
+/// made for viewers with their own lighting. Brighter emission needs
+/// `KHR_materials_emissive_strength`: then the surfaces are meant as lights, and there is no sky.
 pub(super) fn add_sky(scene: &mut Scene) {
     let is_lamp = |m: &Material| m.illuminates && m.emission.factor.max_element() > 1.0;
     let has_light = !scene.lights.is_empty()
@@ -166,7 +166,7 @@ fn intensity(light: &Json, scale: f64) -> Result<Rgb, ReadError> {
     Ok(Rgb::new(r, g, b))
 }
 
-/// The cone of a spot light, its angles made to be in order.
+/// The cone of a spot light, with its angles put in order.
 fn falloff(light: &Json) -> Result<SpotFalloff, ReadError> {
     let spot = light.require("spot")?;
     let outer = spot.number_or("outerConeAngle", FRAC_PI_4)?.clamp(0.0, FRAC_PI_2);

@@ -16,7 +16,7 @@ use snell_scene::material::{
 };
 use snell_scene::{Material, MaterialId};
 
-/// Reads all materials, in the order of the file: number `i` there is material `i` of the scene.
+/// Reads all materials, in file order: number `i` there is material `i` of the scene.
 pub(super) fn read_all(reader: &mut Reader) -> Result<(), ReadError> {
     variant::choose(reader)?;
     for json in reader.root.items_of("materials")? {
@@ -26,9 +26,8 @@ pub(super) fn read_all(reader: &mut Reader) -> Result<(), ReadError> {
     Ok(())
 }
 
-/// The material of primitives that name none. It is seen from both sides, unlike in the standard:
-/// where a file says nothing about materials, nobody chose to hide the back, and faces that look
-/// away from the camera would only be missed.
+/// The material of primitives that name none. Unlike in the standard it is double-sided: a file
+/// without materials did not choose to hide back faces, and culling would only leave holes.
 pub(super) fn default_material(reader: &mut Reader) -> MaterialId {
     if let Some(id) = reader.default_material {
         return id;
@@ -39,17 +38,17 @@ pub(super) fn default_material(reader: &mut Reader) -> MaterialId {
     id
 }
 
-/// What reflects and transmits, as glTF tells it.
+/// Reflection and transmission, in glTF's terms.
 struct Pbr {
     surface: OpenPbr,
-    /// Opacity that belongs to the base colour.
+    /// Opacity from the base colour.
     alpha: ScalarParam,
-    /// True if the surface bounds a volume; false if it is a thin sheet where it transmits.
+    /// True if the surface bounds a volume; false if it transmits as a thin sheet.
     is_boundary: bool,
 }
 
 impl Default for Pbr {
-    /// The defaults of glTF: a rough white metal, thin where light goes through.
+    /// The defaults of glTF: a rough white metal, thin-walled if it transmits.
     fn default() -> Self {
         let surface = OpenPbr {
             base_color: Rgb::WHITE.into(),
@@ -73,7 +72,7 @@ pub(super) fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadErr
         None => metallic_roughness(reader, json)?,
     };
     let alpha = pbr.alpha;
-    // A boundary of a volume is always met from both sides (KHR_materials_volume).
+    // A boundary of a volume is always hit from both sides (KHR_materials_volume).
     let double_sided = json.boolean_or("doubleSided", false)? || pbr.is_boundary;
     let is_unlit = json.extension("KHR_materials_unlit")?.is_some();
     let (kind, emission): (MaterialKind, _) = if is_unlit {
@@ -84,7 +83,7 @@ pub(super) fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadErr
     Ok(Material {
         emission,
         emission_takes_vertex_color: is_unlit,
-        // Unlit surfaces look the same in any light, but give none.
+        // Unlit surfaces look the same in any light, but do not illuminate others.
         illuminates: !is_unlit,
         emits_on_both_sides: double_sided,
         alpha_mode: alpha_mode(json)?,
@@ -112,8 +111,8 @@ fn metallic_roughness(reader: &mut Reader, json: &Json) -> Result<Pbr, ReadError
     Ok(pbr)
 }
 
-/// Converts the older model: its diffuse colour is the base colour of a non-metal with the given
-/// reflectance at normal incidence, unless that reflectance is one that only metals have.
+/// Converts the specular-glossiness model: its diffuse colour is the base colour of a dielectric
+/// with the given reflectance at normal incidence, unless only metals have such a reflectance.
 fn specular_glossiness(reader: &mut Reader, extension: &Json) -> Result<Pbr, ReadError> {
     /// Reflectance of a dielectric with an index of refraction of 1.5.
     const DIELECTRIC: f32 = 0.04;
@@ -142,7 +141,7 @@ fn specular_glossiness(reader: &mut Reader, extension: &Json) -> Result<Pbr, Rea
     Ok(dielectric(base_color, alpha, roughness, specular_color))
 }
 
-/// A dielectric of index 1.5 whose reflectance at normal incidence is tinted, perhaps brighter.
+/// A dielectric of index 1.5 whose reflectance at normal incidence is tinted, and may be brighter.
 fn dielectric(
     base_color: ColorParam,
     alpha: ScalarParam,
@@ -161,7 +160,7 @@ fn dielectric(
     Pbr { surface, alpha, is_boundary: false }
 }
 
-/// A colour of four numbers with its texture, apart into colour and alpha.
+/// A colour of four numbers with its texture, separated into colour and alpha.
 fn color_with_alpha(
     reader: &mut Reader,
     json: &Json,
@@ -234,7 +233,7 @@ fn fraction(reader: &mut Reader, json: &Json, key: &str, default: f64) -> Result
     Ok(value.clamp(0.0, 1.0) as f32)
 }
 
-/// A colour; negative parts count as 0.
+/// A colour; negative components become 0.
 fn rgb([r, g, b]: [f64; 3]) -> Rgb {
     Rgb::new(r.max(0.0) as f32, g.max(0.0) as f32, b.max(0.0) as f32)
 }

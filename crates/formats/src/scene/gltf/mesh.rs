@@ -1,4 +1,4 @@
-//! Primitives: vertex attributes and indices to a triangle mesh.
+//! Primitives: converts vertex attributes and indices to a triangle mesh.
 
 use super::accessor::{Accessor, Component};
 use super::json::Json;
@@ -11,20 +11,20 @@ use snell_math::{Vec2, Vec3, Vec4};
 use snell_scene::WarningKind;
 use snell_scene::motion::{InfluenceSet, MorphTarget, make_usable};
 
-/// A primitive with what else is needed to show it.
+/// A primitive and everything needed to show it.
 pub(super) struct Primitive {
-    /// The triangles, before anything moves them; usable unless there are targets.
+    /// The undeformed triangles; final if there are no targets.
     pub mesh: TriangleMesh,
-    /// Shapes to be added, in the order of the mesh's weights.
+    /// Morph targets, in the order of the mesh's weights.
     pub targets: Vec<MorphTarget>,
-    /// Which joints move its vertices; empty if it cannot be skinned.
+    /// Joints that move its vertices; empty if it cannot be skinned.
     pub influences: Vec<InfluenceSet>,
-    /// Position in the table of materials.
+    /// Index in the table of materials.
     pub material: Option<usize>,
 }
 
-/// Reads the primitives of a mesh that can be shown. `weights` are those of the morph targets; if
-/// they change, `all_targets` are read.
+/// Reads the primitives of a mesh that can be shown. `weights` are those of the morph targets;
+/// `all_targets` is set if they change, and then all targets are read.
 pub(super) fn read_primitives(
     reader: &mut Reader,
     mesh: &Json,
@@ -89,7 +89,7 @@ fn read_attributes(
     let vertices = mesh.positions.len();
     if let Some(accessor) = attribute(reader, attributes, "NORMAL", vertices)? {
         mesh.normals = vectors(&accessor, Vec3::from_array)?;
-        // Without normals the standard wants flat shading, and tangents ignored.
+        // Without normals the standard requires flat shading, and tangents are ignored.
         if let Some(accessor) = attribute(reader, attributes, "TANGENT", vertices)? {
             mesh.tangents = vectors(&accessor, Vec4::from_array)?;
         }
@@ -157,7 +157,7 @@ fn read_indices(reader: &Reader, json: &Json, vertices: usize) -> Result<Vec<u32
     }
 }
 
-/// Leaves out vertices that no triangle uses, if they are more than half: exporters let many
+/// Removes vertices that no triangle uses, if they are more than half: exporters let many
 /// primitives share one large array.
 pub(super) fn drop_unused(primitive: &mut Primitive) {
     const UNUSED: u32 = u32::MAX;
@@ -192,7 +192,7 @@ pub(super) fn drop_unused(primitive: &mut Primitive) {
     }
 }
 
-/// The elements at these places, if there are any.
+/// Keeps the elements at these indices, if there are any.
 fn keep<T: Copy>(values: &mut Vec<T>, places: &[usize]) {
     if !values.is_empty() {
         *values = places.iter().map(|&i| values[i]).collect();

@@ -1,5 +1,5 @@
 //! `EXT_meshopt_compression` (and `KHR_meshopt_compression`, which is the same with one more
-//! filter): buffer views that are decoded when they are first asked for.
+//! filter): buffer views that are decoded on first use.
 
 use super::json::Json;
 use crate::ReadError;
@@ -11,19 +11,18 @@ use ::meshopt::{
 /// The names of the extension.
 pub(super) const NAMES: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
-/// Decoded bytes that a byte of the file may stand for; files with more are made to fill the
-/// memory.
+/// Maximum decoded bytes per byte of the file; files with more are made to exhaust the memory.
 const MAX_EXPANSION: usize = 1024;
 
-/// Views may grow to this size whatever their own.
+/// Views of any size may decode to this many bytes.
 const ALWAYS_ALLOWED_BYTES: usize = 1 << 16;
 
-/// How a buffer view is compressed.
+/// The compression of a buffer view.
 pub(super) struct Compression<'a> {
     json: Json<'a>,
     /// Number of elements.
     count: usize,
-    /// Bytes of an element.
+    /// Bytes per element.
     stride: usize,
     mode: Mode,
     filter: Filter,
@@ -56,8 +55,8 @@ pub(super) fn extension<'a>(view: &Json<'a>) -> Result<Option<Json<'a>>, ReadErr
 }
 
 impl<'a> Compression<'a> {
-    /// Reads what the extension says of a view that takes `packed` bytes in the file and has
-    /// `length` bytes when it is decoded.
+    /// Reads the extension of a view that takes `packed` bytes in the file and `length` bytes when
+    /// it is decoded.
     pub fn read(json: Json<'a>, packed: usize, length: usize) -> Result<Self, ReadError> {
         let count = json.require("count")?.size()?;
         let stride_json = json.require("byteStride")?;
@@ -154,7 +153,7 @@ impl<'a> Compression<'a> {
     }
 }
 
-/// Changes bytes as groups of four 16-bit numbers.
+/// Applies a change to bytes as groups of four 16-bit numbers.
 fn with_halfwords(bytes: &[u8], change: impl FnOnce(&mut [[u16; 4]])) -> Vec<u8> {
     let halfword = |e: &[u8; 8], i: usize| u16::from_le_bytes([e[2 * i], e[2 * i + 1]]);
     let mut elements: Vec<[u16; 4]> =
@@ -177,7 +176,7 @@ impl<const N: usize> Default for Element<N> {
 fn attributes(packed: &[u8], count: usize, words: usize) -> Option<Vec<u8>> {
     fn of<const N: usize>(packed: &[u8], count: usize) -> Option<Vec<u8>> {
         let elements = decode_vertex_buffer::<Element<N>>(packed, count).ok()?;
-        // The decoder writes the bytes of the file, in their order.
+        // The decoder writes the bytes of the file, in order.
         Some(elements.iter().flat_map(|e| e.0).flat_map(u32::to_ne_bytes).collect())
     }
     macro_rules! by_size {

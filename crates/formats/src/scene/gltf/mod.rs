@@ -1,23 +1,22 @@
 //! glTF 2.0: `.gltf` (JSON beside its buffers and images) and `.glb` (all in one file).
 //!
-//! The document is read as plain JSON through `json::Json`, which knows its place and so can say
-//! where a file is wrong. A file that breaks the standard in a way that would change the picture
-//! (dangling references, data that does not fit, cycles) is refused with that place; a file that is
-//! merely odd loads, and what was changed or left out is a warning of the scene.
+//! The document is read as plain JSON through `json::Json`, which knows its path and so can report
+//! where a file is wrong. A file that violates the standard in a way that would change the picture
+//! (dangling references, data that does not fit, cycles) is refused with that path; a file that is
+//! merely odd loads, and anything changed or left out is a warning of the scene.
 //!
-//! How glTF maps to a scene: each node is a node; each mesh is a node with one surface per
+//! glTF maps to a scene as follows. Each node is a node; each mesh is a node with one surface per
 //! primitive, stored once and shared by all nodes that show it. Morph targets are applied with
-//! their default weights, skins at the pose that the nodes are in; animations become the scene's
-//! motion, which moves nothing before somebody plays it. `+y` is up, lengths are metres.
+//! their default weights, skins at the pose of the nodes; animations become the scene's motion,
+//! which has no effect until it is played. `+y` is up, lengths are metres.
 //!
 //! # Units of light
-//! glTF gives light in photometric units (cd, lx, cd/m²), without spectra. They are taken as they
-//! stand for the radiometric ones (W/sr, W/m², W/(m² sr)) of each of the channels, as the usual
-//! viewers do: a white wall under 3.14 lx shows as 1, and an emissive factor of 1 as 1. So lights
-//! and emission keep the proportion that the standard gives them. One exception: Blender writes its
-//! watts times 683 lm/W (unless told otherwise), but emission without that factor. Files of Blender
-//! with a light of at least 100 cd or 50 lx have their lights divided by 683 again, which is what
-//! Blender's own importer does.
+//! glTF gives light in photometric units (cd, lx, cd/m²), without spectra. Their numbers are used
+//! as radiometric ones (W/sr, W/m², W/(m² sr)) for each channel, as common viewers do: a white wall
+//! under 3.14 lx shows as 1, and an emissive factor of 1 as 1. So lights and emission keep the
+//! standard's proportion. One exception: Blender writes its watts times 683 lm/W (by default), but
+//! emission without that factor. Lights in Blender's files with a light of at least 100 cd or 50 lx
+//! are divided by 683 again, as Blender's own importer does.
 
 mod accessor;
 mod animation;
@@ -58,7 +57,8 @@ pub const READER: SceneReader = SceneReader {
     read,
 };
 
-/// A GLB by its first bytes, a `.gltf` by its `asset` with a version, near the start or the end.
+/// Recognises a GLB by its magic bytes, and a `.gltf` by an `asset` with a version near the start
+/// or the end.
 fn recognises(bytes: &[u8]) -> bool {
     const WINDOW: usize = 4096;
     let starts_as_object =
@@ -80,23 +80,22 @@ fn recognises(bytes: &[u8]) -> bool {
 /// End of the warning about an image that cannot be shown.
 const REPLACED_BY_CHECKER: &str = "a magenta checker is shown instead";
 
-/// What the parts of the reader share.
+/// State that the parts of the reader share.
 struct Reader<'a> {
     input: &'a Input,
     root: Json<'a>,
     accessors: Accessors<'a>,
     textures: Textures,
     scene: Scene,
-    /// Material of primitives without one, once there was one.
+    /// Material of primitives without one, once it was needed.
     default_material: Option<MaterialId>,
-    /// The variant of materials that was asked for.
+    /// The selected material variant.
     variant: Option<usize>,
-    /// Vertices read so far, for the limit.
+    /// Vertices read so far, counted against the limit.
     vertices: usize,
-    /// What animations name by JSON pointer.
+    /// Properties that animations name by JSON pointer.
     pointers: Vec<pointer::Pointer>,
-    /// Textures whose placement changes, by the path of the `textureInfo` that has it. They are no
-    /// one else's.
+    /// Textures whose placement changes, by the path of their `textureInfo`. They are not shared.
     moving_textures: BTreeMap<String, TextureId>,
 }
 
@@ -132,7 +131,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     Ok(reader.scene)
 }
 
-/// Only glTF 2 is understood.
+/// Refuses versions other than glTF 2.
 fn check_version(root: &Json) -> Result<(), ReadError> {
     let asset = root.require("asset")?;
     let version = asset.require("version")?;

@@ -7,7 +7,7 @@ use snell_intersect::TriangleMesh;
 use snell_math::Vec3;
 use snell_scene::motion::MorphTarget;
 
-/// Weights of a mesh's morph targets where a node shows it: the node's, or the mesh's, or none.
+/// Weights of a mesh's morph targets at a node: the node's, or the mesh's, or none.
 pub(super) fn weights(node: &Json, mesh: &Json) -> Result<Vec<f64>, ReadError> {
     match (node.get("weights")?, mesh.get("weights")?) {
         (Some(weights), _) | (None, Some(weights)) => weights.all_numbers(),
@@ -15,7 +15,7 @@ pub(super) fn weights(node: &Json, mesh: &Json) -> Result<Vec<f64>, ReadError> {
     }
 }
 
-/// How many morph targets the primitives of a mesh have at most.
+/// The maximum number of morph targets of a mesh's primitives.
 pub(super) fn count(mesh: &Json) -> Result<usize, ReadError> {
     let mut most = 0;
     for primitive in mesh.items_of("primitives")? {
@@ -24,7 +24,7 @@ pub(super) fn count(mesh: &Json) -> Result<usize, ReadError> {
     Ok(most)
 }
 
-/// The targets of a primitive. Those of weight 0 stay empty, unless weights change (`all`).
+/// The targets of a primitive. Those with weight 0 stay empty, unless weights change (`all`).
 pub(super) fn targets(
     reader: &Reader,
     primitive: &Json,
@@ -47,7 +47,7 @@ pub(super) fn targets(
     Ok(targets)
 }
 
-/// One attribute of a target. One that the primitive does not have (`count` is 0) is left out.
+/// One attribute of a target. It is left out if the primitive lacks the attribute (`count` is 0).
 fn differences(
     reader: &Reader,
     target: &Json,

@@ -1,4 +1,4 @@
-//! Nodes: the hierarchy of a glTF file as nodes of the scene graph.
+//! Nodes: converts the hierarchy of a glTF file to nodes of the scene graph.
 
 use super::animation::Placed;
 use super::json::Json;
@@ -13,7 +13,7 @@ use snell_scene::{Geometry, MaterialId, Node, NodeId, Surface, WarningKind};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
-/// All nodes of a document with their places in the world.
+/// All nodes of a document with their world transforms.
 pub(super) struct Hierarchy<'a> {
     nodes: Vec<Json<'a>>,
     children: Vec<Vec<usize>>,
@@ -48,8 +48,8 @@ impl<'a> Hierarchy<'a> {
         Ok(this)
     }
 
-    /// Computes the world transforms, level by level. Nodes never reached lie on cycles, because
-    /// every node has one parent at most.
+    /// Computes the world transforms, level by level. Nodes that are never reached lie on cycles,
+    /// because every node has at most one parent.
     fn place(&mut self, max_depth: usize) -> Result<(), ReadError> {
         let mut level: Vec<usize> = (0..self.nodes.len()).filter(|&i| self.is_root[i]).collect();
         let mut reached = vec![false; self.nodes.len()];
@@ -89,13 +89,13 @@ impl<'a> Hierarchy<'a> {
         self.world[node]
     }
 
-    /// How many nodes there are.
+    /// The number of nodes.
     pub fn len(&self) -> usize {
         self.nodes.len()
     }
 
-    /// All nodes, parents before children: number, number of the parent, where it is relative to
-    /// that, and the node.
+    /// All nodes, parents before children: number, parent's number, placement relative to the
+    /// parent, and the node.
     pub fn top_down(&self) -> Vec<(usize, Option<usize>, Placement, &Json<'a>)> {
         let mut order: Vec<(usize, Option<usize>)> =
             (0..self.nodes.len()).filter(|&i| self.is_root[i]).map(|i| (i, None)).collect();
@@ -107,8 +107,8 @@ impl<'a> Hierarchy<'a> {
         order.into_iter().map(|(i, parent)| (i, parent, self.local[i], &self.nodes[i])).collect()
     }
 
-    /// The nodes at the top of the scene to be shown: the one that was asked for, else the default
-    /// scene, else the first, else all nodes without a parent.
+    /// The root nodes of the scene to be shown: the requested one, or the default scene, or the
+    /// first, or else all nodes without a parent.
     fn shown_roots(&self, reader: &mut Reader<'a>) -> Result<Vec<usize>, ReadError> {
         let scenes = reader.root.items_of("scenes")?;
         reader.scene.scenes = scenes.iter().map(Json::name).collect();
@@ -150,7 +150,7 @@ impl<'a> Hierarchy<'a> {
     }
 }
 
-/// Number of the scene that was asked for by name or number.
+/// Index of the scene that was requested by name or number.
 fn wanted_scene(reader: &Reader) -> Result<Option<usize>, ReadError> {
     let Some(wanted) = &reader.input.options.scene else { return Ok(None) };
     let names = &reader.scene.scenes;
@@ -185,7 +185,7 @@ fn placement(node: &Json) -> Result<Placement, ReadError> {
     Ok(Placement::Matrix(DAffine3 { matrix3: linear, translation: column(12) }))
 }
 
-/// Scale, then rotation (a quaternion x y z w of any length but 0, which counts as none), then
+/// Scale, then rotation (a quaternion x y z w, normalised here; zero is the identity), then
 /// translation.
 pub(super) fn from_parts(translation: [f64; 3], rotation: [f64; 4], scale: [f64; 3]) -> Placement {
     let rotation = DQuat::from_array(rotation);
@@ -194,23 +194,23 @@ pub(super) fn from_parts(translation: [f64; 3], rotation: [f64; 4], scale: [f64;
     Placement::Parts { translation: translation.into(), rotation, scale: scale.into() }
 }
 
-/// What of the file's meshes is in the scene already.
+/// Meshes of the file that are already in the scene.
 #[derive(Default)]
 struct MeshNodes {
-    /// Nodes of meshes, by number and weights (their bits).
+    /// Mesh nodes, by mesh number and weights (their bits).
     shared: BTreeMap<(usize, Vec<u64>), NodeId>,
-    /// Numbers of all meshes shown, the skinned ones too.
+    /// Numbers of all meshes shown, including skinned ones.
     shown: BTreeSet<usize>,
 }
 
-/// A node of the file that is to be read.
+/// A node of the file still to be read.
 struct Waiting {
     node: usize,
-    /// Below which node of the scene.
+    /// Its parent node in the scene.
     parent: NodeId,
-    /// False if it, or one above it, is never shown.
+    /// False if it, or an ancestor, is never shown.
     is_visible: bool,
-    /// Those of it and the nodes above it that come and go.
+    /// Those of it and its ancestors whose visibility changes.
     switches: Vec<usize>,
 }
 
@@ -236,7 +236,7 @@ pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
             placed.cameras.push((cameras, camera));
             rig.carries_cameras(i, cameras..cameras + 1);
         }
-        // What a node shows is in a node of its own if it comes and goes.
+        // The content of a node whose visibility changes is in a node of its own.
         let mut content = id;
         if rig.is_switched(i) {
             content = reader.scene.add_child(id, Node::default());
@@ -271,8 +271,8 @@ pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
     check_unseen(reader, &meshes.shown)
 }
 
-/// Shows all meshes of a file that has no nodes at all, where their vertices say: a library of
-/// meshes rather than a scene.
+/// Shows all meshes of a file without nodes, untransformed: such a file is a library of meshes
+/// rather than a scene.
 fn read_meshes_without_nodes(reader: &mut Reader, shown: &mut MeshNodes) -> Result<(), ReadError> {
     for (i, mesh) in reader.root.items_of("meshes")?.iter().enumerate() {
         if i == 0 {
@@ -290,8 +290,8 @@ fn read_meshes_without_nodes(reader: &mut Reader, shown: &mut MeshNodes) -> Resu
     Ok(())
 }
 
-/// Checks what the shown scene does not use, too: a damaged file should be noticed whichever scene
-/// is shown.
+/// Also checks everything that the shown scene does not use: a damaged file is reported whichever
+/// scene is shown.
 fn check_unseen(reader: &mut Reader, seen: &BTreeSet<usize>) -> Result<(), ReadError> {
     for skin in reader.root.items_of("skins")? {
         skin::read(reader, &skin)?;
@@ -302,7 +302,7 @@ fn check_unseen(reader: &mut Reader, seen: &BTreeSet<usize>) -> Result<(), ReadE
             mesh::read_primitives(reader, mesh, &[], false)?;
         }
     }
-    // What is approximated in meshes that nobody sees is of no interest.
+    // Warnings about meshes that are not shown are dropped.
     reader.scene.warnings = warnings;
     if seen.is_empty() && !reader.root.items_of("meshes")?.is_empty() {
         reader.scene.warn("the file has meshes, but no node of the scene shows one");
@@ -325,7 +325,7 @@ fn read_mesh(
     let weights = morph::weights(node, mesh)?;
     meshes.shown.insert(index.size()?);
     if let Some(skin) = node.get("skin")? {
-        // The skin places the mesh in the world; where the node is does not count (glTF 2.0,
+        // The skin places the mesh in the world; the node's own transform is ignored (glTF 2.0,
         // section 3.7.3.3).
         let skin = skin::read(reader, &reader.root.entry("skins", &skin)?)?;
         let matrices = skin::joint_matrices(&skin, hierarchy);
@@ -366,7 +366,7 @@ fn read_mesh(
     Ok(())
 }
 
-/// The surfaces of a mesh that nothing bends after it is read.
+/// The surfaces of a mesh that is never deformed after reading.
 fn still_surfaces(
     reader: &mut Reader,
     mesh: &Json,
@@ -383,8 +383,8 @@ fn still_surfaces(
     Ok(surfaces)
 }
 
-/// Gives a node the surfaces of a mesh, as its weights and skin (with its matrices) bend it now,
-/// and notes them for later.
+/// Gives a node the surfaces of a mesh, as deformed by its current weights and skin (with its
+/// matrices), and records them for the motion.
 fn bent_mesh(
     reader: &mut Reader,
     mesh: &Json,

@@ -1,10 +1,10 @@
-//! `KHR_animation_pointer`: animations of whatever a JSON pointer names.
+//! `KHR_animation_pointer`: animates any property that a JSON pointer names.
 //!
-//! What becomes of a number of the file may be anything: an angle of view becomes a tangent, a
-//! strength a factor of a colour. So the object that has it (a material, a light, a camera, the
-//! placement of a texture) is read again with the numbers of each key, and where what was read
-//! changes from key to key, there is a track of the scene's motion. Between keys that are not steps
-//! there are some more.
+//! A number of the file may become anything in the scene: an angle of view becomes a tangent, a
+//! strength becomes a factor of a colour. So the object that has it (a material, a light, a camera,
+//! the placement of a texture) is read again with the numbers of each key, and each result that
+//! changes between keys becomes a track of the scene's motion. Between keys without step
+//! interpolation some more times are sampled.
 
 use super::animation::{Placed, curve};
 use super::json::Json;
@@ -28,16 +28,16 @@ pub(super) struct Pointer {
 }
 
 impl Pointer {
-    /// The rest of the path, if the property is in that object.
+    /// The rest of the path, if the property belongs to that object.
     pub fn below(&self, object: &str) -> Option<&str> {
         self.path.strip_prefix(object)?.strip_prefix('/')
     }
 }
 
-/// Steps of a pointer at most: what is missing on its way is made, one object in the other.
+/// Maximum length of a pointer: missing objects on its path are created, nested.
 const MOST_STEPS: usize = 32;
 
-/// All properties that animations name by pointer. What cannot be read leaves a warning.
+/// Reads all properties that animations name by pointer. Unreadable ones leave a warning.
 pub(super) fn read_all(reader: &mut Reader) -> Result<Vec<Pointer>, ReadError> {
     let mut pointers = Vec::new();
     for (clip, animation) in reader.root.items_of("animations")?.iter().enumerate() {
@@ -78,12 +78,12 @@ fn read(
     Ok(Some(Pointer { clip, path, channel: channel.path().to_owned(), curve }))
 }
 
-/// Tracks of the pointers that are not about nodes, each with the number of its animation.
+/// Tracks for pointers to anything but nodes, each with its animation's number.
 pub(super) fn tracks(
     reader: &mut Reader,
     placed: &Placed,
 ) -> Result<Vec<(usize, ParameterTrack)>, ReadError> {
-    // Properties of one object in one animation, which are read together.
+    // Properties of one object in one animation are read together.
     let mut groups: BTreeMap<(usize, String), Vec<Pointer>> = BTreeMap::new();
     for pointer in reader.pointers.clone() {
         match object(&pointer.path) {
@@ -95,7 +95,7 @@ pub(super) fn tracks(
             ),
         }
     }
-    // Reading again repeats what was said already.
+    // Reading again repeats warnings, so they are restored afterwards.
     let (warnings, notes) = (reader.scene.warnings.clone(), reader.scene.notes.clone());
     let (mut tracks, mut failed) = (Vec::new(), Vec::new());
     for ((clip, object), pointers) in groups {
@@ -109,10 +109,10 @@ pub(super) fn tracks(
     Ok(tracks)
 }
 
-/// The placement of textures in the middle of a path.
+/// The texture transform within a path.
 const TEXTURE_TRANSFORM: &str = "/extensions/KHR_texture_transform/";
 
-/// The object that is read again if a property changes; `None` if it has no such object.
+/// The path of the object that is read again when a property changes; `None` if there is none.
 fn object(path: &str) -> Option<String> {
     if let Some((info, _)) =
         path.split_once(TEXTURE_TRANSFORM).filter(|_| path.starts_with("/materials/"))
@@ -176,7 +176,7 @@ fn value(read: &impl serde::Serialize) -> Value {
     serde_json::to_value(read).unwrap_or(Value::Null)
 }
 
-/// An object as it is read at many times.
+/// An object sampled at many times.
 struct Baked {
     times: Vec<f64>,
     interpolation: Interpolation,
@@ -235,14 +235,14 @@ impl Baked {
     }
 }
 
-/// Most times at which an object is read.
+/// Maximum number of times at which an object is read.
 const MOST_TIMES: usize = 20_000;
 
-/// When to read: at each key, and at some times between those that are no steps.
+/// Times to read at: each key, and some times between keys without step interpolation.
 fn times(pointers: &[Pointer], interpolation: Interpolation) -> Vec<f64> {
-    /// Parts of the time between two keys.
+    /// Number of parts between two keys.
     const PARTS: u32 = 8;
-    /// Seconds in which a step happens, if others do not step.
+    /// Duration in seconds that stands for a step, if other properties are not stepped.
     const STEP: f64 = 1e-5;
     let keys: usize = pointers.iter().map(|p| p.curve.times().len()).sum();
     let parts = if keys * PARTS as usize > MOST_TIMES { 1 } else { PARTS };
@@ -265,7 +265,7 @@ fn times(pointers: &[Pointer], interpolation: Interpolation) -> Vec<f64> {
     times.into_iter().step_by(stride).collect()
 }
 
-/// Puts numbers at a path, making what is missing on the way.
+/// Sets numbers at a path, creating missing objects.
 fn put(value: &mut Value, path: &str, numbers: &[f64]) {
     let mut place = value;
     for step in path.split('/') {
@@ -290,12 +290,12 @@ fn put(value: &mut Value, path: &str, numbers: &[f64]) {
     };
 }
 
-/// One step down.
+/// The value one step down a path.
 fn descend<'a>(value: &'a Value, step: &str) -> Option<&'a Value> {
     if value.is_array() { value.get(step.parse::<usize>().ok()?) } else { value.get(step) }
 }
 
-/// The numbers of a leaf.
+/// The numbers of a leaf value.
 fn numbers(value: &Value) -> Option<Vec<f32>> {
     match value {
         Value::Number(number) => Some(vec![number.as_f64()? as f32]),
@@ -304,7 +304,7 @@ fn numbers(value: &Value) -> Option<Vec<f32>> {
     }
 }
 
-/// Paths of numbers and of lists of numbers. Which texture a parameter has is no such number.
+/// Collects paths of numbers and of lists of numbers. A parameter's texture index is not included.
 fn collect_leaves(value: &Value, path: String, leaves: &mut Vec<String>) {
     if numbers(value).is_some_and(|numbers| !numbers.is_empty()) {
         leaves.push(path);

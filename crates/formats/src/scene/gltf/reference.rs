@@ -1,11 +1,10 @@
-//! Checks that references point into their tables, everywhere that the picture may depend on, so
-//! that no later stage meets one that does not (and so that a broken file is refused whichever
-//! scene is shown).
+//! Checks that all references that may affect the picture point into their tables, so that no later
+//! stage meets an invalid one (and a broken file is refused whichever scene is shown).
 
 use super::json::Json;
 use crate::ReadError;
 
-/// Places of references, and the table that they point into. `*` stands for every element or
+/// Paths of references, and the table that they point into. `*` stands for every element or
 /// property.
 const REFERENCES: &[(&str, &str)] = &[
     ("scenes/*/nodes/*", "nodes"),
@@ -49,7 +48,7 @@ pub(super) fn check(root: &Json) -> Result<(), ReadError> {
     Ok(())
 }
 
-/// `steps` are no more than a handful, so recursion is fine.
+/// `steps` has only a few elements, so recursion is fine.
 fn check_at(at: &Json, steps: &[&str], table: &str, count: usize) -> Result<(), ReadError> {
     match steps {
         [] => {

@@ -8,8 +8,8 @@ use crate::ReadError;
 use snell_math::{DAffine3, DMat3, DVec3};
 use snell_scene::motion::{InfluenceSet, Skin};
 
-/// Which joints move the vertices of a primitive, and how much: `JOINTS_n` and `WEIGHTS_n`. None if
-/// it cannot be skinned.
+/// The joints and weights of a primitive's vertices: `JOINTS_n` and `WEIGHTS_n`. Empty if it cannot
+/// be skinned.
 pub(super) fn influences(
     reader: &Reader,
     attributes: &Json,
@@ -28,7 +28,7 @@ pub(super) fn influences(
     Ok(sets)
 }
 
-/// A skin, its joints by the numbers of their nodes.
+/// Reads a skin; its joints are node numbers.
 pub(super) fn read(reader: &Reader, skin: &Json) -> Result<Skin, ReadError> {
     let mut joints = Vec::new();
     for joint in skin.require("joints")?.items()? {
@@ -58,7 +58,7 @@ pub(super) fn read(reader: &Reader, skin: &Json) -> Result<Skin, ReadError> {
     Ok(Skin { joints, inverse_bind })
 }
 
-/// The matrices `world_from_mesh` of a skin, one per joint, at the pose that the nodes are in.
+/// The matrices `world_from_mesh` of a skin, one per joint, at the current pose of the nodes.
 pub(super) fn joint_matrices(skin: &Skin, hierarchy: &Hierarchy) -> Vec<DAffine3> {
     let joints = skin.joints.iter().map(|&joint| hierarchy.world(joint as usize));
     joints.zip(&skin.inverse_bind).map(|(joint, bind)| joint * *bind).collect()

@@ -1,4 +1,4 @@
-//! Whole files: the collection, numbers in known files, messages, damaged files.
+//! Whole files: the shared collection, numbers in known files, messages, damaged files.
 
 mod compression;
 mod damage;
@@ -13,8 +13,7 @@ use snell_intersect::TriangleMesh;
 use snell_scene::{Geometry, Scene};
 use std::path::{Path, PathBuf};
 
-/// A folder of the shared collection; `None`, with a line that says so, where there is no
-/// collection.
+/// A folder of the shared collection; prints a line and returns `None` if it is absent.
 fn data(folder: &str) -> Option<PathBuf> {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")).join(folder);
     if !path.exists() {
@@ -62,7 +61,7 @@ fn meshes(scene: &Scene) -> Vec<&TriangleMesh> {
         .collect()
 }
 
-/// What must hold for every scene that a reader gives out.
+/// Checks that hold for every scene that a reader returns.
 fn assert_sound(scene: &Scene, file: &Path) {
     assert!(scene.topological_order().is_ok(), "{}", file.display());
     for mesh in meshes(scene) {
@@ -103,7 +102,7 @@ fn every_file_of_the_collection_loads_unless_it_requires_what_is_not_supported()
     }
 }
 
-/// Codes of the glTF validator for faults that change the picture.
+/// Codes of the glTF validator for faults that affect the picture.
 const SERIOUS: &[&str] = &[
     "ACCESSOR_SMALL_BYTESTRIDE",
     "ACCESSOR_SPARSE_COUNT_OUT_OF_RANGE",
@@ -122,8 +121,8 @@ const SERIOUS: &[&str] = &[
     "UNRESOLVED_REFERENCE",
 ];
 
-/// Codes and pointers of the errors (severity 0), or of the errors and warnings (1), that the
-/// validator reports about a file.
+/// Codes and pointers of the errors (severity 0), or of the errors and warnings (1), in the
+/// validator's report on a file.
 fn reported(file: &Path, severity: u64) -> Vec<(String, String)> {
     let report =
         std::fs::read(format!("{}.report.json", file.display())).expect("each file has its report");
@@ -151,7 +150,7 @@ fn what_the_validator_finds_serious_is_refused_and_valid_files_load() {
                     file.display()
                 );
             }
-            // A file may rightly say that it needs a newer reader.
+            // A file may declare that it needs a newer reader.
             Err(error) if error.problem.contains("needs a reader") => {}
             Err(error) => assert!(!reported(&file, 1).is_empty(), "{error}"),
         }

@@ -1,4 +1,4 @@
-//! Textures: images, how they repeat, and where they lie on the surface.
+//! Textures: images, their wrap modes, and their placement on the surface.
 
 use super::container::fetch_uri;
 use super::json::Json;
@@ -12,29 +12,28 @@ use snell_scene::{Encoding, Image, ImageTexture, TextureId, WarningKind};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-/// What a texture is used for.
+/// The use of a texture.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub(super) enum Use {
-    /// Colours, encoded as sRGB. A missing image shows as a checker.
+    /// Colours, encoded as sRGB. A missing image shows as a checkerboard.
     Color,
-    /// Numbers, linear. A missing image is left out: a checker would be noise in places where it
-    /// does not tell anything.
+    /// Linear data. A missing image is left out: a checkerboard would only be noise there.
     Data,
 }
 
-/// What identifies a texture of the scene: number in the file, use, coordinate set, bits of the
-/// coordinates' map.
+/// The key of a texture in the scene: number in the file, use, coordinate set, bits of the
+/// coordinate transform.
 type Key = (usize, Use, u32, [u32; 6]);
 
-/// Images of the file, and what of them is in the scene already.
+/// Images of the file, and which of them are in the scene.
 #[derive(Default)]
 pub(super) struct Textures {
-    /// By number in the file: the image or why there is none. `None` if no texture names it.
+    /// By number in the file: the image, or why it is unavailable. `None` if no texture names it.
     decoded: Vec<Option<Result<Arc<Image>, String>>>,
     /// Images in the scene, by number in the file.
     placed: BTreeMap<usize, ImageId>,
     missing: Option<ImageId>,
-    // Only looked up, never walked.
+    // Never iterated, so order does not matter.
     known: HashMap<Key, TextureId>,
 }
 
@@ -50,8 +49,7 @@ fn source(texture: &Json) -> Result<Option<usize>, ReadError> {
     }
 }
 
-/// Decodes the images that textures name, in parallel. What cannot be decoded is noted, not
-/// refused.
+/// Decodes the images that textures name, in parallel. Failures are recorded, not returned.
 pub(super) fn decode_images(reader: &Reader) -> Result<Textures, ReadError> {
     let images = reader.root.items_of("images")?;
     let mut used = vec![false; images.len()];
@@ -60,7 +58,7 @@ pub(super) fn decode_images(reader: &Reader) -> Result<Textures, ReadError> {
             *slot = true;
         }
     }
-    // Images of the same content are decoded once.
+    // Images with the same content are decoded once.
     let mut sources: Vec<Result<Source, ReadError>> = Vec::new();
     let mut number_of: BTreeMap<String, usize> = BTreeMap::new();
     let mut source_of = vec![None; images.len()];
@@ -87,7 +85,7 @@ pub(super) fn decode_images(reader: &Reader) -> Result<Textures, ReadError> {
     Ok(Textures { decoded, ..Textures::default() })
 }
 
-/// The same for images of the same content.
+/// A key that is equal for images with the same content.
 fn source_name(image: &Json) -> Result<String, ReadError> {
     Ok(match (image.get("uri")?, image.get("bufferView")?) {
         (Some(uri), _) => format!("uri {}", uri.string()?),
@@ -96,7 +94,7 @@ fn source_name(image: &Json) -> Result<String, ReadError> {
     })
 }
 
-/// Where an image's bytes come from.
+/// The source of an image's bytes.
 enum Source<'s, 'a> {
     Bytes(Json<'a>, &'s [u8]),
     Uri(Json<'a>),
@@ -132,8 +130,8 @@ impl<'s, 'a> Source<'s, 'a> {
     }
 }
 
-/// The texture that a `textureInfo` object names, put into the scene. `None` if its image is
-/// missing and it is no colour.
+/// Adds the texture that a `textureInfo` object names to the scene. `None` if its image is missing
+/// and it is not a colour.
 pub(super) fn read(
     reader: &mut Reader,
     info: &Json,
@@ -236,7 +234,7 @@ fn sampler(reader: &mut Reader, texture: &Json) -> Result<([Wrap; 2], Filtering)
     Ok((wrap, if is_nearest { Filtering::Nearest } else { Filtering::Trilinear }))
 }
 
-/// Coordinate set and map of the coordinates (`KHR_texture_transform`).
+/// Coordinate set and coordinate transform (`KHR_texture_transform`).
 pub(super) fn placement(
     reader: &mut Reader,
     info: &Json,
@@ -248,9 +246,9 @@ pub(super) fn placement(
         let [tx, ty] = transform.numbers_or("offset", [0.0; 2])?;
         let [sx, sy] = transform.numbers_or("scale", [1.0; 2])?;
         let (sin, cos) = transform.number_or("rotation", 0.0)?.sin_cos();
-        // Coordinates are scaled, turned counter-clockwise as seen with v downwards, then moved.
-        // (The formula in the extension's text turns the other way; its test model and the viewers
-        // agree on this one.)
+        // Coordinates are scaled, rotated counter-clockwise as seen with v downwards, then
+        // translated. (The formula in the extension's text rotates the other way; its test model
+        // and common viewers agree on this one.)
         map =
             [[cos * sx, sin * sy, tx], [-sin * sx, cos * sy, ty]].map(|row| row.map(|x| x as f32));
         if map.as_flattened().iter().any(|x| !x.is_finite()) {

@@ -1,4 +1,4 @@
-//! From the primitive modes of glTF to separate triangles.
+//! Converts the primitive modes of glTF to separate triangles.
 
 use super::json::Json;
 use crate::ReadError;
@@ -6,7 +6,7 @@ use crate::ReadError;
 /// How the vertices of a primitive form triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Topology {
-    /// Three vertices each.
+    /// Each three vertices make a triangle.
     Triangles,
     /// Each vertex from the third makes a triangle with the two before it.
     Strip,
@@ -27,8 +27,9 @@ impl Topology {
         }
     }
 
-    /// Separate triangles, turned as glTF 2.0 says (section 3.7.2.1). Triangles that use a vertex
-    /// twice, as strips do to jump, are left out; so are one or two vertices too many at the end.
+    /// Separate triangles, with the winding of glTF 2.0 (section 3.7.2.1). Triangles that use a
+    /// vertex twice, as strips do to jump, are left out; so are one or two surplus vertices at the
+    /// end.
     pub fn triangles(self, indices: &[u32]) -> Vec<[u32; 3]> {
         let proper = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
         match self {

@@ -1,4 +1,4 @@
-//! BSDFs: what they become, and how several of them share a surface.
+//! BSDFs: their conversion, and several of them on one surface.
 
 mod adapter;
 mod principled;
@@ -21,13 +21,13 @@ use snell_scene::material::{
 };
 use std::rc::Rc;
 
-/// The materials of one surface. Several lie on each other: where one is absent by its opacity, the
-/// next one is met.
+/// The materials of one surface, in layers: where one is absent by its opacity, the next one is
+/// hit.
 #[derive(Clone, Debug, Default)]
 pub struct Look {
-    /// Opaque but for the opacities of all but the last; none for no surface at all.
+    /// Only the last layer is always opaque; empty for no surface at all.
     pub layers: Vec<Material>,
-    /// True if the colours of vertices are seen.
+    /// True if vertex colours are visible.
     pub uses_vertex_colors: bool,
 }
 
@@ -39,14 +39,14 @@ impl Look {
 
 /// Grey, as Mitsuba's diffuse surfaces are by default.
 pub const GRAY: f32 = 0.5;
-/// What Mitsuba's dielectrics are made of by default, and what is around them.
+/// The default inside and outside materials of Mitsuba's dielectrics.
 const GLASS: f64 = 1.5046;
 const AIR: f64 = 1.000_277;
 const POLYPROPYLENE: f64 = 1.49;
 const AMBER: f64 = 1.55;
 
 impl Builder<'_> {
-    /// What a BSDF looks like.
+    /// The appearance of a BSDF.
     pub(super) fn bsdf(&mut self, object: &Rc<Object>) -> Result<Look, Fault> {
         let key = Rc::as_ptr(object);
         if let Some(known) = self.looks.get(&key) {
@@ -141,7 +141,7 @@ impl Builder<'_> {
         Ok((index("int_ior", default)? / index("ext_ior", AIR)?) as f32)
     }
 
-    /// Shape of the distribution of microfacets: Beckmann's if nothing is said.
+    /// Shape of the microfacet distribution; Beckmann by default.
     fn microfacets(&mut self, object: &Object) -> Result<MicrofacetShape, Fault> {
         if !object.kind.starts_with("rough") {
             return Ok(MicrofacetShape::Ggx);
@@ -152,7 +152,7 @@ impl Builder<'_> {
         match distribution {
             "ggx" => return Ok(MicrofacetShape::Ggx),
             "beckmann" => {}
-            // Its exponent is that of the same width, and the highlights of both are much alike.
+            // A Phong exponent is converted to the same width; the highlights look similar.
             "phong" | "as" => {
                 let owner = object.owner();
                 self.note("distribution", at, || {
@@ -173,7 +173,7 @@ impl Builder<'_> {
         Ok(MicrofacetShape::Beckmann)
     }
 
-    /// Roughness by `alpha`, or by `alpha_u` and `alpha_v`.
+    /// Roughness from `alpha`, or from `alpha_u` and `alpha_v`.
     fn roughness(&mut self, object: &Object) -> Result<Roughness, Fault> {
         if !object.kind.starts_with("rough") {
             return Ok(Roughness::Even(0.0.into()));
@@ -193,7 +193,7 @@ impl Builder<'_> {
         Ok(Roughness::of_widths(width("alpha_u")?, width("alpha_v")?))
     }
 
-    /// Tells of a width of the distribution that there is none of.
+    /// Warns if a width of the distribution is out of range.
     fn note_limits_of_width(&mut self, object: &Object, name: &str) {
         let Some(property) = object.get(name) else { return };
         let width = match property.value {
@@ -211,7 +211,7 @@ impl Builder<'_> {
         }
     }
 
-    /// One roughness for what cannot be stretched.
+    /// One roughness for isotropic models.
     fn even_roughness(&mut self, object: &Object) -> Result<ScalarParam, Fault> {
         let roughness = self.roughness(object)?;
         if let Roughness::Stretched { .. } = roughness {
@@ -247,7 +247,7 @@ impl Builder<'_> {
         Ok(Material::new("", kind))
     }
 
-    /// A factor on reflections that are not tinted here.
+    /// Warns if a factor on untinted reflection is not white.
     fn expect_white(&mut self, object: &Object, name: &str) -> Result<(), Fault> {
         let Some(pattern) = self.pattern(object, name)? else { return Ok(()) };
         if !matches!(pattern, Pattern::Constant(color) if rgb_of(color) == Rgb::WHITE) {
@@ -276,7 +276,7 @@ impl Builder<'_> {
         Ok(metal(spectrum, tint, roughness, microfacets))
     }
 
-    /// The metal that an object says; `None` for one that reflects everything.
+    /// The metal of an object; `None` for a perfect reflector.
     fn metal(&mut self, object: &Object) -> Result<Option<ConductorSpectrum>, Fault> {
         let over = 1.0 / self.outside_index(object)?;
         if object.has("eta") || object.has("k") {
@@ -328,7 +328,7 @@ impl Builder<'_> {
         let exponent = self.constant(object, "exponent")?.map_or(30.0, |c| c.luminance());
         let diffuse = self.color(object, "diffuse_reflectance", GRAY)?;
         let specular = self.color(object, "specular_reflectance", 0.2)?;
-        // Mitsuba's lobe integrates to its reflectance only head-on, as ours does.
+        // Mitsuba's lobe integrates to its reflectance only at normal incidence, as ours does.
         let kind = Phong { diffuse, specular, shininess: exponent, ..Phong::default() };
         Ok(Material::new("", kind))
     }
@@ -338,7 +338,7 @@ impl Builder<'_> {
         Ok(letting_through(Rgb::BLACK.into(), color))
     }
 
-    /// Hair by its pigments, or by its absorption.
+    /// Hair, from its pigments or its absorption.
     fn hair(&mut self, object: &Object) -> Result<Material, Fault> {
         let mut kind = Hair { ior: self.relative_index(object, AMBER)?, ..Hair::default() };
         if object.has("sigma_a") {
@@ -361,7 +361,7 @@ impl Builder<'_> {
         Ok(Material::new("", kind))
     }
 
-    /// A clear layer over a metal or a diffuse surface.
+    /// A clear coat on a metal or a diffuse surface.
     fn coating(&mut self, object: &Object) -> Result<Look, Fault> {
         let ior = self.relative_index(object, GLASS)?;
         let (roughness, microfacets) = (self.even_roughness(object)?, self.microfacets(object)?);

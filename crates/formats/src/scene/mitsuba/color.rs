@@ -1,4 +1,4 @@
-//! Colours of properties: as shares of light, as light, as single numbers; and indices of
+//! Converts the colours of properties to reflectances, light and single numbers; indices of
 //! refraction by name.
 
 use super::value::Hue;
@@ -6,7 +6,7 @@ use snell_math::Rgb;
 use snell_math::spectrum::cie::{LAMBDA_MIN, OBSERVER_1931};
 use snell_scene::material::ColorParam;
 
-/// What a surface reflects.
+/// The reflectance of a surface.
 pub fn reflectance(hue: Hue) -> ColorParam {
     match hue {
         Hue::Rgb(rgb) => rgb.into(),
@@ -26,8 +26,8 @@ pub fn factor(hue: Hue) -> Rgb {
     }
 }
 
-/// The colour of light in linear Rec. 709. A spectrum that is given without wavelengths is white,
-/// as in Mitsuba's RGB modes.
+/// The colour of light in linear Rec. 709. A spectrum given without wavelengths is white, as in
+/// Mitsuba's RGB modes.
 pub fn light(hue: Hue) -> Rgb {
     match hue {
         Hue::Spectrum(spectrum, factor) => spectrum.light_rgb() * factor as f32,
@@ -35,7 +35,7 @@ pub fn light(hue: Hue) -> Rgb {
     }
 }
 
-/// What Mitsuba takes for the luminance of a black body: its radiance in W/(m² sr nm), by the
+/// Mitsuba's luminance of a black body: its radiance in W/(m² sr nm), weighted by the standard
 /// observer, relative to a spectrum of ones.
 pub fn blackbody_luminance(kelvin: f64) -> f64 {
     // First and second radiation constants (CODATA 2018): 2 h c² in W m² / sr, and h c / k in m K.
@@ -50,7 +50,7 @@ pub fn blackbody_luminance(kelvin: f64) -> f64 {
     sum / ones
 }
 
-/// Indices of refraction by name: those of Mitsuba's documentation.
+/// Indices of refraction by name, from Mitsuba's documentation.
 const INDICES: [(&str, f64); 23] = [
     ("vacuum", 1.0),
     ("helium", 1.000_036),

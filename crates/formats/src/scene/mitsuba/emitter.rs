@@ -16,7 +16,7 @@ use snell_scene::light::{
 use snell_scene::material::ColorParam;
 
 impl Builder<'_> {
-    /// Light in linear Rec. 709 that must be the same everywhere.
+    /// Light in linear Rec. 709 that must be constant (not textured).
     fn light_color(&mut self, object: &Object, name: &str, default: f32) -> Result<Rgb, Fault> {
         if let Some(property) = object.get(name)
             && let Value::Color(hue) = property.value
@@ -26,7 +26,7 @@ impl Builder<'_> {
         Ok(self.constant(object, name)?.unwrap_or(Rgb::splat(default)))
     }
 
-    /// The radiance of a surface; `None` if it emits in no way that is known.
+    /// The radiance of a surface; `None` if its emitter is not supported.
     pub(super) fn area_emitter(&mut self, object: &Object) -> Result<Option<ColorParam>, Fault> {
         if object.class != "emitter" {
             return Err(
@@ -97,7 +97,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Falls linearly with the angle from the beam's edge to the cut-off.
+    /// The intensity falls linearly with the angle from the beam's edge to the cut-off.
     fn spot(&mut self, object: &Object, place: DAffine3) -> Result<(), Fault> {
         let scale = self.light_color(object, "intensity", 1.0)?;
         let cutoff = object.float_within("cutoff_angle", 20.0, [0.0, 180.0])?.max(1e-3);
@@ -160,9 +160,9 @@ impl Builder<'_> {
         let half = (fov * 0.5).to_radians().tan();
         let half_size = DVec2::new(half, half * f64::from(image.height) / f64::from(image.width));
         if let (Some(slide), Some(axes)) = (Slide::new(&image, half_size), unit_axes(place)) {
-            // Mitsuba's x is to the left of what is thrown, as in its cameras.
+            // Mitsuba's x points to the left of the projected picture, as in its cameras.
             let world_from_light = axes * DMat3::from_cols(DVec3::NEG_X, DVec3::Y, DVec3::Z);
-            // Irradiance at distance 1 of the whole of a picture's plane, head-on.
+            // Irradiance at distance 1 of the whole picture plane, at normal incidence.
             let (position, scale) = (place.translation, factor * scale);
             self.scene.add_light(Projector { position, world_from_light, scale, slide });
         }
@@ -189,7 +189,7 @@ impl Builder<'_> {
             }
         };
         let image = self.scene.images[image.index()].clone();
-        // Its middle is +z and what is right of it -x; ours -z and +x.
+        // Its middle is +z and its right is -x; ours are -z and +x.
         let turned = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0));
         let world_from_environment = DAffine3::from_mat3(place.matrix3 * turned);
         self.surround(object, Environment::Image { image, scale, world_from_environment });
@@ -201,8 +201,8 @@ impl Builder<'_> {
         inner.map(|texture| self.texture(&texture)).transpose()
     }
 
-    /// The sky by the model of Hosek and Wilkie, with its sun: up is `+z`, as in Mitsuba 3, or `+y`
-    /// in version 0.6.
+    /// The sky model of Hosek and Wilkie, with its sun: up is `+z`, as in Mitsuba 3, or `+y` in
+    /// version 0.6.
     fn sky(&mut self, object: &Object, place: DAffine3) -> Result<(), Fault> {
         let is_old = self.version.starts_with("0.");
         let direction = object.vector("sun_direction")?;
@@ -279,7 +279,7 @@ impl Builder<'_> {
     }
 }
 
-/// The axes of a map without their lengths.
+/// The normalised axes of a transform.
 fn unit_axes(map: DAffine3) -> Option<DMat3> {
     let [x, y, z] =
         [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(DVec3::try_normalize);

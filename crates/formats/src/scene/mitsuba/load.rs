@@ -1,4 +1,4 @@
-//! From XML to objects: parameters and included files are put in, properties are read.
+//! Loads XML as objects: substitutes parameters, includes files and reads properties.
 
 mod spectrum;
 mod transform;
@@ -33,44 +33,44 @@ const CLASSES: [&str; 14] = [
     "volume",
     "subsurface",
 ];
-/// What older versions called them.
+/// Their names in older versions.
 const OLD_CLASSES: [(&str, &str); 2] = [("camera", "sensor"), ("luminaire", "emitter")];
 
-/// Files in files; each takes some of the thread's stack.
+/// Maximum depth of includes; each takes some of the thread's stack.
 const MAX_FILE_DEPTH: usize = 16;
-/// Objects in objects; each takes some of the thread's stack.
+/// Maximum depth of objects; each takes some of the thread's stack.
 const MAX_DEPTH: usize = 128;
 
-/// Properties of an object: each is compared with all before it.
+/// Maximum number of properties of an object: each is compared with all before it.
 const MAX_PROPERTIES: usize = 4096;
 
-/// What is known while files are read.
+/// State while files are read.
 pub struct Loader<'a> {
     main: &'a Input,
     /// Names of all files so far.
     pub files: Vec<String>,
     open: Vec<PathBuf>,
-    /// Parameters by name, with their values: those of the command line, and the defaults of files.
+    /// Parameter values by name: those of the command line, and the defaults of files.
     pub parameters: HashMap<String, String>,
-    /// Names of the parameters that files declare, in their order.
+    /// Names of the parameters that files declare, in order.
     pub declared: Vec<String>,
-    /// Second names of ids.
+    /// Aliases of ids.
     pub aliases: HashMap<String, String>,
     /// `0.6` and the like, of the main file.
     pub version: String,
     pub notes: Notes,
-    /// How many objects are around the one being read.
+    /// The nesting depth of the object being read.
     depth: usize,
 }
 
-/// A file while it is read.
+/// A file while it is being read.
 struct File<'t> {
     number: u32,
     text: &'t str,
     lines: Vec<usize>,
     input: &'t Input,
-    /// The last offset that was asked for, and its column: counting goes on from there, for a file
-    /// may be one long line.
+    /// The last offset that was located, and its column: counting continues from there, because a
+    /// file may be one long line.
     last: Cell<(usize, usize)>,
 }
 
@@ -106,7 +106,7 @@ impl<'a> Loader<'a> {
         }
     }
 
-    /// The scene of a file.
+    /// Reads the scene of a file.
     pub fn scene(&mut self, input: &Input, named_at: Spot) -> Result<Object, Fault> {
         let path =
             input.directory.join(std::path::Path::new(&input.name).file_name().unwrap_or_default());
@@ -173,7 +173,7 @@ impl<'a> Loader<'a> {
         self.notes.add(snell_scene::WarningKind::Changed, kind.into(), at, message);
     }
 
-    /// An attribute with parameters put in.
+    /// An attribute with parameters substituted.
     fn attribute(&mut self, file: &File, node: &Node, name: &str) -> Result<Option<String>, Fault> {
         let Some(attribute) = node.attribute_node(name) else { return Ok(None) };
         let text = attribute.value();
@@ -185,7 +185,7 @@ impl<'a> Loader<'a> {
         while let Some(start) = rest.find('$') {
             filled.push_str(&rest[..start]);
             rest = &rest[start + 1..];
-            // The longest name that fits: `$spp2` is not `$spp` followed by 2 if both are known.
+            // The longest matching name: `$spp2` is not `$spp` followed by 2 if both are known.
             let known = self
                 .parameters
                 .iter()
@@ -248,7 +248,7 @@ impl<'a> Loader<'a> {
         Ok(object)
     }
 
-    /// Reads what stands in an object.
+    /// Reads an element inside an object.
     fn member(&mut self, file: &File, node: &Node, object: &mut Object) -> Result<(), Fault> {
         let (at, tag) = (file.at(node), node.tag_name().name());
         let class = OLD_CLASSES.iter().find(|(old, _)| *old == tag).map_or(tag, |(_, new)| new);
@@ -301,7 +301,7 @@ impl<'a> Loader<'a> {
         Ok(())
     }
 
-    /// Opens a file that another names: beside the main file, or else beside the other.
+    /// Opens a file that another one names: relative to the main file, or else to the naming file.
     fn open_file(&self, file: &File, name: &str, at: Spot) -> Result<Input, Fault> {
         let beside = |input: &Input| {
             input.open_relative(name).map_err(|error| {
@@ -344,7 +344,7 @@ impl<'a> Loader<'a> {
         Ok(())
     }
 
-    /// The value that an element says; `None` if there is no such element.
+    /// The value of an element; `None` if it is not a known kind.
     fn value(&mut self, file: &File, node: &Node, tag: &str) -> Result<Option<Value>, Fault> {
         let at = file.at(node);
         let fault =

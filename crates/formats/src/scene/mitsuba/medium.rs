@@ -18,18 +18,18 @@ use std::sync::Arc;
 #[derive(Debug, Default)]
 pub struct Media {
     known: HashMap<*const Object, Option<MediumId>>,
-    /// Media that are inside of something.
+    /// Media that are the interior of some shape.
     pub inside: Vec<MediumId>,
 }
 
-/// A volume: the same everywhere, or on a grid.
+/// A constant or gridded volume.
 enum Volume {
     Constant(Rgb),
     Grid(VolumeFile, DAffine3),
 }
 
 impl Volume {
-    /// From the unit cube of the grid to the world.
+    /// The transform from the grid's unit cube to the world.
     fn place(&self) -> Option<&DAffine3> {
         match self {
             Self::Constant(_) => None,
@@ -37,7 +37,7 @@ impl Volume {
         }
     }
 
-    /// True if it is known for each cell of a grid.
+    /// True if the values are per cell of a grid.
     fn has_cells_of(&self, file: &VolumeFile) -> bool {
         match self {
             Self::Constant(_) => true,
@@ -64,7 +64,7 @@ pub struct VolumeFile {
 }
 
 impl Builder<'_> {
-    /// A medium; `None` for one that became clear air.
+    /// Converts a medium; `None` if it became clear air.
     pub(super) fn medium(&mut self, object: &Rc<Object>) -> Result<Option<MediumId>, Fault> {
         if let Some(known) = self.media.known.get(&Rc::as_ptr(object)) {
             return Ok(*known);
@@ -108,7 +108,7 @@ impl Builder<'_> {
                 let owner = phase.owner();
                 self.ignore_all(&phase);
                 self.note(owner.clone(), phase.at, || {
-                    format!("{owner}: light is scattered evenly instead")
+                    format!("{owner}: light is scattered isotropically instead")
                 });
                 0.0
             }
@@ -117,7 +117,7 @@ impl Builder<'_> {
         Ok(g as f32)
     }
 
-    /// Scale, and what it applies to: extinction and albedo, or absorption and scattering.
+    /// A homogeneous medium: `scale` applies to extinction, or to absorption and scattering.
     fn homogeneous(&mut self, object: &Object, g: f32) -> Result<MediumId, Fault> {
         let scale = object.float_or("scale", 1.0)? as f32;
         if let Some((name, at)) = object.string("material")? {
@@ -179,7 +179,7 @@ impl Builder<'_> {
             let plain = Homogeneous::scattering(*sigma_t * scale, *albedo, g);
             return Ok(Some(self.scene.add_medium(Homogeneous { emission: *emission, ..plain })));
         }
-        // All on the box of the first grid, which mostly is that of all.
+        // All use the box of the first grid, which is usually the same for all.
         let boxes = [&extinction, &albedo, &emission].into_iter().filter_map(Volume::place);
         let boxes: Vec<DAffine3> = boxes.copied().collect();
         let Some(&place) = boxes.first() else { return Ok(None) };
@@ -280,8 +280,8 @@ impl Builder<'_> {
         Ok(Volume::Grid(file, world_from_grid))
     }
 
-    /// The medium around the camera is everywhere, unless it is the inside of something: then the
-    /// renderer finds out.
+    /// The medium around the camera is everywhere, unless it is also an interior: then the renderer
+    /// determines where the camera is.
     pub(super) fn camera_medium(&mut self, medium: Option<MediumId>) {
         self.scene.medium = medium.filter(|m| !self.media.inside.contains(m));
     }
@@ -299,7 +299,7 @@ impl VolumeFile {
         Rgb::new(channel(0), channel(1), channel(2))
     }
 
-    /// True if cells have colours, not numbers.
+    /// True if the cells have colours, not numbers.
     fn is_colored(&self) -> bool {
         self.channels >= 3
     }
@@ -313,14 +313,14 @@ impl VolumeFile {
         Rgb::new(channel(0), channel(1), channel(2))
     }
 
-    /// A colour for each cell, made from its number and its colour.
+    /// A colour for each cell, computed from its index and its colour.
     fn colors(&self, change: impl Fn(usize, Rgb) -> Rgb) -> Option<Arc<ColorGrid>> {
         let cells = self.values.len() / self.channels;
         ColorGrid::new(self.size, (0..cells).map(|cell| change(cell, self.color(cell))).collect())
             .map(Arc::new)
     }
 
-    /// One number for each cell: the mean of the channels.
+    /// A number for each cell: the mean of the channels.
     fn scalar(&self) -> Option<ScalarGrid> {
         let mean = |cell: &[f32]| cell.iter().sum::<f32>() / self.channels as f32;
         ScalarGrid::new(self.size, self.values.chunks_exact(self.channels).map(mean).collect())
@@ -461,7 +461,7 @@ mod tests {
             [[2.0, 1.5, 0.0], [2.0, 0.5, 8.0], [2.0, 0.0, 14.0], [0.0, 0.0, 2.0]],
             0,
         );
-        // Grids that do not fit each other: the extinction becomes grey.
+        // The grids differ: the extinction becomes grey.
         assert_eq!(read("colors", "coarse").1, 1);
     }
 

@@ -1,14 +1,13 @@
-//! Mitsuba scenes: the XML of versions 2 and 3, and of 0.6 where its meaning is plain.
+//! Mitsuba scenes: the XML of versions 2 and 3, and of 0.6 where the meaning is clear.
 //!
 //! The format is that of <https://mitsuba.readthedocs.io>. `load.rs` turns XML into objects with
-//! properties (`object.rs`), parameters and included files put in; one file each builds sensors,
-//! shapes, BSDFs, textures, emitters and media of them. What Snell cannot express becomes the
-//! nearest thing that it can, and a warning with file, line and column; so does every property that
-//! nobody asked for.
+//! properties (`object.rs`), with parameters substituted and files included; one file each converts
+//! sensors, shapes, BSDFs, textures, emitters and media. Features that Snell lacks are approximated
+//! with a warning that names file, line and column; unused properties are reported, too.
 //!
 //! Coordinates are right-handed, as ours; cameras look along their `+z` with `+x` to the left and
-//! `+y` up. Where the camera's transform is a mirror, the whole scene is mirrored in x (by the root
-//! node), so that the picture is.
+//! `+y` up. If the camera's transform is a mirror, the whole scene is mirrored in x (by the root
+//! node) so that the picture is mirrored.
 
 mod bsdf;
 mod color;
@@ -49,10 +48,10 @@ pub const READER: SceneReader = SceneReader {
     read,
 };
 
-/// Objects in and behind objects; each takes some of the thread's stack.
+/// Maximum depth of nested and referenced objects; each takes some of the thread's stack.
 const MAX_DEPTH: usize = 64;
 
-/// What is known while the scene is built.
+/// State while the scene is built.
 struct Builder<'a> {
     /// The file that the user named; names in all files are relative to its folder.
     main: &'a Input,
@@ -62,19 +61,19 @@ struct Builder<'a> {
     /// Objects by id.
     ids: HashMap<String, Rc<Object>>,
     aliases: HashMap<String, String>,
-    /// Map of the file's world to the scene's: a mirror or nothing.
+    /// Transform from the file's world to the scene's: a mirror or the identity.
     world_from_file: DAffine3,
     images: textures::Textures,
     textures: Textures,
     looks: HashMap<*const Object, Look>,
-    /// True if the BSDF being built shows the colours of vertices.
+    /// True if the BSDF being built shows vertex colours.
     uses_vertex_colors: bool,
     shapes: Shapes,
     media: Media,
     around_camera: Option<MediumId>,
     /// Objects that are being built, the innermost last.
     building: Vec<*const Object>,
-    /// How many other files were opened.
+    /// The number of other files opened.
     opened: usize,
     notes: Notes,
 }
@@ -125,7 +124,7 @@ impl Builder<'_> {
         for child in root.children_where(|_| true) {
             children.push(self.resolve(child)?);
         }
-        // Sensors first: they decide whether the world is mirrored.
+        // Sensors come first: they decide whether the world is mirrored.
         for class in ["sensor", "integrator", "shape", "emitter"] {
             for object in children.iter().filter(|o| o.class == class) {
                 match class {
@@ -171,18 +170,18 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Notes something that the user should know: what was found, and what was done instead. Of
-    /// each kind only the first is told.
+    /// Warns of something that the user should know: what was found, and what was done instead.
+    /// Only the first of each kind is reported.
     fn note(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
         self.notes.add(WarningKind::Changed, kind.into(), at, message);
     }
 
-    /// Notes what the file leaves open, or what belongs to other programs: nothing is wrong.
+    /// Notes choices that the file leaves open, or features of other programs: nothing is wrong.
     fn mention(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
         self.notes.add(WarningKind::Choice, kind.into(), at, message);
     }
 
-    /// Notes what nobody asked for.
+    /// Warns of unused properties.
     fn note_unused(&mut self, object: &Object) {
         let owner = object.owner();
         for property in object.properties.iter().filter(|p| !p.used.get()) {
@@ -202,13 +201,13 @@ impl Builder<'_> {
         }
     }
 
-    /// Takes all that is in an object for used: another note says what becomes of it.
+    /// Marks everything in an object as used: another note explains it.
     fn ignore_all(&mut self, object: &Object) {
         object.properties.iter().for_each(|p| p.used.set(true));
         object.children.iter().for_each(|c| c.used.set(true));
     }
 
-    /// The object that stands inside of another, or that is referred to there.
+    /// The object that is nested in another or referenced there.
     fn resolve(&self, child: &Child) -> Result<Rc<Object>, Fault> {
         let id = match &child.content {
             Content::Object(object) => return Ok(object.clone()),
@@ -225,7 +224,7 @@ impl Builder<'_> {
         })
     }
 
-    /// The first object inside of another that is so.
+    /// The first nested object that satisfies a condition.
     fn inner(
         &self,
         object: &Object,
@@ -241,14 +240,14 @@ impl Builder<'_> {
         Ok(None)
     }
 
-    /// The object of this name inside of another.
+    /// The nested object of this name.
     fn child_named(&self, object: &Object, name: &str) -> Result<Option<Rc<Object>>, Fault> {
         let Some(child) = object.children.iter().find(|c| c.name == name) else { return Ok(None) };
         child.used.set(true);
         self.resolve(child).map(Some)
     }
 
-    /// Begins to build an object, which must not be a part of itself.
+    /// Begins to build an object; fails if it contains itself.
     fn enter(&mut self, object: &Object) -> Result<(), Fault> {
         let address: *const Object = object;
         if self.building.contains(&address) {
@@ -295,7 +294,7 @@ impl Builder<'_> {
     }
 }
 
-/// Classes of objects that may stand in the scene: those that others refer to as well.
+/// Classes of objects that may stand at the top level, including those that others refer to.
 const KNOWN_AT_TOP: [&str; 8] =
     ["sensor", "integrator", "shape", "emitter", "bsdf", "texture", "medium", "volume"];
 
@@ -312,7 +311,7 @@ fn recognises(bytes: &[u8]) -> bool {
         let Some((_, after)) = rest.split_once(end) else { return false };
         rest = after.trim_start();
     }
-    // Embree's scenes begin with the same element, but have no version.
+    // Embree's scenes begin with the same element, but without a version.
     let Some(tag) = rest.strip_prefix("<scene").and_then(|r| r.split('>').next()) else {
         return false;
     };

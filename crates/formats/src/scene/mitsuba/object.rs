@@ -1,4 +1,4 @@
-//! Objects of a scene: plugins with their properties and the objects inside of them, looked up by
+//! Objects of a scene: plugins with their properties and nested objects, which are looked up by
 //! name and checked by type.
 
 use super::value::{Hue, Value};
@@ -7,16 +7,16 @@ use snell_math::{DAffine3, DVec3};
 use std::cell::Cell;
 use std::rc::Rc;
 
-/// What stands between `<bsdf type="diffuse">` and `</bsdf>`.
+/// An element such as `<bsdf type="diffuse">` with its content.
 #[derive(Debug, Default)]
 pub struct Object {
     /// `bsdf`, `shape` and the like.
     pub class: String,
     /// The plugin.
     pub kind: String,
-    /// What it is to the object around it; empty if it does not say.
+    /// Its name within the parent; empty if absent.
     pub name: String,
-    /// For references to it.
+    /// The id by which others refer to it.
     pub id: Option<String>,
     /// Where it begins.
     pub at: Spot,
@@ -29,7 +29,7 @@ pub struct Object {
 /// A named value.
 #[derive(Debug)]
 pub struct Property {
-    /// As versions 2 and 3 write it.
+    /// The name in the spelling of versions 2 and 3.
     pub name: String,
     /// Where it is.
     pub at: Spot,
@@ -37,7 +37,7 @@ pub struct Property {
     pub used: Cell<bool>,
 }
 
-/// An object inside of another, or a reference to one.
+/// A nested object, or a reference to one.
 #[derive(Debug)]
 pub struct Child {
     pub name: String,
@@ -50,7 +50,7 @@ pub struct Child {
 #[derive(Clone, Debug)]
 pub enum Content {
     Object(Rc<Object>),
-    /// The id of an object that may stand anywhere.
+    /// The id of an object anywhere in the scene.
     Reference(String),
 }
 
@@ -70,7 +70,7 @@ impl Property {
 }
 
 impl Object {
-    /// For messages: `bsdf "diffuse"`.
+    /// The name for messages: `bsdf "diffuse"`.
     pub fn owner(&self) -> String {
         format!("{} \"{}\"", self.class, self.kind)
     }
@@ -80,14 +80,14 @@ impl Object {
         Fault::new(self.at, format!("{}: {problem}", self.owner()), remedy)
     }
 
-    /// The property of this name; it counts as used.
+    /// The property of this name, which is marked as used.
     pub fn get(&self, name: &str) -> Option<&Property> {
         let property = self.properties.iter().find(|p| p.name == name)?;
         property.used.set(true);
         Some(property)
     }
 
-    /// True if there is a property or an object of this name; it does not count as used.
+    /// True if there is a property or an object of this name; it is not marked as used.
     pub fn has(&self, name: &str) -> bool {
         self.properties.iter().any(|p| p.name == name)
             || self.children.iter().any(|c| c.name == name)
@@ -149,7 +149,7 @@ impl Object {
         ))
     }
 
-    /// Yes or no.
+    /// A boolean or its default.
     pub fn bool_or(&self, name: &str, default: bool) -> Result<bool, Fault> {
         let Some(property) = self.get(name) else { return Ok(default) };
         match property.value {
@@ -158,7 +158,7 @@ impl Object {
         }
     }
 
-    /// A text.
+    /// A string.
     pub fn string(&self, name: &str) -> Result<Option<(&str, Spot)>, Fault> {
         let Some(property) = self.get(name) else { return Ok(None) };
         match &property.value {
@@ -167,7 +167,7 @@ impl Object {
         }
     }
 
-    /// A file name, which must be there.
+    /// A required file name.
     pub fn file_name(&self) -> Result<(&str, Spot), Fault> {
         let missing =
             || self.fault("there is no file name", "add <string name=\"filename\" value=\"…\"/>");
@@ -192,8 +192,8 @@ impl Object {
         }
     }
 
-    /// The objects of a class (the objects referred to count when they are resolved), each counting
-    /// as used.
+    /// The objects of a class, each marked as used. Referenced objects count once they are
+    /// resolved.
     pub fn children_where<'a>(
         &'a self,
         is: impl Fn(&Child) -> bool + 'a,

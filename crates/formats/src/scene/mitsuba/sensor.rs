@@ -7,14 +7,14 @@ use snell_math::{DAffine3, DVec3};
 use snell_scene::camera::Intrinsics;
 use snell_scene::{Camera, Projection};
 
-/// Size of the picture if the film does not say.
+/// Default size of the film.
 const SIZE: [i64; 2] = [768, 576];
-/// Bounces that stand for no limit.
+/// Number of bounces that means no limit.
 const UNLIMITED: i64 = 1 << 20;
 
 impl Builder<'_> {
-    /// Adds a camera. The first one's film and sampler are those of the scene, and its handedness
-    /// decides about mirroring.
+    /// Adds a camera. The film and sampler of the first one are those of the scene, and its
+    /// handedness decides whether the world is mirrored.
     pub(super) fn sensor(&mut self, object: &Object) -> Result<(), Fault> {
         let is_first = self.scene.cameras.is_empty();
         let film = self.inner(object, |o| o.class == "film")?;
@@ -40,7 +40,7 @@ impl Builder<'_> {
         camera.name = object.id.clone().unwrap_or_default();
         camera.resolution = Some(size);
         for name in ["near_clip", "far_clip"] {
-            // Cameras see everything; files give planes that are far from what they show.
+            // Clipping planes are ignored: cameras see everything.
             object.get(name);
         }
         for name in ["shutter_open", "shutter_close"] {
@@ -57,7 +57,7 @@ impl Builder<'_> {
         place: DAffine3,
         size: [u32; 2],
     ) -> Result<Camera, Fault> {
-        // Seen from behind the camera, its x is to the left.
+        // As seen from behind the camera, its x points to the left.
         let [up, towards] = [DVec3::Y, DVec3::Z].map(|axis| place.transform_vector3(axis));
         if !towards.is_finite() || towards.cross(up).length() == 0.0 {
             return Err(object.fault("its transform is singular", "correct to_world"));
@@ -88,7 +88,7 @@ impl Builder<'_> {
         let focus = object.positive("focus_distance", 1e4)?;
         if object.get("aperture_map").is_some() || object.has("aperture") {
             self.note("aperture", object.at, || {
-                "an aperture of its own shape; it became a disk".into()
+                "an aperture of another shape; it became a disk".into()
             });
         }
         Ok(camera.with_lens(aperture * scale, focus * scale))
@@ -116,7 +116,7 @@ impl Builder<'_> {
         }))
     }
 
-    /// Half of the width of what is seen at distance 1, of a picture of this shape.
+    /// Half of the width seen at distance 1, for a picture of this aspect ratio.
     fn tan_half_fov_x(&mut self, object: &Object, aspect: f64) -> Result<f64, Fault> {
         if let Some((text, at)) = object.string("focal_length")? {
             object.get("fov");
@@ -167,7 +167,7 @@ impl Builder<'_> {
                 });
             }
         }
-        // How the picture is stored is for the command line to say.
+        // The file format of the picture is set on the command line.
         for name in [
             "filename",
             "file_format",
@@ -210,7 +210,7 @@ impl Builder<'_> {
         if filter.float_or("stddev", 0.5)? != 0.5 || filter.float_or("radius", 0.0)? != 0.0 {
             let owner = filter.owner();
             self.note(format!("{owner} size"), filter.at, || {
-                format!("{owner} of a size of its own: the usual size was used")
+                format!("{owner} of another size: the default size was used")
             });
         }
         for name in ["lobes", "b", "c"] {
@@ -246,7 +246,7 @@ impl Builder<'_> {
             self.integrator(&inner)?;
             return Ok(());
         }
-        // Mitsuba counts edges of the path: 1 shows emitters, 2 their light on surfaces.
+        // Mitsuba counts path edges: 1 shows emitters, 2 their light on surfaces.
         let edges = object.integer_within("max_depth", [-1, UNLIMITED])?.unwrap_or(-1);
         let bounces = if edges < 0 { UNLIMITED } else { (edges - 1).max(0) };
         self.scene.settings.max_depth = Some(bounces as u32);
@@ -281,7 +281,7 @@ impl Builder<'_> {
                 "hide_emitters was ignored: emitters are seen".into()
             });
         }
-        // These change the noise only.
+        // These affect only the noise.
         for name in [
             "rr_depth",
             "strict_normals",

@@ -1,5 +1,4 @@
-//! Mitsuba's own mesh files: several meshes, each compressed, and at the end the table of where
-//! they begin.
+//! Mitsuba's own mesh files: several compressed meshes, and a table of their offsets at the end.
 
 use crate::expansion::Compression;
 use crate::{Input, Place, ReadError};
@@ -15,7 +14,7 @@ const FACE_NORMALS: u32 = 0x10;
 const SINGLE: u32 = 0x1000;
 const DOUBLE: u32 = 0x2000;
 
-/// A mesh of a file, and whether it says that it is to be shaded flat.
+/// A mesh of a file, and whether it is to be shaded flat.
 pub struct Serialized {
     pub mesh: TriangleMesh,
     pub is_flat: bool,
@@ -57,7 +56,7 @@ fn header(bytes: &[u8]) -> Option<u16> {
     (u16_at(bytes, 0)? == MAGIC && (version == 3 || version == 4)).then_some(version)
 }
 
-/// Where a mesh begins, by the table at the end.
+/// The offset of a mesh, from the table at the end.
 fn start_of(bytes: &[u8], version: u16, index: usize) -> Option<usize> {
     let end = bytes.len();
     let count = u32::from_le_bytes(bytes.get(end.checked_sub(4)?..)?.try_into().ok()?) as usize;

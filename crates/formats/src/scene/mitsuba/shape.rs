@@ -1,4 +1,4 @@
-//! Shapes: what each kind is, and its place, materials and light.
+//! Shapes: their geometry, transform, materials and emission.
 
 mod curve;
 mod mesh;
@@ -21,26 +21,26 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// What the shapes of a scene share.
+/// State that the shapes of a scene share.
 #[derive(Debug, Default)]
 pub struct Shapes {
     table: ShapeTable,
-    /// Meshes by path and by how they were read.
+    /// Meshes by path and reading options.
     files: HashMap<(PathBuf, String), Arc<TriangleMesh>>,
     groups: HashMap<*const Object, NodeId>,
     triangles: usize,
-    /// Materials by look and by what shapes add to it.
+    /// Materials by look and by finish.
     materials: HashMap<(Option<*const Object>, String), Vec<MaterialId>>,
 }
 
-/// What a shape adds to its materials.
+/// Properties that a shape adds to its materials.
 #[derive(Clone, Debug, Default)]
 struct Finish {
     emission: Option<ColorParam>,
     interior: Option<Interior>,
 }
 
-/// A geometry and its place in the shape's own space.
+/// A geometry, and its transform to the shape's own space.
 type Made = (Geometry, DAffine3);
 
 impl Builder<'_> {
@@ -72,7 +72,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The node of a group, which is seen only where instances place it.
+    /// The node of a group, which is visible only through instances.
     fn group(&mut self, object: &Rc<Object>) -> Result<NodeId, Fault> {
         if let Some(node) = self.shapes.groups.get(&Rc::as_ptr(object)) {
             return Ok(*node);
@@ -123,7 +123,7 @@ impl Builder<'_> {
             _ => None,
         };
         let (made, place) = match basis {
-            // Its points are put where they belong, because its radii are not scaled.
+            // Its points are transformed here, because its radii are not scaled.
             Some(basis) => {
                 let curves = self.curves(object, basis, place)?;
                 (
@@ -156,7 +156,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// What stands inside of a shape.
+    /// Reads the nested objects of a shape.
     fn parts(&mut self, object: &Object) -> Result<Parts, Fault> {
         let mut parts = Parts::default();
         for child in &object.children {
@@ -171,7 +171,7 @@ impl Builder<'_> {
                 }
                 "emitter" => parts.emission = self.area_emitter(&inner)?,
                 "medium" if child.name == "exterior" || inner.name == "exterior" => {
-                    // What is outside is what other shapes have inside, or what is around the
+                    // The exterior is the interior of another shape, or the medium around the
                     // camera.
                     self.medium(&inner)?;
                 }
@@ -184,7 +184,7 @@ impl Builder<'_> {
             }
         }
         if !parts.has_bsdf && parts.interior.is_none() {
-            // Lamps without a bsdf reflect nothing.
+            // Emitters without a BSDF reflect nothing.
             let reflectance = if parts.emission.is_some() { 0.0 } else { GRAY };
             let diffuse = snell_scene::material::Diffuse::new(snell_math::Rgb::splat(reflectance));
             parts.look.layers = vec![Material::new("default", diffuse)];
@@ -221,8 +221,8 @@ impl Builder<'_> {
         ids
     }
 
-    /// The geometry of a shape. `plain` if its texture coordinates do not matter and its outer side
-    /// is the usual one.
+    /// The geometry of a shape. `plain` means that texture coordinates do not matter and the shape
+    /// is not inverted.
     fn geometry(
         &mut self,
         object: &Object,
@@ -236,7 +236,7 @@ impl Builder<'_> {
             }
             "disk" => self.made(object, disk())?,
             "cylinder" => self.cylinder(object, plain)?,
-            // A lamp is better sampled as a whole; all else is better traced as triangles.
+            // An emitter is sampled better as a whole; other shapes are traced faster as triangles.
             "rectangle" if plain && shines => {
                 self.analytic(Rectangle { half_size: DVec2::ONE }, DAffine3::IDENTITY)
             }
@@ -262,7 +262,7 @@ impl Builder<'_> {
         (self.shapes.table.shared(shape.into()), own)
     }
 
-    /// A mesh made here, turned inside out if the shape says so.
+    /// A mesh made here, inverted if the shape requires it.
     fn made(&mut self, object: &Object, mut mesh: TriangleMesh) -> Result<Made, Fault> {
         if object.bool_or("flip_normals", false)? {
             turn_over(&mut mesh);
@@ -322,7 +322,7 @@ impl Builder<'_> {
     }
 }
 
-/// What stands inside of a shape.
+/// The nested objects of a shape.
 #[derive(Debug, Default)]
 struct Parts {
     look: Look,

@@ -1,4 +1,4 @@
-//! What the reader makes of files.
+//! Tests of the conversion of files.
 
 mod content;
 mod messages;

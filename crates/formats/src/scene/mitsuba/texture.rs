@@ -1,7 +1,7 @@
-//! Textures: what materials see of them.
+//! Textures, as materials use them.
 //!
-//! Coordinates: Mitsuba's pictures have v downwards, as ours; its readers of meshes turn the
-//! coordinates of files instead.
+//! Coordinates: Mitsuba's images have v downwards, as ours; its mesh readers flip the coordinates
+//! of files instead.
 
 use super::Builder;
 use super::color;
@@ -17,25 +17,25 @@ use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Function of a value of a texture.
+/// A function of a texture's value.
 pub type Function = fn(f32) -> f32;
 
 /// The textures of a scene.
 #[derive(Debug, Default)]
 pub struct Textures {
-    /// By the address of their object, which lives as long as the scene is built.
+    /// Patterns by the address of their object, which lives until the scene is built.
     known: HashMap<*const Object, Pattern>,
-    /// Those in the scene.
+    /// Textures in the scene.
     ids: HashMap<String, TextureId>,
-    /// Pictures of single numbers that were made of others, by picture, encoding and function.
+    /// Scalar images derived from others, by image, encoding and function.
     scalars: HashMap<(ImageId, bool, Option<usize>), ImageId>,
 }
 
-/// What a texture shows.
+/// The content of a texture.
 #[derive(Clone, Debug)]
 pub enum Pattern {
     Constant(ColorParam),
-    /// A factor on a picture.
+    /// An image with a factor.
     Picture(Rgb, ImageTexture),
     /// The colours of the vertices.
     Vertices,
@@ -101,7 +101,7 @@ impl Builder<'_> {
         self.mapped(object, name, default, None)
     }
 
-    /// A function of a number or of its default.
+    /// A function of a number, or of its default.
     pub(super) fn mapped(
         &mut self,
         object: &Object,
@@ -127,7 +127,7 @@ impl Builder<'_> {
         })
     }
 
-    /// The colour of a property that must be the same everywhere.
+    /// The colour of a property that must be constant (not textured).
     pub(super) fn constant(&mut self, object: &Object, name: &str) -> Result<Option<Rgb>, Fault> {
         match self.pattern(object, name)? {
             None => Ok(None),
@@ -143,7 +143,7 @@ impl Builder<'_> {
     }
 
     fn texture_id(&mut self, texture: ImageTexture) -> TextureId {
-        // The debug form of a float is exact, so equal text is an equal texture.
+        // The debug form of a float is exact, so equal text means equal textures.
         let scene = &mut self.scene;
         *self
             .textures
@@ -152,7 +152,7 @@ impl Builder<'_> {
             .or_insert_with(|| scene.add_texture(texture))
     }
 
-    /// The texture of single numbers: grey, and with a function applied.
+    /// A scalar texture: grey, with a function applied.
     fn scalar_texture(
         &mut self,
         texture: &ImageTexture,
@@ -246,7 +246,8 @@ impl Builder<'_> {
         Pattern::Constant(color.into())
     }
 
-    /// The affine map of texture coordinates: `to_uv`, or the factors and offsets of version 0.6.
+    /// The affine transform of texture coordinates: `to_uv`, or the scales and offsets of version
+    /// 0.6.
     fn uv_transform(&mut self, object: &Object) -> Result<[[f32; 3]; 2], Fault> {
         let map: DAffine3 = object.transform("to_uv")?;
         let both = [object.float_or("uvscale", 1.0)?, object.float_or("uvoffset", 0.0)?];
@@ -309,7 +310,7 @@ impl Builder<'_> {
             Ok(self.constant(object, name)?.unwrap_or(Rgb::splat(default)))
         };
         let (a, b) = (color("color0", 0.4)?, color("color1", 0.2)?);
-        // The first colour is where both coordinates are in the same half of a period.
+        // The first colour is used where both coordinates are in the same half of a period.
         let values = [a, b, b, a].iter().flat_map(|c| c.to_array()).collect();
         let image = self.scene.add_image(Arc::new(Image::from_f32(2, 2, 3, values)));
         let mut texture = ImageTexture::new(image, Encoding::Linear);

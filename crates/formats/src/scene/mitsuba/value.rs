@@ -1,4 +1,4 @@
-//! The values of properties as they are written: numbers, lists, colours, transforms.
+//! Property values as written: numbers, lists, colours, transforms.
 
 use snell_math::spectrum::Spectrum;
 use snell_math::{DAffine3, DMat3, DMat4, DVec3, Rgb, Transform};
@@ -41,7 +41,8 @@ pub enum Hue {
     Spectrum(Spectrum, f64),
 }
 
-/// The numbers of a list, separated by commas or spaces; an error says which word is none.
+/// The numbers of a list, separated by commas or spaces; an error quotes the word that is not a
+/// number.
 pub fn numbers(text: &str) -> Result<Vec<f64>, String> {
     let words = text.split(|c: char| c == ',' || c.is_whitespace()).filter(|w| !w.is_empty());
     words.map(number).collect()
@@ -83,7 +84,7 @@ pub fn hex_color(text: &str) -> Option<Rgb> {
     Some(from_srgb(Rgb::new(channel(0)?, channel(2)?, channel(4)?)))
 }
 
-/// Linear values of sRGB ones.
+/// Decodes sRGB values to linear ones.
 pub fn from_srgb(color: Rgb) -> Rgb {
     color.map(snell_math::spectrum::srgb_to_linear)
 }
@@ -135,7 +136,8 @@ pub fn matrix(text: &str) -> Result<DAffine3, String> {
     Ok(map)
 }
 
-/// The map to the world from a camera at the first point that looks at the second along its `+z`.
+/// The transform to the world from a camera at the first point that looks at the second along its
+/// `+z`.
 pub fn look_at(origin: DVec3, target: DVec3, up: DVec3) -> Option<DAffine3> {
     let towards = (target - origin).try_normalize()?;
     let left = up.try_normalize()?.cross(towards).try_normalize()?;
@@ -145,7 +147,7 @@ pub fn look_at(origin: DVec3, target: DVec3, up: DVec3) -> Option<DAffine3> {
     ))
 }
 
-/// A name as versions 2 and 3 write it: `toWorld` is `to_world`, `intIOR` is `int_ior`.
+/// A name in the spelling of versions 2 and 3: `toWorld` is `to_world`, `intIOR` is `int_ior`.
 pub fn snake_case(name: &str) -> String {
     let mut snake = String::with_capacity(name.len() + 2);
     let mut after_lower = false;

@@ -1,15 +1,14 @@
-//! XML within bounds: what the parser takes a time for that grows with the square of the text is
-//! refused before.
+//! Bounded XML parsing: input that would take the parser quadratic time is refused first.
 
 use roxmltree::{Document, ParsingOptions};
 
-/// Attributes of one element: the parser compares each with all before it.
+/// Maximum number of attributes of an element: the parser compares each with all before it.
 const MAX_ATTRIBUTES: usize = 256;
-/// Names of namespaces in a file: each element that has one copies all that hold there. Mitsuba's
-/// scenes have none.
+/// Maximum number of namespaces in a file: each element that declares one copies all that are in
+/// scope. Mitsuba's scenes have none.
 const MAX_NAMESPACES: usize = 64;
 
-/// What is wrong with a text, and where: line and column, from 1.
+/// An error in a text, and its line and column, from 1.
 pub struct Flaw {
     pub line: u32,
     pub column: u32,
@@ -30,17 +29,17 @@ pub fn parse(text: &str, nodes_limit: u32) -> Result<Document<'_>, Flaw> {
     }
     let options = ParsingOptions { nodes_limit, ..ParsingOptions::default() };
     let parsed = crate::guard::guarded(|| Document::parse_with_options(text, options));
-    let gave_up = || Flaw { line: 1, column: 1, problem: "the parser of XML gave up".into() };
-    parsed.ok_or_else(gave_up)?.map_err(|error| {
+    let failed = || Flaw { line: 1, column: 1, problem: "the XML parser failed".into() };
+    parsed.ok_or_else(failed)?.map_err(|error| {
         let place = error.pos();
         let message = error.to_string();
-        // The place is told as that of all messages.
+        // The place is reported as in all messages.
         let problem = message.replace(&format!(" at {place}"), "");
         Flaw { line: place.row, column: place.col, problem }
     })
 }
 
-/// Where an element begins that has too many attributes, or that names one namespace too many.
+/// Finds the first element with too many attributes, or the first namespace over the limit.
 fn crowded(text: &str) -> Option<usize> {
     let mut namespaces = 0;
     let mut at = 0;

@@ -1,6 +1,6 @@
 //! NanoVDB files: sparse grids of numbers (Museth, "NanoVDB: A GPU-Friendly and Portable VDB Data
-//! Structure For Real-Time Rendering And Simulation", 2021). As a scene, the grid `density` is
-//! smoke, or else the first grid that can be.
+//! Structure For Real-Time Rendering And Simulation", 2021). As a scene, the grid `density`, or
+//! else the first suitable grid, is shown as smoke.
 
 #[cfg(test)]
 mod tests;
@@ -25,14 +25,14 @@ pub const READER: SceneReader = SceneReader {
     read,
 };
 
-/// The grid that is smoke if the file has it.
+/// The name of the grid that is preferred as smoke.
 const DENSITY: &str = "density";
 
-/// Share of light that smoke scatters, of what meets it.
+/// Single-scattering albedo of the smoke.
 const ALBEDO: f32 = 0.9;
 
-/// How many mean free paths of the densest smoke the longest side of the box is: what lies behind
-/// shows faintly.
+/// Length of the longest side of the box in mean free paths of the densest smoke: objects behind it
+/// show faintly.
 const THICKNESS: f32 = 40.0;
 
 fn read(input: &Input) -> Result<Scene, ReadError> {

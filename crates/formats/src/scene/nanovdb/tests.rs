@@ -7,7 +7,7 @@ use snell_scene::medium::Medium;
 use std::io::Write;
 use std::path::Path;
 
-/// Where the parts of a grid with one node of each kind are.
+/// Offsets of the parts of a grid with one node of each kind.
 const ROOT: usize = 672 + 64;
 const UPPER: usize = ROOT + 96;
 const LOWER: usize = UPPER + 270_400;
@@ -28,7 +28,7 @@ struct Written {
 
 const SMOKE: Written = Written { name: "density", kind: 1, class: 2, size: 0.5, value: number };
 
-/// A value that tells where it is.
+/// A value that encodes its position.
 fn number([x, y, z]: [i32; 3]) -> f32 {
     (x * 10_000 + y * 100 - z) as f32
 }
@@ -37,8 +37,8 @@ fn put(bytes: &mut [u8], at: usize, value: impl IntoIterator<Item = u8>) {
     bytes[at..].iter_mut().zip(value).for_each(|(to, from)| *to = from);
 }
 
-/// A tree with one leaf, all of its 512 voxels active. The world is `size` times the indices, plus
-/// (1, 2, 3).
+/// A tree with one leaf, all of its 512 voxels active. World coordinates are `size` times the
+/// indices, plus (1, 2, 3).
 fn grid(of: &Written) -> Vec<u8> {
     let mut bytes = vec![0; END];
     put(&mut bytes, 0, *b"NanoVDB0");
@@ -133,7 +133,7 @@ fn voxels_are_where_the_file_says() {
         assert_eq!(volumes.names().collect::<Vec<_>>(), ["heat", "density"]);
         let Volume { grid, world_from_grid } =
             volumes.volume("density").expect("it is sound").expect("it is there");
-        // One more voxel on each side, of the background.
+        // One more voxel on each side, with the background value.
         assert_eq!(grid.size(), [10; 3]);
         let at = |voxel: [f64; 3]| {
             let world = DVec3::from_array(voxel) * 0.5 + DVec3::new(1.0, 2.0, 3.0);
@@ -234,7 +234,7 @@ fn broken_files_are_told() {
 fn wild_bytes_are_never_more_than_an_error() {
     for codec in [0, 1] {
         let sound = file(&[SMOKE], codec);
-        // The headers, and what points to the nodes; the tables of the nodes are nearly all zero.
+        // The headers and the pointers to the nodes; the tables of the nodes are nearly all zero.
         let places =
             (0..16 + 184 + 900).chain((0..64).map(|i| (16 + 184 + UPPER + i * 4200) % sound.len()));
         for at in places {
@@ -249,7 +249,7 @@ fn wild_bytes_are_never_more_than_an_error() {
     }
 }
 
-/// What a pbrt scene with this medium has, in a folder with the files that it names.
+/// The grid of a pbrt scene with this medium, in a folder with the files that it names.
 fn pbrt(grids: &[Written], medium: &str) -> Result<Grid, String> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a.pbrt");

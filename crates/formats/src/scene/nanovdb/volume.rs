@@ -1,4 +1,4 @@
-//! The grids of a NanoVDB file as regular grids.
+//! Reads the grids of a NanoVDB file as dense grids.
 
 use crate::expansion::Compression;
 use crate::{Input, Place, ReadError};
@@ -11,24 +11,23 @@ use snell_math::{DAffine3, DMat3, DVec3};
 use snell_scene::medium::ScalarGrid;
 use std::borrow::Cow;
 
-/// How files begin: those written before and since version 32.6 of the format, which have the same
-/// layout.
+/// Magic numbers of files before and since version 32.6 of the format, which have the same layout.
 const MAGIC: &[u8] = b"NanoVDB0";
 const NEW_MAGIC: &[u8] = b"NanoVDB2";
-/// How a grid in memory begins, which some programs write without the header of a file.
+/// Magic number of a grid in memory, which some programs write without a file header.
 const GRID_MAGIC: &[u8] = b"NanoVDB1";
 
-/// The layout that is known, by major version.
+/// The supported major version.
 const VERSION: u32 = 32;
 
-/// Most cells of a grid: 1 GiB.
+/// Maximum number of cells of a grid: 1 GiB.
 const MAX_CELLS: usize = 1 << 28;
 
-/// Most comparisons of a cell with a tile of the root. Files that people have are far below; it is
-/// for those made to take forever.
+/// Maximum number of comparisons of a cell with a tile of the root. Real files are far below; the
+/// limit is for files made to take forever.
 const MAX_SEARCH: usize = 1 << 34;
 
-/// True for files that [`Volumes`] reads, or can tell what is wrong with.
+/// True for files that [`Volumes`] reads or can report errors in.
 pub fn recognises(bytes: &[u8]) -> bool {
     [MAGIC, NEW_MAGIC, GRID_MAGIC].iter().any(|magic| bytes.starts_with(magic))
 }
@@ -36,15 +35,15 @@ pub fn recognises(bytes: &[u8]) -> bool {
 /// Numbers in space.
 #[derive(Clone, Debug)]
 pub struct Volume {
-    /// The numbers, over the box of the active voxels and one more on each side, so that they fade
-    /// to the background as they do in the file.
+    /// The values over the box of the active voxels and one more on each side, so that they fade to
+    /// the background as in the file.
     pub grid: ScalarGrid,
-    /// From the unit cube of the grid to the world of the file.
+    /// The transform from the grid's unit cube to the world of the file.
     pub world_from_grid: DAffine3,
 }
 
 impl Volume {
-    /// The numbers of this volume at the cells of another one; 0 beyond its box.
+    /// The values of this volume at the cells of another one; 0 beyond its box.
     pub fn over(&self, other: &Self) -> ScalarGrid {
         let size = other.grid.size();
         let cells = DVec3::from_array(size.map(|n| n as f64));
@@ -71,7 +70,7 @@ pub struct Volumes<'a> {
 struct Entry<'a> {
     about: GridMetadata,
     codec: Codec,
-    /// As in the file; and where.
+    /// Its bytes as stored in the file, and their offset.
     bytes: &'a [u8],
     at: usize,
 }
@@ -83,7 +82,7 @@ impl<'a> Volumes<'a> {
     /// Finds the grids of a file.
     ///
     /// # Errors
-    /// If it is not NanoVDB of a known version, or ends too early.
+    /// If it is not NanoVDB of a supported version, or ends too early.
     pub fn of(input: &'a Input) -> Result<Self, ReadError> {
         let bytes = &input.bytes;
         let fault = |at: usize, problem: String, remedy: &str| {
@@ -164,13 +163,13 @@ impl<'a> Volumes<'a> {
         self.entries.iter().map(|entry| entry.about.name.as_str())
     }
 
-    /// The grid of a name, if there is one: over its own box.
+    /// The grid of this name over its own box, if there is one.
     ///
     /// # Errors
-    /// If it is not one of floats, damaged or too large.
+    /// If its values are not floats, or if it is damaged or too large.
     pub fn volume(&self, name: &str) -> Result<Option<Volume>, ReadError> {
         crate::guard::guarded(|| self.read(name)).unwrap_or_else(|| {
-            let problem = format!("the grid \"{name}\" is damaged: its decoder gave up");
+            let problem = format!("the grid \"{name}\" is damaged: its decoder failed");
             Err(self.input.error(Place::Whole, problem, REMEDY))
         })
     }
@@ -210,7 +209,7 @@ impl<'a> Volumes<'a> {
         let first = low.map(|x| i64::from(x) - 1);
         let [nx, ny, _] = size;
         let mut values = vec![0.0; count];
-        // Beyond the numbers of voxels there is nothing.
+        // Indices beyond the voxel range are background.
         let index = |x: i64| x.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
         values.par_chunks_mut(nx * ny).enumerate().for_each(|(z, layer)| {
             let Some(mut reader) = ReadAccessor::<f32>::from_grid_bytes(&bytes) else { return };
@@ -221,7 +220,7 @@ impl<'a> Volumes<'a> {
                 }
             }
         });
-        // Values are those at the corners of the lattice, which are the middles of our cells.
+        // Values are at the lattice corners, which are the centres of our cells.
         let corner = DVec3::from_array(first.map(|x| x as f64 - 0.5));
         let scale = DVec3::from_array(size.map(|n| n as f64));
         let world_from_grid =
@@ -233,7 +232,7 @@ impl<'a> Volumes<'a> {
         self.input.error(Place::Byte(entry.at as u64), problem, remedy)
     }
 
-    /// A grid that can be looked up in without a fault.
+    /// The grid's bytes, decompressed and checked so that lookups cannot fail.
     fn unpacked<'b>(&self, entry: &Entry<'b>) -> Result<Cow<'b, [u8]>, ReadError> {
         let name = &entry.about.name;
         if entry.about.grid_type != GridType::Float {
@@ -274,7 +273,7 @@ impl<'a> Volumes<'a> {
         Ok(bytes)
     }
 
-    /// World from the indices of voxels.
+    /// The transform from voxel indices to the world.
     fn map(&self, entry: &Entry, bytes: &[u8]) -> Result<DAffine3, ReadError> {
         let map = GridDataHeader::parse(bytes).map(|header| header.map).map(|map| DAffine3 {
             matrix3: DMat3::from_cols_array_2d(&map.mat_d).transpose(),
@@ -291,7 +290,7 @@ impl<'a> Volumes<'a> {
     }
 }
 
-/// Tiles of the root of a tree that was found to be sound.
+/// The number of root tiles of a tree that has been validated.
 fn tiles(bytes: &[u8]) -> usize {
     let Some((tree, _)) = ReadAccessor::<f32>::parse_tree_data(bytes) else { return 0 };
     let at = nanovdb_rs::GRID_DATA_SIZE + tree.root_offset() as usize + 24;

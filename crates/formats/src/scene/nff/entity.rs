@@ -9,11 +9,11 @@ use snell_scene::material::Phong;
 use snell_scene::{Background, Camera, Material, MaterialId, Projection};
 use std::f32::consts::PI;
 
-/// Pictures with a longer side are refused: nobody could render them.
+/// Pictures with a longer side are refused, because they could not be rendered.
 const LARGEST_SIDE: i64 = 65536;
 
 impl Builder {
-    /// Reads what follows a keyword.
+    /// Reads the rest of an entity after its keyword.
     pub fn read_entity(&mut self, tokens: &mut Tokens, keyword: &Token) -> Result<(), ReadError> {
         match &*keyword.text() {
             "v" => self.read_view(tokens, keyword),
@@ -80,8 +80,8 @@ impl Builder {
                 .warn("the view's up vector is parallel to its direction; another one was chosen");
             towards.any_orthonormal_vector()
         });
-        // The angle is from the centre of the top row to the centre of the bottom row: half a pixel
-        // less on either side.
+        // The angle spans from the centre of the top row to the centre of the bottom row: half a
+        // pixel less on either side.
         let rows = f64::from(size[1]);
         let rows_between_centers = if rows > 1.0 { rows - 1.0 } else { rows };
         let tan = (angle.to_radians() / 2.0).tan() * rows / rows_between_centers;
@@ -111,7 +111,7 @@ impl Builder {
         Ok(())
     }
 
-    /// Adds the lights, now that their number is known.
+    /// Adds the lights, once their number is known.
     pub fn finish_lights(&mut self) {
         let default = Rgb::splat(1.0 / (self.lights.len().max(1) as f32).sqrt());
         for &(position, color) in &self.lights {
@@ -133,7 +133,7 @@ impl Builder {
         Ok(())
     }
 
-    /// The material of objects; a white matte one before the first fill.
+    /// The current material; matte white before the first fill.
     pub fn current_fill(&mut self) -> MaterialId {
         *self.fill.get_or_insert_with(|| {
             self.scene.warn("an object stands before the first `f`; it got a white matte material");
@@ -155,7 +155,7 @@ fn fill(values: [f64; 8]) -> Phong {
         reflection: (color * ks).into(),
         transmission: Rgb::splat(t).into(),
         shininess: shine,
-        // Opaque fills have the index 0 in the databases.
+        // Opaque fills have index 0 in the databases.
         ior: if ior > 0.0 { ior } else { 1.0 },
     }
 }

@@ -6,11 +6,12 @@
 //! that the format leaves open:
 //!
 //! * A light without a colour has intensity `1 / sqrt(number of lights)`, so that pictures with
-//!   many lights are brighter, but not burnt out. Lights do not fade with distance. Like the
-//!   classic formula it was made for, `kd cos` without `1 / pi`, all are multiplied by pi.
-//! * Highlights and mirror reflection are `Ks` times the fill colour, transmission is `T` for all
-//!   colours.
-//! * Surfaces are seen from both sides.
+//!   many lights are brighter, but not burnt out. Lights do not attenuate with distance. Because
+//!   the format was made for the classic formula `kd cos` without `1 / pi`, all are multiplied by
+//!   pi.
+//! * Highlights and mirror reflection are `Ks` times the fill colour; transmission is `T` for all
+//!   channels.
+//! * Surfaces are double-sided.
 
 mod entity;
 mod surface;
@@ -33,13 +34,13 @@ pub const READER: SceneReader = SceneReader {
     read,
 };
 
-/// What is known after some entities.
+/// The state after some entities.
 struct Builder {
     scene: Scene,
     shapes: ShapeTable,
-    /// Materials by the bits of their fill entity: the generators repeat fills.
+    /// Materials by the bits of their fill entity, because the generators repeat fills.
     fills: HashMap<[u64; 8], MaterialId>,
-    /// Material of the objects that follow.
+    /// Material of the following objects.
     fill: Option<MaterialId>,
     /// Positions of the lights with their colours, as far as given.
     lights: Vec<(DVec3, Option<Rgb>)>,
@@ -65,7 +66,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     }
     builder.finish_lights();
     builder.finish_polygons();
-    // The pictures published with the databases show clamped linear values, for which its colours
+    // The pictures published with the databases show clamped linear values, for which their colours
     // were chosen.
     builder.scene.settings.raw_display = true;
     builder.scene.settings.integrator = Some("whitted".into());
@@ -85,7 +86,7 @@ impl Builder {
     }
 }
 
-/// True if the text has, after comments, background and lights, a view: `v` with `from` next.
+/// True if the text has, after comments, background and lights, a view: `v` followed by `from`.
 fn recognises(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
     let lines = text.lines().map(|l| l.split('#').next().unwrap_or_default());

@@ -11,7 +11,7 @@ use snell_math::{DAffine3, DVec3, Vec3};
 use snell_scene::{Geometry, Surface};
 use std::sync::Arc;
 
-/// Polygons of one material: meshes are traced faster than as many single triangles.
+/// Polygons of one material: a mesh is traced faster than many single triangles.
 #[derive(Default)]
 pub struct Polygons {
     /// Without normals.
@@ -24,7 +24,7 @@ impl Builder {
     pub fn read_sphere(&mut self, tokens: &mut Tokens) -> Result<(), ReadError> {
         tokens.set_usage("s x y z radius");
         let center = tokens.vector("the center of the sphere")?;
-        // A negative radius means that the inside is seen; here both sides are.
+        // A negative radius means that the inside is visible; here both sides are.
         let radius = tokens.number("the radius of the sphere")?.abs();
         if radius == 0.0 {
             self.scene.warn("a sphere of radius 0 is not visible");
@@ -118,7 +118,7 @@ impl Builder {
         Ok(())
     }
 
-    /// Adds the polygons as meshes, two per material at most.
+    /// Adds the polygons as meshes, at most two per material.
     pub fn finish_polygons(&mut self) {
         for (material, polygons) in std::mem::take(&mut self.polygons) {
             for mesh in [polygons.flat, polygons.smooth] {
@@ -131,7 +131,7 @@ impl Builder {
     }
 }
 
-/// Unit normal of a polygon by its first corner, as the format defines it.
+/// Unit normal of a polygon at its first corner, as the format defines it.
 fn face_normal(corners: &[Vec3]) -> Vec3 {
     let [a, b, c] = [corners[0], corners[1], corners[2]].map(|p| p.as_dvec3());
     (b - a).cross(c - b).normalize_or(DVec3::Z).as_vec3()

@@ -12,17 +12,17 @@ use snell_scene::{Camera, Projection};
 pub struct Built {
     /// The camera.
     pub camera: Camera,
-    /// Map from the file's world to the scene's: a mirror where the camera would show a mirrored
-    /// picture otherwise.
+    /// Transform from the file's world to the scene's: a mirror if the camera would otherwise show
+    /// a mirrored picture.
     pub world_from_file: DAffine3,
 }
 
-/// What the film sees of the plane at distance 1, in camera space: x from and to, y from and to.
+/// The screen window on the plane at distance 1, in camera space: x from and to, y from and to.
 #[derive(Clone, Copy, Debug)]
 struct Screen {
     x: [f64; 2],
     y: [f64; 2],
-    /// False if it follows from the shape of the picture.
+    /// False if it follows from the aspect ratio.
     is_given: bool,
 }
 
@@ -53,7 +53,7 @@ impl Screen {
         self.x[0] == -self.x[1] && self.y[0] == -self.y[1]
     }
 
-    /// Half-extents times a factor; what follows from the picture's shape is left out.
+    /// Half-extents times a factor; `None` for those that follow from the aspect ratio.
     fn half_extents(&self, factor: f64, size: [u32; 2]) -> [Option<f64>; 2] {
         let [x, y] = [self.x, self.y].map(|[from, to]| Some((to - from) * 0.5 * factor));
         match size {
@@ -64,7 +64,7 @@ impl Screen {
     }
 }
 
-/// Builds the camera at `file_from_camera`.
+/// Builds a camera at `file_from_camera`.
 pub fn build(
     builder: &mut Builder,
     params: &Params,
@@ -79,7 +79,7 @@ pub fn build(
         own.shift = DVec3::new(middle(screen.x), middle(screen.y), 0.0);
         Projection::Orthographic { half_size: screen.half_extents(scale, size) }
     } else if is_kind(params, "spherical") || is_kind(params, "environment") {
-        // The middle of the picture is -x, and what is right of it -z.
+        // The middle of the picture is -x, and its right is -z.
         own = Axes { right: DVec3::NEG_Z, up: DVec3::Y, towards: DVec3::NEG_X, shift: DVec3::ZERO };
         if params.string("mapping")?.unwrap_or("equalarea") != "equirectangular"
             && !is_kind(params, "environment")

@@ -1,4 +1,4 @@
-//! What each directive does.
+//! The effect of each directive.
 
 use super::lexer::{Lexer, Token, quoted};
 use super::params::Params;
@@ -11,7 +11,7 @@ use snell_math::Transform;
 use snell_scene::Node;
 use std::path::Path;
 
-/// All directives of pbrt-v4, and those of pbrt-v3 that went away.
+/// All directives of pbrt-v4, and those of pbrt-v3 that were removed.
 pub const NAMES: &[&str] = &[
     "Accelerator",
     "ActiveTransform",
@@ -57,7 +57,7 @@ pub const NAMES: &[&str] = &[
 ];
 
 impl Builder<'_> {
-    /// Does what a file says. `at` is where it is named.
+    /// Executes the directives of a file. `at` is where the file is named.
     pub(super) fn read_file(&mut self, input: &Input, at: Spot) -> Result<(), Fault> {
         let path = identity(Path::new(&input.name));
         if self.open_files.contains(&path) {
@@ -152,7 +152,7 @@ impl Builder<'_> {
                 let params = self.params(name, lexer, at)?;
                 self.render_option(name, params)
             }
-            // These four are of pbrt 1 and 2.
+            // These four belong to pbrt 1 and 2.
             "SurfaceIntegrator" => {
                 self.is_v3 = true;
                 let params = self.params(name, lexer, at)?;
@@ -204,7 +204,7 @@ impl Builder<'_> {
 
     fn begin_world(&mut self, at: Spot) -> Result<(), Fault> {
         if self.in_world {
-            return Err(Fault::new(at, "WorldBegin for the second time", "take it out"));
+            return Err(Fault::new(at, "a second WorldBegin", "take it out"));
         }
         self.in_world = true;
         self.start_world()?;
@@ -282,7 +282,7 @@ impl Builder<'_> {
         if !is_import {
             return self.read_file(&input, at);
         }
-        // What an imported file sets, it sets for itself.
+        // State set by an imported file stays local to it.
         let (state, depth) = (self.state.clone(), self.stack.depth());
         self.read_file(&input, at)?;
         self.stack.check_closed(depth)?;
@@ -293,7 +293,7 @@ impl Builder<'_> {
     fn attribute(&mut self, lexer: &mut Lexer) -> Result<(), Fault> {
         let (name, at) = lexer.expect_string("shape, light, material, medium or texture")?;
         let Some(target) = Target::named(name) else {
-            let problem = format!("{} is nothing that Attribute can set", quoted(name.as_bytes()));
+            let problem = format!("{} cannot be set by Attribute", quoted(name.as_bytes()));
             return Err(Fault::new(at, problem, "use shape, light, material, medium or texture"));
         };
         let owner = format!("Attribute {}", quoted(name.as_bytes()));
@@ -302,8 +302,8 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// `Option`: one parameter without a list around it. None of pbrt's options changes what a
-    /// picture converges to, but for those told.
+    /// `Option`: one parameter without a list around it. None of pbrt's options changes the
+    /// converged picture, except for those reported.
     fn option(&mut self, lexer: &mut Lexer) -> Result<(), Fault> {
         let at = if lexer.something_follows() { lexer.spot() } else { Spot::default() };
         let params = Params::read(lexer, "Option".into(), at, self.main.options.limits.elements)?;
@@ -380,12 +380,12 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The node below which things are placed.
+    /// The node to which new nodes are added.
     pub(super) fn parent(&self) -> snell_scene::NodeId {
         self.object.as_ref().map_or(self.scene.root, |(_, node)| *node)
     }
 
-    /// Notes that something has no extent.
+    /// Warns that something has no extent.
     pub(super) fn note_singular(&mut self, at: Spot) {
         self.note("singular", at, || {
             "the current transform is singular, so this is flat and was left out".into()
@@ -393,7 +393,7 @@ impl Builder<'_> {
     }
 }
 
-/// Files within files; each takes a little of the thread's stack.
+/// Maximum depth of nested files; each takes some of the thread's stack.
 const MAX_FILE_DEPTH: usize = 64;
 
 fn unknown(word: &[u8], at: Spot) -> Fault {
@@ -401,7 +401,7 @@ fn unknown(word: &[u8], at: Spot) -> Fault {
     let problem = format!("{} is not a directive of pbrt", quoted(word));
     let remedy = match NAMES.iter().find(|n| n.eq_ignore_ascii_case(&name)) {
         Some(known) => format!("write {known}"),
-        None => "correct it; is this a value without brackets, or not a pbrt file?".into(),
+        None => "correct it; perhaps a value lacks brackets, or this is not a pbrt file".into(),
     };
     Fault::new(at, problem, remedy)
 }

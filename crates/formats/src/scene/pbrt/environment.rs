@@ -1,7 +1,7 @@
 //! Infinite lights.
 //!
-//! Pictures of pbrt-v4 cover the sphere by an equal-area octahedral map of a square; they are drawn
-//! anew as latitude-longitude pictures. Those of pbrt-v3 have that form already.
+//! Pictures of pbrt-v4 cover the sphere by an equal-area octahedral map of a square; they are
+//! resampled as latitude-longitude pictures. Those of pbrt-v3 have that form already.
 
 use super::Builder;
 use super::params::{Params, Type};
@@ -12,7 +12,7 @@ use snell_scene::{Environment, Image};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// Largest height of a picture that is drawn anew.
+/// Maximum height of a resampled picture.
 const MAX_HEIGHT: u32 = 4096;
 
 impl Builder<'_> {
@@ -64,7 +64,8 @@ impl Builder<'_> {
             scale = scale * if own > 0.0 { (illuminance / own) as f32 } else { 0.0 };
         }
         let (image, light_from_environment) = if is_latlong {
-            // Column 0 is +x and columns grow towards +y; the middle, which is -z for us, is -x.
+            // Column 0 is +x and columns grow towards +y; the middle, which is -z in the scene, is
+            // -x.
             (image, DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::X))
         } else {
             if image.width != image.height {
@@ -101,8 +102,8 @@ impl Builder<'_> {
     }
 }
 
-/// The point of the unit square that stands for a unit direction (Clarberg, Fast Equal-Area Mapping
-/// of the (Hemi)Sphere using SIMD, 2008).
+/// The point of the unit square for a unit direction (Clarberg, Fast Equal-Area Mapping of the
+/// (Hemi)Sphere using SIMD, 2008).
 fn square_from_direction(d: DVec3) -> [f64; 2] {
     let (x, y, z) = (d.x.abs(), d.y.abs(), d.z.abs());
     let radius = (1.0 - z).max(0.0).sqrt();
@@ -115,7 +116,7 @@ fn square_from_direction(d: DVec3) -> [f64; 2] {
     [(u.copysign(d.x) + 1.0) * 0.5, (v.copysign(d.y) + 1.0) * 0.5]
 }
 
-/// The cosine of the elevation's complement at a point of the unit square: the z of its direction.
+/// The z of the direction for a point of the unit square.
 fn height_of_square([u, v]: [f64; 2]) -> f64 {
     let (u, v) = ((2.0 * u - 1.0).abs(), (2.0 * v - 1.0).abs());
     let distance = 1.0 - (u + v);
@@ -123,9 +124,9 @@ fn height_of_square([u, v]: [f64; 2]) -> f64 {
     (1.0 - radius * radius).copysign(distance)
 }
 
-/// What pbrt takes for the illuminance on a surface that faces up (`+z`), of an equal-area map:
-/// half of it, because the whole square is counted as a hemisphere. Scenes are made to look right
-/// with that.
+/// The illuminance that pbrt computes for a surface that faces up (`+z`) under an equal-area map:
+/// half of the true one, because pbrt counts the whole square as a hemisphere. Scenes are tuned to
+/// that value.
 fn illuminance_from_above(image: &Image) -> f64 {
     let mut sum = 0.0;
     for y in 0..image.height {
@@ -141,15 +142,15 @@ fn illuminance_from_above(image: &Image) -> f64 {
     sum * TAU / (f64::from(image.width) * f64::from(image.height))
 }
 
-/// The direction, with `+z` up, of a polar angle and a share of the turn in a picture of the
+/// The direction, with `+z` up, for a polar angle and a fraction of the turn in a picture of the
 /// scene's environment: its axes are x as x, y as z, and the middle is `-z`.
 fn environment_direction(theta: f64, turn: f64) -> DVec3 {
     let ((sin, cos), (sin_phi, cos_phi)) = (theta.sin_cos(), ((turn - 0.5) * TAU).sin_cos());
     DVec3::new(sin * sin_phi, sin * cos_phi, cos)
 }
 
-/// An equal-area map of directions as a latitude-longitude picture, by the direction of a polar
-/// angle and a share of the turn.
+/// Resamples an equal-area map as a latitude-longitude picture. `direction` maps a polar angle and
+/// a fraction of the turn to a direction.
 pub fn latlong(image: &Image, direction: impl Fn(f64, f64) -> DVec3) -> Image {
     let height = image.height.clamp(2, MAX_HEIGHT);
     let width = 2 * height;
@@ -164,7 +165,7 @@ pub fn latlong(image: &Image, direction: impl Fn(f64, f64) -> DVec3) -> Image {
     Image::from_f32(width, height, 3, values)
 }
 
-/// Bilinear within the square; at its edges the border continues.
+/// Bilinear lookup in the square; the border is extended at its edges.
 fn lookup(image: &Image, [u, v]: [f64; 2]) -> [f32; 3] {
     let (x, y) = (u * f64::from(image.width) - 0.5, v * f64::from(image.height) - 0.5);
     let (fx, fy) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
@@ -198,7 +199,7 @@ mod tests {
         assert!((corner[0] - 1.0).abs() < 1e-6 && (corner[1] - 1.0).abs() < 1e-6, "{corner:?}");
         let right = square_from_direction(DVec3::X);
         assert!((right[0] - 1.0).abs() < 1e-6 && (right[1] - 0.5).abs() < 1e-6, "{right:?}");
-        // Equal areas: half of the square looks up, and the mean height there is that of a
+        // Equal areas: half of the square faces up, and the mean height there is that of a
         // hemisphere.
         let n = 200;
         let cell = |i: u32| (f64::from(i) + 0.5) / f64::from(n);

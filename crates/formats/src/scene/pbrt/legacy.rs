@@ -1,4 +1,4 @@
-//! What pbrt-v3 wrote otherwise.
+//! Features of pbrt-v3 that pbrt-v4 changed.
 
 use super::Builder;
 use super::material::{Known, lit_below};
@@ -14,20 +14,21 @@ use snell_scene::material::{
     ScalarParam,
 };
 
-/// Width of the distribution of microfacets by the roughness that pbrt-v3 wrote.
+/// Width of the microfacet distribution for a roughness of pbrt-v3.
 pub fn alpha_of_roughness(roughness: f32) -> f32 {
     let x = roughness.max(1e-3).ln();
     1.62142 + x * (0.819955 + x * (0.1734 + x * (0.0171201 + x * 0.000640711)))
 }
 
-/// A material of pbrt-v3; `None` if it had none of this name.
+/// A material of pbrt-v3; `None` if it has none of this name.
 pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>, Fault> {
     let kind = |kind: &str| is_kind(params, kind);
     let was_v3 = std::mem::replace(&mut builder.is_v3, true);
     let mut opacity = None;
     let built = if kind("matte") {
         let reflectance = builder.material_color(params, "Kd", 0.5)?;
-        // Oren and Nayar's spread of the slopes, in degrees; 1 is as rough as OpenPBR's can be.
+        // Oren and Nayar's standard deviation of the slopes, in degrees; 1 is OpenPBR's maximum
+        // roughness.
         let sigma = builder
             .pattern_param(params, "sigma", false)?
             .and_then(|p| p.as_constant())
@@ -120,7 +121,7 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
     Ok(Some(Known { layers: vec![built], opacity }))
 }
 
-/// `Kd` under a layer that reflects `Ks`.
+/// A diffuse base of `Kd` under a layer that reflects `Ks`.
 fn plastic(
     builder: &mut Builder,
     params: &Params,
@@ -149,7 +150,7 @@ fn warn_of_parts(builder: &mut Builder, params: &Params, names: &[&str]) {
     if given {
         let owner = params.owner.clone();
         builder.note(owner.clone(), params.at, || {
-            format!("{owner} of pbrt-v3: mirror reflection and what it lets through were left out")
+            format!("{owner} of pbrt-v3: mirror reflection and transmission were left out")
         });
     }
 }
@@ -195,7 +196,7 @@ fn v3_mix(builder: &mut Builder, params: &Params) -> Result<Option<Known>, Fault
     };
     let amount =
         builder.pattern_param(params, "amount", true)?.unwrap_or_else(|| Pattern::constant(0.5));
-    // Of two in the order of pbrt-v4, the amount is the share of the second.
+    // In pbrt-v4's order, the amount is the share of the second material.
     let [first, second] =
         [builder.find_material(first, params.at)?, builder.find_material(second, params.at)?];
     Ok(Some(builder.mixed([second, first], &amount, params, params.at)))

@@ -1,4 +1,4 @@
-//! Bytes to tokens: words, strings, numbers and brackets, each with its place.
+//! Converts bytes to tokens: words, strings, numbers and brackets, each with its place.
 
 use crate::Input;
 use crate::scene::fault::{Fault, Spot};
@@ -6,12 +6,12 @@ use crate::scene::fault::{Fault, Spot};
 /// Numbers beyond this cannot be rendered in single precision.
 const LARGEST: f64 = f32::MAX as f64;
 
-/// What stands next in a file.
+/// A token of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Token<'a> {
     /// A bare word: a directive, a number, `true` or `false`.
     Word(&'a [u8]),
-    /// What stands between double quotes.
+    /// The content of a string in double quotes.
     String(&'a [u8]),
     /// `[`
     Open,
@@ -20,7 +20,7 @@ pub enum Token<'a> {
 }
 
 impl Token<'_> {
-    /// The token for a message: in quotes and not too long.
+    /// The token for a message: in quotes and shortened.
     pub fn quoted(&self) -> String {
         match self {
             Self::Word(bytes) | Self::String(bytes) => quoted(bytes),
@@ -30,7 +30,7 @@ impl Token<'_> {
     }
 }
 
-/// Bytes of a file for a message: in quotes and not too long.
+/// Bytes of a file for a message: in quotes and shortened.
 pub fn quoted(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(bytes);
     let shown: String = text.chars().take(60).flat_map(char::escape_debug).collect();
@@ -45,19 +45,19 @@ pub struct Lexer<'a> {
     next: usize,
     file: u32,
     line: u32,
-    /// A position on the current line and its column: columns are counted from there on, so that
-    /// long lines cost no more.
+    /// A position on the current line and its column: counting continues from there, so that long
+    /// lines cost no more.
     mark: (usize, u32),
 }
 
 impl<'a> Lexer<'a> {
-    /// The tokens of a file, which has this number among the files of the scene.
+    /// The tokens of a file, which has the number `file` in the scene.
     pub fn new(input: &'a Input, file: u32) -> Self {
         let start = if input.bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
         Self { bytes: &input.bytes, next: start, file, line: 1, mark: (start, 1) }
     }
 
-    /// Skips blanks and comments; true if something follows.
+    /// Skips blanks and comments; true if anything follows.
     pub fn something_follows(&mut self) -> bool {
         while let Some(&byte) = self.bytes.get(self.next) {
             match byte {
@@ -77,10 +77,10 @@ impl<'a> Lexer<'a> {
         false
     }
 
-    /// The place of what follows.
+    /// The place of the next token.
     pub fn spot(&mut self) -> Spot {
         let (from, column) = self.mark;
-        // Continuation bytes of UTF-8 start no character.
+        // Continuation bytes of UTF-8 do not start a character.
         let characters = self.bytes[from..self.next].iter().filter(|&&b| b & 0xc0 != 0x80).count();
         self.mark = (self.next, column + characters as u32);
         Spot { file: self.file, line: self.line, column: self.mark.1 }
@@ -127,17 +127,17 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    /// The error for a file that ends too soon.
+    /// The error for a file that ends too early.
     pub fn ends(&mut self, what: &str) -> Fault {
         let spot = self.spot();
         Fault::new(
             spot,
             format!("the file ends where {what} was expected"),
-            "complete the file; is it cut off?",
+            "complete the file, which may be cut off",
         )
     }
 
-    /// A string, which must follow. `what` says what for.
+    /// A required string. `what` describes it for messages.
     pub fn expect_string(&mut self, what: &str) -> Result<(&'a str, Spot), Fault> {
         let (token, spot) = self.expect(what)?;
         let Token::String(bytes) = token else {
@@ -148,7 +148,7 @@ impl<'a> Lexer<'a> {
         Ok((utf8(bytes, spot)?, spot))
     }
 
-    /// A number, which must follow. `what` says what for.
+    /// A required number. `what` describes it for messages.
     pub fn expect_number(&mut self, what: &str) -> Result<f64, Fault> {
         let (token, spot) = self.expect(what)?;
         let Token::Word(word) = token else {
@@ -158,7 +158,7 @@ impl<'a> Lexer<'a> {
         number(word).ok_or_else(|| not_a_number(word, spot, what))
     }
 
-    /// A number, if one follows: quick, for long lists.
+    /// A number, if one follows: fast, for long lists.
     pub fn take_number(&mut self, what: &str) -> Result<Option<f64>, Fault> {
         if !self.something_follows() {
             return Err(self.ends("a number or \"]\""));
@@ -193,7 +193,7 @@ impl<'a> Lexer<'a> {
         word
     }
 
-    /// What stands between the quotes; strings end on the line on which they start.
+    /// The content up to the closing quote; a string ends on the line on which it starts.
     fn string(&mut self, spot: Spot) -> Result<&'a [u8], Fault> {
         let rest = &self.bytes[self.next + 1..];
         let length = rest.iter().position(|&b| b == b'"' || b == b'\n').unwrap_or(rest.len());
@@ -251,7 +251,7 @@ fn number(word: &[u8]) -> Option<f64> {
 const POWERS: [f64; 16] =
     [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
 
-/// The usual numbers quickly: at most 15 digits without exponent are a quotient of two exact
+/// Fast path for common numbers: at most 15 digits without exponent are a quotient of two exact
 /// numbers, rounded once (Clinger, How to read floating point numbers accurately, 1990).
 fn small_decimal(word: &[u8]) -> Option<f64> {
     let (negative, digits) = match word {

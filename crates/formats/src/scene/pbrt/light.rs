@@ -1,7 +1,7 @@
-//! Lights that are not surfaces, and what makes surfaces emit.
+//! Lights that are not surfaces, and area lights.
 //!
-//! Brightness as pbrt means it: a light's RGB colour times `scale` is its radiance, intensity or
-//! irradiance; spectra that are not RGB are scaled to luminance 1 first. `power` and `illuminance`
+//! Brightness follows pbrt: a light's RGB colour times `scale` is its radiance, intensity or
+//! irradiance; spectra other than RGB are scaled to luminance 1 first. `power` and `illuminance`
 //! replace the brightness: the colour is multiplied so that a light of luminance 1 would emit this
 //! power (or give this illuminance).
 
@@ -20,12 +20,12 @@ use snell_scene::{Encoding, Image, ImageTexture};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// An area light, which makes the shapes after it emit.
+/// An area light, which makes the following shapes emit.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
     /// Radiance.
     radiance: ColorParam,
-    /// If set, every piece of surface emits this, in W; else the radiance is what it is.
+    /// Power that every piece of surface emits, in W; `None` if the radiance is used as it is.
     power: Option<f64>,
     /// Mean luminance of the picture, if there is one; else 1.
     mean: f64,
@@ -44,7 +44,7 @@ impl AreaLight {
         ColorParam { factor: self.radiance.factor * factor, ..self.radiance }
     }
 
-    /// True if the brightness depends on the size of the surface.
+    /// True if the radiance depends on the size of the surface.
     pub fn depends_on_area(&self) -> bool {
         self.power.is_some()
     }
@@ -59,14 +59,14 @@ impl Builder<'_> {
             None => Rgb::WHITE,
         };
         let scale = match params.get("scale") {
-            // pbrt-v3 had colours as scales.
+            // pbrt-v3 allowed colours as scales.
             Some(param) => self.color(param, Role::Factor)?,
             None => Rgb::WHITE,
         };
         Ok(color * scale)
     }
 
-    /// A positive number of a parameter; pbrt ignores others.
+    /// A positive number of a parameter; pbrt ignores other numbers.
     fn positive(&self, params: &Params, name: &str) -> Result<Option<f64>, Fault> {
         Ok(params.float(name)?.filter(|x| *x > 0.0))
     }
@@ -83,7 +83,7 @@ impl Builder<'_> {
                 "a light within an object definition stands in the world once".into()
             });
         }
-        // They only ever told how many samples to take.
+        // They only set the number of samples.
         for name in ["samples", "nsamples"] {
             params.get(name);
         }
@@ -138,7 +138,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The picture of a light: its name in pbrt-v4 or pbrt-v3, and whether it was the latter.
+    /// The picture of a light: its name in pbrt-v4 or pbrt-v3, and true for the latter.
     fn light_picture(&mut self, params: &Params) -> Result<(Arc<Image>, bool), Fault> {
         let is_old = params.has("mapname");
         let Some((name, at)) =
@@ -150,7 +150,7 @@ impl Builder<'_> {
         Ok((self.scene.images[image.index()].clone(), is_old))
     }
 
-    /// Intensity by a picture of directions, in which y and z change places.
+    /// Intensity from a picture of directions, in which y and z are exchanged.
     fn goniometric_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
         let mut scale = self.light_color(params, "I")?;
         let (image, is_old) = self.light_picture(params)?;
@@ -175,7 +175,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// A picture thrown along `+z`, as wide as `fov` along its shorter side.
+    /// A picture projected along `+z`; `fov` spans its shorter side.
     fn projection_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
         let mut scale = self.light_color(params, "I")?;
         let fov = params.float_or("fov", 90.0)?;
@@ -264,7 +264,7 @@ impl Builder<'_> {
     }
 }
 
-/// The axes of a map without their lengths.
+/// The normalised axes of a transform.
 fn unit_axes(map: DAffine3) -> Option<DMat3> {
     let [x, y, z] =
         [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(DVec3::try_normalize);

@@ -26,10 +26,10 @@ use std::rc::Rc;
 /// A material, not yet in the scene.
 #[derive(Clone, Debug, Default)]
 pub struct Known {
-    /// What it is, from the layer that is met first; its emission and opacity come from shapes.
-    /// None is no surface at all.
+    /// Layers from the outermost; emission and opacity come from shapes. Empty for no surface at
+    /// all.
     pub layers: Layers,
-    /// What the surface absorbs or lets through as a whole, from the material itself (pbrt-v3).
+    /// The opacity of the whole surface, set by the material itself (pbrt-v3).
     pub opacity: Option<Rc<Pattern>>,
 }
 
@@ -40,18 +40,18 @@ pub struct Materials {
     known: Vec<Known>,
     named: HashMap<String, usize>,
     default: Option<usize>,
-    /// Ids in the scene by material and by what shapes add to it.
+    /// Ids in the scene by material and by finish.
     ids: HashMap<(usize, String), Vec<MaterialId>>,
 }
 
-/// What a shape adds to its material.
+/// Properties that a shape adds to its material.
 #[derive(Clone, Debug, Default)]
 pub struct Finish {
     /// Radiance, and whether both sides emit.
     pub emission: Option<(ColorParam, bool)>,
     /// Opacity.
     pub alpha: Option<ScalarParam>,
-    /// What is inside.
+    /// The medium inside.
     pub interior: Option<Interior>,
 }
 
@@ -93,7 +93,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The position of the material of a name.
+    /// The index of the material with this name.
     pub(super) fn find_material(&self, name: &str, at: Spot) -> Result<usize, Fault> {
         self.materials.named.get(name).copied().ok_or_else(|| {
             let problem = format!("there is no material {} so far", quoted(name.as_bytes()));
@@ -106,7 +106,7 @@ impl Builder<'_> {
         self.materials.known.len() - 1
     }
 
-    /// The position of the current material.
+    /// The index of the current material.
     fn current_material(&mut self) -> usize {
         if let Some(position) = self.state.material {
             return position;
@@ -120,8 +120,7 @@ impl Builder<'_> {
         position
     }
 
-    /// The layers of the current material with what a shape adds to them; none if there is no
-    /// surface.
+    /// The layers of the current material with a shape's finish; empty if there is no surface.
     pub(super) fn finished_material(&mut self, finish: &Finish, at: Spot) -> Vec<MaterialId> {
         let position = self.current_material();
         let key = (position, format!("{finish:?}"));
@@ -161,7 +160,7 @@ impl Builder<'_> {
         ids
     }
 
-    /// True if the current material is none: the boundary of a medium.
+    /// True if there is no current material: the surface bounds a medium.
     pub(super) fn is_without_surface(&mut self) -> bool {
         let position = self.current_material();
         self.materials.known[position].layers.is_empty()
@@ -170,7 +169,7 @@ impl Builder<'_> {
     /// True if the current material has textures, so that texture coordinates matter.
     pub(super) fn is_textured(&mut self) -> bool {
         let position = self.current_material();
-        // Ids of textures stand in the debug form only where there are some.
+        // The debug form contains ids of textures only if there are any.
         let known = &self.materials.known[position];
         known.opacity.is_some() || format!("{:?}", known.layers).contains("TextureId")
     }
@@ -253,13 +252,13 @@ impl Builder<'_> {
         ))
     }
 
-    /// Parameters of the layer between coat and base.
+    /// Reads the parameters of the layer between coat and base.
     fn coating_details(&mut self, params: &Params) -> Result<(), Fault> {
-        // How pbrt computes the layers is its own affair.
+        // These only control how pbrt computes the layers.
         for name in ["maxdepth", "nsamples", "g"] {
             params.get(name);
         }
-        // A clear layer looks the same whatever its thickness.
+        // A clear layer looks the same at any thickness.
         params.get("thickness");
         if let Some(pattern) = self.pattern_param(params, "albedo", true)?
             && pattern.as_constant() != Some(Rgb::BLACK)
@@ -341,8 +340,8 @@ impl Builder<'_> {
         Ok(letting_through(color("reflectance")?, color("transmittance")?))
     }
 
-    /// Light that walks below the surface: by the colour that it shows and its mean free path, or
-    /// by its coefficients per millimetre.
+    /// Subsurface scattering: from the diffuse reflectance and the mean free path, or from
+    /// coefficients per millimetre.
     fn subsurface(&mut self, params: &Params) -> Result<Material, Fault> {
         let scale = params.float_or("scale", 1.0)? as f32;
         let g = params.float_or("g", 0.0)?.clamp(-0.99, 0.99) as f32;
@@ -395,7 +394,7 @@ impl Builder<'_> {
         })
     }
 
-    /// Hair by its absorption, its colour, or its pigments, the first of these that is there.
+    /// Hair, from its absorption, its colour, or its pigments: the first of these that is present.
     fn hair(&mut self, params: &Params) -> Result<Material, Fault> {
         let mut kind = Hair::default();
         let color = if params.has("reflectance") { "reflectance" } else { "color" };
@@ -460,7 +459,7 @@ impl Builder<'_> {
         Ok(self.mixed([a, b], &amount, params, at))
     }
 
-    /// Two materials, the second on a share of the surface.
+    /// Mixes two materials; the second covers a share of the surface.
     pub(super) fn mixed(
         &mut self,
         [a, b]: [usize; 2],
@@ -518,8 +517,7 @@ impl Builder<'_> {
         Ok((color.r + color.g + color.b) / 3.0)
     }
 
-    /// Roughness as Snell has it, whose square is the width of the distribution; the same in all
-    /// directions.
+    /// Snell's roughness, whose square is the width of the distribution; isotropic.
     pub(super) fn roughness(
         &mut self,
         params: &Params,
@@ -579,7 +577,7 @@ impl Builder<'_> {
         let mut map = None;
         for name in ["displacement", "bumpmap"].into_iter().filter(|name| params.has(name)) {
             let heights = self.material_scalar(params, name, 0.0)?;
-            // The same height everywhere changes no normal.
+            // A constant height changes no normal.
             map = heights.texture.map(|(texture, channel)| BumpMap {
                 texture,
                 channel: Some(channel),
@@ -598,7 +596,7 @@ impl Builder<'_> {
     }
 }
 
-/// The metal whose tables `eta` and `k` name, if Snell has it too; copper if they say nothing.
+/// The metal whose tables `eta` and `k` name, if Snell has it; copper by default.
 fn named_metal(params: &Params, prefix: &str) -> Option<Metal> {
     let [eta, k] = ["eta", "k"].map(|part| {
         let name = format!("{prefix}{part}");
@@ -615,8 +613,8 @@ fn named_metal(params: &Params, prefix: &str) -> Option<Metal> {
     if eta == k { Metal::named(&eta?) } else { None }
 }
 
-/// A surface that light walks below: the colour that it shows, its mean free paths by channel, and
-/// the mean cosine of scattering.
+/// A surface with subsurface scattering: its diffuse reflectance, its mean free paths by channel,
+/// and the mean cosine of scattering.
 pub(super) fn lit_below(
     color: ColorParam,
     radius: Rgb,

@@ -20,15 +20,15 @@ use std::sync::Arc;
 /// The media of a scene.
 #[derive(Debug, Default)]
 pub struct Media {
-    /// By name; `None` is one that became clear air.
+    /// Media by name; `None` for one that became clear air.
     named: HashMap<String, Option<MediumId>>,
     /// The medium around the camera.
     pub around_camera: Option<Rc<str>>,
-    /// Names of media that are inside of something.
+    /// Names of media that are the interior of some shape.
     inside: Vec<Rc<str>>,
 }
 
-/// What a medium does, without its density.
+/// The coefficients of a medium, without its density.
 struct Coefficients {
     sigma_a: Rgb,
     sigma_s: Rgb,
@@ -72,7 +72,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Absorption, scattering and emission, which is that of what absorbs.
+    /// Absorption, scattering and emission; emission is proportional to absorption.
     fn coefficients(
         &mut self,
         params: &Params,
@@ -94,7 +94,7 @@ impl Builder<'_> {
         let le_scale = match params.floats("Lescale")? {
             [] => 1.0,
             [one] => *one as f32,
-            // A number for each cell: see `grid`.
+            // A number for each cell; see `grid`.
             _ => 1.0,
         };
         let sigma_a = sigma_a * scale;
@@ -118,7 +118,7 @@ impl Builder<'_> {
         let grid = Grid { emission, ..Grid::new(sigma_a, sigma_s, g, density, world_from_grid) };
         let kelvin: Vec<f32> = params.floats("temperature")?.iter().map(|t| *t as f32).collect();
         if kelvin.is_empty() {
-            // What glows is what absorbs, so the density counts too.
+            // Emission is proportional to absorption, so the density counts too.
             let glow = (scales.len() > 1)
                 .then(|| grid.density.values().iter().zip(&scales).map(|(d, l)| d * l).collect());
             let emission_scale =
@@ -137,7 +137,7 @@ impl Builder<'_> {
         hot(params, grid, &kelvin, |cell| scales.get(cell).copied().unwrap_or(one))
     }
 
-    /// A grid in a file of its own.
+    /// A grid from a file.
     fn nanovdb(&mut self, params: &Params) -> Result<Grid, Fault> {
         let Some((name, at)) = self.file_name(params, "filename")? else {
             return Err(params.fault("there is no file name", "add \"string filename\""));
@@ -183,7 +183,7 @@ impl Builder<'_> {
             let remedy = "give one for each cell in \"rgb sigma_a\" or \"rgb sigma_s\"";
             return Err(params.fault("a grid without colours", remedy));
         }
-        // What glows is what absorbs.
+        // Emission is proportional to absorption.
         for (light, absorbed) in emitted.iter_mut().zip(&absorbed) {
             *light = *light * *absorbed;
         }
@@ -207,7 +207,7 @@ impl Builder<'_> {
             };
             Ok((Rgb::splat(share * scale), Some(Arc::new(grid))))
         };
-        // What is not given is 1 everywhere, but for light.
+        // Missing grids are 1 everywhere, except for emission.
         let emits = !emitted.is_empty();
         let (emission, emission_tint) = tint("Le", emitted, le_scale * scale)?;
         let (sigma_a, sigma_a_tint) = tint("sigma_a", absorbed, scale)?;
@@ -223,7 +223,7 @@ impl Builder<'_> {
         })
     }
 
-    /// Absorption and scattering by name; whole milk if there is none.
+    /// Absorption and scattering by name; whole milk by default.
     fn preset(&mut self, params: &Params) -> Result<(Rgb, Rgb), Fault> {
         let name = params.string("preset")?.unwrap_or_default();
         let known = scattering::named(if name.is_empty() { "wholemilk" } else { name });
@@ -237,7 +237,7 @@ impl Builder<'_> {
         Ok(known.map_or((Rgb::BLACK, Rgb::WHITE), |k| (k.sigma_a, k.sigma_s)))
     }
 
-    /// Map of the unit cube to the box between `p0` and `p1` in the world.
+    /// The transform from the unit cube to the box between `p0` and `p1` in the world.
     fn world_from_box(&mut self, params: &Params) -> Result<DAffine3, Fault> {
         let (p0, p1) =
             (params.point("p0")?.unwrap_or(DVec3::ZERO), params.point("p1")?.unwrap_or(DVec3::ONE));
@@ -252,7 +252,7 @@ impl Builder<'_> {
         let frequency = params.float_or("frequency", 5.0)?.clamp(1.0, 100.0) as f32;
         params.get("wispiness");
         self.note("cloud", params.at, || {
-            "a cloud of other noise than pbrt's: its shape is another".into()
+            "a cloud of other noise than pbrt's: its shape differs".into()
         });
         Ok(Cloud {
             sigma_a: sigma_a * density,
@@ -285,7 +285,7 @@ impl Builder<'_> {
         Err(Fault::new(at, problem, "define it above with MakeNamedMedium"))
     }
 
-    /// What the current media make of the inside of a surface; `None` if it bounds none.
+    /// The interior of a surface in the current media; `None` if it bounds no medium.
     pub(super) fn interior(&mut self) -> Option<Interior> {
         let [inside, outside] = &self.state.media;
         if inside == outside {
@@ -298,8 +298,8 @@ impl Builder<'_> {
         Some(Interior { medium, ..Interior::default() })
     }
 
-    /// The medium around the camera is everywhere, unless it is the inside of something: then the
-    /// renderer finds out.
+    /// The medium around the camera is everywhere, unless it is also an interior: then the renderer
+    /// determines where the camera is.
     pub(super) fn finish_media(&mut self) {
         let Some(name) = &self.media.around_camera else { return };
         if !self.media.inside.contains(name) {
@@ -308,15 +308,15 @@ impl Builder<'_> {
     }
 }
 
-/// A grid that glows by its temperatures. What is hot glows where it absorbs, as a black body whose
-/// largest radiance is 1, times a scale.
+/// A grid that emits by its temperatures: hot cells emit in proportion to absorption, as a black
+/// body whose maximum radiance is 1, times a scale.
 fn hot(
     params: &Params,
     grid: Grid,
     kelvin: &ScalarGrid,
     scale: impl Fn(usize) -> f32,
 ) -> Result<Grid, Fault> {
-    // Nothing colder glows.
+    // Colder cells do not emit.
     const COLDEST: f64 = 100.0;
     let offset =
         params.float_or("temperatureoffset", params.float_or("temperaturecutoff", 0.0)?)?;

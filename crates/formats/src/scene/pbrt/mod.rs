@@ -1,14 +1,13 @@
-//! pbrt-v4 scenes, and those of pbrt-v3 where their meaning is plain.
+//! pbrt-v4 scenes, and those of pbrt-v3 where the meaning is clear.
 //!
 //! The format is that of <https://pbrt.org/fileformat-v4>. `lexer.rs` and `params.rs` read the
-//! syntax, `directive.rs` does what each directive says, and one file or folder each builds
-//! cameras, shapes, materials, textures, lights and media. What Snell cannot express becomes the
-//! nearest thing that it can, and a warning with file, line and column; so does every parameter
-//! that nobody asked for.
+//! syntax, `directive.rs` executes the directives, and one file or folder each builds cameras,
+//! shapes, materials, textures, lights and media. Features that Snell lacks are approximated with a
+//! warning that names file, line and column; unused parameters are reported, too.
 //!
 //! Coordinates of pbrt are left-handed: its cameras look along `+z` with `+x` to the right and `+y`
-//! up. Where the camera's own transform does not mirror that, the whole scene is mirrored in x (by
-//! the root node), so that pictures are not.
+//! up. If the camera's own transform does not mirror that, the whole scene is mirrored in x (by the
+//! root node), so that pictures are not.
 
 mod camera;
 mod directive;
@@ -54,7 +53,7 @@ pub const READER: SceneReader = SceneReader {
     read,
 };
 
-/// What is known after some directives, over all files.
+/// State after some directives, over all files.
 struct Builder<'a> {
     /// The file that the user named; names in all files are relative to its folder.
     main: &'a Input,
@@ -63,7 +62,7 @@ struct Builder<'a> {
     stack: Stack,
     options: RenderOptions,
     coordinate_systems: HashMap<String, state::Motion>,
-    /// Map of the file's world to the scene's: a mirror or nothing.
+    /// Transform from the file's world to the scene's: a mirror or the identity.
     world_from_file: DAffine3,
     materials: Materials,
     patterns: Patterns,
@@ -76,7 +75,7 @@ struct Builder<'a> {
     object: Option<(String, NodeId)>,
     /// True after `WorldBegin`.
     in_world: bool,
-    /// True if something told that the file is of pbrt-v3.
+    /// True if something identified the file as pbrt-v3.
     is_v3: bool,
     /// Names of all files so far.
     files: Vec<String>,
@@ -84,7 +83,7 @@ struct Builder<'a> {
     open_files: Vec<PathBuf>,
     directives: usize,
     notes: Notes,
-    /// What moves.
+    /// Everything that moves.
     moving: motion::Moving,
 }
 
@@ -130,18 +129,18 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Notes something that the user should know: what was found, and what was done instead. Of
-    /// each kind only the first is told.
+    /// Warns of something that the user should know: what was found, and what was done instead.
+    /// Only the first of each kind is reported.
     fn note(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
         self.notes.add(WarningKind::Changed, kind.into(), at, message);
     }
 
-    /// Notes what the file leaves open, or what belongs to other programs: nothing is wrong.
+    /// Notes choices that the file leaves open, or features of other programs: nothing is wrong.
     fn mention(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
         self.notes.add(WarningKind::Choice, kind.into(), at, message);
     }
 
-    /// Notes the parameters that nobody asked for.
+    /// Warns of unused parameters.
     fn note_unused(&mut self, params: &Params) {
         for param in params.unused() {
             let what = format!("\"{} {}\" of {}", param.kind.name(), param.name, params.owner);
@@ -151,7 +150,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Looks at parameters that belong to other programs, with what is to be said of them.
+    /// Marks parameters of other programs as used, and notes the reason.
     fn mention_ignored(&mut self, params: &Params, names: &[&str], reason: &str) {
         for name in names {
             if let Some(param) = params.get(name) {
@@ -164,7 +163,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Looks at parameters that change nothing here, with the reason.
+    /// Marks ignored parameters as used, and warns with the reason.
     fn note_ignored(&mut self, params: &Params, names: &[&str], reason: &str) {
         for name in names {
             if let Some(param) = params.get(name) {
@@ -188,8 +187,8 @@ impl Builder<'_> {
             ));
         }
         self.main.open_relative(name).map_err(|error| {
-            // Either about the main file, which leads outside, or about the other one, which cannot
-            // be opened.
+            // The error is either about the main file, which refers to the outside, or about the
+            // other one, which cannot be opened.
             let is_own = error.file == self.main.name;
             let problem =
                 if is_own { error.problem } else { format!("{}: {}", error.file, error.problem) };
@@ -212,7 +211,7 @@ impl Builder<'_> {
         }
     }
 
-    /// The map from the current object space to the file's world, at the beginning of the motion.
+    /// The transform from the current object space to the file's world, at the start of the motion.
     fn placement(&mut self, at: Spot) -> DAffine3 {
         let [start, end] = self.state.transform.0;
         if start != end {
@@ -224,13 +223,13 @@ impl Builder<'_> {
     }
 }
 
-/// The same path for all names of one file.
+/// The same path for every name of a file.
 fn identity(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
 }
 
-/// True if the text starts, after comments, with a directive that no other format has, and what may
-/// follow it.
+/// True if the text starts, after comments, with a directive that no other format has, followed by
+/// valid arguments.
 fn recognises(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
     let mut lines = text.trim_start_matches('\u{feff}').lines().map(str::trim_start);

@@ -1,5 +1,4 @@
-//! What moves: transforms that differ at the two ends of the motion, and how long the shutter is
-//! open.
+//! Motion: transforms that differ at the two ends of the motion, and the shutter interval.
 
 use super::Builder;
 use super::params::Params;
@@ -9,10 +8,10 @@ use snell_scene::NodeId;
 use snell_scene::motion::{AnimatedTransform, Channel, Clip, Joint, Motion, Placement, Track};
 use std::sync::Arc;
 
-/// What moves, as far as it was read.
+/// The motion read so far.
 #[derive(Debug)]
 pub struct Moving {
-    /// When transforms are as `ActiveTransform StartTime` and `EndTime` say.
+    /// Times of the transforms of `ActiveTransform StartTime` and `EndTime`.
     pub times: [f64; 2],
     shutter: [f64; 2],
     nodes: Vec<(NodeId, [DAffine3; 2])>,
@@ -32,8 +31,8 @@ impl Builder<'_> {
         start != end
     }
 
-    /// Notes that a node, which shows something in the current transform after `object_from_shown`,
-    /// moves, if that does.
+    /// Records that a node moves, if the current transform does. The node shows something in the
+    /// current transform after `object_from_shown`.
     pub(super) fn note_motion(&mut self, node: NodeId, object_from_shown: DAffine3) {
         let [start, end] = self.state.transform.0;
         if start != end {
@@ -41,7 +40,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Notes where the camera is at both ends of the motion, and its shutter.
+    /// Records the camera's transforms at both ends of the motion, and its shutter.
     pub(super) fn note_camera_motion(
         &mut self,
         params: &Params,
@@ -53,7 +52,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Gives the scene its motion, if anything moves.
+    /// Adds the motion to the scene, if anything moves.
     pub(super) fn finish_motion(&mut self) {
         let Moving { times, shutter: [open, close], nodes, camera } =
             std::mem::take(&mut self.moving);

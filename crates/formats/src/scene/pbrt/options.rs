@@ -1,4 +1,4 @@
-//! What comes before `WorldBegin`: camera, film, sampler, filter and integrator.
+//! Options before `WorldBegin`: camera, film, sampler, filter and integrator.
 
 use super::lexer::quoted;
 use super::params::Params;
@@ -6,7 +6,7 @@ use super::state::Motion;
 use super::{Builder, camera};
 use crate::scene::fault::{Fault, Spot};
 
-/// The options of a scene as they were written.
+/// The options of a scene as written.
 #[derive(Debug, Default)]
 pub struct RenderOptions {
     /// The camera, and the map from the world to its space.
@@ -17,13 +17,13 @@ pub struct RenderOptions {
     integrator: Option<Params>,
 }
 
-/// Size of the picture if the film does not say.
+/// Default size of the picture.
 const SIZE: [i64; 2] = [1280, 720];
-/// Of pbrt-v3.
+/// The default of pbrt-v3.
 const SIZE_V3: [i64; 2] = [640, 480];
 
 impl Builder<'_> {
-    /// `Camera`, `Film` and the like.
+    /// Reads `Camera`, `Film` and the like.
     pub(super) fn render_option(&mut self, directive: &str, params: Params) -> Result<(), Fault> {
         if self.in_world {
             return Err(params.fault("options must stand before WorldBegin", "move it up"));
@@ -49,14 +49,14 @@ impl Builder<'_> {
             "Sampler" => self.options.sampler = Some(params),
             "PixelFilter" => self.options.filter = Some(params),
             "Integrator" => self.options.integrator = Some(params),
-            // Accelerators do not change the picture.
+            // Accelerators do not affect the picture.
             _ => {}
         }
         Ok(())
     }
 
-    /// What must be known before the world: the film's size, the camera and whether the scene is to
-    /// be mirrored.
+    /// Determines what the world needs: the film's size, the camera, and whether the scene is
+    /// mirrored.
     pub(super) fn start_world(&mut self) -> Result<(), Fault> {
         if let Some(film) = self.options.film.take() {
             self.film(&film)?;
@@ -75,7 +75,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// What is left of the options at the end of the scene.
+    /// Handles the remaining options at the end of the scene.
     pub(super) fn finish_options(&mut self) -> Result<(), Fault> {
         if !self.in_world {
             self.start_world()?;
@@ -134,7 +134,7 @@ impl Builder<'_> {
         }
         self.mention_ignored(params, &["cropwindow", "pixelbounds"], "give --crop instead");
         self.note_ignored(params, &["maxcomponentvalue"], "samples are not clamped");
-        // Where and how the picture is stored is for the command line to say; the diagonal is for
+        // File name and file format of the picture are set on the command line; the diagonal is for
         // the realistic camera.
         for name in
             ["filename", "diagonal", "savefp16", "scale", "maxsampleluminance", "coordinatesystem"]
@@ -156,7 +156,7 @@ impl Builder<'_> {
                 .fault(format!("{spp} samples per pixel"), "give a number from 1 to 16777216"));
         }
         self.scene.settings.spp = Some(spp as u32);
-        // Of the better samplers, ours is as good as any.
+        // For better samplers, ours is a good replacement.
         let plain = ["independent", "stratified"].into_iter().find(|n| is_kind(params, n));
         self.scene.settings.sampler = plain.map(String::from);
         for name in ["randomization", "seed", "jitter", "dimensions"] {
@@ -166,7 +166,7 @@ impl Builder<'_> {
     }
 
     fn filter(&mut self, params: &Params) -> Result<(), Fault> {
-        // Kind, ours, and the radius that ours has.
+        // pbrt's kind, ours, and the radius of ours.
         let known = [
             ("box", "box", 0.5),
             ("triangle", "tent", 1.0),
@@ -238,7 +238,7 @@ impl Builder<'_> {
                 format!("{owner}: the integrator {ours} was used instead")
             });
         }
-        // How lights are chosen and paths are ended changes the noise only.
+        // The choice of lights and the ends of paths affect only the noise.
         for name in [
             "lightsampler",
             "lightsamplestrategy",

@@ -27,7 +27,7 @@ pub enum Type {
 }
 
 impl Type {
-    /// The type of this name, those of pbrt-v3 included.
+    /// The type of this name, including those of pbrt-v3.
     fn named(name: &str) -> Option<Self> {
         Some(match name {
             "float" => Self::Float,
@@ -68,7 +68,7 @@ impl Type {
         }
     }
 
-    /// How many numbers one value has.
+    /// The number of numbers in one value.
     fn width(self) -> usize {
         match self {
             Self::Point2 | Self::Vector2 => 2,
@@ -136,7 +136,7 @@ pub struct Params {
 }
 
 impl Params {
-    /// Reads the parameters that follow. `limit` is the most numbers of one parameter.
+    /// Reads the parameters that follow. `limit` is the maximum number of numbers in one parameter.
     pub fn read(lexer: &mut Lexer, owner: String, at: Spot, limit: usize) -> Result<Self, Fault> {
         let mut params = Self { owner, at, own: Vec::new(), defaults: Vec::new() };
         while lexer.string_follows() {
@@ -167,19 +167,19 @@ impl Params {
         self.own
     }
 
-    /// The parameter of this name, whatever its type; it counts as used.
+    /// The parameter of this name, whatever its type, which is marked as used.
     pub fn get(&self, name: &str) -> Option<&Param> {
         let param = self.own.iter().chain(&self.defaults).find(|p| p.name == name)?;
         param.used.set(true);
         Some(param)
     }
 
-    /// True if there is a parameter of this name; it does not count as used.
+    /// True if there is a parameter of this name; it is not marked as used.
     pub fn has(&self, name: &str) -> bool {
         self.own.iter().chain(&self.defaults).any(|p| p.name == name)
     }
 
-    /// Parameters that nobody asked for.
+    /// Unused parameters.
     pub fn unused(&self) -> impl Iterator<Item = &Param> {
         self.own.iter().map(|p| &**p).filter(|p| !p.used.get())
     }
@@ -201,7 +201,7 @@ impl Params {
         Err(param.fault(problem, format!("write \"{} {name}\"", expected[0])))
     }
 
-    /// The only number of a parameter.
+    /// The number of a parameter with exactly one.
     fn one_number(&self, name: &str, kinds: &[Type]) -> Result<Option<f64>, Fault> {
         let Some(param) = self.typed(name, kinds)? else { return Ok(None) };
         match param.numbers() {
@@ -225,7 +225,7 @@ impl Params {
         Ok(self.one_number(name, &[Type::Integer])?.map(|x| x as i64))
     }
 
-    /// Yes or no.
+    /// A boolean or its default.
     pub fn bool_or(&self, name: &str, default: bool) -> Result<bool, Fault> {
         let Some(param) = self.typed(name, &[Type::Bool])? else { return Ok(default) };
         match &param.values {
@@ -252,7 +252,7 @@ impl Params {
         }
     }
 
-    /// Some numbers, of floats or integers; none if the parameter is absent.
+    /// A list of numbers, of floats or integers; empty if the parameter is absent.
     pub fn floats(&self, name: &str) -> Result<&[f64], Fault> {
         Ok(self.typed(name, &[Type::Float, Type::Integer])?.map_or(&[], Param::numbers))
     }
@@ -280,8 +280,7 @@ impl Params {
         Ok(param.numbers().chunks_exact(2).map(|p| Vec2::new(p[0] as f32, p[1] as f32)).collect())
     }
 
-    /// Numbers of vertices, so many at a time; and how many there are in all, which may not be a
-    /// multiple of that.
+    /// Vertex indices in groups of `N`, and their total number, which may not be a multiple of `N`.
     pub fn indices<const N: usize>(
         &self,
         name: &str,
@@ -418,7 +417,7 @@ fn read_bools(lexer: &mut Lexer, bracketed: bool) -> Result<Vec<bool>, Fault> {
     let mut bools = Vec::new();
     while bools.is_empty() || (bracketed && (lexer.word_follows() || lexer.string_follows())) {
         let (token, spot) = lexer.expect("true or false")?;
-        // pbrt-v3 wrote them in quotes.
+        // pbrt-v3 wrote booleans in quotes.
         let text = match token {
             Token::Word(bytes) | Token::String(bytes) => utf8(bytes, spot)?,
             Token::Open | Token::Close => "",

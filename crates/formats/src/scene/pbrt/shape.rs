@@ -1,7 +1,7 @@
-//! Shapes: what each kind is, and its place, material and light.
+//! Shapes: their geometry, transform, material and emission.
 //!
-//! Texture coordinates: in pbrt v grows upwards on meshes and on shapes; in the scene it is turned
-//! downwards on both.
+//! Texture coordinates: in pbrt v points up on meshes and on shapes; in the scene it is flipped to
+//! point down on both.
 
 mod curve;
 mod loop_subdivision;
@@ -23,42 +23,43 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// What the shapes of a scene share.
+/// State that the shapes of a scene share.
 #[derive(Debug, Default)]
 pub struct Shapes {
     /// In the order of definition.
     pub area_lights: Vec<AreaLight>,
     table: ShapeTable,
-    /// Meshes read from files, by path and whether they were turned over.
+    /// Meshes read from files, by path and whether their orientation was reversed.
     files: HashMap<(PathBuf, bool), Arc<TriangleMesh>>,
-    /// Where the last surface went: further ones at the same place join it.
+    /// Where the last surface was added: further ones at the same place join it.
     last: Option<(NodeId, DAffine3, NodeId)>,
     triangles: usize,
-    /// Triangles that stand for something else.
+    /// Triangles generated for other primitives.
     made: usize,
     /// Curves so far, by the node that holds them and their materials.
     strands: Vec<Strands>,
-    /// Points of all of them.
+    /// Their total number of points.
     strand_points: usize,
 }
 
-/// Curves of one place and of the same materials.
+/// Curves with the same transform and materials.
 #[derive(Debug)]
 struct Strands {
     node: NodeId,
     materials: Vec<MaterialId>,
     points: Vec<Vec4>,
-    /// Points of each.
+    /// Number of points of each.
     counts: Vec<u32>,
 }
 
-/// Most triangles that stand for curves, subdivided surfaces and parts of shapes in one scene: a
-/// short file can ask for any number.
+/// Maximum number of triangles generated for curves, subdivision surfaces and parts of shapes in
+/// one scene: a short file can ask for any number.
 const MAX_MADE: usize = 1 << 25;
-/// Memory of one of these, with its share of vertices and of the structure for rays.
+/// Memory of a generated triangle, including its vertices and its part of the acceleration
+/// structure.
 const MADE_BYTES: u64 = 100;
 
-/// The geometry of a shape.
+/// The geometry made for a shape.
 pub enum Made {
     /// Triangles.
     Mesh(Arc<TriangleMesh>),
@@ -66,7 +67,7 @@ pub enum Made {
     Shape(Box<AnyShape>, DAffine3),
     /// A strand of cubic Bézier segments, with radii.
     Strand(Vec<Vec4>),
-    /// Nothing to see.
+    /// Nothing visible.
     Nothing,
 }
 
@@ -80,7 +81,7 @@ impl Made {
 impl Builder<'_> {
     /// `Shape "sphere" ...`
     pub(super) fn shape(&mut self, params: Params) -> Result<(), Fault> {
-        // Where it is at the start; it may move.
+        // Its transform at the start; it may move.
         let [place, _] = self.state.transform.0;
         if Transform::new(place).is_none() {
             self.note_singular(params.at);
@@ -127,7 +128,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Adds a curve to those of the same place and materials.
+    /// Adds a curve to those with the same transform and materials.
     fn add_strand(
         &mut self,
         params: &Params,
@@ -157,7 +158,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Puts the curves where they belong.
+    /// Adds the curves to their nodes.
     pub(super) fn finish_curves(&mut self) {
         for Strands { node, materials, points, counts } in std::mem::take(&mut self.shapes.strands)
         {
@@ -198,7 +199,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Radiance of the shape, and whether both sides emit, if the current area light makes it emit.
+    /// Radiance of the shape, and whether both sides emit, if there is a current area light.
     fn emission(
         &mut self,
         params: &Params,
@@ -222,8 +223,8 @@ impl Builder<'_> {
         Some((light.radiance(area), light.both_sides))
     }
 
-    /// Mean area of the triangles, or the area of a shape in its own space: what `power` is about
-    /// in pbrt.
+    /// Mean area of the triangles, or the area of a shape in its own space: `power` in pbrt is
+    /// defined for these.
     fn piece_area(&mut self, params: &Params, made: &Made, place: DAffine3) -> f64 {
         let mesh = match made {
             Made::Shape(shape, _) => return shape.area(),
@@ -241,7 +242,7 @@ impl Builder<'_> {
         let mean = sum / count.max(1) as f64;
         if largest > mean * 1.01 {
             self.note("power of triangles", params.at, || {
-                "\"power\" is that of each triangle, and these are not alike: all got the radiance \
+                "\"power\" is that of each triangle, and these differ: all got the radiance \
                     of the mean one"
                     .into()
             });
@@ -259,7 +260,7 @@ impl Builder<'_> {
             .fault(format!("the scene has more than {limit} triangles, the limit"), "split it"))
     }
 
-    /// True if this many more triangles may stand for something else.
+    /// True if this many more triangles may be generated.
     fn may_make(&mut self, params: &Params, triangles: usize) -> bool {
         let made = self.shapes.made.saturating_add(triangles);
         let owner = params.owner.clone();
@@ -282,7 +283,8 @@ impl Builder<'_> {
         true
     }
 
-    /// The node for surfaces at a place of the current object; one of its own for what moves.
+    /// The node for surfaces at a transform of the current object; moving surfaces get a node of
+    /// their own.
     fn node_at(&mut self, transform: DAffine3, moves: bool) -> NodeId {
         let parent = self.parent();
         if let Some((last_parent, last_transform, node)) = self.shapes.last
@@ -297,12 +299,12 @@ impl Builder<'_> {
         node
     }
 
-    /// True if the winding of triangles is to be turned over.
+    /// True if the winding of triangles is to be reversed.
     fn is_reversed(&self) -> bool {
         self.state.reverse_orientation
     }
 
-    /// Looks at parameters that many shapes have and that change nothing.
+    /// Marks parameters that many shapes have and that have no effect here.
     fn note_common(&mut self, params: &Params) {
         if let Some(param) = params.get("displacement") {
             let at = param.at;
@@ -315,7 +317,7 @@ impl Builder<'_> {
         }
     }
 
-    /// A whole number of at least this, in a parameter.
+    /// A whole number of at least `least`, in a parameter.
     fn count_param(
         &self,
         params: &Params,
@@ -333,7 +335,7 @@ impl Builder<'_> {
         Ok(number as usize)
     }
 
-    /// The points of a shape, which must be there.
+    /// The required points of a shape.
     fn points(&self, params: &Params) -> Result<Vec<Vec3>, Fault> {
         let points = params.points("P")?;
         if points.is_empty() {
@@ -343,7 +345,7 @@ impl Builder<'_> {
     }
 }
 
-/// About the area of the side of a strand, by its control polygon.
+/// The approximate side area of a strand, from its control polygon.
 fn side_area(points: &[Vec4], place: DAffine3) -> f64 {
     let scale = place.matrix3.determinant().abs().cbrt();
     let side = |ends: &[Vec4]| {
@@ -353,7 +355,7 @@ fn side_area(points: &[Vec4], place: DAffine3) -> f64 {
     points.windows(2).map(side).sum()
 }
 
-/// An attribute of a mesh must be there for each vertex.
+/// Checks that an attribute of a mesh is present for each vertex.
 fn check_length(params: &Params, name: &str, found: usize, vertices: usize) -> Result<(), Fault> {
     if found == 0 || found == vertices {
         return Ok(());
@@ -369,15 +371,15 @@ fn check_length(params: &Params, name: &str, found: usize, vertices: usize) -> R
     )
 }
 
-/// Turns v downwards.
+/// Flips v to point down.
 fn flip_v(mesh: &mut TriangleMesh) {
     for uv in &mut mesh.uvs[0] {
         uv.y = 1.0 - uv.y;
     }
 }
 
-/// Turns triangles over where they look away from their vertex normals, and all of them if there
-/// are none and `reversed`. In pbrt, a triangle's outer side is that of its normals.
+/// Reverses triangles that face away from their vertex normals; without normals, reverses all if
+/// `reversed`. In pbrt, a triangle's outer side is that of its normals.
 fn orient(mesh: &mut TriangleMesh, reversed: bool) {
     if mesh.normals.is_empty() {
         if reversed {

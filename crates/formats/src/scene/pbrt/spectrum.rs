@@ -1,4 +1,4 @@
-//! Colours: RGB in several spaces, black bodies, and spectra by value, file and name.
+//! Colours: RGB in several spaces, black bodies, and spectra from values, files and names.
 
 use super::Builder;
 use super::lexer::quoted;
@@ -7,7 +7,7 @@ use crate::scene::fault::{Fault, Spot};
 use snell_math::Rgb;
 use snell_math::spectrum::cie::{LAMBDA_MIN, OBSERVER_1931};
 
-/// What the numbers of an RGB colour mean.
+/// The colour space of RGB values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColorSpace {
     Srgb,
@@ -40,7 +40,8 @@ impl ColorSpace {
         }
     }
 
-    /// A colour of this space in linear Rec. 709. Colours that do not fit there are cut off at 0.
+    /// Converts a colour of this space to linear Rec. 709. Out-of-gamut components are clipped at
+    /// 0.
     pub fn to_rgb(self, [r, g, b]: [f64; 3]) -> Rgb {
         if self == Self::Srgb {
             return Rgb::new(r as f32, g as f32, b as f32);
@@ -53,17 +54,17 @@ impl ColorSpace {
     }
 }
 
-/// What a colour is for.
+/// The use of a colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// A share of light, or any other factor.
+    /// A reflectance, or any other factor.
     Factor,
-    /// Light: a spectrum that is not RGB is scaled to luminance 1, as pbrt does.
+    /// Light: a spectrum other than RGB is scaled to luminance 1, as in pbrt.
     Light,
 }
 
 impl Builder<'_> {
-    /// The colour that a parameter says, in linear Rec. 709.
+    /// The colour of a parameter, in linear Rec. 709.
     pub(super) fn color(&mut self, param: &Param, role: Role) -> Result<Rgb, Fault> {
         match (param.kind, &param.values) {
             (Type::Rgb, Values::Numbers(n)) if n.len() == 3 => {
@@ -103,7 +104,7 @@ impl Builder<'_> {
                 format!("the table {} of brass: gold was used instead", quoted(name.as_bytes()))
             });
             return named(&format!("metal-Au-{part}")).ok_or_else(|| {
-                Fault::new(at, "this is no table of brass", "use metal-CuZn-eta or metal-CuZn-k")
+                Fault::new(at, "this is not a table of brass", "use metal-CuZn-eta or metal-CuZn-k")
             });
         }
         if name.starts_with("stdillum-") || name.starts_with("illum-") {
@@ -162,7 +163,8 @@ fn at_wavelength(samples: &[(f64, f64)], lambda: f64) -> f64 {
     }
 }
 
-/// The colour of a spectrum: of equal energy for factors, so that the constant 1 is white.
+/// The colour of a spectrum. A factor is relative to an equal-energy spectrum, so that the constant
+/// 1 is white.
 fn average(samples: &[(f64, f64)], role: Role) -> Rgb {
     let (mut xyz, mut white) = ([0.0; 3], [0.0; 3]);
     for (i, cie) in OBSERVER_1931.iter().enumerate() {
@@ -242,12 +244,12 @@ fn named(name: &str) -> Option<Rgb> {
     }
 }
 
-/// Real and imaginary part of the index of copper: what conductors are by default.
+/// Real and imaginary part of the index of refraction of copper: pbrt's default conductor.
 pub const COPPER: [Rgb; 2] = [Rgb::new(0.2332, 1.0410, 1.2976), Rgb::new(3.2553, 2.5941, 2.3530)];
 
 /// Index of refraction of metals in the three channels, by the weights of `average`. From
 /// refractiveindex.info (CC0): Johnson and Christy, 1972 (Ag, Au, Cu); Rakic, 1995 (Al). The oxides
-/// are clear: their usual index.
+/// are clear: their typical index.
 fn metal_index(name: &str) -> Option<(Rgb, Rgb)> {
     let (eta, k) = match name {
         "Ag" => ([0.0553, 0.0547, 0.0427], [4.3023, 3.5365, 2.5348]),

@@ -1,5 +1,5 @@
-//! The graphics state: what holds for the directives that follow, and the stack on which it is
-//! kept.
+//! The graphics state, which applies to the directives that follow, and the stack on which it is
+//! saved.
 
 use super::params::Param;
 use super::spectrum::ColorSpace;
@@ -7,7 +7,7 @@ use crate::scene::fault::{Fault, Spot};
 use snell_math::DAffine3;
 use std::rc::Rc;
 
-/// What `Attribute` can set defaults for.
+/// The things that `Attribute` can set defaults for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
     Shape,
@@ -36,7 +36,7 @@ impl Target {
 pub struct Motion(pub [DAffine3; 2]);
 
 impl Motion {
-    /// No transform at all times.
+    /// The identity at all times.
     pub const IDENTITY: Self = Self([DAffine3::IDENTITY; 2]);
 
     /// The inverse maps; `None` if one does not exist.
@@ -53,13 +53,13 @@ pub struct State {
     pub transform: Motion,
     /// Which ends of the motion transform directives change.
     pub active: [bool; 2],
-    /// True if surfaces are turned inside out.
+    /// True if the orientation of surfaces is reversed.
     pub reverse_orientation: bool,
-    /// The current material, by position in the list of materials; `None` is pbrt's default.
+    /// Index of the current material in the list of materials; `None` is pbrt's default.
     pub material: Option<usize>,
-    /// The current area light, by position in the list of area lights.
+    /// Index of the current area light in the list of area lights.
     pub area_light: Option<usize>,
-    /// What RGB values mean.
+    /// The colour space of RGB values.
     pub color_space: ColorSpace,
     /// Names of the media inside and outside of surfaces; empty for none.
     pub media: [Rc<str>; 2],
@@ -101,13 +101,13 @@ impl State {
         }
     }
 
-    /// Applies a map of object space before the current transform.
+    /// Concatenates a transform to the current one.
     pub fn concatenate(&mut self, map: DAffine3) {
         self.change_transform(|m| m * map);
     }
 }
 
-/// What was begun.
+/// A kind of block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Block {
     Attribute,
@@ -126,14 +126,14 @@ impl Block {
     }
 }
 
-/// The states that come back at the ends of blocks.
+/// The saved states of open blocks.
 #[derive(Debug, Default)]
 pub struct Stack {
     saved: Vec<(Block, Spot, State)>,
 }
 
 impl Stack {
-    /// How many blocks are open.
+    /// The number of open blocks.
     pub fn depth(&self) -> usize {
         self.saved.len()
     }
@@ -154,7 +154,7 @@ impl Stack {
         Ok(())
     }
 
-    /// Closes a block, and puts back what it kept.
+    /// Closes a block, and restores the saved state.
     pub fn end(&mut self, block: Block, at: Spot, state: &mut State) -> Result<(), Fault> {
         let [begin, end] = block.directives();
         match self.saved.last() {
@@ -176,14 +176,14 @@ impl Stack {
         Ok(())
     }
 
-    /// An error if blocks above this depth are open.
+    /// Fails if blocks above this depth are open.
     pub fn check_closed(&self, depth: usize) -> Result<(), Fault> {
         let Some((block, at, _)) = self.saved.get(depth) else { return Ok(()) };
         let [begin, end] = block.directives();
         Err(Fault::new(
             *at,
             format!("this {begin} has no {end}"),
-            "close the block; is the file cut off?",
+            "close the block; the file may be cut off",
         ))
     }
 }

@@ -1,4 +1,4 @@
-//! What the reader makes of files.
+//! Tests of the conversion of files.
 
 mod content;
 mod files;
@@ -12,7 +12,7 @@ fn scene(text: &str) -> Scene {
     read_text(&READER, text).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// The scene of directives in the world, which must give no warning.
+/// The scene for directives in the world; they must not cause a warning.
 fn world(text: &str) -> Scene {
     let scene = scene(&format!("WorldBegin\n{text}"));
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);

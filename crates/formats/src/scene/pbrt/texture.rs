@@ -1,8 +1,8 @@
-//! Textures: a tree of patterns, and what materials see of it.
+//! Textures: a tree of patterns, and how materials use them.
 //!
-//! Pictures and patterns become textures of the scene when a material uses them. A picture whose
-//! values mean something else than its texels say (a power, a function of them, grey instead of
-//! colours) is copied with those values.
+//! Pictures and patterns become textures of the scene when a material uses them. If the values of a
+//! picture are not its texels (a power, a function of them, grey instead of colours), it is copied
+//! with those values.
 
 use super::Builder;
 use super::lexer::{Lexer, quoted};
@@ -26,11 +26,11 @@ use std::sync::Arc;
 pub struct Picture {
     image: ImageId,
     encoding: Encoding,
-    /// Exponent that decodes values, for encodings that are powers.
+    /// Decoding exponent, for encodings that are powers.
     gamma: Option<f32>,
     /// Factor on the decoded values.
     scale: f32,
-    /// True if values count as 1 minus them.
+    /// True if values are inverted (1 minus the value).
     invert: bool,
     wrap: Wrap,
     filtering: Filtering,
@@ -40,13 +40,13 @@ pub struct Picture {
 /// A function of each value of a texture.
 #[derive(Clone, Copy, Debug)]
 pub struct Function {
-    /// The function, of values from 0.
+    /// The function; its argument is not negative.
     pub apply: fn(f32) -> f32,
     /// The exponent, if it is a power.
     pub exponent: Option<f32>,
 }
 
-/// What a texture shows.
+/// The content of a texture.
 #[derive(Clone, Debug)]
 pub enum Pattern {
     Constant(Rgb),
@@ -56,11 +56,11 @@ pub enum Pattern {
     Mix([Rc<Pattern>; 3]),
     Checkerboard([Rc<Pattern>; 2], Mapping),
     SolidCheckerboard([Rc<Pattern>; 2], Rows),
-    /// The first where the surface faces along the axis.
+    /// The first where the surface normal points along the axis.
     DirectionMix([Rc<Pattern>; 2], Vec3),
-    /// Inside and outside of dots.
+    /// The values inside and outside of dots.
     Dots([Rc<Pattern>; 2], Mapping),
-    /// One that is made of no others.
+    /// A pattern without inputs.
     Whole(texture::Pattern),
     Map(Rc<Pattern>, Function),
 }
@@ -70,25 +70,26 @@ pub enum Pattern {
 pub struct Patterns {
     colors: HashMap<String, Rc<Pattern>>,
     scalars: HashMap<String, Rc<Pattern>>,
-    /// What was placed already, by address; the pattern is kept so that its address stays its own.
+    /// Textures already in the scene, by address; the pattern is kept so that its address stays
+    /// unique.
     placed: HashMap<(*const Pattern, bool), (Rc<Pattern>, Rgb, Option<TextureId>)>,
     /// Copies of pictures with other values, by picture, encoding, power, whether they are colours,
     /// and function.
     copies: HashMap<(ImageId, bool, Option<u32>, bool, Option<(usize, [u32; 3])>), ImageId>,
-    /// Pixels of all copies.
+    /// Total number of pixels of all copies.
     copied: usize,
 }
 
-/// Most pixels of all copies of pictures.
+/// Maximum number of pixels of all copies.
 const MAX_COPIED: usize = 1 << 28;
 
 impl Pattern {
-    /// The same everywhere.
+    /// A constant pattern.
     pub fn constant(value: f32) -> Rc<Self> {
         Rc::new(Self::Constant(Rgb::splat(value)))
     }
 
-    /// The value, if it is the same everywhere.
+    /// The value of a constant pattern.
     pub fn as_constant(&self) -> Option<Rgb> {
         match self {
             Self::Constant(color) => Some(*color),
@@ -102,12 +103,12 @@ impl Pattern {
         }
     }
 
-    /// Of how many textures of the scene it is made at most; `None` if more than this.
+    /// The maximum number of textures that it becomes in the scene; `None` if above `limit`.
     fn size_within(&self, limit: usize) -> Option<usize> {
         let left = limit.checked_sub(1)?;
         let parts: &[&Rc<Self>] = match self {
             Self::Constant(_) | Self::Whole(_) => &[],
-            // It may be laid out anew, and inverted.
+            // It may be remapped, and inverted.
             Self::Picture(_) => return (left >= 2).then_some(3),
             Self::Product(a, b)
             | Self::Checkerboard([a, b], _)
@@ -124,7 +125,7 @@ impl Pattern {
         Some(size)
     }
 
-    /// A factor and a picture, if that is all there is.
+    /// The factor and the picture, if the pattern consists of nothing else.
     fn as_picture(&self) -> Option<(Rgb, &Picture)> {
         match self {
             Self::Picture(p) if !p.invert => Some((Rgb::splat(p.scale), p)),
@@ -141,7 +142,7 @@ impl Pattern {
         }
     }
 
-    /// The same with a function of each value.
+    /// The same pattern with a function of each value.
     pub fn mapped(self: &Rc<Self>, function: Function) -> Rc<Self> {
         let mapped = Self::Map(self.clone(), function);
         Rc::new(mapped.as_constant().map_or(mapped, Self::Constant))
@@ -281,7 +282,7 @@ impl Builder<'_> {
         })
     }
 
-    /// A picture by faces, which is not read.
+    /// A per-face texture, which is not supported.
     fn ptex(&mut self, params: &Params) -> Result<Rc<Pattern>, Fault> {
         for name in ["filename", "encoding"] {
             params.get(name);
@@ -298,7 +299,7 @@ impl Builder<'_> {
         self.world_from_file * self.state.transform.0[0]
     }
 
-    /// The map into the space of a texture.
+    /// The transform into the space of a texture.
     fn texture_from_world(&mut self, params: &Params) -> Rows {
         let inverse =
             snell_math::Transform::new(self.world_from_texture()).map(|map| *map.inverse_matrix());
@@ -434,7 +435,7 @@ impl Builder<'_> {
         Err(param.fault(problem, "define it above its first use"))
     }
 
-    /// A pattern as a parameter of a material.
+    /// A pattern as a colour parameter of a material.
     pub(super) fn color_param(&mut self, pattern: &Rc<Pattern>) -> ColorParam {
         let (factor, texture) = self.place_pattern(pattern, true);
         ColorParam::textured(factor, texture)
@@ -446,7 +447,7 @@ impl Builder<'_> {
         ScalarParam { factor: factor.r, texture: texture.map(|id| (id, 0)) }
     }
 
-    /// A factor and a texture that show a pattern.
+    /// The factor and the texture for a pattern.
     fn place_pattern(&mut self, pattern: &Rc<Pattern>, is_color: bool) -> (Rgb, Option<TextureId>) {
         if let Some(constant) = pattern.as_constant() {
             return (constant, None);
@@ -478,7 +479,7 @@ impl Builder<'_> {
             }
             Pattern::Product(a, b) => {
                 let (texture, scale) = (part(self, a, is_color), part(self, b, is_color));
-                // A factor needs no texture of its own.
+                // A constant factor needs no texture.
                 match (texture.texture, scale.texture) {
                     (id, None) | (None, id) => return (texture.factor * scale.factor, id),
                     _ => pattern::Scale { texture, scale }.into(),
@@ -523,7 +524,7 @@ impl Builder<'_> {
         (Rgb::WHITE, Some(self.scene.add_texture(texture)))
     }
 
-    /// The texture of a picture, but for its factor and inversion; with a function of its values
+    /// The texture of a picture without its factor and inversion; with a function of its values
     /// times a factor, if there is one.
     fn place_picture(
         &mut self,
@@ -538,7 +539,7 @@ impl Builder<'_> {
             ..ImageTexture::new(image, encoding)
         };
         if let Mapping::Uv { uv_transform: [s, [a, b, c]], .. } = picture.mapping {
-            // The rows of a picture are counted downwards.
+            // The rows of a picture are counted from the top.
             return self
                 .scene
                 .add_texture(ImageTexture { uv_transform: [s, [-a, -b, 1.0 - c]], ..plain });
@@ -547,7 +548,7 @@ impl Builder<'_> {
         self.scene.add_texture(pattern::Projected { texture, mapping: picture.mapping.clone() })
     }
 
-    /// The picture as it is, or a copy with the values that are meant.
+    /// The picture itself, or a copy with converted values.
     fn copied(
         &mut self,
         picture: &Picture,
@@ -570,8 +571,7 @@ impl Builder<'_> {
         self.patterns.copied += image.width as usize * image.height as usize;
         if self.patterns.copied > MAX_COPIED {
             self.note("copies", Spot::default(), || {
-                "too many pictures with powers or of grey: further ones were taken as they are"
-                    .into()
+                "too many pictures with powers or in grey: further ones were used unchanged".into()
             });
             return (picture.image, picture.encoding);
         }
@@ -606,7 +606,7 @@ fn whole(pattern: impl Into<texture::Pattern>) -> Rc<Pattern> {
     Rc::new(Pattern::Whole(pattern.into()))
 }
 
-/// A number that is finite.
+/// A finite number.
 fn finite(params: &Params, name: &str, default: f64) -> Result<f32, Fault> {
     let value = params.float_or(name, default)? as f32;
     if value.is_finite() {
@@ -616,7 +616,7 @@ fn finite(params: &Params, name: &str, default: f64) -> Result<f32, Fault> {
     }
 }
 
-/// How many octaves noise has, and how rough it is.
+/// The number of octaves of noise, and its roughness.
 fn octaves(params: &Params) -> Result<(u32, f32), Fault> {
     let octaves = params.integer("octaves")?.unwrap_or(8);
     let Ok(octaves) = u32::try_from(octaves) else {
@@ -630,7 +630,7 @@ fn rows(map: DAffine3) -> Rows {
     std::array::from_fn(|i| [x[i], y[i], z[i], w[i]])
 }
 
-/// The component of a point of a space along an axis, as a function of the point in the world.
+/// A linear function of the world point: its coordinate along an axis of a space.
 fn planar(texture_from_world: &Rows, axis: Vec3, shift: f32) -> [f64; 4] {
     let axis = axis.to_array().map(f64::from);
     let mut row: [f64; 4] =

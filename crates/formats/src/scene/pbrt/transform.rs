@@ -43,7 +43,7 @@ fn vector(lexer: &mut Lexer, what: &str) -> Result<DVec3, Fault> {
     ))
 }
 
-/// The map from the world to a camera at the first point that looks at the second, with an up
+/// The transform from the world to a camera at the first point that looks at the second, with an up
 /// vector.
 fn look_at(lexer: &mut Lexer, at: Spot) -> Result<DAffine3, Fault> {
     let (eye, target) = (vector(lexer, "the eye")?, vector(lexer, "the target")?);

@@ -1,4 +1,4 @@
-//! The commands: their arguments, and what they add.
+//! The commands: their arguments and effects.
 
 use super::Builder;
 use super::file::File;
@@ -10,7 +10,7 @@ use snell_math::glam::DQuat;
 use snell_math::{DAffine3, DVec3};
 use snell_scene::{Geometry, WarningKind};
 
-/// Every command, as it is written.
+/// Every command and its syntax.
 const USAGES: &[(&str, &str)] = &[
     ("ambient", "ambient r g b"),
     ("area_light", "area_light color(3) center(3) direction(3) radius ca la qa"),
@@ -34,7 +34,7 @@ const USAGES: &[(&str, &str)] = &[
     ("tri", "tri material point(3) point(3) point(3)"),
 ];
 
-/// Commands with a number as first argument: a file that starts with one is a scene of this kind.
+/// Commands with a number as first argument: a file that starts with one is recognised.
 pub const NUMERIC_KEYWORDS: &[&str] = &[
     "ambient",
     "area_light",
@@ -56,7 +56,7 @@ pub const NUMERIC_KEYWORDS: &[&str] = &[
 ];
 
 impl Builder {
-    /// Reads the arguments of a command and does it.
+    /// Reads the arguments of a command and executes it.
     pub fn read_command<'a>(
         &mut self,
         file: &mut File<'a>,
@@ -88,7 +88,7 @@ impl Builder {
         Ok(())
     }
 
-    /// Commands that have a material.
+    /// Reads commands that have a material.
     fn read_surface(&mut self, file: &mut File, keyword: &Token) -> Result<(), ReadError> {
         let keyword = keyword.text();
         if keyword == "line" {
@@ -114,7 +114,7 @@ impl Builder {
                     file.tokens.vector("a corner of the box")?,
                     file.tokens.vector("a corner of the box")?,
                 );
-                // Any two opposite corners will do.
+                // Any two opposite corners are accepted.
                 let shape = BoxShape { min: a.min(b), max: a.max(b) };
                 let geometry = self.shapes.shared(shape.into());
                 self.add_surface(file, geometry, material);
@@ -154,7 +154,7 @@ impl Builder {
         Ok(())
     }
 
-    /// `line`: nothing to see, but the default camera frames it.
+    /// `line`: it is invisible, but the default camera frames it.
     fn read_line(&mut self, file: &mut File) -> Result<(), ReadError> {
         self.material_argument(file)?;
         for _ in 0..2 {
@@ -166,7 +166,7 @@ impl Builder {
         Ok(())
     }
 
-    /// Reads a radius or height. `None` for 0: there is nothing to see then.
+    /// Reads a radius or height. `None` for 0: then nothing is visible.
     fn size(&mut self, file: &mut File, what: &str) -> Result<Option<f64>, ReadError> {
         let token = file.tokens.peek();
         let size = file.tokens.number(what)?;
@@ -180,7 +180,7 @@ impl Builder {
                 "use a positive number",
             )),
             _ => {
-                self.scene.warn(format!("{what} is 0: nothing of it is visible"));
+                self.scene.warn(format!("{what} is 0: it is not visible"));
                 Ok(None)
             }
         }

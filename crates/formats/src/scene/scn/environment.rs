@@ -1,4 +1,4 @@
-//! The camera, and what a scene gets that does not say.
+//! The camera, and the defaults of a scene without one.
 
 use super::Builder;
 use super::file::File;
@@ -10,7 +10,7 @@ use snell_scene::{Camera, Projection};
 /// Half of the horizontal angle of view of the default camera, radians.
 const DEFAULT_XFOV: f64 = 0.25;
 
-/// The assignments render pictures of this size unless told otherwise.
+/// The assignments' default size of pictures.
 const DEFAULT_SIZE: [u32; 2] = [256, 256];
 
 impl Builder {
@@ -39,7 +39,7 @@ impl Builder {
         Ok(())
     }
 
-    /// Reads a colour. There is no negative light; what is below 0 counts as 0.
+    /// Reads a colour. Negative components become 0.
     pub fn color(&mut self, file: &mut File, what: &str) -> Result<Rgb, ReadError> {
         let color = file.tokens.color(what)?;
         if color.r.min(color.g).min(color.b) < 0.0 {
@@ -48,7 +48,7 @@ impl Builder {
         Ok(color.map(|x| x.max(0.0)))
     }
 
-    /// Camera, lights and size of a scene that does not say, once all files are read.
+    /// Adds a default camera, lights and size, if the scene has none, once all files are read.
     pub fn add_defaults(&mut self) {
         if self.scene.lights.is_empty() {
             self.scene.lights.extend(default_lights());
@@ -59,13 +59,13 @@ impl Builder {
         // The programs of the courses write clamped linear values; lights and materials were chosen
         // to look right that way.
         self.scene.settings.raw_display = true;
-        // They evaluate the format's own formula: ambient, Phong's highlights, perfect mirrors,
-        // shadows of points.
+        // They evaluate the format's own shading model: ambient light, Phong highlights, perfect
+        // mirrors, hard shadows.
         self.scene.settings.integrator = Some("whitted".into());
     }
 
-    /// A camera on the z axis of the scene's box, three half-diagonals away. None if the scene is
-    /// empty.
+    /// A camera on the z axis of the scene's bounding box, three half-diagonals away. `None` if the
+    /// scene is empty.
     fn default_camera(&self) -> Option<Camera> {
         let bounds = self.scene.bounds().ok()?.union(&self.line_bounds);
         let radius = bounds.size().length() / 2.0;

@@ -26,11 +26,11 @@ pub struct File<'a> {
 struct Group<'a> {
     node: NodeId,
     world_from_group: DAffine3,
-    /// What `-1` means here; `None` for the default material.
+    /// The meaning of `-1`; `None` for the default material.
     material: Option<MaterialId>,
-    /// Triangles of the group by material: one mesh each.
+    /// Triangles of the group by material, one mesh each.
     triangles: BTreeMap<Option<MaterialId>, TriangleMesh>,
-    /// Where it was opened; nowhere for the file itself.
+    /// Where it was opened; `None` for the file itself.
     begin: Option<Token<'a>>,
 }
 
@@ -47,7 +47,7 @@ impl<'a> File<'a> {
         Self { tokens: Tokens::new(input), materials: Vec::new(), group, outer: Vec::new() }
     }
 
-    /// Where points of the innermost group are in the world.
+    /// The transform from the innermost group to the world.
     pub fn world_from_group(&self) -> DAffine3 {
         self.group.world_from_group
     }
@@ -114,7 +114,7 @@ impl Builder {
             self.scene.warn(
                 "a group with a singular matrix is flat, has no surface to hit and is left out",
             );
-            // Stored without a parent: it may define materials, lights and a camera nevertheless.
+            // Stored without a parent, because it may define materials, lights and a camera.
             self.scene.add_node(node)
         };
         let mut group = Group::new(node, world_from_child);
@@ -169,7 +169,7 @@ impl Builder {
         })
     }
 
-    /// Reads the material id of a surface; makes sure that there is something to inherit.
+    /// Reads the material id of a surface; ensures that there is a material to inherit.
     pub fn surface_material(&mut self, file: &mut File) -> Result<Option<MaterialId>, ReadError> {
         let material = self.material_argument(file)?;
         if material.is_none() && file.group.material.is_none() {
@@ -180,7 +180,7 @@ impl Builder {
         Ok(material)
     }
 
-    /// Adds a shape at a place of the innermost group.
+    /// Adds a shape at a transform of the innermost group.
     pub fn add_shape(
         &mut self,
         file: &File,
@@ -244,11 +244,11 @@ impl Builder {
             ));
         }
         let mut mesh = crate::mesh::read_mesh(&input)?;
-        // One material for all of it, as the command says.
+        // The command sets one material for the whole mesh.
         mesh.material_slots.clear();
         mesh.colors.clear();
-        // In mesh files v grows upwards; on shapes, and therefore in the textures of these scenes,
-        // downwards.
+        // In mesh files v points up; on shapes, and therefore in the textures of these scenes,
+        // down.
         for uv in &mut mesh.uvs[0] {
             uv.y = 1.0 - uv.y;
         }
@@ -257,8 +257,8 @@ impl Builder {
         Ok(mesh)
     }
 
-    /// Opens a file that this one names. Also gives the path that stands for the file, whichever
-    /// way it was named.
+    /// Opens a file that this one names. Also returns its canonical path, which is the same for
+    /// every name of the file.
     pub fn open(&mut self, file: &File, name: &Token) -> Result<(Input, PathBuf), ReadError> {
         self.files += 1;
         let limit = file.tokens.input().options.limits.files;
@@ -268,8 +268,8 @@ impl Builder {
         }
         let path = identity(&named_path(file, name)?);
         let input = file.tokens.input().open_relative(&name.text()).map_err(|error| {
-            // Either about this file, which leads outside, or about the other one, which cannot be
-            // opened.
+            // The error is either about this file, which refers to the outside, or about the other
+            // one, which cannot be opened.
             let is_own = error.file == file.tokens.input().name;
             let problem =
                 if is_own { error.problem } else { format!("{}: {}", error.file, error.problem) };
@@ -279,13 +279,13 @@ impl Builder {
     }
 }
 
-/// Where a file named by this one should be.
+/// The path of a file named by this one; it need not exist.
 pub fn named_path(file: &File, name: &Token) -> Result<PathBuf, ReadError> {
     let text = name.utf8().ok_or_else(|| file.tokens.unexpected(name, "a file name in UTF-8"))?;
     Ok(file.tokens.input().directory.join(text))
 }
 
-/// The same path for all names of one file.
+/// The same path for every name of a file.
 fn identity(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
 }

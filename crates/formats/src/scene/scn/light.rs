@@ -1,4 +1,4 @@
-//! The lights. They stand in world coordinates, whatever group is open.
+//! The lights. They are in world coordinates, even inside groups.
 
 use super::Builder;
 use super::file::File;
@@ -18,7 +18,7 @@ fn attenuation(file: &mut File) -> Result<Attenuation, ReadError> {
     Ok(Attenuation(file.tokens.numbers::<3>("an attenuation coefficient")?.map(|x| x as f32)))
 }
 
-/// The two lights of a scene that has none: from the upper right front, and weaker from below.
+/// The default lights of a scene without any: from the upper right front, and weaker from below.
 pub fn default_lights() -> [Light; 2] {
     let light = |color, x, y, z| {
         let direction = DVec3::new(x, y, z).normalize();

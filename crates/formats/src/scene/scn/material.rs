@@ -1,4 +1,4 @@
-//! `material`, and the material of what names none.
+//! `material`, and the default material.
 
 use super::Builder;
 use super::file::{File, named_path};
@@ -9,7 +9,7 @@ use snell_scene::material::{ColorParam, Phong};
 use snell_scene::{Encoding, ImageTexture, Material, TextureId};
 use std::sync::Arc;
 
-/// The grey of COS 426.
+/// The default grey of COS 426.
 pub fn default_material() -> Material {
     let phong = Phong {
         ambient: Rgb::splat(0.2).into(),
@@ -40,7 +40,7 @@ impl Builder {
         let phong = Phong {
             ambient: ambient.into(),
             diffuse: ColorParam::textured(diffuse, texture),
-            // The assignments use one coefficient for highlights and for mirror reflection.
+            // The assignments use one coefficient for highlights and mirror reflection.
             specular: specular.into(),
             reflection: specular.into(),
             transmission: transmission.into(),

@@ -2,10 +2,10 @@
 //!
 //! Whitespace-separated commands: a keyword and a fixed number of arguments. Where the two readers
 //! of these courses differ, the defaults are those of COS 426 and the checks and additional
-//! commands those of COS 526. What this reader does of its own:
+//! commands those of COS 526. This reader differs as follows:
 //!
 //! * Colours of lights are multiplied by pi: the assignments have no `1 / pi` in their diffuse
-//!   term, Snell has.
+//!   term, but Snell does.
 //! * `line` has no surface and is not drawn; a group with a singular matrix has none either and is
 //!   left out. Both are warnings.
 //! * Unclosed groups, cyclic includes and projective matrices are errors.
@@ -37,7 +37,7 @@ pub const READER: SceneReader = SceneReader {
     read,
 };
 
-/// What is known after some commands, over all included files.
+/// The state after some commands, over all included files.
 struct Builder {
     scene: Scene,
     shapes: ShapeTable,
@@ -47,13 +47,13 @@ struct Builder {
     textures: BTreeMap<PathBuf, TextureId>,
     default_material: Option<MaterialId>,
     camera: Option<Camera>,
-    /// World bounds of what has no surface but counts for the default camera.
+    /// World bounds of lines, which have no surface but count for the default camera.
     line_bounds: Bounds3d,
     /// Files that are being read, the innermost last.
     open_files: Vec<PathBuf>,
     files: usize,
     commands: usize,
-    /// Groups and files that are open.
+    /// The number of open groups and files.
     depth: usize,
 }
 
@@ -77,7 +77,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
 }
 
 impl Builder {
-    /// The grey material of what names none.
+    /// The grey default material.
     fn default_material(&mut self) -> MaterialId {
         *self
             .default_material
@@ -114,8 +114,7 @@ impl Builder {
     }
 }
 
-/// True if the text starts, after comments, with a command of this language that no other format
-/// has.
+/// True if the text starts, after comments, with a command that no other format has.
 fn recognises(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
     let mut lines =

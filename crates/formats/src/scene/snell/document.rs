@@ -1,4 +1,4 @@
-//! What a file holds, and the way from the scene graph and back.
+//! The contents of a file, and the conversion to and from the scene graph.
 
 use super::motion::MotionForm;
 use super::numbers::Numbers;
@@ -21,9 +21,9 @@ use std::sync::Arc;
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Document {
-    /// Says that it is one.
+    /// The format's name.
     pub format: String,
-    /// Of the format.
+    /// The format's version.
     pub version: u32,
     #[serde(default)]
     pub name: String,
@@ -63,7 +63,7 @@ pub struct Document {
     pub motion: Option<MotionForm>,
 }
 
-/// Numbers on a regular grid.
+/// Values on a regular grid.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GridForm {
@@ -71,7 +71,7 @@ pub struct GridForm {
     values: Numbers<f32>,
 }
 
-/// Which grids a medium has.
+/// The grids of a medium.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MediumGrids {
@@ -98,7 +98,7 @@ pub enum EnvironmentForm {
     Image { image: ImageForm, scale: Rgb, world_from_environment: Rows },
 }
 
-/// A picture: its pixels, or a picture file.
+/// A picture: its pixels, or an encoded file.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(
     untagged,
@@ -109,8 +109,8 @@ pub enum ImageForm {
     Encoded(EncodedForm),
 }
 
-/// The content of a picture file of any format that is read: what other programs can write without
-/// decoding it.
+/// The bytes of an image file in any supported format, so that other programs can embed it without
+/// decoding.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EncodedForm {
@@ -136,7 +136,7 @@ enum PixelForm {
     F32(Numbers<f32>),
 }
 
-/// An affine map: three rows of four numbers.
+/// An affine transform: three rows of four numbers.
 pub(super) type Rows = [[f64; 4]; 3];
 
 /// A node.
@@ -168,7 +168,7 @@ struct SurfaceForm {
     materials: Vec<Option<MaterialId>>,
 }
 
-/// A mesh; numbers one after the other.
+/// A mesh; its attributes are flat lists of numbers.
 #[derive(Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeshForm {
@@ -188,18 +188,18 @@ pub struct MeshForm {
     material_slots: Numbers<u16>,
 }
 
-/// Strands; numbers one after the other, four for each point: position and radius.
+/// Strands; a flat list of four numbers per point: position and radius.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CurvesForm {
     #[serde(default)]
     basis: StrandBasis,
     points: Numbers<f32>,
-    /// Points of each strand.
+    /// Number of points of each strand.
     strands: Numbers<u32>,
 }
 
-/// A place in the file (a JSON pointer), and what is wrong there.
+/// A place in the file (a JSON pointer), and the problem there.
 pub type Flaw = (String, String);
 
 fn identity() -> Rows {
@@ -220,8 +220,8 @@ pub(super) fn affine(rows: &Rows) -> DAffine3 {
     DAffine3 { matrix3: DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) }
 }
 
-/// Refuses what would come back as something else: numbers that are not finite, and what a
-/// declaration keeps to itself.
+/// Refuses values that would not survive a round trip: numbers that are not finite, and state that
+/// is not serialised.
 fn check<T: Serialize + DeserializeOwned + PartialEq>(
     what: &str,
     items: &[T],
@@ -230,7 +230,7 @@ fn check<T: Serialize + DeserializeOwned + PartialEq>(
         let again = serde_json::to_string(item).and_then(|text| serde_json::from_str::<T>(&text));
         if !again.is_ok_and(|again| again == *item) {
             return Err(format!(
-                "{what} {number} holds what this format has no words for, such as an infinite \
+                "{what} {number} holds what this format cannot express, such as an infinite \
                     number"
             ));
         }
@@ -239,7 +239,7 @@ fn check<T: Serialize + DeserializeOwned + PartialEq>(
 }
 
 impl Document {
-    /// The file of a scene. (What a reader had to say about another file is not part of it.)
+    /// Converts a scene to a file. (Warnings of the reader of another file are not included.)
     pub fn of(scene: &Scene) -> Result<Self, String> {
         let Scene {
             name,
@@ -277,7 +277,7 @@ impl Document {
         let motion = motion.as_ref().map(|motion| MotionForm::of(motion, &mut meshes));
         if motion.as_ref().is_some_and(|motion| !motion.is_sayable()) {
             return Err(
-                "the motion holds numbers that are not finite, for which this format has no words"
+                "the motion holds numbers that are not finite, which this format cannot express"
                     .into(),
             );
         }
@@ -306,7 +306,7 @@ impl Document {
         })
     }
 
-    /// The scene of a file.
+    /// Converts a file to a scene.
     pub fn scene(self, input: &Input) -> Result<Scene, Flaw> {
         let limits = &input.options.limits;
         let mut meshes = Vec::with_capacity(self.meshes.len());
@@ -374,7 +374,7 @@ impl Document {
         };
         scene.topological_order().map_err(|error| ("/nodes".to_string(), error.to_string()))?;
         scene.check_textures().map_err(|error| ("/materials".to_string(), error.to_string()))?;
-        // Before the ranges, which would tell of the same light again.
+        // Before the ranges, which would report the same light again.
         scene.limit_light();
         scene.check_ranges();
         scene.cameras.iter_mut().for_each(Camera::square_up);
@@ -382,7 +382,7 @@ impl Document {
     }
 }
 
-/// The table of grids as it grows: those that several share stand there once.
+/// The growing table of grids; shared grids are stored once.
 #[derive(Default)]
 struct Grids {
     forms: Vec<GridForm>,
@@ -414,7 +414,7 @@ impl Grids {
     }
 }
 
-/// All grids of the media, and which medium has which.
+/// All grids of the media, and the grids of each medium.
 fn grids(media: &[Medium]) -> (Vec<GridForm>, Vec<MediumGrids>) {
     let (mut grids, mut uses) = (Grids::default(), Vec::new());
     for (i, medium) in media.iter().enumerate() {
@@ -432,7 +432,7 @@ fn grids(media: &[Medium]) -> (Vec<GridForm>, Vec<MediumGrids>) {
     (grids.forms, uses)
 }
 
-/// Gives media their grids.
+/// Adds the grids to their media.
 fn add_grids(
     media: &mut [Medium],
     forms: Vec<GridForm>,
@@ -486,7 +486,7 @@ fn add_grids(
     Ok(())
 }
 
-/// The table of meshes as it grows.
+/// The growing table of meshes.
 #[derive(Default)]
 pub(super) struct Meshes {
     forms: Vec<MeshForm>,
@@ -503,7 +503,7 @@ impl Meshes {
     }
 }
 
-/// The table of curves as it grows.
+/// The growing table of curves.
 #[derive(Default)]
 struct CurvesTable {
     forms: Vec<CurvesForm>,

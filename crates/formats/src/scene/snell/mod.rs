@@ -1,9 +1,9 @@
-//! Snell's own scene files: the scene graph as it is, in JSON, without loss.
+//! Snell's own scene files: the complete scene graph in JSON, without loss.
 //!
 //! The declarations of the scene graph are the format: materials, lights, cameras, textures and
-//! shapes are written as `serde` says, so what is declared is read and written. Meshes and images
+//! shapes are serialised by `serde`, so every declared field is read and written. Meshes and images
 //! are tables of their own here, because several nodes may share one; their numbers are lists or,
-//! if they are many, base64 ([`numbers`]).
+//! if they are long, base64 ([`numbers`]).
 
 mod document;
 mod motion;
@@ -30,13 +30,13 @@ pub const READER: SceneReader = SceneReader {
 pub const WRITER: SceneWriter =
     SceneWriter { name: READER.name, extensions: READER.extensions, knows: |_| true, write };
 
-/// What `format` says in every file.
+/// The value of `format` in every file.
 const FORMAT: &str = "snell scene";
 
-/// The version that is written, and the latest that is read.
+/// The version that is written, and the latest that can be read.
 const VERSION: u32 = 1;
 
-/// True for a JSON object that says near its start that it is one.
+/// True for a JSON object that has the format's name near its start.
 fn recognises(bytes: &[u8]) -> bool {
     let start = &bytes[..bytes.len().min(256)];
     let has = |key: &[u8]| start.windows(key.len()).any(|part| part == key);
@@ -62,11 +62,11 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         return Err(input.error(Place::Json("/version".into()), problem, "use a newer Snell"));
     }
     document.scene(input).map_err(|(place, problem)| {
-        input.error(Place::Json(place), problem, "write the scene again, or mend the file")
+        input.error(Place::Json(place), problem, "write the scene again, or correct the file")
     })
 }
 
-/// The text of a scene; an error for what the format has no words for.
+/// Converts a scene to text; fails if the format cannot express it.
 pub fn text(scene: &Scene) -> Result<String, String> {
     let document = Document::of(scene)?;
     let mut out = Out { text: String::from("{"), error: None };
@@ -107,7 +107,7 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     Ok(())
 }
 
-/// JSON with one thing a line.
+/// JSON output with one item per line.
 struct Out {
     text: String,
     error: Option<String>,
@@ -131,7 +131,7 @@ impl Out {
         self.value(value);
     }
 
-    /// A list with one item a line.
+    /// Writes a list with one item per line.
     fn table(&mut self, key: &str, items: &[impl Serialize]) {
         self.key(key);
         self.text += "[";

@@ -1,4 +1,4 @@
-//! What moves: joints, clips and bent meshes.
+//! Motion: joints, clips and deformed meshes.
 
 use super::document::{Flaw, Meshes, Rows, affine, flat, rows, vectors};
 use super::numbers::Numbers;
@@ -15,7 +15,7 @@ use snell_scene::{Geometry, Node};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// All that moves.
+/// The motion of a scene.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MotionForm {
@@ -27,10 +27,10 @@ pub struct MotionForm {
     skins: Vec<SkinForm>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     deformed: Vec<DeformedForm>,
-    /// Camera, joint.
+    /// Pairs of camera and joint.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     cameras: Vec<(usize, u32)>,
-    /// Light, joint.
+    /// Pairs of light and joint.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     lights: Vec<(usize, u32)>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -130,7 +130,7 @@ struct SkinForm {
 struct DeformedForm {
     node: NodeId,
     surface: usize,
-    /// The mesh at rest, from the table.
+    /// The rest mesh, by its number in the table.
     rest: u32,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     morph: Option<MorphForm>,
@@ -167,7 +167,7 @@ struct InfluenceForm {
 }
 
 impl MotionForm {
-    /// The form of a motion; meshes go into the table.
+    /// Converts a motion; meshes are added to the table.
     pub fn of(motion: &Motion, meshes: &mut Meshes) -> Self {
         let (mut skins, mut known) = (Vec::new(), HashMap::new());
         let mut skin_number = |skin: &Arc<Skin>| {
@@ -207,7 +207,7 @@ impl MotionForm {
         }
     }
 
-    /// False if a number is not finite: JSON has no word for that.
+    /// False if a number is not finite: JSON cannot express that.
     pub fn is_sayable(&self) -> bool {
         let finite = |map: &Rows| map.as_flattened().iter().all(|x| x.is_finite());
         let joints = self.joints.iter().all(|joint| match &joint.rest {
@@ -227,7 +227,7 @@ impl MotionForm {
             && weights.into_iter().all(|w| w.is_finite())
     }
 
-    /// The motion of a scene of these nodes and meshes, and so many cameras and lights.
+    /// The motion of a scene with these nodes and meshes, and these numbers of cameras and lights.
     pub fn motion(
         self,
         nodes: &[Node],
@@ -273,7 +273,7 @@ impl MotionForm {
     }
 }
 
-/// An error for a number past the end of its table.
+/// Fails for an index past the end of its table.
 fn is_there(what: &str, number: usize, count: usize) -> Result<(), String> {
     if number < count { Ok(()) } else { Err(format!("{what} is {number}, but there are {count}")) }
 }
@@ -412,7 +412,7 @@ impl CurveForm {
         Self { interpolation, width: curve.width(), times, values }
     }
 
-    /// The curve, which must have so many numbers.
+    /// The curve; fails unless it has `width` numbers per key.
     fn curve(self, width: Option<usize>) -> Result<Curve, String> {
         let interpolation = match self.interpolation {
             InterpolationForm::Step => Interpolation::Step,
@@ -456,7 +456,7 @@ impl DeformedForm {
         let surfaces = &nodes[self.node.index()].surfaces;
         is_there("surface", self.surface, surfaces.len())?;
         if !matches!(surfaces[self.surface].geometry, Geometry::Mesh(_)) {
-            return Err(format!("surface {} of node {} is no mesh", self.surface, self.node.0));
+            return Err(format!("surface {} of node {} is not a mesh", self.surface, self.node.0));
         }
         is_there("rest", self.rest as usize, meshes.len())?;
         let rest = meshes[self.rest as usize].clone();

@@ -1,5 +1,5 @@
-//! Many numbers in JSON: a list if they are few, else base64 of their little-endian bytes. Both are
-//! read, whatever their number.
+//! Arrays of numbers in JSON: short ones are written as lists, others as base64 of their
+//! little-endian bytes. Both forms are read at any length.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -8,18 +8,18 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::marker::PhantomData;
 
-/// So many are written as a list.
+/// Arrays up to this length are written as lists.
 const FEW: usize = 64;
 
 /// A number of fixed size.
 pub trait Number: Copy + Serialize + for<'a> Deserialize<'a> {
-    /// Bytes.
+    /// Size in bytes.
     const SIZE: usize;
     /// Appends the bytes.
     fn put(self, bytes: &mut Vec<u8>);
-    /// From as many bytes.
+    /// Reads a number from its bytes.
     fn get(bytes: &[u8]) -> Self;
-    /// False for what JSON has no word for.
+    /// False for values that JSON cannot express.
     fn is_sayable(self) -> bool;
 }
 
@@ -54,7 +54,7 @@ number! {
     f64: f64::is_finite,
 }
 
-/// Numbers, one after the other.
+/// An array of numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Numbers<T>(pub Vec<T>);
 

@@ -20,7 +20,7 @@ fn reread(bytes: Vec<u8>) -> Result<Scene, String> {
         .map_err(|e| e.to_string())
 }
 
-/// Every value there is, as text; what is shared is compared by the file itself.
+/// Every value of a scene as text; sharing is compared through the file itself.
 fn shown(scene: &Scene) -> String {
     format!("{:?}", Scene { warnings: Vec::new(), ..scene.clone() })
 }
@@ -231,7 +231,7 @@ fn scenes_of_other_formats_are_kept_whole() {
             crate::read_scene(&path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
         let text = written(&scene).unwrap_or_else(|e| panic!("{file}: {e}"));
         let again = reread(text.clone()).unwrap_or_else(|e| panic!("{file}: {e}"));
-        // Notes tell how another file was translated, and lists what else it has.
+        // Notes describe the conversion of another file and its other contents.
         let without_notes =
             Scene { notes: Vec::new(), scenes: Vec::new(), variants: Vec::new(), ..scene };
         assert_eq!(shown(&again), shown(&without_notes), "{file}");

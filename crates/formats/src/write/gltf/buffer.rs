@@ -1,4 +1,4 @@
-//! The buffer: numbers one after the other, and what says where they are.
+//! The binary buffer, with its views and accessors.
 
 use serde_json::{Value, json};
 use snell_math::Vec3;
@@ -17,7 +17,7 @@ pub struct Buffer {
 }
 
 impl Buffer {
-    /// Appends bytes, aligned to four; gives the number of their view.
+    /// Appends bytes, aligned to four; returns the index of their view.
     pub fn view(&mut self, bytes: impl IntoIterator<Item = u8>, target: Option<u32>) -> usize {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let start = self.bytes.len();
@@ -50,7 +50,7 @@ impl Buffer {
         number
     }
 
-    /// Vectors of some width.
+    /// Vectors with `width` components.
     pub fn vectors(&mut self, numbers: &[f32], kind: &str, width: usize) -> usize {
         let view = self.view(numbers.iter().flat_map(|x| x.to_le_bytes()), Some(VERTICES));
         let count = numbers.len() / width;
@@ -59,7 +59,7 @@ impl Buffer {
         )
     }
 
-    /// Vertex numbers.
+    /// Vertex indices.
     pub fn indices(&mut self, indices: &[u32]) -> usize {
         let view = self.view(indices.iter().flat_map(|x| x.to_le_bytes()), Some(INDICES));
         self.accessor(json!({

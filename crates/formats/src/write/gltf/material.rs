@@ -1,4 +1,4 @@
-//! Materials: the parameters of OpenPBR under the names of glTF, as the reader has them backwards.
+//! Materials: converts OpenPBR parameters to glTF's, the inverse of the reader.
 
 use super::Document;
 use super::stage::color_and_strength;
@@ -45,7 +45,7 @@ pub fn value(document: &mut Document, index: usize, material: &Material) -> Valu
         value["doubleSided"] = true.into();
     }
     if material.is_emissive() && material.emits_on_both_sides != material.double_sided {
-        writer.lose("it emits on the sides that are visible");
+        writer.lose("it emits on all visible sides");
     }
     if material.is_emissive() && !material.illuminates && !is_unlit {
         writer.lose("its emission lights other things too");
@@ -87,7 +87,7 @@ impl Writer<'_, '_, '_> {
         self.document.texture_info(channels, is_color, self.who)
     }
 
-    /// Adds a factor and, if there is one, a texture that has it in a channel.
+    /// Adds a factor and, if there is one, a texture with its value in `channel`.
     fn scalar(&mut self, value: &mut Value, key: &str, scalar: &ScalarParam, channel: usize) {
         value[format!("{key}Factor")] = scalar.factor.clamp(0.0, 1.0).into();
         if let Some(texture) = scalar.texture {
@@ -117,7 +117,7 @@ impl Writer<'_, '_, '_> {
             self.lose("the texture of base_weight is left out");
         }
         base.factor = base.factor * surface.base_weight.factor;
-        // In glTF the base colour is the tint of what goes through.
+        // In glTF the base colour tints transmitted light.
         if surface.transmission_weight.factor > 0.0 {
             let mut tint = without_spectrum(surface.transmission_tint, false);
             if surface.transmission_depth.factor <= 0.0
@@ -126,7 +126,9 @@ impl Writer<'_, '_, '_> {
                 tint.factor = tint.factor * surface.transmission_color.factor;
             }
             if surface.transmission_weight.factor < 1.0 && tint != base {
-                self.lose("what is reflected and what goes through have one colour, the latter's");
+                self.lose(
+                    "reflected and transmitted light have one colour, that of the transmitted",
+                );
             }
             base = tint;
         }
@@ -137,7 +139,7 @@ impl Writer<'_, '_, '_> {
         let mut channels = base.texture.map_or([None; 4], colors);
         channels[3] = alpha.texture;
         if is_opaque && let Some(id) = base.texture {
-            // Alpha does not count: the picture may stay as it is.
+            // Alpha does not count, so the picture may be stored unchanged.
             channels[3] = Some((id, 3));
         }
         if channels != [None; 4] {
@@ -183,7 +185,7 @@ impl Writer<'_, '_, '_> {
         }
     }
 
-    /// Everything above the core, each in its extension.
+    /// Adds everything above the core, each in its extension.
     fn layers(&mut self, surface: &OpenPbr) {
         if surface.specular_ior.factor != 1.5 {
             self.extension("KHR_materials_ior", json!({ "ior": surface.specular_ior.factor }));
@@ -216,7 +218,7 @@ impl Writer<'_, '_, '_> {
         if surface.thin_film_weight.factor > 0.0 {
             let mut film = json!({ "iridescenceIor": surface.thin_film_ior.factor });
             self.scalar(&mut film, "iridescence", &surface.thin_film_weight, 0);
-            // Micrometres to nanometres; the texture counts from 0.
+            // Micrometres to nanometres; the texture's minimum is 0.
             film["iridescenceThicknessMinimum"] = 0.0.into();
             film["iridescenceThicknessMaximum"] = (surface.thin_film_thickness.factor * 1e3).into();
             if let Some(texture) = surface.thin_film_thickness.texture {
@@ -245,11 +247,11 @@ impl Writer<'_, '_, '_> {
             || surface.coat_darkening.factor != 0.0
             || !is_white(&surface.coat_color)
         {
-            self.lose("the coat is colourless, of index 1.5, and does not darken what is under it");
+            self.lose("the coat is colourless, of index 1.5, and does not darken its base");
         }
     }
 
-    /// What goes through.
+    /// Adds transmission.
     fn interior(&mut self, surface: &OpenPbr) {
         if surface.subsurface_weight.factor > 0.0 {
             if surface.geometry_thin_walled {
@@ -268,7 +270,7 @@ impl Writer<'_, '_, '_> {
         self.scalar(&mut transmission, "transmission", &surface.transmission_weight, 0);
         self.extension("KHR_materials_transmission", transmission);
         if !surface.geometry_thin_walled {
-            // The thickness is only for rasterisers: rays find their own way.
+            // The thickness is only for rasterisers: a ray tracer computes the path length.
             let mut volume = json!({ "thicknessFactor": 1.0 });
             if surface.transmission_depth.factor > 0.0 {
                 let Rgb { r, g, b } = surface.transmission_color.factor.map(|c| c.clamp(0.0, 1.0));
@@ -288,8 +290,8 @@ impl Writer<'_, '_, '_> {
     }
 }
 
-/// Roughness and anisotropy of OpenPBR, which keeps the mean square of the two widths, as those of
-/// glTF, which stretches one of them.
+/// Converts roughness and anisotropy of OpenPBR, which keeps the mean square of the two widths, to
+/// those of glTF, which stretches one of them.
 fn stretched(roughness: f32, anisotropy: f32) -> (f32, f32) {
     if anisotropy <= 0.0 {
         return (roughness.clamp(0.0, 1.0), 0.0);

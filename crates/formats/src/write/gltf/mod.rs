@@ -1,7 +1,6 @@
 //! Writes glTF 2.0: `.glb` in one file, `.gltf` with a buffer and pictures beside it.
 //!
-//! A node that several nodes share is written once for each of them, because glTF has trees; its
-//! meshes are shared.
+//! A shared node is written once per use, because glTF has trees; its meshes are shared.
 
 mod buffer;
 mod material;
@@ -24,7 +23,7 @@ use std::sync::Arc;
 pub const WRITER: SceneWriter =
     SceneWriter { name: "gltf", extensions: &["glb", "gltf"], knows: |_| false, write };
 
-/// The parts of a document as they grow.
+/// The growing parts of a document.
 struct Document<'a, 'o> {
     scene: &'a Scene,
     output: &'o mut Output,
@@ -43,7 +42,7 @@ struct Document<'a, 'o> {
     default_material: Option<usize>,
 }
 
-/// A mesh, and its materials by slot with what is inherited.
+/// A mesh, its materials by slot, and the inherited material.
 type SurfaceKey = (*const TriangleMesh, Vec<Option<MaterialId>>, Option<MaterialId>);
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
@@ -85,10 +84,10 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     Ok(())
 }
 
-/// Bytes of a node on its way into the document: as JSON, its copy and its text.
+/// Memory of a node while the document is written: its JSON, a copy and its text.
 const BYTES_OF_NODE: u64 = 3000;
 
-/// The format has trees, so a node that is shared becomes as many as it has places.
+/// glTF has trees, so a shared node is repeated for each of its instances.
 fn check_expansion(scene: &Scene, output: &Output) -> Result<(), String> {
     let count = placement_count(scene)?;
     let remedy = "write a format with instances of nodes: .snell or .pbrt";
@@ -170,7 +169,7 @@ impl Document<'_, '_> {
         json
     }
 
-    /// Writes out the graph as a tree; gives the number of its root.
+    /// Writes the graph as a tree; returns the index of its root.
     fn tree(&mut self) -> usize {
         let scene = self.scene;
         let mut stack = vec![(scene.root, None, None)];
@@ -202,7 +201,7 @@ impl Document<'_, '_> {
         root
     }
 
-    /// The number of the mesh of some surfaces, if there is anything to show.
+    /// The index of the mesh for some surfaces, if anything is visible.
     fn mesh(
         &mut self,
         surfaces: &[Surface],
@@ -257,14 +256,14 @@ impl Document<'_, '_> {
 
     fn tessellated(&mut self, shape: &Arc<AnyShape>) -> Option<Arc<TriangleMesh>> {
         note_shape(shape.name(), self.output);
-        // The scene keeps the shapes, so addresses stay their own.
+        // The scene keeps the shapes, so addresses stay unique.
         self.shapes
             .entry(Arc::as_ptr(shape))
             .or_insert_with(|| tessellate(shape).map(Arc::new))
             .clone()
     }
 
-    /// The triangles of strands, made once.
+    /// The triangles of strands, tessellated once.
     fn tubes(&mut self, curves: &Arc<Curves>) -> Option<Arc<TriangleMesh>> {
         let output = &mut *self.output;
         self.tubes
@@ -284,7 +283,7 @@ impl Document<'_, '_> {
                 value[name] = self.buffer.vectors(&numbers, kind, width).into();
             }
         };
-        // The format wants unit vectors.
+        // The format requires unit vectors.
         let unit =
             |n: &snell_math::Vec3| n.try_normalize().unwrap_or(snell_math::Vec3::Z).to_array();
         add("NORMAL", mesh.normals.iter().flat_map(unit).collect(), "VEC3", 3);
@@ -302,8 +301,8 @@ impl Document<'_, '_> {
         value
     }
 
-    /// Surfaces without a material get the one they are rendered with: glTF's own default is
-    /// another.
+    /// Surfaces without a material get the default one of the renderer, because glTF's default
+    /// differs.
     fn material_number(&mut self, material: Option<MaterialId>) -> usize {
         if let Some(id) = material {
             return id.index();
@@ -319,7 +318,7 @@ impl Document<'_, '_> {
     }
 }
 
-/// The triangles of each slot, slots ascending.
+/// The triangles of each slot, in ascending order of slots.
 fn by_slot(mesh: &TriangleMesh) -> Vec<(u16, Vec<u32>)> {
     if mesh.material_slots.is_empty() {
         return vec![(0, mesh.indices.as_flattened().to_vec())];

@@ -6,7 +6,7 @@ use snell_math::{DAffine3, DMat3, DVec3, Rgb};
 use snell_scene::light::{Attenuation, Directional, Point, Spot, SpotFalloff};
 use snell_scene::{Camera, Light, Projection};
 
-/// Adds the nodes of all cameras; gives the table of cameras.
+/// Adds the nodes of all cameras; returns the table of cameras.
 pub fn cameras(document: &mut Document, top: &mut Vec<usize>) -> Vec<Value> {
     let scene = document.scene;
     let mut table = Vec::new();
@@ -53,9 +53,7 @@ fn projection(document: &mut Document, camera: &Camera, aspect: f64, who: &str) 
             let y = match *tan_half_fov {
                 [_, Some(y)] => y,
                 [Some(x), None] => {
-                    document
-                        .output
-                        .lose(format!("{who}: its angle of view is that of the height now"));
+                    document.output.lose(format!("{who}: its angle of view now spans the height"));
                     x / aspect
                 }
                 [None, None] => 1.0,
@@ -84,7 +82,7 @@ fn projection(document: &mut Document, camera: &Camera, aspect: f64, who: &str) 
     }
 }
 
-/// Adds the nodes of all lights; gives the table of `KHR_lights_punctual`.
+/// Adds the nodes of all lights; returns the table of `KHR_lights_punctual`.
 pub fn lights(document: &mut Document, top: &mut Vec<usize>) -> Vec<Value> {
     let mut table = Vec::new();
     for (i, light) in document.scene.lights.iter().enumerate() {
@@ -128,7 +126,7 @@ fn light_value(document: &mut Document, light: &Light, i: usize) -> Option<(Valu
         if *attenuation != Attenuation::INVERSE_SQUARE {
             document
                 .output
-                .lose(format!("light {i}: it fades by the inverse square of the distance now"));
+                .lose(format!("light {i}: it now fades by the inverse square of the distance"));
         }
     };
     let value = |kind: &str, color: Rgb| {
@@ -142,7 +140,7 @@ fn light_value(document: &mut Document, light: &Light, i: usize) -> Option<(Valu
         Light::Point(Point { position, intensity, attenuation, body_radius }) => {
             fades(attenuation);
             if *body_radius > 0.0 {
-                document.output.lose(format!("light {i}: the surface around it casts shadows now"));
+                document.output.lose(format!("light {i}: the surface around it now casts shadows"));
             }
             Some((value("point", *intensity), *position, DVec3::NEG_Z))
         }
@@ -165,7 +163,8 @@ fn light_value(document: &mut Document, light: &Light, i: usize) -> Option<(Valu
                 json!({ "innerConeAngle": inner.clamp(0.0, outer), "outerConeAngle": outer });
             Some((spot, *position, direction.try_normalize()?))
         }
-        // A format knows its own lights, so a new kind of light is left out until this says how.
+        // A format handles only the lights listed here, so a new kind of light is left out until it
+        // is added.
         _ => None,
     }
 }

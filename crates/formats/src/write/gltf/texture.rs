@@ -1,5 +1,5 @@
-//! Textures. Which channel of a picture means what is fixed in glTF, so pictures are packed anew
-//! where they have it elsewhere.
+//! Textures. glTF fixes the meaning of each channel of a picture, so pictures with other layouts
+//! are repacked.
 
 use super::Document;
 use crate::write::picture::{Pictures, encoded};
@@ -9,7 +9,7 @@ use snell_scene::texture::{Filtering, Wrap};
 use snell_scene::{Encoding, Image, ImageTexture, Pixels, TextureId};
 use std::collections::HashMap;
 
-/// Where the four channels of a picture come from: a texture and its channel.
+/// The sources of a picture's four channels: a texture and its channel.
 pub type Channels = [Option<(TextureId, u8)>; 4];
 
 /// The textures of a document.
@@ -26,7 +26,7 @@ pub fn colors(id: TextureId) -> Channels {
     [Some((id, 0)), Some((id, 1)), Some((id, 2)), None]
 }
 
-/// A texture that has one channel only.
+/// A texture with only one channel.
 pub fn single(scalar: (TextureId, u8), channel: usize) -> Channels {
     let mut channels = [None; 4];
     channels[channel] = Some(scalar);
@@ -34,7 +34,7 @@ pub fn single(scalar: (TextureId, u8), channel: usize) -> Channels {
 }
 
 impl Document<'_, '_> {
-    /// What a material says of a texture with these channels; `is_color` if its colours are read as
+    /// The `textureInfo` for a texture with these channels; `is_color` if its colours are read as
     /// sRGB. `who` is for messages.
     pub fn texture_info(&mut self, channels: Channels, is_color: bool, who: &str) -> Value {
         let pictures = Pictures::new(self.scene);
@@ -64,7 +64,7 @@ impl Document<'_, '_> {
         info
     }
 
-    /// Offset, rotation and scale: the reader's formula backwards.
+    /// Offset, rotation and scale: the inverse of the reader's formula.
     fn transform(&mut self, texture: &ImageTexture, who: &str) -> Option<Value> {
         let [[a, b, c], [d, e, f]] = texture.uv_transform.map(|row| row.map(f64::from));
         if texture.uv_transform == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
@@ -107,7 +107,7 @@ impl Document<'_, '_> {
         let (image, exceeds) = packed(&Pictures::new(self.scene), channels, is_color);
         if exceeds {
             self.output
-                .lose(format!("{who}: a picture of floating-point numbers is cut to 0 to 1"));
+                .lose(format!("{who}: a picture of floating-point numbers is clamped to 0 to 1"));
         }
         let (bytes, _) = encoded(&image);
         let number = self.textures.images.len();
@@ -129,8 +129,8 @@ fn number_of(list: &mut Vec<Value>, entry: Value) -> usize {
     })
 }
 
-/// A picture of integers with these channels, and whether values had to be cut. A stored picture is
-/// taken as it is if it serves.
+/// A picture of integers with these channels, and whether values had to be clamped. A stored
+/// picture is used unchanged if possible.
 fn packed(pictures: &Pictures, channels: Channels, is_color: bool) -> (Image, bool) {
     let encoding = if is_color { Encoding::Srgb } else { Encoding::Linear };
     let mut ids = channels.iter().flatten().map(|c| c.0);
@@ -141,7 +141,7 @@ fn packed(pictures: &Pictures, channels: Channels, is_color: bool) -> (Image, bo
         .iter()
         .enumerate()
         .all(|(i, c)| c.is_none_or(|(_, channel)| usize::from(channel & 3) == i));
-    // A picture with alpha means opacity where it is a colour.
+    // The alpha of a colour picture would be read as opacity.
     let says_more = is_color && channels[3].is_none() && matches!(image.channels, 2 | 4);
     if is_one
         && in_place

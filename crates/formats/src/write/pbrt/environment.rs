@@ -1,5 +1,5 @@
-//! Light from all directions. pbrt-v4 has its pictures on an equal-area octahedral square:
-//! latitude-longitude pictures are drawn anew.
+//! Environment lights. pbrt-v4 has its pictures on an equal-area octahedral square:
+//! latitude-longitude pictures are resampled.
 
 use super::{File, rgb, transform};
 use crate::write::picture::encoded;
@@ -8,7 +8,7 @@ use snell_math::{DAffine3, DMat3, DVec3};
 use snell_scene::{Environment, Image};
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
-/// Largest side of the square.
+/// Maximum side of the square.
 const MAX_SIDE: u32 = 4096;
 
 impl File<'_, '_> {
@@ -20,7 +20,7 @@ impl File<'_, '_> {
             }
             Some(Environment::Image { image, scale, world_from_environment }) => {
                 self.output.lose(
-                    "the picture of the environment is drawn anew on a square, as pbrt has it",
+                    "the picture of the environment is resampled on a square, as pbrt requires",
                 );
                 let mut square = square_of(image);
                 if let snell_scene::Pixels::F32(values) = &mut square.pixels {
@@ -46,12 +46,12 @@ impl File<'_, '_> {
 /// The zenith is pbrt's `z`, our `y`.
 const LIGHT_FROM_ENVIRONMENT: DMat3 = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y);
 
-/// The equal-area square of a latitude-longitude picture.
+/// Resamples a latitude-longitude picture on the equal-area square.
 fn square_of(image: &Image) -> Image {
     let side = (image.height * 2).clamp(16, MAX_SIDE);
     let row = |y: u32| {
         (0..side).flat_map(move |x| {
-            // The mean of four points, so that small bright things keep about their power.
+            // The mean of four points, so that small bright features keep about their power.
             let mut sum = [0.0f32; 3];
             for (dx, dy) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
                 let at = |i: u32, d: f64| (f64::from(i) + d) / f64::from(side);
@@ -67,7 +67,7 @@ fn square_of(image: &Image) -> Image {
     Image::from_f32(side, side, 3, values)
 }
 
-/// The unit direction of a point of the unit square, `+z` in its middle (Clarberg, Fast Equal-Area
+/// The unit direction for a point of the unit square, `+z` in its middle (Clarberg, Fast Equal-Area
 /// Mapping of the (Hemi)Sphere using SIMD, 2008).
 fn direction_of_square(u: f64, v: f64) -> DVec3 {
     let (u, v) = (2.0 * u - 1.0, 2.0 * v - 1.0);
@@ -81,8 +81,8 @@ fn direction_of_square(u: f64, v: f64) -> DVec3 {
     DVec3::new((cos * around).copysign(u), (sin * around).copysign(v), z)
 }
 
-/// Radiance of a latitude-longitude picture, bilinear: `+y` is the zenith, the middle `-z`, `+x`
-/// right of it.
+/// Radiance of a latitude-longitude picture, bilinear: `+y` is the zenith, `-z` the middle, `+x` to
+/// its right.
 fn lookup(image: &Image, d: DVec3) -> [f32; 3] {
     let (w, h) = (f64::from(image.width), f64::from(image.height));
     let x = (d.x.atan2(-d.z) / TAU + 0.5) * w - 0.5;

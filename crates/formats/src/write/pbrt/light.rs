@@ -17,7 +17,7 @@ impl File<'_, '_> {
     fn check_attenuation(&mut self, i: usize, attenuation: &Attenuation) {
         if *attenuation != Attenuation::INVERSE_SQUARE {
             self.output
-                .lose(format!("light {i}: it fades by the inverse square of the distance now"));
+                .lose(format!("light {i}: it now fades by the inverse square of the distance"));
         }
     }
 
@@ -31,7 +31,7 @@ impl File<'_, '_> {
             Light::Point(Point { position, intensity, attenuation, body_radius }) => {
                 self.check_attenuation(i, attenuation);
                 if *body_radius > 0.0 {
-                    self.output.lose(format!("light {i}: the surface around it casts shadows now"));
+                    self.output.lose(format!("light {i}: the surface around it now casts shadows"));
                 }
                 self.line(format!(
                     "LightSource \"point\" \"rgb I\" {} \"point3 from\" {}",
@@ -102,15 +102,15 @@ impl File<'_, '_> {
                 );
                 self.panel(i, &place, radiance, &shape);
             }
-            // A format knows its own lights, so a new kind of light is left out until this says
-            // how.
+            // A format handles only the lights listed here, so a new kind of light is left out
+            // until it is added.
             _ => self.output.lose(format!("light {i}: a {} light is left out", light.name())),
         }
     }
 
     /// An invisible light as a black surface that emits.
     fn panel(&mut self, i: usize, place: &DAffine3, radiance: snell_math::Rgb, shape: &str) {
-        self.output.lose(format!("light {i}: its surface is seen now"));
+        self.output.lose(format!("light {i}: its surface is now visible"));
         let place = transform(place);
         self.line(format!(
             "AttributeBegin\n  {place}\n  Material \"diffuse\" \"rgb reflectance\" [ 0 0 0 ]\n  \

@@ -1,4 +1,4 @@
-//! Materials, with the emission, opacity and media that pbrt says of shapes instead, and media
+//! Materials, with the emission, opacity and media that pbrt attaches to shapes instead, and media
 //! themselves.
 
 use super::{File, quoted, rgb};
@@ -12,12 +12,12 @@ use snell_scene::material::{
 };
 use snell_scene::{Encoding, Material, MaterialId};
 
-/// What a shape of a material says.
+/// The text that a shape of a material needs.
 #[derive(Clone, Debug, Default)]
 pub struct Made {
     /// Directives before the shape.
     pub attributes: Vec<String>,
-    /// What follows the shape's own parameters.
+    /// Parameters after the shape's own.
     pub shape_parameters: String,
 }
 
@@ -27,7 +27,7 @@ const METALS: [&str; 4] = ["Ag", "Al", "Au", "Cu"];
 /// A material's class and parameters.
 struct Body {
     text: String,
-    /// What a clear inside absorbs per unit of length.
+    /// Absorption of a clear interior per unit of length.
     absorption: Rgb,
 }
 
@@ -38,7 +38,7 @@ impl Body {
 }
 
 impl File<'_, '_> {
-    /// What shapes of a material say; the material is defined the first time.
+    /// The text for shapes of a material; the material is defined on first use.
     pub fn material(&mut self, id: Option<MaterialId>) -> Made {
         if let Some(made) = self.materials.get(&id) {
             return made.clone();
@@ -69,7 +69,7 @@ impl File<'_, '_> {
         self.add_emission(&mut made, material, &who);
         self.add_alpha(&mut made, material, &who);
         if !material.double_sided {
-            self.output.lose(format!("{who}: it is seen from both sides"));
+            self.output.lose(format!("{who}: it is visible from both sides"));
         }
         made
     }
@@ -81,9 +81,9 @@ impl File<'_, '_> {
                 .lose(format!("{who}: heights relative to the picture of its bumps are left out"));
             return String::new();
         }
-        // Of pictures in colours the middle channel is nearest to the luminance.
+        // For colour pictures the middle channel is nearest to the luminance.
         let channel = map.channel.unwrap_or(1);
-        // The height apart from the picture, which may have few levels.
+        // The height, apart from the picture, which may have few levels.
         let heights =
             self.texture(map.texture, "float", Baked::Scaled { channel, factor: 1.0 }, who);
         let scale = format!(
@@ -189,7 +189,7 @@ impl File<'_, '_> {
         };
     }
 
-    /// Says what metals and layers of pbrt have not.
+    /// Notes features that pbrt's metals and layers lack.
     fn lose_details(&mut self, material: &Material, who: &str) {
         lose_shape(&material.kind, who, self.output);
         let (tint, anisotropy) = match &material.kind {
@@ -201,7 +201,8 @@ impl File<'_, '_> {
             _ => return,
         };
         if anisotropy != 0.0 {
-            self.output.lose(format!("{who}: roughness that differs by direction became even"));
+            self.output
+                .lose(format!("{who}: roughness that differs by direction became isotropic"));
         }
         if tint != Rgb::WHITE.into() {
             self.output.lose(format!("{who}: the tint of the reflection is left out"));
@@ -270,7 +271,7 @@ impl File<'_, '_> {
         }
     }
 
-    /// The parameters of hair. In pbrt it has pigments, a colour or an absorption, but not two of
+    /// The parameters of hair. pbrt accepts pigments, a colour or an absorption, but only one of
     /// them.
     fn hair(&mut self, hair: &Hair, who: &str) -> String {
         let plain = Hair::default();
@@ -313,7 +314,7 @@ impl File<'_, '_> {
         }
     }
 
-    /// The nearest of pbrt's materials to an OpenPBR surface.
+    /// The pbrt material nearest to an OpenPBR surface.
     fn nearest(&mut self, surface: &OpenPbr, who: &str) -> Body {
         let kind = |name: &str| format!("\"string type\" [ \"{name}\" ]");
         let mut base = without_spectrum(surface.base_color, false);
@@ -325,7 +326,7 @@ impl File<'_, '_> {
             || !is_pure(surface.base_metalness.factor)
             || !is_pure(surface.transmission_weight.factor)
         {
-            self.output.lose(format!("{who}: a mixture became its largest part"));
+            self.output.lose(format!("{who}: a mixture became its largest component"));
         }
         if [&surface.fuzz_weight, &surface.thin_film_weight, &surface.specular_roughness_anisotropy]
             .iter()
@@ -374,7 +375,7 @@ impl File<'_, '_> {
             || (depth <= 0.0 && color != Rgb::WHITE)
             || surface.transmission_tint.texture.is_some()
         {
-            self.output.lose(format!("{who}: the tint of what goes through is left out"));
+            self.output.lose(format!("{who}: the tint of transmitted light is left out"));
         }
         if surface.geometry_thin_walled {
             return Body::new(format!("\"string type\" [ \"thindielectric\" ]{eta}"));
@@ -390,7 +391,7 @@ impl File<'_, '_> {
         Body { text: format!("\"string type\" [ \"dielectric\" ]{roughness}{eta}"), absorption }
     }
 
-    /// A body under a clear layer, by the colour that is seen; pbrt wants that of the body.
+    /// A body under a clear layer, from the colour that is seen; pbrt needs that of the body.
     fn coated(&mut self, seen: ColorParam, ior: f32, roughness: ScalarParam, who: &str) -> Body {
         let body = Baked::UnderCoat { factor: without_spectrum(seen, false).factor, ior };
         let color = match seen.texture {
@@ -476,7 +477,7 @@ impl File<'_, '_> {
     }
 }
 
-/// True for a thin sheet of clear glass and nothing else.
+/// True for a thin sheet of pure clear glass.
 fn is_thin_glass(kind: &MetallicRoughness) -> bool {
     let plain = MetallicRoughness {
         ior: kind.ior,

@@ -1,14 +1,14 @@
-//! Media as pbrt has them.
+//! Media in pbrt's terms.
 
 use super::{rgb, transform};
 use crate::write::Output;
 use snell_math::{ColorMode, DVec3, Rgb};
 use snell_scene::medium::{Grid, Medium};
 
-/// What is there of a medium that emits and does nothing else, as part of its highest density.
+/// Density of cells that only emit, relative to the highest density.
 const THIN: f32 = 1e-3;
 
-/// The directives that define a medium, if pbrt has it.
+/// The directives that define a medium, if pbrt supports it.
 pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<String> {
     let coefficients = |sigma_a: Rgb, sigma_s: Rgb, g: f32| {
         format!(
@@ -17,7 +17,7 @@ pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<Str
             rgb(sigma_s)
         )
     };
-    // pbrt emits where it absorbs.
+    // pbrt emits in proportion to absorption.
     let mut emission = |emission: Rgb, sigma_a: Rgb| {
         let share = |e: f32, a: f32| if a > 0.0 { e / a } else { 0.0 };
         if (emission.r > 0.0 && sigma_a.r <= 0.0)
@@ -63,7 +63,7 @@ pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<Str
             let (densities, is_changed) = densities(grid);
             if is_changed {
                 output.lose(format!(
-                    "medium {number}: where it emits without being there, it absorbs a thousandth \
+                    "medium {number}: where it emits without absorbing, it absorbs a thousandth \
                         of its densest place, as pbrt \
                      emits where it absorbs"
                 ));
@@ -94,7 +94,7 @@ pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<Str
     }
 }
 
-/// A grid whose colours differ from cell to cell.
+/// A grid whose colours differ between cells.
 fn colors(output: &mut Output, number: usize, grid: &Grid) -> String {
     let size = grid.size();
     let plain = Grid { temperature: None, ..grid.clone() };
@@ -108,7 +108,7 @@ fn colors(output: &mut Output, number: usize, grid: &Grid) -> String {
             .properties(grid.world_from_grid.transform_point3(middle).as_vec3(), ColorMode::Rgb);
         absorbed.extend_from_slice(&at.sigma_a.0[..3]);
         scattered.extend_from_slice(&at.sigma_s.0[..3]);
-        // pbrt emits where it absorbs.
+        // pbrt emits in proportion to absorption.
         for (e, a) in at.emission.0[..3].iter().zip(&at.sigma_a.0[..3]) {
             emitted.push(if *a > 0.0 { e / a } else { 0.0 });
             is_lost |= *e > 0.0 && *a <= 0.0;
@@ -136,7 +136,7 @@ fn colors(output: &mut Output, number: usize, grid: &Grid) -> String {
     )
 }
 
-/// The densities of a grid, so that there is something wherever it emits; true if that changed any.
+/// The densities of a grid, raised so that every emitting cell has some; true if that changed any.
 fn densities(grid: &Grid) -> (Vec<f32>, bool) {
     let mut densities = grid.density.values().to_vec();
     let Some(scale) = grid.emission_scale.as_deref().filter(|_| !grid.emission.is_black()) else {

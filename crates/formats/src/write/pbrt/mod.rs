@@ -26,7 +26,7 @@ use std::sync::Arc;
 pub const WRITER: SceneWriter =
     SceneWriter { name: "pbrt", extensions: &["pbrt"], knows: texture::is_known, write };
 
-/// Text of a surface at its place, in a buffer that grows.
+/// Memory for the text of a surface, in a growing buffer.
 const BYTES_OF_SURFACE: u64 = 800;
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
@@ -75,8 +75,8 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     Ok(())
 }
 
-/// The address of what a surface is made of, if that is much: what several surfaces have is written
-/// once.
+/// The address of a surface's geometry, if it is large: geometry that several surfaces share is
+/// written once.
 fn shared(surface: &Placed) -> Option<*const ()> {
     match &surface.surface.geometry {
         Geometry::Mesh(mesh) => Some(Arc::as_ptr(mesh).cast()),
@@ -85,10 +85,10 @@ fn shared(surface: &Placed) -> Option<*const ()> {
     }
 }
 
-/// A material of a mesh's slot, or the default one.
+/// The materials of a mesh by slot; `None` is the default one.
 type Slots = Vec<(u16, Option<MaterialId>)>;
 
-/// The file as it grows.
+/// The growing file.
 struct File<'a, 'o> {
     scene: &'a Scene,
     output: &'o mut Output,
@@ -96,13 +96,13 @@ struct File<'a, 'o> {
     pictures: Pictures<'a>,
     /// Names of mesh files, by mesh and slot.
     meshes: HashMap<(*const TriangleMesh, u16), String>,
-    /// Triangles of shapes that pbrt has not.
+    /// Triangles of shapes that pbrt lacks.
     shapes: HashMap<*const AnyShape, Option<Arc<TriangleMesh>>>,
     mesh_count: usize,
     texture_count: usize,
-    /// Names of textures by what they are.
+    /// Names of textures by their text.
     textures: HashMap<String, String>,
-    /// What each material needs; made when it is first used.
+    /// The text for each material, made on first use.
     materials: HashMap<Option<MaterialId>, material::Made>,
     /// Names of objects, by mesh or curves and materials.
     objects: HashMap<(*const (), Slots), String>,
@@ -117,7 +117,7 @@ fn point(p: DVec3) -> String {
     format!("[ {} {} {} ]", p.x, p.y, p.z)
 }
 
-/// `Transform` with the columns of a map.
+/// `Transform` with the columns of a transform.
 fn transform(map: &DAffine3) -> String {
     let m = &map.matrix3;
     let columns = [(m.x_axis, 0), (m.y_axis, 0), (m.z_axis, 0), (map.translation, 1)];
@@ -126,7 +126,7 @@ fn transform(map: &DAffine3) -> String {
     format!("Transform [ {} ]", numbers.join("  "))
 }
 
-/// A string in quotes; what would end it is left out.
+/// A string in quotes; characters that would end it are replaced.
 fn quoted(text: &str) -> String {
     let text: String = text
         .chars()
@@ -149,13 +149,13 @@ impl File<'_, '_> {
         }
     }
 
-    /// True if some part of a surface emits: pbrt has no light within objects.
+    /// True if some part of a surface emits: pbrt has no emission within objects.
     fn emits(&self, surface: &Placed) -> bool {
         let material = |(_, id): (u16, Option<MaterialId>)| self.scene.materials.get(id?.index());
         surface.slots().into_iter().filter_map(material).any(|m| m.is_emissive())
     }
 
-    /// One surface where it is.
+    /// Writes one surface in place.
     fn place(&mut self, surface: &Placed) {
         let slots = surface.slots();
         let made: Vec<_> = slots.iter().map(|&(slot, id)| (slot, self.material(id))).collect();
@@ -170,7 +170,7 @@ impl File<'_, '_> {
         }
     }
 
-    /// One surface by the name of an object, which is defined the first time.
+    /// Writes one surface as an instance of an object, which is defined on first use.
     fn instance(&mut self, surface: &Placed) {
         let Some(shared) = shared(surface) else { return };
         let slots = surface.slots();

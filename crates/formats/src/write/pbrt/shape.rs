@@ -1,4 +1,4 @@
-//! Shapes: those that both know, and meshes for all others.
+//! Shapes: those that both have, and meshes for all others.
 
 use super::material::Made;
 use super::{File, transform};
@@ -12,14 +12,14 @@ use snell_scene::placed::Placed;
 use std::fmt::Write;
 use std::sync::Arc;
 
-/// Our round shapes stand around y and count longitude from z towards x; those of pbrt around z,
-/// from x towards y. Map to ours.
+/// The transform from pbrt's round shapes, which stand around z and count longitude from x towards
+/// y, to ours, which stand around y and count it from z towards x.
 fn turned() -> DAffine3 {
     DAffine3::from_mat3(DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X).transpose())
 }
 
 impl File<'_, '_> {
-    /// The directives of a surface in its own coordinates; `None` if there is nothing to show.
+    /// The directives of a surface in its own coordinates; `None` if nothing is visible.
     pub fn parts(&mut self, surface: &Placed, made: &[(u16, Made)]) -> Option<String> {
         let mut text = String::new();
         match &surface.surface.geometry {
@@ -46,7 +46,7 @@ impl File<'_, '_> {
         (!text.is_empty()).then_some(text)
     }
 
-    /// One shape with all that pbrt says of it by its surroundings.
+    /// Writes one shape with everything that pbrt sets by its surroundings.
     fn part(&mut self, text: &mut String, made: &Made, shape: &str) {
         for line in &made.attributes {
             _ = writeln!(text, "  {line}");
@@ -112,8 +112,8 @@ impl File<'_, '_> {
         }
     }
 
-    /// Strands, a curve for each segment: in pbrt the width of a curve grows evenly from one end to
-    /// the other.
+    /// Writes strands, one curve per segment: in pbrt the width of a curve varies linearly from one
+    /// end to the other.
     fn curves(&mut self, text: &mut String, curves: &Curves, made: &Made) {
         for line in &made.attributes {
             _ = writeln!(text, "  {line}");
@@ -142,9 +142,7 @@ impl File<'_, '_> {
                 .lose("strands are written segment by segment: texture coordinates run along each");
         }
         if uneven > 0 {
-            self.output.lose(
-                "radii of curves that do not change evenly along a segment became ones that do",
-            );
+            self.output.lose("radii of curves that do not vary linearly along a segment now do");
         }
     }
 
@@ -161,7 +159,7 @@ impl File<'_, '_> {
         if part.indices.is_empty() {
             return None;
         }
-        // In pbrt v grows upwards.
+        // In pbrt v points up.
         let uvs = part.uvs[0].iter().map(|uv| Vec2::new(uv.x, 1.0 - uv.y)).collect();
         let part = TriangleMesh { uvs: [uvs, Vec::new()], colors: Vec::new(), ..part };
         let name = self.output.file(&format!("mesh-{}.ply", self.mesh_count), ply::encoded(&part));
@@ -171,7 +169,7 @@ impl File<'_, '_> {
     }
 }
 
-/// The triangles of a slot with the vertices they use.
+/// The triangles of a slot, with only the vertices they use.
 fn part_of(mesh: &TriangleMesh, slot: u16) -> TriangleMesh {
     let mut number = vec![u32::MAX; mesh.positions.len()];
     let mut part = TriangleMesh::default();

@@ -1,4 +1,4 @@
-//! Textures: pictures, and patterns, of which pbrt has the same.
+//! Textures: pictures, and the patterns that pbrt has too.
 
 use super::{File, quoted, rgb};
 use crate::write::picture::Baked;
@@ -8,11 +8,11 @@ use snell_scene::texture::mapping::{IDENTITY, Rows};
 use snell_scene::texture::{Filtering, Mapping, Pattern, Wrap, errors, pattern};
 use snell_scene::{Encoding, Texture, TextureId};
 
-/// The roots that pbrt takes of a roughness: of a width, and of what becomes one by its own
-/// remapping.
+/// Exponents of roughness patterns that pbrt can express: the root of a width, and that of a value
+/// which pbrt remaps to a width itself.
 const ROOTS: [f32; 2] = [0.5, 0.25];
 
-/// True for patterns that pbrt has too. It takes roots of a roughness only.
+/// True for patterns that pbrt has too. Of powers, it has only these roots of a roughness.
 pub fn is_known(pattern: &Pattern) -> bool {
     match pattern {
         Pattern::Power(power) => ROOTS.contains(&power.exponent),
@@ -22,7 +22,7 @@ pub fn is_known(pattern: &Pattern) -> bool {
     }
 }
 
-/// What kind of value a texture has.
+/// The kind of a texture's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Color,
@@ -36,7 +36,8 @@ impl Kind {
 }
 
 impl File<'_, '_> {
-    /// The name of a texture, defined the first time: colours (`spectrum`) or numbers (`float`).
+    /// The name of a texture, which is defined on first use: colours (`spectrum`) or numbers
+    /// (`float`).
     pub fn texture(&mut self, id: TextureId, kind: &str, baked: Baked, who: &str) -> String {
         let is_sound = |id: TextureId| {
             errors(&self.scene.textures, self.scene.images.len())[id.index()].is_none()
@@ -50,7 +51,9 @@ impl File<'_, '_> {
         let factor = match baked {
             Baked::Tinted(factor) | Baked::Light(factor) => factor,
             Baked::UnderCoat { factor, .. } => {
-                self.output.lose(format!("{who}: a pattern under a coat is written as it is seen"));
+                self.output.lose(format!(
+                    "{who}: a pattern under a coat is written with its visible colour"
+                ));
                 factor
             }
             Baked::Scaled { factor, .. } => Rgb::splat(factor),
@@ -70,7 +73,7 @@ impl File<'_, '_> {
         self.pattern(id, kind, factor, who)
     }
 
-    /// The texture of a width whose root, times a factor, is a pattern of roughness, and whether
+    /// The texture for a width whose root, times a factor, is a pattern of roughness, and whether
     /// pbrt is to remap it.
     pub fn width(
         &mut self,
@@ -205,7 +208,7 @@ impl File<'_, '_> {
             }
             Pattern::Power(p) => {
                 self.output.lose(format!(
-                    "{who}: a root of a pattern is left out where it is no roughness"
+                    "{who}: a root of a pattern is left out where it is not a roughness"
                 ));
                 let part = self.input("tex", kind, factor, &p.base, who);
                 self.class(kind, "scale", &part, None, who)
@@ -223,7 +226,7 @@ impl File<'_, '_> {
         self.define(text, space)
     }
 
-    /// Noise of one number, times a factor.
+    /// Scalar noise, times a factor.
     fn noise(&mut self, kind: Kind, factor: Rgb, pattern: &Pattern, numbers: &str) -> String {
         let space = match pattern {
             Pattern::Fbm(p) => &p.texture_from_world,
@@ -241,7 +244,7 @@ impl File<'_, '_> {
                 ),
                 None,
             ),
-            // Noise is a number in pbrt: it becomes a colour as the amount of one.
+            // Noise is scalar in pbrt: it becomes a colour as the amount of a mix.
             Kind::Color => {
                 let black = rgb(Rgb::BLACK);
                 let text = format!(
@@ -290,7 +293,9 @@ impl File<'_, '_> {
             part.spectrum.map_or(part.factor, |spectrum| part.factor * spectrum.reflectance_rgb());
         let factor = factor * own;
         if kind == Kind::Number && (factor.r != factor.g || factor.g != factor.b) {
-            self.output.lose(format!("{who}: a colour where pbrt has a number counts by its red"));
+            self.output.lose(format!(
+                "{who}: where pbrt has a number, only the red of a colour is written"
+            ));
         }
         match (part.texture, kind) {
             (Some(id), _) => {
@@ -316,7 +321,7 @@ impl File<'_, '_> {
         self.picture(id, kind.name(), baked, mapping, who)
     }
 
-    /// The name of a texture that is a picture, which stands beside the file.
+    /// The name of a texture that is a picture, stored beside the file.
     fn picture(
         &mut self,
         id: TextureId,
@@ -334,7 +339,7 @@ impl File<'_, '_> {
             [Wrap::Black, Wrap::Black] => " \"string wrap\" [ \"black\" ]",
             _ => {
                 self.output.lose(format!(
-                    "{who}: a texture that is mirrored, or differs by direction, repeats"
+                    "{who}: a texture that is mirrored, or differs by direction, now repeats"
                 ));
                 ""
             }
@@ -349,7 +354,7 @@ impl File<'_, '_> {
         } else {
             ""
         };
-        // The picture's rows are counted downwards, and pbrt's second coordinate upwards.
+        // The picture's rows are counted from the top, but pbrt's second coordinate points up.
         let own = match (mapping, texture.uv_transform) {
             (Mapping::Uv { .. }, [s, [a, b, c]]) => {
                 Mapping::Uv { uv_set: texture.uv_set, uv_transform: [s, [-a, -b, 1.0 - c]] }
@@ -369,13 +374,13 @@ impl File<'_, '_> {
         self.define(text, space(&own))
     }
 
-    /// The parameters of a mapping, but for its space.
+    /// The parameters of a mapping, without its space.
     fn mapping(&mut self, mapping: &Mapping, who: &str) -> String {
         match mapping {
             Mapping::Uv { uv_set, uv_transform: [[a, b, c], [d, e, f]] } => {
                 if *b != 0.0 || *d != 0.0 || *uv_set != 0 {
                     self.output.lose(format!(
-                        "{who}: a turned texture, or one on the second coordinates, is placed \
+                        "{who}: a rotated texture, or one on the second coordinates, is placed \
                             otherwise"
                     ));
                 }
@@ -397,7 +402,7 @@ impl File<'_, '_> {
         }
     }
 
-    /// The name of a texture of this text, defined in this space the first time.
+    /// The name of a texture with this text, which is defined in this space on first use.
     pub fn define(&mut self, text: String, texture_from_world: Option<&Rows>) -> String {
         let key = format!("{text} {texture_from_world:?}");
         if let Some(name) = self.textures.get(&key) {
@@ -431,8 +436,7 @@ impl File<'_, '_> {
     }
 }
 
-/// The space that a mapping is in; that of the world for one that says the world's coordinates
-/// itself.
+/// The space of a mapping; the world's for one in world coordinates.
 fn space(mapping: &Mapping) -> Option<&Rows> {
     match mapping {
         Mapping::Uv { .. } => None,

@@ -1,14 +1,14 @@
-//! Camera, film and what the scene asks of the renderer.
+//! Camera, film and the scene's render settings.
 
 use super::{File, point, quoted, transform};
 use snell_math::{DAffine3, DMat3, DVec3, Transform};
 use snell_scene::{Camera, Projection};
 
-/// The size of pictures of which nothing is known.
+/// Default size of pictures.
 const SIZE: [u32; 2] = [960, 720];
 
 impl File<'_, '_> {
-    /// Everything before `WorldBegin` but media.
+    /// Writes everything before `WorldBegin` except media.
     pub fn view(&mut self) {
         let scene = self.scene;
         let camera = scene.cameras.first();
@@ -113,7 +113,7 @@ impl File<'_, '_> {
             }
         };
         if camera.projection == Projection::Panoramic {
-            // The middle of the picture is -x in pbrt, and what is right of it -z.
+            // The middle of the picture is -x in pbrt, and its right is -z.
             let axes = DMat3::from_cols(-camera.towards, camera.up, -camera.right());
             let world_from_camera = DAffine3 { matrix3: axes, translation: camera.eye };
             let inverse = Transform::new(world_from_camera)

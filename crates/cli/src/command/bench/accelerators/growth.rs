@@ -1,4 +1,4 @@
-//! The scene with fewer and more triangles, and how fast the cost grows with their number.
+//! The scene with fewer and more triangles, and the growth of the cost with their number.
 
 use super::super::scenes::{Bench, merged, subdivided};
 use super::measure::Measured;
@@ -12,8 +12,8 @@ use std::sync::Arc;
 /// The smallest number of triangles that is measured.
 const LEAST: usize = 1000;
 
-/// The triangles of a scene in about a quarter, a sixteenth ... and in four, sixteen ... times
-/// their number, ascending. Shapes and other geometry are left out.
+/// The scene with about a quarter, a sixteenth ... and with four, sixteen ... times its triangles,
+/// in ascending order. Shapes and other geometry are left out.
 pub fn sizes(bench: &Bench, most: u64) -> Result<Vec<(u64, Bench)>, Failure> {
     let mesh = merged(&bench.world);
     if mesh.indices.is_empty() {
@@ -37,7 +37,7 @@ pub fn sizes(bench: &Bench, most: u64) -> Result<Vec<(u64, Bench)>, Failure> {
     meshes.into_iter().map(|mesh| sized(bench, mesh)).collect()
 }
 
-/// The scene with this mesh instead of all it had.
+/// The scene with only this mesh.
 fn sized(bench: &Bench, mesh: TriangleMesh) -> Result<(u64, Bench), Failure> {
     let triangles = mesh.indices.len() as u64;
     let mut builder = WorldBuilder::default();
@@ -51,9 +51,9 @@ fn sized(bench: &Bench, mesh: TriangleMesh) -> Result<(u64, Bench), Failure> {
     ))
 }
 
-/// The mesh with about so many triangles: vertices in one cell of a grid become one (Rossignac and
-/// Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993). The size of the
-/// cells is found by trial.
+/// Simplifies a mesh to about `target` triangles: all vertices in one cell of a grid become one
+/// (Rossignac and Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993).
+/// The size of the cells is found by trial.
 fn simplified(mesh: &TriangleMesh, target: usize) -> TriangleMesh {
     let size = mesh.bounds().size().max_element();
     let (mut coarse, mut fine) = (1.0f32, 4096.0f32);
@@ -89,7 +89,7 @@ fn clustered(mesh: &TriangleMesh, cell: f32) -> TriangleMesh {
     let triangles = mesh.indices.iter().map(|t| t.map(|v| number[v as usize]));
     let mut indices: Vec<[u32; 3]> =
         triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
-    // Triangles that have become the same.
+    // Triangles that have become equal.
     let sorted = |t: &[u32; 3]| {
         let mut t = *t;
         t.sort_unstable();
@@ -101,18 +101,18 @@ fn clustered(mesh: &TriangleMesh, cell: f32) -> TriangleMesh {
     TriangleMesh { positions, indices, ..TriangleMesh::default() }
 }
 
-/// A structure at several sizes.
+/// The measurements of a structure at several sizes.
 pub struct Growth {
     pub kind: AcceleratorKind,
     pub points: Vec<Point>,
 }
 
-/// What was measured at one size.
+/// The measurements at one size.
 pub struct Point {
     pub triangles: f64,
-    /// For a diffuse ray.
+    /// Seconds per diffuse ray.
     pub seconds: f64,
-    /// Nodes, cells and primitives of a diffuse ray.
+    /// Nodes, cells and primitives per diffuse ray.
     pub work: f64,
     pub build_seconds: f64,
 }
@@ -122,7 +122,7 @@ impl Growth {
         Self { kind, points: Vec::new() }
     }
 
-    /// Adds a size; the second kind of ray counts.
+    /// Adds a size. The second kind of ray is used.
     pub fn add(&mut self, triangles: u64, measured: &Measured) {
         let rays = &measured.kinds[1];
         self.points.push(Point {
@@ -133,14 +133,14 @@ impl Growth {
         });
     }
 
-    /// About how many seconds building for so many triangles would take.
+    /// The estimated seconds to build a structure for this many triangles.
     pub fn would_take(&self, triangles: u64) -> f64 {
         self.points
             .last()
             .map_or(0.0, |p| p.build_seconds * (triangles as f64 / p.triangles).powf(1.1))
     }
 
-    /// The exponents of time, of work and of the time to build: slopes of the lines through the
+    /// The exponents of time, of work and of build time: slopes of the fitted lines through the
     /// logarithms.
     pub fn exponents(&self) -> (f64, f64, f64) {
         let fit = |y: fn(&Point) -> f64| {
@@ -150,7 +150,7 @@ impl Growth {
     }
 }
 
-/// The slope of the line of least squares; NaN for fewer than two points.
+/// The slope of the least-squares line; NaN for fewer than two points.
 fn slope(points: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
     let n = points.clone().count() as f64;
     let (sx, sy) = points.clone().fold((0.0, 0.0), |s, p| (s.0 + p.0, s.1 + p.1));

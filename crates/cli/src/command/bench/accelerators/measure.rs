@@ -1,4 +1,4 @@
-//! One structure on one scene: build it, trace rays for a while, and count.
+//! Measures one structure on one scene: builds it, traces rays for a while, and counts.
 
 use super::super::clock::timed;
 use super::super::kinds::{self, Kind};
@@ -10,9 +10,9 @@ use snell_intersect::{AcceptAll, BuildOptions, Hit, World};
 use snell_math::Ray;
 use std::time::Instant;
 
-/// How to measure.
+/// Settings of a measurement.
 pub struct Measurer {
-    /// Of the picture whose rays are traced.
+    /// Width and height of the picture whose rays are traced.
     pub side: u32,
     /// Processor time for each kind of ray.
     pub seconds: f64,
@@ -36,7 +36,7 @@ impl<'a> Case<'a> {
     }
 }
 
-/// What was measured.
+/// The results of a measurement.
 pub struct Measured {
     pub build_seconds: f64,
     pub memory_bytes: u64,
@@ -44,10 +44,10 @@ pub struct Measured {
     pub kinds: Vec<KindMeasured>,
 }
 
-/// The same for a kind of ray; counts are per ray.
+/// The results for a kind of ray; counts are per ray.
 pub struct KindMeasured {
     pub kind: Kind,
-    /// On one thread.
+    /// Rays per second on one thread.
     pub rays_per_second: f64,
     pub nodes: f64,
     pub cells: f64,
@@ -85,7 +85,7 @@ impl Measurer {
         let (mut traced, mut time) = (0, 0.0);
         let mut hits = vec![Hit::MISS; pieces.size];
         let mut blocked = vec![false; pieces.size];
-        // The counts need fewer rays than the clock.
+        // Counting needs fewer rays than timing.
         let mut work = snell_intersect::TraversalWork::default();
         let mut counted = 0;
         for (i, piece) in pieces.iter(rays).enumerate() {
@@ -125,8 +125,8 @@ fn trace(world: &World, kind: Kind, rays: &[Ray], hits: &mut [Hit], blocked: &mu
     }
 }
 
-/// Pieces of a batch, spread evenly, so small that slow structures get through several and fast
-/// ones see long runs.
+/// Evenly spread pieces of a batch. They are short enough that slow structures finish several, and
+/// long enough that fast ones trace long runs.
 struct Pieces {
     size: usize,
     step: usize,
@@ -134,8 +134,8 @@ struct Pieces {
 
 impl Pieces {
     fn new(world: &World, kind: Kind, rays: &[Ray], seconds: f64) -> Self {
-        // From everywhere: neighbours may all miss the scene, which tells nothing of a structure
-        // that tests every triangle.
+        // From the whole batch: neighbouring rays may all miss the scene, which says nothing about
+        // a structure that tests every triangle.
         let few: Vec<Ray> = rays.iter().step_by(rays.len().div_ceil(16).max(1)).copied().collect();
         let (_, seconds_of_few) =
             timed(|| trace(world, kind, &few, &mut [Hit::MISS; 16], &mut [false; 16]));
@@ -143,7 +143,7 @@ impl Pieces {
         // About twenty pieces.
         let size = (seconds / 20.0 / each.max(1e-9)) as usize;
         let size = size.clamp(16, 8192) / 16 * 16;
-        // Pieces far apart come one after the other: the golden section of the whole.
+        // Consecutive pieces are far apart: steps of the golden section.
         let count = (rays.len() / size).max(1);
         let step = (1..count)
             .map(|i| (count * 618 / 1000 + i) % count)
@@ -155,7 +155,7 @@ impl Pieces {
     fn iter<'a>(&self, rays: &'a [Ray]) -> impl Iterator<Item = &'a [Ray]> {
         let (size, step) = (self.size, self.step);
         let count = (rays.len() / size).max(1);
-        // Several times around, for structures that are through before the time is.
+        // Several rounds, for structures that finish before the time is over.
         (0..count * 50).map(move |i| {
             let first = (i * step % count) * size;
             &rays[first..(first + size).min(rays.len())]

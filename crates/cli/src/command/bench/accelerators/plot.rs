@@ -1,6 +1,7 @@
-//! The plot: how the cost of a ray grows with the number of triangles, and the resolution of the
-//! uniform grid. Both axes are logarithmic; every line has its name at its end; colours are told
-//! apart by the colour-blind (Okabe and Ito, Color universal design, 2008), and dashes help.
+//! The plot: the growth of the cost of a ray with the number of triangles, and the resolution of
+//! the uniform grid. Both axes are logarithmic; every line has its name at its end; colours are
+//! distinguishable for the colour-blind (Okabe and Ito, Color universal design, 2008), and dashes
+//! help.
 
 use super::SweepPoint;
 use super::growth::Growth;
@@ -9,7 +10,7 @@ use snell_intersect::AcceleratorKind;
 
 const SIZE: [f64; 2] = [1600.0, 900.0];
 
-/// From here on names stand beside the lines, and where the second panel begins.
+/// Left edge of the names beside the lines, and of the second panel.
 const NAMES: f64 = 774.0;
 const NAME_SIZE: f64 = 21.0;
 const SWEEP: f64 = 1190.0;
@@ -29,7 +30,7 @@ fn style(kind: AcceleratorKind) -> (&'static str, &'static str) {
     }
 }
 
-/// Draws it.
+/// Draws the plot.
 pub fn svg(scene: &str, growths: &[Growth], sweep: &[SweepPoint]) -> String {
     let mut svg = Svg::new(SIZE[0], SIZE[1]);
     svg.label(
@@ -50,7 +51,7 @@ pub fn svg(scene: &str, growths: &[Growth], sweep: &[SweepPoint]) -> String {
     svg.finish()
 }
 
-/// Time for a ray in a unit that reads well.
+/// The name of a power of ten seconds, in a readable unit.
 fn duration_name(power: i32) -> String {
     let (unit, rest) = match power {
         ..=-7 => ("ns", power + 9),
@@ -118,7 +119,7 @@ fn line_name(kind: AcceleratorKind, exponent: f64) -> String {
     format!("{}  ({exponent:.2})", kind.name())
 }
 
-/// The name of a line, and where it goes.
+/// The name of a line, and its position.
 struct Name {
     end: [f64; 2],
     y: f64,
@@ -126,7 +127,7 @@ struct Name {
     name: String,
 }
 
-/// Moves names apart so far that they can be read.
+/// Moves names apart so that they do not overlap.
 fn place(names: &mut [Name], top: f64, bottom: f64) {
     const APART: f64 = 29.0;
     names.sort_by(|a, b| a.y.total_cmp(&b.y));
@@ -178,7 +179,7 @@ fn sweep_panel(svg: &mut Svg, sweep: &[SweepPoint]) {
     line.iter().for_each(|p| svg.dot(*p, color));
     if let Some((best, point)) = sweep.iter().zip(&line).min_by(|a, b| a.0.1.total_cmp(&b.0.1)) {
         let text = format!("best: {} cells, {:.2} µs", best.0, best.1);
-        // Some 220 to 260 wide, and within the panel.
+        // Names are about 220 to 260 wide, and must stay within the panel.
         let x = point[0].clamp(panel.left + 130.0, panel.right - 130.0);
         svg.label([x, point[1] + 38.0], 20.0, INK, Anchor::Middle, true, &text);
     }
@@ -202,8 +203,8 @@ mod tests {
 
     #[test]
     fn names_have_room_in_a_wide_font() {
-        // Of the second panel. (The longest name takes 0.53 of its size a letter in DejaVu Sans
-        // Bold.)
+        // Width of the second panel. (The longest name takes 0.53 of its size per letter in DejaVu
+        // Sans Bold.)
         const UNITS: f64 = 100.0;
         let width = |kind: &AcceleratorKind| line_name(*kind, 0.25).len() as f64 * NAME_SIZE * 0.55;
         let widest = AcceleratorKind::ALL.iter().map(width).fold(0.0, f64::max);

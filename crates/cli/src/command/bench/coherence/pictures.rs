@@ -1,4 +1,4 @@
-//! The pictures that the ways make: flat shading and the shadows of one light.
+//! The pictures of the methods: flat shading and the shadows of one light.
 
 use super::super::kinds::{First, even_bits};
 use super::ways::{Way, seen_share};
@@ -12,16 +12,16 @@ use snell_math::{DVec2, Ray, Vec2, Vec3};
 use snell_scene::{Layer, LayeredImage};
 use std::path::Path;
 
-/// Where nothing is.
+/// Value of the background.
 const BACKGROUND: f32 = 0.6;
 
-/// What is in shadow still has this share of the light.
+/// Share of the light that shadowed points still get.
 const AMBIENT: f32 = 0.2;
 
 /// Side of the regions of beams, in pixels.
 const TILE: u32 = 16;
 
-/// Writes a picture for each way into a folder that exists.
+/// Writes a picture for each method into an existing folder.
 pub fn write(
     folder: &Path,
     case: &Case,
@@ -31,8 +31,8 @@ pub fn write(
 ) -> Result<(), Failure> {
     let shadow_rays = kinds::rays(Kind::Shadow, case.bench, first);
     for ((way, hits), (_, blocked)) in closest.iter().zip(occluded) {
-        // How much of the light each pixel sees. Shadow rays are those of the pixels whose rays
-        // hit.
+        // The visible share of the light for each pixel. Shadow rays are those of the pixels whose
+        // rays hit.
         let mut cones = ConeTracer::new(case.world).map_err(|e| Failure::Scene(e.to_string()))?;
         let mut shadows = shadow_rays.iter().zip(blocked);
         let lit: Vec<f32> = first
@@ -40,7 +40,7 @@ pub fn write(
             .map(|(ray, surface)| {
                 let Some(surface) = surface else { return 1.0 };
                 let Some((shadow_ray, blocked)) = shadows.next() else { return 1.0 };
-                // What turns away from the light is dark, so that it does not lighten its
+                // A surface that faces away from the light is dark, so that it does not lighten its
                 // neighbours in the pixel.
                 let from_light = surface.position - case.bench.light;
                 if surface.is_front_facing(ray.direction) != surface.is_front_facing(from_light) {
@@ -87,7 +87,7 @@ fn grey(side: u32, pixels: &[f32]) -> LayeredImage {
     LayeredImage { width: side, height: side, layers, metadata: Vec::new() }
 }
 
-/// A value for each pixel, by its number in Morton order.
+/// A value for each pixel in row order, from its number in Morton order.
 fn in_rows<T: Copy + Default>(side: u32, mut of: impl FnMut(usize) -> T) -> Vec<T> {
     let mut pixels = vec![T::default(); (side * side) as usize];
     for i in 0..pixels.len() {
@@ -97,7 +97,7 @@ fn in_rows<T: Copy + Default>(side: u32, mut of: impl FnMut(usize) -> T) -> Vec<
     pixels
 }
 
-/// The exact mean over each pixel of what beams see; shadows are those of the middles.
+/// The exact mean over each pixel of what beams see; shadows are those of the pixel centres.
 fn beams(case: &Case, first: &[First], lit: &[f32]) -> Result<Vec<f32>, Failure> {
     let mut tracer = BeamTracer::new(case.world).map_err(|e| Failure::Scene(e.to_string()))?;
     let side = case.side;
@@ -130,7 +130,7 @@ fn beams(case: &Case, first: &[First], lit: &[f32]) -> Result<Vec<f32>, Failure>
     Ok(pixels)
 }
 
-/// A triangle in the light, of which the share `lit` is seen.
+/// The shade of a triangle that sees the share `lit` of the light.
 fn shade(
     case: &Case,
     ray: &Ray,

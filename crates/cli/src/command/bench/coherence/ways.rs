@@ -1,4 +1,4 @@
-//! The ways to trace the rays of a picture.
+//! The methods of tracing the rays of a picture.
 
 use super::super::clock::MIN_PIECE;
 use super::super::contest::Answer;
@@ -10,25 +10,25 @@ use snell_lab::coherence::{
 };
 use snell_math::{Ray, Vec2};
 
-/// A way to trace rays.
+/// A method of tracing rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
-    /// A call per ray.
+    /// One call per ray.
     One,
     /// In batches of unrelated rays, several in flight.
     Batches,
-    /// In bundles of 16 that share their boxes.
+    /// In packets of 16 that share their boxes.
     Bundles,
     /// As the visible pieces of regions.
     Beams,
-    /// By an axial ray and a matrix where that is surely right.
+    /// By an axial ray and a matrix, where that is certainly right.
     Pencils,
     /// A cone for each ray.
     Cones,
 }
 
 impl Way {
-    /// All ways; the first is what others are compared with.
+    /// All methods; the others are compared with the first.
     pub const ALL: [Self; 6] =
         [Self::One, Self::Batches, Self::Bundles, Self::Beams, Self::Pencils, Self::Cones];
 
@@ -45,7 +45,7 @@ impl Way {
     }
 }
 
-/// Nodes whose boxes were tested, and triangles.
+/// Numbers of tested node boxes and of tested triangles.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Work {
     pub nodes: u64,
@@ -63,18 +63,18 @@ impl Work {
     }
 }
 
-/// What a way tells besides the answers.
+/// Results of a method besides the hits.
 #[derive(Default)]
 pub struct Extra {
-    /// If it counts as it goes.
+    /// Counts, if it counts while tracing.
     pub work: Option<Work>,
-    /// How many rays were traced one by one after all.
+    /// The number of rays that fell back to tracing one by one.
     pub traced: Option<u64>,
 }
 
-/// Answers that can be had in all ways.
+/// Results that all methods can produce.
 pub trait Answers: Answer + PartialEq {
-    /// Traces the rays in a way.
+    /// Traces the rays by a method.
     fn trace(
         way: Way,
         case: &Case,
@@ -82,11 +82,11 @@ pub trait Answers: Answer + PartialEq {
         answers: &mut [Self],
     ) -> Result<Extra, CoherenceError>;
 
-    /// What that costs, if it can only be counted by doing it once more.
+    /// The cost, if it can only be counted in a second run.
     fn work(way: Way, case: &Case, rays: &[Ray]) -> Option<Work>;
 }
 
-/// How many rays are asked about in a call to be counted; `None` if that way cannot be counted.
+/// The number of rays per call when counting; `None` if the method cannot be counted.
 fn counted_piece(way: Way) -> Option<usize> {
     match way {
         Way::One => Some(1),
@@ -206,7 +206,7 @@ impl Answers for bool {
     }
 }
 
-/// The share of the round light that the start of a shadow ray sees.
+/// The share of the spherical light that is visible from the start of a shadow ray.
 pub fn seen_share(tracer: &mut ConeTracer, case: &Case, ray: &Ray) -> f64 {
     let length = f64::from(ray.direction.length());
     let (origin, light) = (ray.origin.as_dvec3(), case.bench.light.as_dvec3());

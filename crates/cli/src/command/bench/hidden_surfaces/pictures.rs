@@ -1,4 +1,4 @@
-//! The pictures of the methods: what they saw, and where they worked.
+//! Pictures of the methods: what they saw, and where they worked.
 
 use crate::command::bench::plot::{FAINT, INK, Svg};
 use crate::failure::Failure;
@@ -8,7 +8,7 @@ use snell_math::rng;
 use snell_scene::{Layer, LayeredImage};
 use std::path::Path;
 
-/// Writes the triangles that a method saw, and its work by pixel.
+/// Writes the visible triangles of a method, and its work per pixel.
 pub fn surfaces(
     folder: &Path,
     method: Method,
@@ -20,7 +20,7 @@ pub fn surfaces(
     let colors = items.iter().map(|&item| color(screen, item));
     write(&folder.join(format!("{name}.png")), screen, colors)?;
     if let Some(cost) = cost {
-        // The hottest colour is for the most that any but a thousandth of the pixels has.
+        // The hottest colour is the maximum after the highest thousandth of the pixels is ignored.
         let mut sorted = cost.to_vec();
         sorted.sort_unstable();
         let most = sorted
@@ -46,7 +46,7 @@ fn write(
     Ok(write_image(path, &image, &WriteOptions::default())?)
 }
 
-/// A colour for each triangle, the same for all methods; nearly white where nothing is.
+/// A colour for each triangle, the same for all methods; nearly white for the background.
 fn color(screen: &Screen, item: u32) -> [f32; 3] {
     match screen.primitive(item) {
         None => [0.9; 3],
@@ -62,12 +62,12 @@ fn heat(x: f32) -> [f32; 3] {
     [0.0, 1.0, 2.0].map(|start| linear((3.0 * x - start).clamp(0.0, 1.0)))
 }
 
-/// About the light that a screen makes of a value.
+/// The approximate linear light of a display value.
 fn linear(value: f32) -> f32 {
     value.powf(2.2)
 }
 
-/// Writes the lines that are seen, contours thicker; those that are hidden are faint.
+/// Writes the visible lines, with thicker contours, and the hidden ones faintly.
 pub fn lines(folder: &Path, screen: &Screen, found: &HiddenLines) -> Result<(), Failure> {
     let [width, height] = screen.size().map(f64::from);
     let mut svg = Svg::new(width, height);

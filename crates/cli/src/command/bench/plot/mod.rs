@@ -1,29 +1,29 @@
-//! What plots are made of: panels with logarithmic axes, in SVG.
+//! Building blocks of plots: panels with logarithmic axes, in SVG.
 
 mod svg;
 
 pub use svg::{Anchor, Svg};
 
-/// Text and axes.
+/// Colour of text and axes.
 pub const INK: &str = "#222222";
-/// Lines of the grid.
+/// Colour of grid lines.
 pub const FAINT: &str = "#e4e4e4";
-/// Subtitles.
+/// Colour of subtitles.
 pub const GREY: &str = "#666666";
 
-/// A panel: a rectangle of the picture that shows a rectangle of logarithms.
+/// A panel: a rectangle of the picture that shows a range of logarithms.
 pub struct Panel {
     pub left: f64,
     pub right: f64,
     pub top: f64,
     pub bottom: f64,
-    /// Decimal logarithms.
+    /// Range in decimal logarithms.
     pub x: [f64; 2],
     pub y: [f64; 2],
 }
 
 impl Panel {
-    /// Where a point of the data stands in the picture.
+    /// The position in the picture of a point of the data.
     pub fn at(&self, x: f64, y: f64) -> [f64; 2] {
         let part = |v: f64, [low, high]: [f64; 2]| (v.log10() - low) / (high - low);
         [
@@ -32,7 +32,7 @@ impl Panel {
         ]
     }
 
-    /// Lines at powers of ten, with their names.
+    /// Draws lines at powers of ten, with their names.
     pub fn axes(&self, svg: &mut Svg, ticks: &[(f64, String)], y_name: fn(i32) -> String) {
         for (x, name) in ticks {
             let [px, _] = self.at(*x, 1.0);
@@ -48,7 +48,7 @@ impl Panel {
     }
 }
 
-/// The logarithms that values span, with a margin on both sides.
+/// The range of the values' logarithms, with a margin on both sides.
 pub fn range(values: impl Iterator<Item = f64>, margin: f64) -> [f64; 2] {
     let (low, high) = values
         .map(f64::log10)

@@ -1,13 +1,13 @@
-//! The little of SVG that a plot needs.
+//! The few elements of SVG that a plot needs.
 
 use std::fmt::Write;
 
-/// Text of a picture in the making.
+/// The text of an SVG picture.
 pub struct Svg {
     text: String,
 }
 
-/// Where text stands relative to its point.
+/// The position of text relative to its point.
 #[derive(Clone, Copy)]
 pub enum Anchor {
     Start,
@@ -34,7 +34,7 @@ impl Svg {
         );
     }
 
-    /// Many lines of one kind, as one path.
+    /// Draws many lines of one style, as one path.
     pub fn lines(&mut self, lines: impl Iterator<Item = [[f64; 2]; 2]>, color: &str, width: f64) {
         let mut path = String::new();
         for [[x1, y1], [x2, y2]] in lines {

@@ -1,12 +1,12 @@
-//! A blur as of a look from some distance.
+//! A blur that approximates viewing from some distance.
 
 /// Weights of a binomial kernel, near a Gaussian with a standard deviation of one pixel.
 const KERNEL: [f64; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
 
-/// What is left of the standard deviation of white noise: the sum of the squares of the weights.
+/// The factor on the standard deviation of white noise: the sum of the squares of the weights.
 pub const OF_WHITE_NOISE: f64 = 70.0 / 256.0;
 
-/// A square picture, blurred along both axes; its borders meet.
+/// Blurs a square picture along both axes; its borders wrap around.
 pub fn blurred(picture: &[f64], side: usize) -> Vec<f64> {
     let along = |picture: &[f64], step: [usize; 2]| -> Vec<f64> {
         let at = |x: usize, y: usize, k: usize| {

@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 pub struct Integrand {
     /// Its name.
     pub name: &'static str,
-    /// What it is, for the plot.
+    /// Its formula, for the plot.
     pub formula: &'static str,
     /// Its integral.
     pub integral: f64,
@@ -16,8 +16,7 @@ pub struct Integrand {
     pub value: fn(&Random) -> f64,
 }
 
-/// All of them: smooth ones and ones with edges, in two dimensions and in more (as a path has
-/// them).
+/// All integrands: smooth ones and ones with edges, in two and in more dimensions (as paths have).
 pub const INTEGRANDS: [Integrand; 7] = [
     Integrand { name: "smooth", formula: "x y", integral: 0.25, value: |r| product(r, 1, |x| x) },
     Integrand {
@@ -62,7 +61,7 @@ pub const INTEGRANDS: [Integrand; 7] = [
     },
 ];
 
-/// The product of a function of each number of the first pairs.
+/// The product of `f` over all numbers of the first pairs.
 fn product(random: &Random, pairs: u32, f: fn(f64) -> f64) -> f64 {
     (0..pairs).map(|d| random.pair(d)).map(|u| f(f64::from(u.x)) * f(f64::from(u.y))).product()
 }
@@ -80,8 +79,7 @@ mod tests {
             let sum: f64 =
                 (0..1 << 16).map(|s| (integrand.value)(&sampler.random([0, 0], s))).sum();
             let mean = sum / f64::from(1 << 16);
-            // Dimensions beyond the second pair are as random as pairs go: four standard
-            // deviations.
+            // Dimensions beyond the second pair have random pairings: four standard deviations.
             assert!((mean / integrand.integral - 1.0).abs() < 6e-3, "{}: {mean}", integrand.name);
         }
     }

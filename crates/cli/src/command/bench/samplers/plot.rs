@@ -7,7 +7,7 @@ use snell_render::SamplerKind;
 const SIZE: [f64; 2] = [1800.0, 1000.0];
 const COLUMNS: usize = 4;
 
-/// Colours that the colour-blind tell apart (Okabe and Ito, Color universal design, 2008).
+/// Colours that the colour-blind can distinguish (Okabe and Ito, Color universal design, 2008).
 fn color(sampler: SamplerKind) -> &'static str {
     match sampler {
         SamplerKind::Independent => "#888888",
@@ -17,7 +17,7 @@ fn color(sampler: SamplerKind) -> &'static str {
     }
 }
 
-/// Draws it.
+/// Draws the plot.
 pub fn svg(all: &[Series]) -> String {
     let mut svg = Svg::new(SIZE[0], SIZE[1]);
     svg.label([50.0, 56.0], 34.0, INK, Anchor::Start, true, "Error against number of samples");
@@ -60,7 +60,7 @@ fn draw(svg: &mut Svg, series: &[Series], [left, top]: [f64; 2]) {
     }
 }
 
-/// In the place of the last panel.
+/// Draws the legend in place of the last panel.
 fn legend(svg: &mut Svg, series: &[Series]) {
     let [left, top] = [110.0 + 430.0 * 3.0, 165.0 + 430.0];
     for (row, s) in series.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Scenes made by arithmetic: a noisy terrain, and a closed room of long thin triangles.
+//! Generated scenes: a noisy terrain, and a closed room of long thin triangles.
 
 use super::{joined, surface};
 use snell_intersect::TriangleMesh;
@@ -9,7 +9,7 @@ use std::f32::consts::TAU;
 /// Vertices along a side of the terrain: 4 million triangles.
 const TERRAIN_SIDE: u32 = 1449;
 
-/// A noisy height field of 4 million triangles, seen from above a corner. No light of its own.
+/// A noisy height field of 4 million triangles, seen from above a corner. It has no light.
 pub fn terrain() -> (Scene, Option<Vec3>) {
     let mut scene = Scene::new("terrain");
     scene.nodes[0].surfaces.push(surface(height_field(TERRAIN_SIDE)));
@@ -18,7 +18,7 @@ pub fn terrain() -> (Scene, Option<Vec3>) {
     (scene, None)
 }
 
-/// A height field over the square from -1 to 1: five octaves of smooth noise, and rough by itself.
+/// A height field over the square from -1 to 1: five octaves of smooth noise, plus roughness.
 fn height_field(side: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for z in 0..side {
@@ -40,7 +40,7 @@ fn height_field(side: u32) -> TriangleMesh {
     mesh
 }
 
-/// Smooth noise in `[0, 1)`: random values at the points of a grid, blended between them.
+/// Smooth noise in `[0, 1)`: random values at the points of a grid, interpolated.
 fn noise(p: [f32; 2], seed: u32) -> f32 {
     let cell = p.map(f32::floor);
     let [u, v] = [p[0] - cell[0], p[1] - cell[1]].map(|t| t * t * (3.0 - 2.0 * t));
@@ -50,12 +50,12 @@ fn noise(p: [f32; 2], seed: u32) -> f32 {
     near * (1.0 - v) + far * v
 }
 
-/// A number in `[0, 1)` that depends on nothing else.
+/// A hash of the numbers, in `[0, 1)`.
 fn random([a, b, c]: [u32; 3]) -> f32 {
     rng::to_unit(rng::pcg4d([a, b, c, 1])[0])
 }
 
-/// Half of the size of the room, in metres.
+/// Half of the room's size, in metres.
 const ROOM: Vec3 = Vec3::new(20.0, 10.0, 20.0);
 
 /// A closed room of 40 by 20 by 40 metres and 1.8 million triangles: rough balls, columns of
@@ -82,7 +82,7 @@ pub fn room() -> (Scene, Option<Vec3>) {
     (scene, Some(Vec3::new(0.6, 9.3, 0.8)))
 }
 
-/// A box around the origin, its corners moved by `map`; seen from inside if `inward`.
+/// A box around the origin with its corners transformed by `map`; seen from inside if `inward`.
 fn cuboid(half: Vec3, map: &dyn Fn(Vec3) -> Vec3, inward: bool) -> TriangleMesh {
     let corner = |i: u32| {
         let sign = |bit: u32| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
@@ -96,7 +96,7 @@ fn cuboid(half: Vec3, map: &dyn Fn(Vec3) -> Vec3, inward: bool) -> TriangleMesh 
     TriangleMesh { positions, indices, ..TriangleMesh::default() }
 }
 
-/// A beam of 16 to 24 m by 8 cm through the middle of the room, more or less.
+/// A beam of 16 to 24 m by 8 cm near the middle of the room.
 fn beam(i: u32) -> TriangleMesh {
     let u = |k: u32| f64::from(random([i, k, 9]));
     let towards = DVec3::new(u(0) - 0.5, (u(1) - 0.5) * 0.35, u(2) - 0.5).normalize_or(DVec3::X);
@@ -109,7 +109,7 @@ fn beam(i: u32) -> TriangleMesh {
     cuboid(Vec3::new(half, 0.04, 0.04), &|p| place.point(p.as_dvec3()).as_vec3(), false)
 }
 
-/// A column from floor to ceiling of slivers as long as it is: two for each of its sides.
+/// A column from floor to ceiling of full-length slivers: two for each of its sides.
 fn column(foot: Vec3, radius: f32, sides: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for i in 0..sides {
@@ -123,7 +123,7 @@ fn column(foot: Vec3, radius: f32, sides: u32) -> TriangleMesh {
     mesh
 }
 
-/// A rough ball in rings and segments, closed at the poles.
+/// A rough ball of rings and segments, closed at the poles.
 fn ball(center: Vec3, radius: f32, rings: u32, segments: u32, seed: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     let mut push = |theta: f32, phi: f32| {

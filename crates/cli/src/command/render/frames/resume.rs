@@ -1,7 +1,8 @@
-//! What is known of frames while not all of them are there: a file beside them.
+//! A file beside unfinished frames that records their state.
 //!
-//! Its first line says how they are made. The others are the numbers of frames whose files are
-//! ours: alone, for one that is yet to be made, or before the SHA-256 of the file that was written.
+//! Its first line is the fingerprint of how they are made. The others are the numbers of frames
+//! whose files are ours: alone for a frame still to be made, or followed by the SHA-256 of the
+//! written file.
 
 use super::Place;
 use crate::command::render::options::Options;
@@ -13,21 +14,21 @@ use std::path::{Path, PathBuf};
 /// Letters of a SHA-256.
 const HASH_LETTERS: usize = 64;
 
-/// The frames that are there.
+/// The finished frames.
 pub struct Memory {
     path: PathBuf,
     content: Content,
 }
 
-/// What the file says.
+/// The contents of the file.
 struct Content {
     fingerprint: String,
-    /// All frames that are ours; with the hash of the file, if that was written.
+    /// All frames of ours, with the hash of the file if it was written.
     frames: BTreeMap<i64, Option<String>>,
 }
 
 impl Content {
-    /// Reads it; `None` for what Snell has not written.
+    /// Parses the file; `None` unless Snell has written it.
     fn parse(text: &str) -> Option<Self> {
         let mut lines = text.lines();
         let fingerprint = lines.next().filter(|line| is_hash(line))?.to_string();
@@ -59,8 +60,8 @@ fn holds(file: &Path, hash: &str) -> bool {
 }
 
 impl Memory {
-    /// What is remembered of frames that are made in this way, in these files. Files of others,
-    /// where frames of an animated picture are to wait, are an error.
+    /// Opens the record of frames that are made in this way, in these files. Foreign files in the
+    /// place of unassembled frames are an error.
     pub fn open(
         place: &Place,
         fingerprint: String,
@@ -76,7 +77,8 @@ impl Memory {
             .iter()
             .find(|(number, file)| waiting && !is_ours(number) && file.symlink_metadata().is_ok());
         if let Some((_, file)) = foreign {
-            let problem = "this file is none of Snell's, and a frame is to wait here; move it away";
+            let problem =
+                "this file is not Snell's, and a frame is to be stored here; move it away";
             return Err(Failure::Other(format!("{}: {problem}", file.display())));
         }
         let warn = |problem: String| match options.quiet {
@@ -87,7 +89,7 @@ impl Memory {
             options.resume && known.as_ref().is_some_and(|known| known.fingerprint == fingerprint);
         if options.resume && !goes_on {
             let why = if known.is_some() {
-                "the others were made in another way"
+                "the existing ones were made from other files or options"
             } else {
                 "nothing was interrupted"
             };
@@ -108,7 +110,7 @@ impl Memory {
                 }
                 frames.insert(number, hash.filter(|_| is_there));
             } else if waiting && is_there && !files.contains_key(&number) {
-                // No other command will want it.
+                // No other command will need it.
                 let _ = std::fs::remove_file(file);
             }
         }
@@ -117,12 +119,12 @@ impl Memory {
         Ok(memory)
     }
 
-    /// True if a frame is there.
+    /// True if a frame is finished.
     pub fn has(&self, number: i64) -> bool {
         self.content.frames.get(&number).is_some_and(Option::is_some)
     }
 
-    /// Remembers a frame by the hash of its file.
+    /// Records a finished frame by the hash of its file.
     pub fn add(&mut self, number: i64, sha256: String) -> Result<(), Failure> {
         self.content.frames.insert(number, Some(sha256));
         self.write()
@@ -132,8 +134,8 @@ impl Memory {
         Ok(snell_formats::atomic::write(&self.path, self.content.text().as_bytes())?)
     }
 
-    /// Ends it: all frames are there. Those that have waited in a folder are removed, and the
-    /// folder if nothing else is in it.
+    /// Deletes the record once all frames are done. Frames that were stored in a folder are
+    /// removed, and the folder if nothing else is in it.
     pub fn forget(self, place: &Place) {
         let _ = std::fs::remove_file(self.path);
         if place.animated.is_none() {
@@ -145,7 +147,7 @@ impl Memory {
                 let _ = std::fs::remove_file(file);
             }
         }
-        // Fails if there is something else in it.
+        // Fails if the folder has other contents.
         let _ = std::fs::remove_dir(&place.folder);
     }
 }
@@ -158,7 +160,7 @@ fn read(path: &Path) -> Result<Option<Content>, Failure> {
     let text = if path.is_file() { std::fs::read_to_string(path).ok() } else { None };
     let content = text.and_then(|text| Content::parse(&text));
     content.map(Some).ok_or_else(|| {
-        let problem = "this file is none of Snell's, and the memory of unfinished frames is to be \
+        let problem = "this file is not Snell's, and the record of unfinished frames is to be \
             here; move it away";
         Failure::Other(format!("{}: {problem}", path.display()))
     })
@@ -174,7 +176,7 @@ mod tests {
         let text = format!("{hash}\n-1\n2 {hash}\n");
         let content = Content::parse(&text).expect("it is ours");
         assert_eq!((content.text(), content.frames.len()), (text, 2));
-        // As it was before frames had hashes.
+        // The format before frames had hashes.
         let old = Content::parse(&format!("{hash}\n0\n1\n")).expect("it is ours");
         assert!(old.frames.len() == 2 && old.frames.values().all(Option::is_none));
         for foreign in ["", "a diary\n", "0123\n1\n"] {

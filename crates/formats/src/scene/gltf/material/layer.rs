@@ -1,4 +1,4 @@
-//! Extensions that change what is reflected: index of refraction, specular, clear coat, sheen,
+//! Extensions that change the reflection: index of refraction, specular, clear coat, sheen,
 //! iridescence, anisotropy.
 
 use super::{fraction, normal_map, rgb, texture_of};
@@ -24,7 +24,7 @@ pub(super) fn read(
     anisotropy(reader, json, surface)
 }
 
-/// A factor with one channel of a texture.
+/// A factor with one texture channel.
 pub(super) fn scalar(
     reader: &mut Reader,
     json: &Json,
@@ -61,7 +61,7 @@ fn specular(reader: &mut Reader, json: &Json, surface: &mut OpenPbr) -> Result<(
     }
     let (ior, tint) = reflectance_at_most_white(ior, tint);
     surface.specular_ior = ior.into();
-    // In OpenPBR the tint also darkens the edge of metals, which it does not in glTF.
+    // In OpenPBR the tint also darkens the edges of metals, but not in glTF.
     if surface.base_metalness.factor < 1.0 || surface.base_metalness.texture.is_some() {
         surface.specular_color = tint;
     }
@@ -83,7 +83,7 @@ fn sheen(reader: &mut Reader, json: &Json, surface: &mut OpenPbr) -> Result<(), 
     let factor = rgb(sheen.numbers_or("sheenColorFactor", [0.0; 3])?);
     let most = factor.max_element().min(1.0);
     if most > 0.0 {
-        // The largest channel is the coverage, the rest the tint.
+        // The largest channel becomes the coverage, and the quotient the tint.
         surface.fuzz_weight = most.into();
         surface.fuzz_color = color(reader, &sheen, factor * (1.0 / most), "sheenColorTexture")?;
     }
@@ -112,8 +112,8 @@ fn iridescence(reader: &mut Reader, json: &Json, surface: &mut OpenPbr) -> Resul
     Ok(())
 }
 
-/// The texture of a film that is `least` thick where the texture is 0: in units of the larger of
-/// the two.
+/// The texture of a film with thickness `least` where the texture is 0, in units of the larger of
+/// the two thicknesses.
 fn thickness_texture(reader: &mut Reader, texture: TextureId, least: f32, most: f32) -> TextureId {
     let Some(texture) = reader.scene.textures[texture.index()].as_image().cloned() else {
         return texture;
@@ -132,8 +132,8 @@ fn thickness_texture(reader: &mut Reader, texture: TextureId, least: f32, most: 
     reader.scene.add_texture(snell_scene::texture::ImageTexture { image, ..texture })
 }
 
-/// glTF stretches `alpha` along the tangent only: from `alpha` towards 1 by the square of the
-/// strength. OpenPBR keeps the mean square of the two.
+/// glTF stretches `alpha` only along the tangent: from `alpha` towards 1 by the square of the
+/// strength. OpenPBR preserves the mean square of the two.
 fn anisotropy(reader: &mut Reader, json: &Json, surface: &mut OpenPbr) -> Result<(), ReadError> {
     let Some(extension) = json.extension("KHR_materials_anisotropy")? else { return Ok(()) };
     let strength = fraction(reader, &extension, "anisotropyStrength", 0.0)?;

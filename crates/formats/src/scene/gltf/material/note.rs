@@ -1,11 +1,10 @@
-//! What became of the extensions of a material, for `snell info`.
+//! Notes how the extensions of a material are converted, for `snell info`.
 
 use crate::ReadError;
 use crate::scene::gltf::Reader;
 use crate::scene::gltf::json::Json;
 
-/// Extensions of materials with the parameters of OpenPBR that they become, and what is lost on the
-/// way.
+/// Material extensions, the OpenPBR parameters that they become, and what is lost.
 const MAPPED: &[(&str, &str)] = &[
     (
         "KHR_materials_anisotropy",
@@ -40,11 +39,11 @@ const MAPPED: &[(&str, &str)] = &[
     ("KHR_materials_unlit", "emission of a black surface"),
     (
         "KHR_materials_volume",
-        "transmission_color, transmission_depth (the thickness only tells walls from volumes)",
+        "transmission_color, transmission_depth (the thickness only separates walls from volumes)",
     ),
 ];
 
-/// Notes what becomes of each extension of a material.
+/// Adds a note for each extension of a material.
 pub(super) fn add(reader: &mut Reader, json: &Json) -> Result<(), ReadError> {
     for name in json.extension_names()? {
         let note = match MAPPED.iter().find(|(mapped, _)| *mapped == name) {

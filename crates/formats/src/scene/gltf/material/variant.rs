@@ -4,8 +4,8 @@ use crate::ReadError;
 use crate::scene::gltf::Reader;
 use crate::scene::gltf::json::Json;
 
-/// Notes which variants there are, and chooses the one that was asked for. Without, primitives have
-/// the materials that they name outside of the extension.
+/// Notes the available variants, and selects the requested one. By default, primitives have the
+/// materials that they name outside of the extension.
 pub(super) fn choose(reader: &mut Reader) -> Result<(), ReadError> {
     let extension = reader.root.extension("KHR_materials_variants")?;
     let variants = extension.as_ref().map_or(Ok(Vec::new()), |e| e.items_of("variants"))?;
@@ -35,7 +35,7 @@ pub(super) fn choose(reader: &mut Reader) -> Result<(), ReadError> {
     Err(reader.root.error_with(problem, known))
 }
 
-/// Position of a primitive's material in the table.
+/// Index of a primitive's material in the table.
 pub(in crate::scene::gltf) fn material(
     reader: &Reader,
     primitive: &Json,

@@ -1,4 +1,4 @@
-//! Extensions that let light through: transmission, diffuse transmission, volumes, dispersion.
+//! Extensions that transmit light: transmission, diffuse transmission, volumes, dispersion.
 
 use super::layer::{color, scalar};
 use super::{fraction, rgb};
@@ -18,7 +18,7 @@ pub(super) fn read(
         let factor = fraction(reader, &transmission, "transmissionFactor", 0.0)?;
         surface.transmission_weight =
             scalar(reader, &transmission, factor, "transmissionTexture", 0)?;
-        // Light that goes through takes the base colour, on top of what the volume absorbs.
+        // Transmitted light is tinted by the base colour, in addition to the volume's absorption.
         surface.transmission_tint = surface.base_color;
     }
     if let Some(diffuse) = json.extension("KHR_materials_diffuse_transmission")? {
@@ -38,7 +38,7 @@ pub(super) fn read(
     }
     let Some(volume) = json.extension("KHR_materials_volume")? else { return Ok(()) };
     *is_boundary = volume.number_or("thicknessFactor", 0.0)? > 0.0;
-    // A leaf stays thin: light that is scattered diffusely does not know of a volume here.
+    // A leaf stays thin: diffuse transmission ignores the volume here.
     surface.geometry_thin_walled = !*is_boundary || surface.subsurface_weight.factor > 0.0;
     if surface.geometry_thin_walled {
         return Ok(());

@@ -65,7 +65,7 @@ fn compressed_views_are_decoded() {
     let mesh = meshes(&scene)[0];
     assert_eq!((mesh.positions.len(), mesh.indices.len()), (20, 30));
     assert_eq!(mesh.positions[3], Vec3::new(3.0, 9.0, 1.0));
-    // The encoder may turn the corners of a triangle.
+    // The encoder may rotate the corners of a triangle.
     let mut first = mesh.indices[0];
     first.sort();
     assert_eq!(first, [0, 1, 7]);

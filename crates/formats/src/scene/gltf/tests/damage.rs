@@ -1,11 +1,11 @@
-//! Damaged files end in a scene or an error. This is the third line of defence, after checked
-//! arithmetic and the messages' tests.
+//! Damaged files yield a scene or an error. This is the third line of defence, after checked
+//! arithmetic and the tests of messages.
 
 use super::{assert_sound, data};
 use crate::{ReadOptions, read_scene_bytes};
 use std::path::Path;
 
-/// Small files of different make. Their images and buffers are inside.
+/// Small files of different kinds, with embedded images and buffers.
 const SEEDS: &[&str] = &[
     "gltf-transform/Box_glTF-Binary/Box.glb",
     "gltf-transform/Box_glTF-Embedded/Box.gltf",
@@ -17,7 +17,7 @@ const SEEDS: &[&str] = &[
     "magnum-valid/material-metallicroughness.gltf",
 ];
 
-/// A fixed sequence of numbers (splitmix64).
+/// A deterministic sequence of numbers (splitmix64).
 fn next(state: &mut u64) -> u64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let z = (*state ^ (*state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -52,8 +52,7 @@ fn damaged_files_never_panic() {
             let mut at = || next(&mut state) as usize;
             for _ in 0..=round % 4 {
                 let (place, value) = (at() % bytes.len(), at());
-                // Digits turned into other digits keep the JSON valid and reach deeper than random
-                // bytes.
+                // Changing digits keeps the JSON valid and reaches deeper than random bytes.
                 damaged[place] = match damaged[place] {
                     b'0'..=b'9' => b'0' + (value % 10) as u8,
                     old => old ^ (1 << (value % 8)),

@@ -1,4 +1,4 @@
-//! One message of each kind of error.
+//! One message for each kind of error.
 
 use super::read_text;
 use insta::assert_snapshot;
@@ -26,7 +26,7 @@ fn text_that_is_not_json() {
     let error = read_text("{\"asset\": {\"version\": \"2.0\"},\n  nodes: []}")
         .expect_err("keys need quotes");
     assert_snapshot!(error, @"test.gltf:2:3: not valid JSON: key must be a string; export the file \
-        again, or see what the glTF validator says about it");
+        again, or check it with the glTF validator");
 }
 
 #[test]
@@ -44,22 +44,22 @@ fn required_extensions() {
 
 #[test]
 fn wrong_types() {
-    assert_snapshot!(message(r#""nodes": [{"mesh": "Box"}]"#), @r#"test.gltf:1:50: at /nodes/0/mesh: expected a whole number from 0, found "Box"; export the file again, or see what the glTF validator says about it"#);
-    assert_snapshot!(message(r#""nodes": [{"translation": [1, 2]}]"#), @"test.gltf:1:57: at /nodes/0/translation: expected 3 numbers, found 2; export the file again, or see what the glTF validator says about it");
+    assert_snapshot!(message(r#""nodes": [{"mesh": "Box"}]"#), @r#"test.gltf:1:50: at /nodes/0/mesh: expected a whole number from 0, found "Box"; export the file again, or check it with the glTF validator"#);
+    assert_snapshot!(message(r#""nodes": [{"translation": [1, 2]}]"#), @"test.gltf:1:57: at /nodes/0/translation: expected 3 numbers, found 2; export the file again, or check it with the glTF validator");
 }
 
 #[test]
 fn dangling_references() {
-    assert_snapshot!(message(r#""nodes": [{"mesh": 3}], "meshes": []"#), @r#"test.gltf:1:50: at /nodes/0/mesh: it refers to number 3 of "meshes", but there are 0; export the file again, or see what the glTF validator says about it"#);
+    assert_snapshot!(message(r#""nodes": [{"mesh": 3}], "meshes": []"#), @r#"test.gltf:1:50: at /nodes/0/mesh: it refers to number 3 of "meshes", but there are 0; export the file again, or check it with the glTF validator"#);
 }
 
 #[test]
 fn hierarchies_that_are_no_trees() {
-    assert_snapshot!(message(r#""nodes": [{"children": [1]}, {"children": [0]}]"#), @"test.gltf:1:41: at /nodes/0: the node is its own descendant; nodes must form trees; export the file again, or see what the glTF validator says about it");
-    assert_snapshot!(message(r#""nodes": [{"children": [2]}, {"children": [2]}, {}]"#), @"test.gltf:1:74: at /nodes/1/children/0: node 2 is a child already; a node has one parent at most; export the file again, or see what the glTF validator says about it");
+    assert_snapshot!(message(r#""nodes": [{"children": [1]}, {"children": [0]}]"#), @"test.gltf:1:41: at /nodes/0: the node is its own descendant; nodes must form trees; export the file again, or check it with the glTF validator");
+    assert_snapshot!(message(r#""nodes": [{"children": [2]}, {"children": [2]}, {}]"#), @"test.gltf:1:74: at /nodes/1/children/0: node 2 is a child already; a node has one parent at most; export the file again, or check it with the glTF validator");
     assert_snapshot!(
         message(r#""nodes": [{"children": [1]}, {}], "scenes": [{"nodes": [0, 1]}]"#),
-        @"test.gltf:1:90: at /scenes/0/nodes/1: node 1 is at the top of a scene, but is a child of another node; export the file again, or see what the glTF validator says about it"
+        @"test.gltf:1:90: at /scenes/0/nodes/1: node 1 is at the top of a scene, but is a child of another node; export the file again, or check it with the glTF validator"
     );
 }
 
@@ -74,11 +74,11 @@ fn buffers() {
     assert_snapshot!(with(r#"{"byteLength": 36, "uri": "data:;base64,AAAA"}"#), @"test.gltf:2:160: at /buffers/0: the buffer should have 36 bytes, but has only 3; the file with the buffer is cut off or not the right one: copy or export it again");
     assert_snapshot!(with(r#"{"byteLength": 36, "uri": "data:;base64,?"}"#), @"test.gltf:2:186: at \
         /buffers/0/uri: the data URI is not valid base64: Invalid symbol 63, offset 0.; export the \
-        file again, or see what the glTF validator says about it");
+        file again, or check it with the glTF validator");
     assert_snapshot!(with(r#"{"byteLength": 36}"#), @r#"test.gltf:2:160: at /buffers/0: the buffer has no "uri", and there is no binary chunk for it; export the file again with its buffers"#);
     assert_snapshot!(with(r#"{"byteLength": 35}"#), @"test.gltf:2:114: at /bufferViews/0: the \
         buffer view takes 36 bytes from byte 0, but its buffer has 35 bytes; export the file \
-        again, or see what the glTF validator says about it");
+        again, or check it with the glTF validator");
     let missing = with(r#"{"byteLength": 36, "uri": "no%20such.bin"}"#);
     // The rest of the message is the system's.
     let expected = "test.gltf:2:186: at /buffers/0/uri: the file \"no such.bin\" cannot be used: \
@@ -94,17 +94,17 @@ fn accessors() {
     let of = |accessor: &str| primitive_message(positions, accessor);
     assert_snapshot!(
         of(r#"{"componentType": 5126, "type": "VEC3", "count": 4, "bufferView": 0}"#),
-        @"test.gltf:1:132: at /accessors/0: 4 elements of 12 bytes, 12 bytes apart, from byte 0 do not fit into the 36 bytes of the buffer view; export the file again, or see what the glTF validator says about it"
+        @"test.gltf:1:132: at /accessors/0: 4 elements of 12 bytes, 12 bytes apart, from byte 0 do not fit into the 36 bytes of the buffer view; export the file again, or check it with the glTF validator"
     );
     assert_snapshot!(
         of(r#"{"componentType": 5126, "type": "VEC2", "count": 3, "bufferView": 0}"#),
-        @"test.gltf:1:132: at /accessors/0: its elements have 2 components, expected 3; export the file again, or see what the glTF validator says about it"
+        @"test.gltf:1:132: at /accessors/0: its elements have 2 components, expected 3; export the file again, or check it with the glTF validator"
     );
     assert_snapshot!(
         of(r#"{"componentType": 5124, "type": "VEC3", "count": 3, "bufferView": 0}"#),
-        @"test.gltf:1:150: at /accessors/0/componentType: 5124 is not a component type; expected one of 5120, 5121, 5122, 5123, 5125, 5126; export the file again, or see what the glTF validator says about it"
+        @"test.gltf:1:150: at /accessors/0/componentType: 5124 is not a component type; expected one of 5120, 5121, 5122, 5123, 5125, 5126; export the file again, or check it with the glTF validator"
     );
-    assert_snapshot!(of(r#"{"componentType": 5126, "type": "VEC3", "count": 4000000000}"#), @"test.gltf:1:132: at /accessors/0: the accessor declares 4000000000 elements without any data; at most 4194304 are possible so; export the file again, or see what the glTF validator says about it");
+    assert_snapshot!(of(r#"{"componentType": 5126, "type": "VEC3", "count": 4000000000}"#), @"test.gltf:1:132: at /accessors/0: the accessor declares 4000000000 elements without any data; at most 4194304 are possible so; export the file again, or check it with the glTF validator");
 }
 
 #[test]
@@ -115,23 +115,23 @@ fn indices() {
             &format!("{POSITIONS}, {accessor}"),
         )
     };
-    assert_snapshot!(indexed(r#"{"componentType": 5121, "type": "SCALAR", "count": 3, "bufferView": 1}"#), @"test.gltf:1:125: at /meshes/0/primitives/0/indices: index 2 is 9, but there are only 3 vertices (strips cannot be restarted in glTF); export the file again, or see what the glTF validator says about it");
-    assert_snapshot!(indexed(r#"{"componentType": 5120, "type": "SCALAR", "count": 3, "bufferView": 1}"#), @"test.gltf:1:216: at /accessors/1: indices must be unsigned whole numbers (SCALAR of type 5121, 5123 or 5125); export the file again, or see what the glTF validator says about it");
+    assert_snapshot!(indexed(r#"{"componentType": 5121, "type": "SCALAR", "count": 3, "bufferView": 1}"#), @"test.gltf:1:125: at /meshes/0/primitives/0/indices: index 2 is 9, but there are only 3 vertices (strips cannot be restarted in glTF); export the file again, or check it with the glTF validator");
+    assert_snapshot!(indexed(r#"{"componentType": 5120, "type": "SCALAR", "count": 3, "bufferView": 1}"#), @"test.gltf:1:216: at /accessors/1: indices must be unsigned whole numbers (SCALAR of type 5121, 5123 or 5125); export the file again, or check it with the glTF validator");
 }
 
 #[test]
 fn attributes() {
     let primitive = r#""attributes": {"POSITION": 0, "NORMAL": 1}"#;
     let normals = r#"{"componentType": 5126, "type": "VEC3", "count": 2, "bufferView": 0}"#;
-    assert_snapshot!(primitive_message(primitive, &format!("{POSITIONS}, {normals}")), @"test.gltf:1:123: at /meshes/0/primitives/0/attributes/NORMAL: its accessor has 2 elements, but there are 3 positions; every attribute needs one per vertex; export the file again, or see what the glTF validator says about it");
-    assert_snapshot!(primitive_message(r#""attributes": {"POSITION": 0}, "mode": 9"#, POSITIONS), @"test.gltf:1:122: at /meshes/0/primitives/0/mode: 9 is not a primitive mode; expected 0 to 6; export the file again, or see what the glTF validator says about it");
+    assert_snapshot!(primitive_message(primitive, &format!("{POSITIONS}, {normals}")), @"test.gltf:1:123: at /meshes/0/primitives/0/attributes/NORMAL: its accessor has 2 elements, but there are 3 positions; every attribute needs one per vertex; export the file again, or check it with the glTF validator");
+    assert_snapshot!(primitive_message(r#""attributes": {"POSITION": 0}, "mode": 9"#, POSITIONS), @"test.gltf:1:122: at /meshes/0/primitives/0/mode: 9 is not a primitive mode; expected 0 to 6; export the file again, or check it with the glTF validator");
 }
 
 #[test]
 fn cameras_and_lights() {
     let camera = r#"{"type": "perspective", "perspective": {"yfov": 4}}"#;
-    assert_snapshot!(message(&format!(r#""nodes": [{{"camera": 0}}], "cameras": [{camera}]"#)), @"test.gltf:1:117: at /cameras/0/perspective/yfov: the angle of view is 4 radians, expected more than 0 and less than pi; export the file again, or see what the glTF validator says about it");
+    assert_snapshot!(message(&format!(r#""nodes": [{{"camera": 0}}], "cameras": [{camera}]"#)), @"test.gltf:1:117: at /cameras/0/perspective/yfov: the angle of view is 4 radians, expected more than 0 and less than pi; export the file again, or check it with the glTF validator");
     let node = r#"{"extensions": {"KHR_lights_punctual": {"light": 0}}}"#;
     let lights = r#"{"KHR_lights_punctual": {"lights": [{"type": "spot"}]}}"#;
-    assert_snapshot!(message(&format!(r#""nodes": [{node}], "extensions": {lights}"#)), @r#"test.gltf:1:147: at /extensions/KHR_lights_punctual/lights/0: the property "spot" is missing; export the file again, or see what the glTF validator says about it"#);
+    assert_snapshot!(message(&format!(r#""nodes": [{node}], "extensions": {lights}"#)), @r#"test.gltf:1:147: at /extensions/KHR_lights_punctual/lights/0: the property "spot" is missing; export the file again, or check it with the glTF validator"#);
 }

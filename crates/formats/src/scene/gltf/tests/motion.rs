@@ -7,7 +7,7 @@ use snell_math::{DVec3, Vec3};
 use snell_scene::{Geometry, Node, Player, Scene};
 use std::path::Path;
 
-/// The scene with its usual clips at a time.
+/// The scene at a time, with its default clips.
 fn at(scene: &Scene, time: f64) -> Scene {
     let motion = scene.motion.clone().expect("the scene moves");
     let mut posed = scene.clone();
@@ -26,7 +26,7 @@ fn positions(node: &Node) -> &[Vec3] {
 }
 
 /// A file with one triangle, one morph target (0 0 1 for each vertex), and two animations: of the
-/// weight and of the place.
+/// weight and of the translation.
 fn waving() -> String {
     let mut bytes = Vec::new();
     let floats: &[f32] = &[
@@ -133,8 +133,7 @@ fn a_skinned_file_bends_as_its_joint_turns() {
         positions(&scene.nodes[deformed.node.index()]).to_vec()
     };
     let (rest, bent) = (mesh(&rest), mesh(&bent));
-    // A strip of height 2 (10 vertices), of which the upper half turns by a quarter about its
-    // middle.
+    // A strip of height 2 (10 vertices) whose upper half turns by 90 degrees about its middle.
     assert_eq!(rest.len(), 10);
     assert!((rest[0] - bent[0]).length() < 1e-5, "the foot stays");
     let (a, b) = (rest[8] - Vec3::Y, bent[8] - Vec3::Y);

@@ -14,7 +14,7 @@ fn scene(file: &str) -> Option<Scene> {
     Some(open(&path).unwrap_or_else(|e| panic!("{e}")))
 }
 
-/// The corners of a mesh's triangles, each turned so that its least corner comes first, sorted:
+/// The corners of a mesh's triangles, each rotated so that its smallest corner comes first, sorted:
 /// equal for equal surfaces.
 fn triangles(mesh: &TriangleMesh) -> Vec<[[f32; 3]; 3]> {
     let corners = |i| mesh.corners(i).map(|p| p.to_array());
@@ -239,7 +239,7 @@ fn materials_carry_their_textures_and_modes() {
     let texture = texture.as_image().expect("an image");
     assert_eq!(texture.wrap, [Wrap::Mirror, Wrap::Repeat]);
     assert_eq!((texture.filtering, texture.encoding), (Filtering::Nearest, Encoding::Srgb));
-    // The image is broken: a checker, and a warning that says so.
+    // The image is broken: a checkerboard and a warning replace it.
     assert_eq!(scene.images[0].rgba(0, 0)[..3], [1.0, 0.0, 1.0]);
     assert!(scene.warnings[0].message.contains("checker"), "{:?}", scene.warnings);
 }
@@ -274,8 +274,8 @@ fn skinned_meshes_follow_their_joints_and_not_their_node() {
     let Some(scene) = scene("assimp/simple_skin/simple_skin.gltf") else { return };
     let mesh = meshes(&scene)[0];
     assert_eq!(mesh.indices.len(), 8);
-    // At the pose of the file the joints are where they were bound, so nothing moves: the strip is
-    // 2 high.
+    // At the pose of the file the joints are at their bind pose, so nothing moves: the strip is 2
+    // high.
     let bounds = scene.bounds().expect("the scene is sound");
     assert!((bounds.max.y - 2.0).abs() < 1e-6, "{bounds:?}");
 }

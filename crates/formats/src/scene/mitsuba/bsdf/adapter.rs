@@ -1,4 +1,4 @@
-//! BSDFs around others.
+//! BSDFs that contain others.
 
 use super::super::Builder;
 use super::super::object::Object;
@@ -12,7 +12,7 @@ use snell_scene::material::{BumpMap, HeightUnit, NormalMap, ScalarParam};
 use std::rc::Rc;
 
 impl Builder<'_> {
-    /// BSDFs around others.
+    /// Converts BSDFs that contain others.
     pub(super) fn adapter(&mut self, object: &Rc<Object>) -> Result<Look, Fault> {
         match object.kind.as_str() {
             "null" => Ok(Look::default()),
@@ -79,8 +79,8 @@ impl Builder<'_> {
         self.bsdf(first)
     }
 
-    /// The share `weight` is the second, the rest is the first; in version 0.6 also any number of
-    /// them with `weights`.
+    /// `weight` is the share of the second, and the rest is the first; version 0.6 also has any
+    /// number of them with `weights`.
     fn blend(&mut self, object: &Object) -> Result<Look, Fault> {
         let mut parts = Vec::new();
         for child in object.children_where(|c| c.name != "weight") {
@@ -134,7 +134,7 @@ impl Builder<'_> {
         object.get("flip_invalid_normals");
         object.get("use_shadowing_function");
         if let Pattern::Picture(_, mut texture) = self.texture(&map)? {
-            // Directions, whatever the picture says of colours.
+            // Directions are linear, whatever the image declares.
             texture.encoding = Encoding::Linear;
             let texture = self.scene.add_texture(texture);
             look.layers

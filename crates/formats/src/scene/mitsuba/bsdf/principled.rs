@@ -14,16 +14,16 @@ impl Builder<'_> {
         let ior = if object.has("eta") {
             object.float_within("eta", 1.5, [1e-3, 1e3])? as f32
         } else {
-            // Reflects this share of 8 % at normal incidence.
+            // The reflectance at normal incidence is this share of 8 %.
             let f0: f32 = 0.08 * object.float_within("specular", 0.5, [0.0, 1.0])? as f32;
             (1.0 + f0.sqrt()) / (1.0 - f0.sqrt())
         };
-        // Light crosses two surfaces of a solid, each of which takes the root of the colour.
+        // Light crosses two surfaces of a solid; each gets the square root of the colour.
         let mut transmission_color = base_color;
         if !is_thin && base_color.texture.is_none() {
             transmission_color.factor = base_color.factor.map(|c| c.max(0.0).sqrt());
         }
-        // The clear coat of that model is a quarter as strong as glass, and its gloss is a width
+        // That model's clear coat is a quarter as strong as glass, and its gloss maps to a width
         // from 0.1 to 0.001.
         let coat = self.scalar(object, "clearcoat", 0.0)?;
         let gloss = self.scalar(object, "clearcoat_gloss", 0.0)?.factor.clamp(0.0, 1.0);
@@ -44,7 +44,7 @@ impl Builder<'_> {
             ..OpenPbr::default()
         };
         if is_thin {
-            // The share of diffuse light that goes through: half of it for a value of 1.
+            // The transmitted share of diffuse light: half of it for a value of 1.
             let through = self.scalar(object, "diff_trans", 0.0)?;
             kind.subsurface_weight = (0.5 * through.factor).clamp(0.0, 1.0).into();
             kind.subsurface_color = base_color;
@@ -54,7 +54,7 @@ impl Builder<'_> {
         Ok(Material::new("", kind))
     }
 
-    /// What has no counterpart, and what looks a little different.
+    /// Notes parameters without a counterpart, and those that look slightly different.
     fn note_approximations(&mut self, object: &Object) -> Result<(), Fault> {
         let owner = object.owner();
         for name in ["spec_tint", "sheen_tint", "flatness"] {
@@ -69,7 +69,7 @@ impl Builder<'_> {
             if self.scalar(object, name, 0.0)?.factor != 0.0 {
                 self.note(format!("{owner} {name}"), object.at, || {
                     format!(
-                        "{owner}: \"{name}\" became that of OpenPBR, which looks a little different"
+                        "{owner}: \"{name}\" became that of OpenPBR, which looks slightly different"
                     )
                 });
             }

@@ -1,4 +1,4 @@
-//! Spectra: by number, table, file and plugin.
+//! Spectra: from a number, table, file or plugin.
 
 use super::super::color::blackbody_luminance;
 use super::super::value::{self, Hue, shortened};
@@ -51,7 +51,7 @@ impl Loader<'_> {
         }
     }
 
-    /// The spectra that are plugins: `uniform`, `srgb`, `regular` and `irregular`.
+    /// Spectra that are plugins: `uniform`, `srgb`, `regular` and `irregular`.
     fn listed_spectrum(&mut self, file: &File, node: &Node, kind: &str) -> Result<Hue, Fault> {
         let at = file.at(node);
         let fault =
@@ -99,7 +99,7 @@ impl Loader<'_> {
         }
     }
 
-    /// The value of a property inside of an element.
+    /// The value of a nested property.
     fn inner(&mut self, file: &File, node: &Node, name: &str) -> Result<Option<String>, Fault> {
         let is = |child: &Node| {
             child.is_element()

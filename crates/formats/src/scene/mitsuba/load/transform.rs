@@ -28,7 +28,7 @@ impl Loader<'_> {
         Ok(vector)
     }
 
-    /// The transforms inside, one after the other.
+    /// The nested transforms, composed in order.
     pub(super) fn transform(&mut self, file: &File, node: &Node) -> Result<DAffine3, Fault> {
         if node.tag_name().name() == "animation" {
             self.note("animation", file.at(node), || {

@@ -1,4 +1,4 @@
-//! Curves in files: lines of a position and a radius, strands parted by empty lines.
+//! Curves in files: lines of a position and a radius, with strands separated by empty lines.
 
 use super::super::Builder;
 use super::super::object::Object;
@@ -11,8 +11,8 @@ use snell_math::{DAffine3, Vec3, Vec4};
 use std::sync::Arc;
 
 impl Builder<'_> {
-    /// The strands of a file, brought to their place: radii are those of the file, whatever the
-    /// place is scaled by. `None` if there are none.
+    /// The transformed strands of a file. Radii are those of the file, whatever the scale of the
+    /// transform. `None` if there are none.
     pub(super) fn curves(
         &mut self,
         object: &Object,
@@ -40,7 +40,7 @@ impl Builder<'_> {
     }
 }
 
-/// The points of a file, and how many each strand has.
+/// The points of a file, and the number of points of each strand.
 fn read(input: &Input, basis: StrandBasis) -> Result<(Vec<Vec4>, Vec<u32>), ReadError> {
     let bytes = decoded(&input.bytes);
     let mut reader = Reader { input, bytes: &bytes, text: Text::new(&bytes, 0) };

@@ -10,15 +10,15 @@ use snell_intersect::TriangleMesh;
 use snell_math::Vec3;
 use std::sync::Arc;
 
-/// How a mesh is read from its file.
+/// Options for reading a mesh from its file.
 #[derive(Debug)]
 struct Reading {
     is_serialized: bool,
-    /// Which of the meshes of a serialized file.
+    /// Index of the mesh in a serialized file.
     index: usize,
     flips_v: bool,
     is_flat: bool,
-    /// Edges sharper than this stay sharp, degrees.
+    /// Edges sharper than this stay sharp, in degrees.
     crease: Option<f64>,
     is_flipped: bool,
     keeps_colors: bool,
@@ -97,19 +97,19 @@ impl Builder<'_> {
     }
 }
 
-/// Turns a mesh inside out.
+/// Reverses the orientation of a mesh.
 pub fn turn_over(mesh: &mut TriangleMesh) {
     mesh.indices.iter_mut().for_each(|t| t.swap(1, 2));
     mesh.normals.iter_mut().for_each(|n| *n = -*n);
 }
 
-/// Turns v the other way.
+/// Reverses the direction of v.
 pub fn flip_v(mut mesh: TriangleMesh) -> TriangleMesh {
     mesh.uvs[0].iter_mut().for_each(|uv| uv.y = 1.0 - uv.y);
     mesh
 }
 
-/// Normals without a direction become those of the faces around.
+/// Replaces normals of zero length by those of the adjacent faces.
 fn repair_normals(mesh: &mut TriangleMesh) {
     let is_bad = |n: &Vec3| n.try_normalize().is_none();
     if mesh.normals.iter().any(is_bad) {

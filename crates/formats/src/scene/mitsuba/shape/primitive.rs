@@ -19,7 +19,7 @@ pub fn rectangle() -> TriangleMesh {
     face(&mut TriangleMesh::default(), DVec3::ZERO, DVec3::X, DVec3::Y)
 }
 
-/// The cube from -1 to 1: the directions in which u and v grow on its faces are Mitsuba's.
+/// The cube from -1 to 1, with Mitsuba's directions of u and v on its faces.
 pub fn cube() -> TriangleMesh {
     let faces = [
         (DVec3::NEG_Y, DVec3::Z, DVec3::X),
@@ -36,8 +36,8 @@ pub fn cube() -> TriangleMesh {
     mesh
 }
 
-/// Adds a square whose coordinates grow along `u` and `v`, seen from outside of the middle, or from
-/// `u x v` if that is the origin.
+/// Adds a square whose coordinates grow along `u` and `v`. It faces away from the origin, or along
+/// `u x v` if its middle is the origin.
 fn face(mesh: &mut TriangleMesh, middle: DVec3, u: DVec3, v: DVec3) -> TriangleMesh {
     let first = mesh.positions.len() as u32;
     for (x, y) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {

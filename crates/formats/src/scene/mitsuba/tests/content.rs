@@ -1,4 +1,4 @@
-//! What objects become.
+//! The conversion of objects.
 
 use super::*;
 use crate::{ReadOptions, read_scene};
@@ -240,7 +240,8 @@ fn blends_and_masks_are_layers_with_their_shares() {
         type=\"conductor\"/></bsdf></bsdf></shape>",
     );
     let layers: Vec<_> = scene.materials.iter().map(|m| (m.kind.name(), m.alpha.factor)).collect();
-    // An eighth of all is metal, and of what passes that three eighths of all are diffuse.
+    // An eighth of the total is metal, and of the rest that passes, three eighths of the total are
+    // diffuse.
     assert_eq!(layers, [("mirror", 0.125), ("diffuse", 0.375 / 0.875)]);
     assert_eq!(scene.nodes.iter().map(|n| n.surfaces.len()).sum::<usize>(), 2);
 }

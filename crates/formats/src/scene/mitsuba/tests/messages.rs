@@ -1,4 +1,4 @@
-//! What the reader says about broken files and about what it changes.
+//! The reader's messages about broken files and about approximations.
 
 use super::*;
 use crate::{Limits, ReadOptions, read_scene};
@@ -6,8 +6,8 @@ use insta::assert_snapshot;
 use std::fmt::Write;
 use std::path::Path;
 
-/// What stands in the scene element of files that are broken. Each stands in `a.xml` in a folder
-/// that has some files.
+/// Contents of the scene element of broken files. Each is written to `a.xml` in a folder with some
+/// files.
 const BROKEN: &[&str] = &[
     "<shape",
     "<shape type=\"sphere\">",

@@ -9,7 +9,7 @@ use crate::strip::{Strip, pieces};
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec3, Vec4};
 
-/// How control points make a curve.
+/// The basis of the control points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Basis {
     Bezier,
@@ -108,7 +108,7 @@ impl Builder<'_> {
     }
 }
 
-/// The strand of cubic Bézier segments that is a curve, with its radius at a position from 0 to the
+/// Converts a curve to a strand of cubic Bézier segments. `radius` takes a position from 0 to the
 /// number of segments.
 fn strand<'p>(
     basis: Basis,
@@ -126,8 +126,8 @@ fn strand<'p>(
     strand
 }
 
-/// A segment of degree 2 or 3 as a cubic Bézier curve: the values of its blossom at the ends of the
-/// segment.
+/// Converts a segment of degree 2 or 3 to a cubic Bézier curve, by the values of its blossom at the
+/// segment's ends.
 fn bezier(basis: Basis, p: &[Vec3]) -> [Vec3; 4] {
     let third = 1.0 / 3.0;
     match (basis, p) {

@@ -1,5 +1,5 @@
-//! Loop's subdivision surfaces (Loop, Smooth Subdivision Surfaces Based on Triangles, 1987), as far
-//! as the file says, and then moved to the limit, with the normals there.
+//! Loop's subdivision surfaces (Loop, Smooth Subdivision Surfaces Based on Triangles, 1987),
+//! refined by the levels in the file and then moved to the limit surface, with its normals.
 
 use super::super::Builder;
 use super::super::params::Params;
@@ -26,7 +26,7 @@ impl Builder<'_> {
             return Ok(Made::Nothing);
         }
         let mut control = Control { positions, triangles };
-        // A triangle with a repeated vertex has no neighbours that make sense.
+        // A triangle with a repeated vertex has no meaningful neighbours.
         control.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
         for _ in 0..levels {
             control = control.refined();
@@ -48,14 +48,14 @@ struct Control {
     triangles: Vec<[u32; 3]>,
 }
 
-/// The vertices around a vertex in order.
+/// The vertices around a vertex, in order.
 struct Ring {
     vertices: Vec<u32>,
     /// False at the border of the mesh, where the ring has a first and a last vertex.
     is_closed: bool,
 }
 
-/// What is next to an edge: the third corners of its triangles, and how many triangles there are.
+/// The neighbourhood of an edge: the third corners of its triangles, and the number of triangles.
 #[derive(Clone, Copy, Default)]
 struct Edge {
     opposite: [u32; 2],
@@ -87,7 +87,7 @@ impl Control {
         edges
     }
 
-    /// The ring of each vertex; empty where triangles do not make one.
+    /// The ring of each vertex; empty where the triangles do not form one.
     fn rings(&self) -> Vec<Ring> {
         let mut around: Vec<Vec<(u32, u32)>> = vec![Vec::new(); self.positions.len()];
         for &[a, b, c] in &self.triangles {
@@ -127,7 +127,7 @@ impl Control {
         Self { positions, triangles }
     }
 
-    /// Where vertices end up after infinitely many levels, and the normals there.
+    /// The limit positions of the vertices, and the normals there.
     fn limit(&self) -> (Vec<Vec3>, Vec<Vec3>) {
         let rings = self.rings();
         let weight = |n: usize| 1.0 / (n as f32 + 3.0 / (8.0 * beta(n)));
@@ -155,7 +155,7 @@ fn ring(steps: &mut Vec<(u32, u32)>) -> Ring {
     let Some(&(first, _)) = steps.first() else {
         return Ring { vertices: Vec::new(), is_closed: false };
     };
-    // At the border, the ring begins where no triangle leads to.
+    // At the border, the ring begins with the vertex that no step leads to.
     let start =
         steps.iter().map(|s| s.0).find(|from| steps.iter().all(|s| s.1 != *from)).unwrap_or(first);
     let mut vertices = vec![start];
@@ -170,7 +170,7 @@ fn ring(steps: &mut Vec<(u32, u32)>) -> Ring {
     Ring { vertices, is_closed: false }
 }
 
-/// Weight of each neighbour of a vertex with `n` of them.
+/// Weight of each neighbour of a vertex with `n` neighbours.
 fn beta(n: usize) -> f32 {
     if n == 3 { 3.0 / 16.0 } else { 3.0 / (8.0 * n.max(1) as f32) }
 }
@@ -192,7 +192,7 @@ impl Ring {
         }
     }
 
-    /// The normal of the limit surface, by its two tangents; inner vertices only.
+    /// The normal of the limit surface, from its two tangents; inner vertices only.
     fn normal(&self, positions: &[Vec3]) -> Option<Vec3> {
         if !self.is_closed {
             return None;

@@ -28,7 +28,7 @@ impl Builder<'_> {
         }
         let normals = params.directions("N")?;
         let uvs = self.uv_param(params)?;
-        // Tangents only say how anisotropic surfaces lie.
+        // Tangents only orient anisotropic surfaces.
         params.get("S");
         check_length(params, "N", normals.len(), count)?;
         check_length(params, "uv", uvs.len(), count)?;
@@ -49,7 +49,7 @@ impl Builder<'_> {
         if uvs.is_empty() { params.pairs("st") } else { Ok(uvs) }
     }
 
-    /// A mesh as the scene has it.
+    /// Converts a mesh to the scene's conventions.
     pub(super) fn finish_mesh(&mut self, mut mesh: TriangleMesh) -> Made {
         repair(&mut mesh);
         orient(&mut mesh, self.is_reversed());
@@ -83,7 +83,7 @@ impl Builder<'_> {
     }
 }
 
-/// Normals without a direction become those of the faces around.
+/// Replaces normals of zero length by those of the adjacent faces.
 fn repair(mesh: &mut TriangleMesh) {
     let is_bad = |n: &Vec3| n.try_normalize().is_none();
     if mesh.normals.iter().any(is_bad) {
@@ -101,8 +101,7 @@ fn repair(mesh: &mut TriangleMesh) {
     }
 }
 
-/// Gives each triangle vertices of its own, with the coordinates that pbrt gives to triangles
-/// without.
+/// Gives each triangle its own vertices, with pbrt's default texture coordinates.
 fn separate_with_uvs(mesh: &mut TriangleMesh) {
     let corners: Vec<usize> = mesh.indices.iter().flatten().map(|&i| i as usize).collect();
     mesh.positions = corners.iter().map(|&i| mesh.positions[i]).collect();

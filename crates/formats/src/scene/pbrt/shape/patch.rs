@@ -1,4 +1,4 @@
-//! Bilinear patches as triangles.
+//! Tessellates bilinear patches.
 
 use super::super::Builder;
 use super::super::params::Params;
@@ -9,7 +9,7 @@ use snell_math::{Vec2, Vec3};
 
 /// A patch is flat if its corners are this close to a plane, relative to its size.
 const FLAT: f32 = 1e-4;
-/// Pieces along the sides of a patch that is not.
+/// Pieces along the sides of a patch that is not flat.
 const PIECES: u32 = 8;
 
 impl Builder<'_> {
@@ -54,8 +54,7 @@ impl Builder<'_> {
             add_patch(&mut mesh, p, n, uv, pieces);
         }
         if normals.is_empty() {
-            // Those of flat patches are what they are; where some are bent, all bent ones get
-            // smooth normals of their own.
+            // A mesh of flat patches needs no normals; if any patch is bent, smooth ones are computed.
             let bent = mesh.indices.len() > indices.len() * 2;
             if bent {
                 mesh.normals = mesh.computed_normals();

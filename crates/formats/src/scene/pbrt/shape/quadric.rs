@@ -1,4 +1,4 @@
-//! Spheres, cylinders and disks: whole ones as analytic shapes, parts of them as triangles.
+//! Spheres, cylinders and disks: whole ones become analytic shapes, parts of them triangles.
 
 use super::super::Builder;
 use super::super::options::is_kind;
@@ -67,8 +67,7 @@ impl Builder<'_> {
             let problem = format!("an inner radius of {inner_radius} within {radius}");
             return Err(params.fault(problem, "give one from 0 to below the radius"));
         }
-        // Texture coordinates of our disks grow inwards in the picture's sense, those of pbrt
-        // outwards.
+        // Texture coordinates of our disks grow inwards in the image, those of pbrt outwards.
         if is_whole && !self.is_textured() {
             let place = DAffine3::from_translation(DVec3::Z * height);
             return Ok(Made::shape(Disk { radius, inner_radius }, place));
@@ -99,8 +98,8 @@ impl Builder<'_> {
         }))
     }
 
-    /// The surface of points and normals by longitude (radians) and v from 0 to 1, over a turn in
-    /// degrees.
+    /// Tessellates a surface of points and normals over longitude (radians) and v from 0 to 1, for
+    /// a turn in degrees.
     fn swept(
         &mut self,
         params: &Params,

@@ -1,4 +1,4 @@
-//! Directives and what they mean.
+//! The effect of directives.
 
 use super::*;
 use crate::scene::testing::geometries;
@@ -28,7 +28,7 @@ fn material(scene: &Scene) -> &Material {
     &scene.materials[0]
 }
 
-/// Where a point of the file is seen, in parts of the picture from its upper left corner.
+/// The image position of a point of the file, as fractions of the size from the upper left corner.
 fn seen(scene: &Scene, point: DVec3) -> DVec2 {
     let point = scene.nodes[scene.root.index()].transform.transform_point3(point);
     let size = scene.settings.size.expect("the reader sets a size");
@@ -38,8 +38,8 @@ fn seen(scene: &Scene, point: DVec3) -> DVec2 {
 
 #[test]
 fn pictures_are_not_mirrored() {
-    // Cameras of pbrt see +x on the right, whichever way LookAt turns them; only a transform that
-    // mirrors turns them over.
+    // pbrt's cameras see +x on the right in whatever direction LookAt points; only a transform that
+    // mirrors flips them.
     for (text, right) in [
         ("", DVec3::new(0.2, 0.0, 1.0)),
         ("LookAt 0 0 -5  0 0 0  0 1 0", DVec3::new(0.5, 0.0, 0.0)),
@@ -380,7 +380,7 @@ fn area_lights_emit_their_radiance_or_their_power() {
         emission(&format!("\"float power\" {power} \"bool twosided\" true"), "\"sphere\"");
     colors_are(color, [0.5; 3]);
     assert!(both);
-    // Of meshes, each triangle has the power.
+    // In a mesh, each triangle has the power.
     let square =
         "\"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0] \"integer indices\" [0 1 2 0 2 3]";
     colors_are(emission(&format!("\"float power\" {}", std::f32::consts::PI), square).0, [2.0; 3]);
@@ -407,7 +407,8 @@ fn materials_map_to_ours() {
     else {
         panic!("no metal")
     };
-    // Roughness is the width of the facets by its root, and ours by its square.
+    // pbrt-v3's roughness is the width of the microfacets through its root, ours through its
+    // square.
     assert!(
         close(metal.roughness.factor, 0.04f32.sqrt().sqrt())
             && matches!(metal.spectrum, ConductorSpectrum::Metal(_))
@@ -618,7 +619,7 @@ fn media_fill_what_their_interface_says() {
     );
     let Medium::Homogeneous(fog) = &scene.media[0] else { panic!("not homogeneous") };
     assert_eq!((fog.sigma_a, fog.sigma_s), (Rgb::new(2.0, 4.0, 6.0), Rgb::new(8.0, 10.0, 12.0)));
-    // Emission is that of what absorbs.
+    // Emission is proportional to absorption.
     assert_eq!(fog.emission, Rgb::new(2.0, 4.0, 6.0));
     let insides: Vec<_> =
         scene.materials.iter().map(|m| m.interior.map(|i| i.medium.map(|m| m.0))).collect();
@@ -642,7 +643,7 @@ fn media_on_grids_have_the_colours_of_their_cells() {
         ));
         assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
         let [Medium::Grid(grid)] = &scene.media[..] else { panic!("one grid") };
-        // The middles of the cells; mirrored in x, as pbrt's scenes are.
+        // The centres of the cells; mirrored in x, as pbrt's scenes are.
         [-2.0, -4.0].map(|x| grid.properties(Vec3::new(x, 0.5, 0.5), ColorMode::Rgb))
     };
     let colors = "\"rgb sigma_a\" [ 1 2 3 0 8 1 ] \"rgb sigma_s\" [ 5 0 1 2 0 4 ] \"rgb Le\" [ 1 1 \
@@ -659,10 +660,10 @@ fn media_on_grids_have_the_colours_of_their_cells() {
     close(b.sigma_a, [0.0, 16.0, 2.0]);
     close(a.sigma_s, [10.0, 0.0, 2.0]);
     close(b.sigma_s, [4.0, 0.0, 8.0]);
-    // What glows is what absorbs.
+    // Emission is proportional to absorption.
     close(a.emission, [1.0, 2.0, 3.0]);
     close(b.emission, [0.0, 0.0, 2.0]);
-    // What is not given is 1.
+    // Missing grids are 1.
     let [a, b] = grid("\"rgb sigma_s\" [ 5 0 1 0 0 0 ]");
     close(a.sigma_a, [1.0; 3]);
     close(b.sigma_t(), [1.0; 3]);
@@ -708,7 +709,7 @@ fn hair_has_its_absorption_its_colour_or_its_pigments() {
     );
 }
 
-/// What texture 0 of a scene shows at a point of the file's world, on a surface that faces upwards.
+/// The value of texture 0 of a scene at a point of the file's world, on a surface that faces up.
 fn shown(scene: &Scene, place: [f64; 3], footprint: f32) -> [f32; 3] {
     let position =
         scene.nodes[scene.root.index()].transform.transform_point3(DVec3::from(place)).as_vec3();
@@ -734,7 +735,7 @@ fn patterns_in_space_lie_where_their_transform_puts_them() {
     for (x, is_first) in [(1.1, true), (2.9, true), (3.1, false), (0.9, false)] {
         assert_eq!(shown(&there, [x, 0.5, 0.5], 0.0)[0] == 1.0, is_first, "{x}");
     }
-    // A picture that would be mirrored is turned over, and its patterns with it.
+    // A picture that would be mirrored is flipped, and its patterns with it.
     let text =
         format!("LookAt 0 0 5  0 0 0  0 1 0\nCamera \"perspective\"\nWorldBegin\n{block}{user}");
     let mirrored = super::scene(&text);
@@ -788,7 +789,7 @@ fn every_pattern_and_mapping_of_pbrt_is_read() {
         };
         assert_eq!(found, is);
     }
-    // Octaves beyond number end, too.
+    // Octaves without number end, too.
     let scene = world(
         "Texture \"t\" \"float\" \"wrinkled\" \"integer octaves\" 1000000000 Material \"diffuse\" \
             Shape \"sphere\" \"texture alpha\" \"t\"",

@@ -97,8 +97,8 @@ fn included_and_compressed_files_are_parts_of_the_scene() {
         .filter(|n| !n.surfaces.is_empty())
         .map(|n| n.transform.translation.x)
         .collect();
-    // What an imported file does to the transform ends with it. The first two are at the same
-    // place: one node.
+    // An imported file's changes to the transform end with it. The first two are at the same place:
+    // one node.
     assert_eq!(places, [1.0, 2.0]);
     let meshes = meshes(&scene);
     assert_eq!(meshes.len(), 3);

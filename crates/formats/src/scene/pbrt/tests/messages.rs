@@ -1,11 +1,11 @@
-//! What the reader says about broken files and about what it changes.
+//! The reader's messages about broken files and about approximations.
 
 use super::*;
 use crate::{Limits, ReadOptions, read_scene};
 use insta::assert_snapshot;
 use std::fmt::Write;
 
-/// Texts that are not scenes. Each stands in `a.pbrt` in a folder that has some files.
+/// Invalid scenes. Each is written to `a.pbrt` in a folder with some files.
 const BROKEN: &[&str] = &[
     "Shape",
     "Shape sphere",
@@ -125,7 +125,7 @@ fn broken_files_are_errors_with_file_line_and_column() {
         let message = message.replace(&format!("{}/", folder.path().display()), "");
         writeln!(messages, "{}\n    {message}", text.escape_debug()).expect("text");
     }
-    // The system's own words are not ours to keep.
+    // The system's own text is not part of the snapshot.
     assert!(!messages.contains("no error"), "{messages}");
     assert_snapshot!(messages.replace("No such file or directory (os error 2)", "(not found)"));
 }
