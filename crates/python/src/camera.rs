@@ -36,10 +36,16 @@ use snell_scene::{Camera as Value, Projection};
 /// **parameters
 ///     Those of the projection, in the place of `fov`.
 ///
-/// Examples -------- >>> import snell >>> above = snell.Camera("orthographic", eye=(0, 10, 0),
-/// target=(0, 0, 0), up=(0, 0, -1), half_size=(None, 4)) >>> above.towards (0.0, -1.0, 0.0) >>>
-/// lens = snell.Camera(eye=(0, 1, 5), target=(0, 1, 0), fov=30, aperture_radius=0.1) >>>
-/// lens.focus_distance 5.0
+/// Examples
+/// --------
+/// >>> import snell
+/// >>> view = {"eye": (0, 10, 0), "target": (0, 0, 0), "up": (0, 0, -1)}
+/// >>> above = snell.Camera("orthographic", **view, half_size=(None, 4))
+/// >>> above.towards
+/// (0.0, -1.0, 0.0)
+/// >>> lens = snell.Camera(eye=(0, 1, 5), target=(0, 1, 0), fov=30, aperture_radius=0.1)
+/// >>> lens.focus_distance
+/// 5.0
 #[pyclass(frozen, module = "snell")]
 pub struct Camera(pub Value);
 

@@ -22,7 +22,7 @@ pub struct Said<T> {
 }
 
 /// A thing with a kind, whose parameters lie around.
-pub trait Declared: Serialize + DeserializeOwned + Clone {
+pub trait Declared: Serialize + DeserializeOwned + Clone + snell_math::parameters::Value {
     /// Its family.
     fn family() -> Family;
 
@@ -126,16 +126,9 @@ impl<T: Declared> Said<T> {
 
     /// Refuses numbers of these parameters that mean nothing. (Those of files are told and kept.)
     fn check(self, kind: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let tree =
-            serde_json::to_value(&self.value).map_err(|e| PyValueError::new_err(e.to_string()))?;
         for key in given.into_iter().flatten().map(|(key, _)| key) {
             let key: String = key.extract()?;
-            let place = if tree.get(&key).is_some() {
-                vec![key.as_str()]
-            } else {
-                vec!["kind", key.as_str()]
-            };
-            if let Some(problem) = snell_scene::problem_at(&tree, &place) {
+            if let Some(problem) = snell_scene::problem_at(&self.value, &[&key]) {
                 return Err(PyValueError::new_err(format!("{kind}: {problem}")));
             }
         }

@@ -482,10 +482,16 @@ impl Scene {
     /// threads : int, optional
     ///     Threads that work on it. Default: one per core.
     ///
-    /// Examples -------- >>> import pathlib, tempfile, snell >>> scene = snell.Scene() >>> ball =
-    /// scene.add_shape("sphere", radius=1, material=snell.Material("diffuse", reflectance=0.5)) >>>
-    /// with tempfile.TemporaryDirectory() as folder: ... path = pathlib.Path(folder, "ball.snell")
-    /// ... scene.save(path) ... snell.load(path).materials
+    /// Examples
+    /// --------
+    /// >>> import pathlib, tempfile, snell
+    /// >>> scene = snell.Scene()
+    /// >>> grey = snell.Material("diffuse", reflectance=0.5)
+    /// >>> ball = scene.add_shape("sphere", radius=1, material=grey)
+    /// >>> with tempfile.TemporaryDirectory() as folder:
+    /// ...     path = pathlib.Path(folder, "ball.snell")
+    /// ...     scene.save(path)
+    /// ...     snell.load(path).materials
     /// [Material("diffuse", reflectance=(0.5, 0.5, 0.5))]
     #[pyo3(signature = (path, *, threads=None))]
     fn save(&self, py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<()> {

@@ -170,9 +170,9 @@ impl Builder<'_> {
     /// True if the current material has textures, so that texture coordinates matter.
     pub(super) fn is_textured(&mut self) -> bool {
         let position = self.current_material();
-        // Ids of textures stand in the debug form only where there are some.
         let known = &self.materials.known[position];
-        known.opacity.is_some() || format!("{:?}", known.layers).contains("TextureId")
+        known.opacity.is_some()
+            || known.layers.iter().any(|material| !material.textures().is_empty())
     }
 
     fn build_material(&mut self, params: &Params) -> Result<Known, Fault> {
