@@ -1,14 +1,13 @@
 //! The class `Medium`.
 
 use crate::arrays::{array, contiguous, from_vec, is_double, shown, slice};
-use crate::declare::Family;
+use crate::declared::{Schema, declared_class};
 use crate::objects::{matrix, named_transform};
-use crate::said::{Declared, declared_class};
 use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use snell_math::{DAffine3, DVec3, Rgb, Transform};
-use snell_scene::medium::{ColorGrid, Medium as Value, ScalarGrid};
+use snell_scene::medium::{ColorGrid, ScalarGrid};
 use std::sync::Arc;
 
 declared_class! {
@@ -52,7 +51,7 @@ declared_class! {
     /// >>> border = snell.Material("interface", interior=smoke)
     /// >>> scene.add_shape("box", min=(-1, -1, -1), max=(1, 1, 1), material=border)
     /// 0
-    Medium of Value, restored by _restore_medium;
+    Medium of snell_scene::Medium, restored by _restore_medium;
 
     /// The same medium but for some parameters.
     ///
@@ -65,29 +64,10 @@ declared_class! {
     replace
 }
 
-impl Declared for Value {
-    fn family() -> Family {
-        Family { arrays: Self::arrays, ..Family::of("medium", &Self::examples()) }
-    }
+impl Schema for snell_scene::Medium {
+    const FAMILY: &'static str = "medium";
 
-    fn arrays(kind: &str) -> &'static [&'static str] {
-        match kind {
-            "grid" => &[
-                "density",
-                "emission_scale",
-                "temperature",
-                "sigma_a_tint",
-                "sigma_s_tint",
-                "emission_tint",
-                "world_from_grid",
-                "bounds",
-            ],
-            "cloud" => &["world_from_cloud", "bounds"],
-            _ => &[],
-        }
-    }
-
-    fn is_only_said(name: &str) -> bool {
+    fn is_shorthand(name: &str) -> bool {
         name == "bounds"
     }
 

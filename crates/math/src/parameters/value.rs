@@ -12,6 +12,11 @@ pub trait Value {
 
     /// Goes through its numbers, and through what it refers to.
     fn visit(&self, visitor: &mut Visitor<'_>);
+
+    /// The number, for what is one.
+    fn number(&self) -> Option<f64> {
+        None
+    }
 }
 
 /// A thing with parameters: what [`declare!`](crate::declare) makes.
@@ -60,6 +65,29 @@ impl<T: Value> Value for Option<T> {
             value.visit(visitor);
         }
     }
+
+    fn number(&self) -> Option<f64> {
+        self.as_ref()?.number()
+    }
+}
+
+/// Numbers in a row belong together; rows of them are a matrix.
+impl<T: Value, const N: usize> Value for [T; N] {
+    const KIND: Kind = match T::KIND {
+        Kind::Number | Kind::Whole | Kind::Optional(Kind::Number) => Kind::Numbers(N),
+        Kind::Numbers(_) => Kind::Matrix,
+        _ => Kind::List(&T::KIND),
+    };
+
+    fn visit(&self, visitor: &mut Visitor<'_>) {
+        if matches!(Self::KIND, Kind::Numbers(_)) {
+            visitor.numbers(&self.each_ref().map(T::number));
+            return;
+        }
+        for (i, value) in self.iter().enumerate() {
+            visitor.inside(Step::Index(i), value);
+        }
+    }
 }
 
 impl<T: Value> Value for Vec<T> {
@@ -87,6 +115,10 @@ macro_rules! numbers {
 
             fn visit(&self, visitor: &mut Visitor<'_>) {
                 visitor.number(f64::from(*self));
+            }
+
+            fn number(&self) -> Option<f64> {
+                Some(f64::from(*self))
             }
         }
     )*};
@@ -121,40 +153,4 @@ vectors! {
     DVec3: Kind::Vector(3), vector => vector.to_array();
     DMat3: Kind::Matrix, matrix => matrix.to_cols_array();
     DAffine3: Kind::Matrix, map => map.to_cols_array();
-    [f32; 2]: Kind::Numbers(2), numbers => numbers;
-    [f32; 3]: Kind::Numbers(3), numbers => numbers;
-    [f32; 4]: Kind::Numbers(4), numbers => numbers;
-    [f64; 2]: Kind::Numbers(2), numbers => numbers;
-    [f64; 4]: Kind::Numbers(4), numbers => numbers;
-    [u32; 2]: Kind::Numbers(2), numbers => numbers;
-}
-
-impl Value for [Option<f64>; 2] {
-    const KIND: Kind = Kind::Numbers(2);
-
-    fn visit(&self, visitor: &mut Visitor<'_>) {
-        visitor.numbers(self);
-    }
-}
-
-macro_rules! lists {
-    ($($type:ty: $kind:expr;)*) => {$(
-        impl Value for $type {
-            const KIND: Kind = $kind;
-
-            fn visit(&self, visitor: &mut Visitor<'_>) {
-                for (i, value) in self.iter().enumerate() {
-                    visitor.inside(Step::Index(i), value);
-                }
-            }
-        }
-    )*};
-}
-
-lists! {
-    [DVec3; 2]: Kind::List(&Kind::Vector(3));
-    [DVec3; 3]: Kind::List(&Kind::Vector(3));
-    [[f32; 3]; 2]: Kind::Matrix;
-    [[f64; 4]; 2]: Kind::Matrix;
-    [[f64; 4]; 3]: Kind::Matrix;
 }

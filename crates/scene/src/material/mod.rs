@@ -200,6 +200,11 @@ mod usual {
         Rgb::WHITE.into()
     }
 
+    /// A factor that changes nothing.
+    pub fn whole() -> f32 {
+        1.0
+    }
+
     /// Index of refraction of glass and varnish.
     pub fn glass() -> f32 {
         1.5
@@ -275,6 +280,7 @@ snell_math::declare! {
         /// Linear texture with `2 rgb - 1` the normal in the tangent frame.
         pub texture: TextureId,
         /// Factor on its x and y.
+        #[serde(default = "usual::whole")]
         pub scale: f32,
     }
 }
