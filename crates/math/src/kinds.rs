@@ -49,8 +49,81 @@
 /// assert_eq!(Figure::from(Square { side: 3.0 }).area(), 9.0);
 /// assert_eq!(Figure::corners(), [4]);
 /// ```
+///
+/// With `tagged "figure"` after the name, in place of an attribute of serde, the kinds are things
+/// with parameters ([`declare!`](crate::declare)), and so is the enum, whose `DECLARATIONS` are
+/// theirs:
+///
+/// ```
+/// snell_math::declare! {
+///     /// A square.
+///     #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+///     pub struct Square {
+///         /// Length of a side.
+///         pub side: f32,
+///     }
+/// }
+///
+/// impl Square {
+///     fn examples() -> Vec<Self> {
+///         vec![Self { side: 2.0 }]
+///     }
+/// }
+///
+/// snell_math::kinds! {
+///     /// Any figure.
+///     pub enum Figure tagged "figure" by match_figure! {
+///         "square" => Square,
+///     }
+/// }
+///
+/// let figure = &Figure::examples()[0];
+/// assert_eq!(figure.declaration().parameters[0].name, "side");
+/// assert_eq!(Figure::TAG, "figure");
+/// ```
 #[macro_export]
 macro_rules! kinds {
+    (
+        $(#[$attribute:meta])*
+        pub enum $any:ident tagged $tag:literal by $matching:ident! {
+            $($name:literal => $kind:ident,)*
+        }
+    ) => {
+        $crate::kinds! {
+            $(#[$attribute])*
+            #[serde(tag = $tag)]
+            pub enum $any by $matching! { $($name => $kind,)* }
+        }
+
+        impl $any {
+            /// The field that says which kind a thing is.
+            pub const TAG: &'static str = $tag;
+
+            /// The kinds with their parameters.
+            pub const DECLARATIONS: &'static [$crate::parameters::Declaration] =
+                &[$($crate::parameters::Declaration::of::<$kind>($name)),*];
+
+            /// The declaration of this kind.
+            pub fn declaration(&self) -> $crate::parameters::Declaration {
+                match self {
+                    $(Self::$kind(_) => $crate::parameters::Declaration::of::<$kind>($name),)*
+                }
+            }
+        }
+
+        impl $crate::parameters::Value for $any {
+            const KIND: $crate::parameters::Kind =
+                $crate::parameters::Kind::OneOf($tag, Self::DECLARATIONS);
+
+            fn visit(&self, visitor: &mut $crate::parameters::Visitor<'_>) {
+                match self {
+                    $(Self::$kind(thing) => {
+                        $crate::parameters::Value::visit(thing, visitor);
+                    })*
+                }
+            }
+        }
+    };
     ($(#[$attribute:meta])* pub enum $any:ident by $matching:ident! {
         $($name:literal => $kind:ident,)*
     }) => {

@@ -1,5 +1,5 @@
 //! Numbers: vectors, transforms, rays, bounds, spectra, random numbers, warps and SIMD levels; and
-//! [`kinds!`], the enum of all kinds of something.
+//! [`kinds!`], the enum of all kinds of something, and [`parameters`], what they are made of.
 //!
 //! The bottom of Snell. Nothing here does I/O, starts threads or knows what a scene is. Vectors are
 //! [glam](https://docs.rs/glam)'s; positions of a scene are composed in `f64` ([`DVec3`],
@@ -15,6 +15,7 @@ pub mod exact;
 pub mod exponentials;
 pub mod frame;
 mod kinds;
+pub mod parameters;
 pub mod plane;
 pub mod ray;
 pub mod rng;

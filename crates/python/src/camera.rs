@@ -1,13 +1,15 @@
 //! The class `Camera`.
 
 use crate::cameras::rays_of;
-use crate::declare::{Family, References, make, read, read_all, show};
-use crate::tree::Tree;
+use crate::schema::{References, family, kind_of, make, read, read_all, show};
+use crate::value::Value;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use serde_json::{Map, Value as Json};
 use snell_math::DVec3;
-use snell_scene::{Camera as Value, Projection};
+use snell_math::parameters::Kind;
+use snell_scene::Projection;
 
 /// Where a picture is seen from, and how.
 ///
@@ -36,24 +38,24 @@ use snell_scene::{Camera as Value, Projection};
 /// **parameters
 ///     Those of the projection, in the place of `fov`.
 ///
-/// Examples -------- >>> import snell >>> above = snell.Camera("orthographic", eye=(0, 10, 0),
-/// target=(0, 0, 0), up=(0, 0, -1), half_size=(None, 4)) >>> above.towards (0.0, -1.0, 0.0) >>>
-/// lens = snell.Camera(eye=(0, 1, 5), target=(0, 1, 0), fov=30, aperture_radius=0.1) >>>
-/// lens.focus_distance 5.0
+/// Examples
+/// --------
+/// >>> import snell
+/// >>> view = {"eye": (0, 10, 0), "target": (0, 0, 0), "up": (0, 0, -1)}
+/// >>> above = snell.Camera("orthographic", **view, half_size=(None, 4))
+/// >>> above.towards
+/// (0.0, -1.0, 0.0)
+/// >>> lens = snell.Camera(eye=(0, 1, 5), target=(0, 1, 0), fov=30, aperture_radius=0.1)
+/// >>> lens.focus_distance
+/// 5.0
 #[pyclass(frozen, module = "snell")]
-pub struct Camera(pub Value);
-
-/// The projections.
-pub fn projections() -> Family {
-    Family::of("projection", &Projection::examples())
-}
+pub struct Camera(pub snell_scene::Camera);
 
 /// Three finite numbers.
 fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
-    let form = Tree::List(vec![Tree::Double(0.0); 3]);
-    match read(value, &form, name, &mut References::default())? {
-        Tree::List(items) => match items[..] {
-            [Tree::Double(x), Tree::Double(y), Tree::Double(z)] => Ok(DVec3::new(x, y, z)),
+    match read(value, Kind::Vector(3), name, &mut References::default())? {
+        Value::List(items) => match items[..] {
+            [Value::Double(x), Value::Double(y), Value::Double(z)] => Ok(DVec3::new(x, y, z)),
             _ => Err(PyTypeError::new_err(format!("{name}: expected 3 numbers"))),
         },
         _ => Err(PyTypeError::new_err(format!("{name}: expected 3 numbers"))),
@@ -73,10 +75,10 @@ fn projection(
     fov: Option<f64>,
     parameters: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Projection> {
-    let family = projections();
-    let known = family.parameters(kind)?;
+    let family = family("projection")?;
+    let known = kind_of(family, kind)?.fields();
     let given = match parameters {
-        Some(given) => read_all(kind, &known, given, &mut References::default())?,
+        Some(given) => read_all(kind, known, given, &mut References::default())?,
         None => Vec::new(),
     };
     let angle = |degrees: f64, limit: f64| {
@@ -97,8 +99,11 @@ fn projection(
             Err(PyTypeError::new_err(message))
         }
         _ => {
-            let tag = || std::iter::once(("projection".to_string(), Tree::Text(kind.to_string())));
-            make(kind, &given, &known, |fields| Tree::Fields(tag().chain(fields).collect()))
+            let whole = |mut fields: Map<String, Json>| {
+                fields.insert(family.tag.to_string(), kind.into());
+                Json::Object(fields)
+            };
+            make(kind, known, &given, &family.example(kind), whole)
         }
     }
 }
@@ -137,12 +142,12 @@ impl Camera {
                         "target is where eye is, expected another point",
                     ));
                 }
-                Value::from_target(eye, target, up, projection)
+                snell_scene::Camera::from_target(eye, target, up, projection)
             }
             (None, towards) => {
                 let towards =
                     towards.map_or(Ok(DVec3::NEG_Z), |towards| vector(towards, "towards"))?;
-                Value::from_direction(eye, towards, up, projection)
+                snell_scene::Camera::from_direction(eye, towards, up, projection)
             }
         };
         camera.aperture_radius = at_least(aperture_radius, 0.0, "aperture_radius")?;
@@ -162,8 +167,8 @@ impl Camera {
     /// Which projection, one of :data:`PROJECTIONS`.
     #[getter]
     fn kind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let tree = Tree::of(&self.0.projection).map_err(PyTypeError::new_err)?;
-        tree.get("projection").unwrap_or(&Tree::Nothing).plain(py)
+        let projection = Value::of(&self.0.projection).map_err(PyTypeError::new_err)?;
+        projection.get("projection").unwrap_or(&Value::Nothing).plain(py)
     }
 
     /// What the camera is, by name: its place and axes, and the parameters of the projection. Each
@@ -171,9 +176,9 @@ impl Camera {
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
-        let parts = [Tree::of(&self.0), Tree::of(&self.0.projection)];
+        let parts = [Value::of(&self.0), Value::of(&self.0.projection)];
         for part in parts {
-            let Tree::Fields(fields) = part.map_err(PyTypeError::new_err)? else { continue };
+            let Value::Fields(fields) = part.map_err(PyTypeError::new_err)? else { continue };
             for (key, value) in fields.iter().filter(|(key, _)| key != "projection") {
                 all.set_item(key, show(py, value, &References::default())?)?;
             }

@@ -5,7 +5,7 @@
 //! scenes have in their tables is added to those of the scene that holds them.
 
 use crate::contents::{Contents, Kind, Nodes, Object};
-use crate::tree;
+use crate::value;
 use snell_intersect::shape::Sphere;
 use snell_intersect::{AnyShape, Spheres};
 use snell_math::{DAffine3, DVec3, Transform};
@@ -131,7 +131,7 @@ impl Writer {
         let first = scene.materials.len() as u32;
         scene.images.extend(stage.images.iter().cloned());
         for texture in &stage.textures {
-            scene.textures.push(tree::with_ids(texture, |kind, id| match kind {
+            scene.textures.push(value::with_ids(texture, |kind, id| match kind {
                 "ImageId" => id + images,
                 "TextureId" => id + textures,
                 _ => id,
@@ -140,7 +140,7 @@ impl Writer {
         let media = scene.media.len() as u32;
         scene.media.extend(stage.media.iter().cloned());
         for material in &stage.materials {
-            scene.materials.push(tree::with_ids(material, |kind, id| match kind {
+            scene.materials.push(value::with_ids(material, |kind, id| match kind {
                 "TextureId" => id + textures,
                 "MediumId" => id + media,
                 _ => id,

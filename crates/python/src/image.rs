@@ -533,6 +533,6 @@ pub fn _compare<'py>(
     admit_all("comparing the pictures", size[0] * size[1], BYTES_PER_PIXEL)?;
     let compared = run_to_end(py, move || compare(&reference, &test, &CompareOptions::default()))?;
     let compared = compared.map_err(|e| PyValueError::new_err(e.to_string()))?;
-    let numbers = crate::tree::Tree::of(&compared.comparison).map_err(PyTypeError::new_err)?;
+    let numbers = crate::value::Value::of(&compared.comparison).map_err(PyTypeError::new_err)?;
     Ok((numbers.plain(py)?, from_vec(py, compared.flip, &size)?))
 }

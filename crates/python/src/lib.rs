@@ -14,7 +14,7 @@ mod camera;
 mod cameras;
 mod columns;
 mod contents;
-mod declare;
+mod declared;
 mod graph;
 mod image;
 mod light;
@@ -32,19 +32,18 @@ mod prepare;
 mod query;
 mod rays;
 mod render;
-mod said;
 mod scene;
+mod schema;
 mod settings;
 mod stage;
 mod state;
 mod surface;
 mod texture;
-mod tree;
+mod value;
 mod view;
 mod work;
 
 use pyo3::prelude::*;
-use said::Declared;
 
 #[pymodule]
 fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -77,10 +76,16 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<render::_Render>()?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("INVALID_ID", snell_intersect::Hit::NONE)?;
-    module.add("SHAPES", declare::catalogue(py, &objects::shapes())?)?;
-    module.add("MATERIALS", declare::catalogue(py, &snell_scene::Material::family())?)?;
-    module.add("PATTERNS", declare::catalogue(py, &snell_scene::texture::Pattern::family())?)?;
-    module.add("MEDIA", declare::catalogue(py, &snell_scene::medium::Medium::family())?)?;
-    module.add("LIGHTS", declare::catalogue(py, &snell_scene::Light::family())?)?;
-    module.add("PROJECTIONS", declare::catalogue(py, &camera::projections())?)
+    module.add_function(wrap_pyfunction!(schema::describe, module)?)?;
+    let families = [
+        ("SHAPES", "shape"),
+        ("MATERIALS", "material"),
+        ("PATTERNS", "pattern"),
+        ("MEDIA", "medium"),
+        ("LIGHTS", "light"),
+        ("PROJECTIONS", "projection"),
+    ];
+    families
+        .into_iter()
+        .try_for_each(|(name, family)| module.add(name, schema::catalogue(py, family)?))
 }

@@ -1,11 +1,9 @@
 //! The class `Light`.
 
-use crate::declare::Family;
-use crate::said::{Declared, declared_class};
-use crate::tree::Tree;
+use crate::declared::{Schema, declared_class};
+use crate::value::Value;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use snell_scene::Light as Value;
 
 declared_class! {
     /// A light that is not a surface. (A surface is one if its material has an `emission`.)
@@ -26,7 +24,7 @@ declared_class! {
     /// >>> snell.Light("point", positoin=(0, 3, 0))
     /// Traceback (most recent call last):
     /// TypeError: point has no parameter "positoin"; did you mean "position"?
-    Light of Value, restored by _restore_light;
+    Light of snell_scene::Light, restored by _restore_light;
 
     /// The same light but for some parameters.
     ///
@@ -39,13 +37,11 @@ declared_class! {
     replace
 }
 
-impl Declared for Value {
-    fn family() -> Family {
-        Family::of("light", &Self::examples())
-    }
+impl Schema for snell_scene::Light {
+    const FAMILY: &'static str = "light";
 
     fn settle(self) -> PyResult<Self> {
-        let Tree::Fields(mut fields) = Tree::of(&self).map_err(PyTypeError::new_err)? else {
+        let Value::Fields(mut fields) = Value::of(&self).map_err(PyTypeError::new_err)? else {
             return Ok(self);
         };
         for name in self.directions() {
@@ -53,18 +49,22 @@ impl Declared for Value {
                 *value = unit(value, key)?;
             }
         }
-        serde_json::from_value(Tree::Fields(fields).json(&mut |_, id| id))
+        serde_json::from_value(Value::Fields(fields).json(&mut |_, id| id))
             .map_err(|e| PyValueError::new_err(e.to_string()))
     }
 }
 
 /// A direction of unit length, or several.
-fn unit(value: &Tree, name: &str) -> PyResult<Tree> {
-    let Tree::List(items) = value else { return Ok(value.clone()) };
-    let numbers: Option<Vec<f64>> =
-        items.iter().map(|item| if let Tree::Double(x) = item { Some(*x) } else { None }).collect();
+fn unit(value: &Value, name: &str) -> PyResult<Value> {
+    let Value::List(items) = value else { return Ok(value.clone()) };
+    let numbers: Option<Vec<f64>> = items
+        .iter()
+        .map(|item| if let Value::Double(x) = item { Some(*x) } else { None })
+        .collect();
     let Some(numbers) = numbers else {
-        return Ok(Tree::List(items.iter().map(|item| unit(item, name)).collect::<PyResult<_>>()?));
+        return Ok(Value::List(
+            items.iter().map(|item| unit(item, name)).collect::<PyResult<_>>()?,
+        ));
     };
     let length = numbers.iter().map(|x| x * x).sum::<f64>().sqrt();
     if !(length > 0.0 && length.is_finite()) {
@@ -74,5 +74,5 @@ fn unit(value: &Tree, name: &str) -> PyResult<Tree> {
     }
     // What is of unit length stays as it is.
     let scale = if (length - 1.0).abs() < 1e-12 { 1.0 } else { 1.0 / length };
-    Ok(Tree::List(numbers.into_iter().map(|x| Tree::Double(x * scale)).collect()))
+    Ok(Value::List(numbers.into_iter().map(|x| Value::Double(x * scale)).collect()))
 }

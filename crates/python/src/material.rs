@@ -1,12 +1,11 @@
 //! The class `Material`.
 
-use crate::declare::Family;
-use crate::said::{Declared, declared_class};
-use crate::tree::Tree;
+use crate::declared::{Schema, declared_class};
+use crate::value::Value;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use snell_scene::Material as Value;
-use snell_scene::material::{MaterialKind, OpenPbr};
+use serde_json::{Map, Value as Json};
+use snell_scene::material::OpenPbr;
 
 declared_class! {
     /// What light does at a surface.
@@ -37,7 +36,7 @@ declared_class! {
     /// >>> snell.Material("difuse")
     /// Traceback (most recent call last):
     /// ValueError: there is no material "difuse"; did you mean "diffuse"?
-    Material of Value, restored by _restore_material;
+    Material of snell_scene::Material, restored by _restore_material;
 
     /// The same material but for some parameters.
     ///
@@ -50,27 +49,25 @@ declared_class! {
     replace
 }
 
-impl Declared for Value {
-    fn family() -> Family {
-        Family::of("material", &MaterialKind::examples())
-    }
+impl Schema for snell_scene::Material {
+    const FAMILY: &'static str = "material";
 
-    fn common() -> PyResult<Vec<(String, Tree)>> {
+    fn common() -> PyResult<Vec<(String, Value)>> {
         let bare = Self::new("", snell_scene::material::Diffuse::new(snell_math::Rgb::WHITE));
-        let (_, common) = Self::apart(Tree::of(&bare).map_err(PyTypeError::new_err)?);
+        let (_, common) = Self::apart(Value::of(&bare).map_err(PyTypeError::new_err)?);
         Ok(common)
     }
 
-    fn assemble(kind: Vec<(String, Tree)>, mut common: Vec<(String, Tree)>) -> Vec<(String, Tree)> {
-        common.push(("kind".into(), Tree::Fields(kind)));
-        common
+    fn assemble(kind: Map<String, Json>, mut common: Map<String, Json>) -> Json {
+        common.insert("kind".into(), Json::Object(kind));
+        Json::Object(common)
     }
 
-    fn apart(tree: Tree) -> (Vec<(String, Tree)>, Vec<(String, Tree)>) {
-        let Tree::Fields(mut common) = tree else { return Default::default() };
+    fn apart(value: Value) -> (Vec<(String, Value)>, Vec<(String, Value)>) {
+        let Value::Fields(mut common) = value else { return Default::default() };
         let place = common.iter().position(|(key, _)| key == "kind");
         match place.map(|at| common.remove(at)) {
-            Some((_, Tree::Fields(kind))) => (kind, common),
+            Some((_, Value::Fields(kind))) => (kind, common),
             _ => (Vec::new(), common),
         }
     }

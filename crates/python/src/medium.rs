@@ -1,14 +1,13 @@
 //! The class `Medium`.
 
 use crate::arrays::{array, contiguous, from_vec, is_double, shown, slice};
-use crate::declare::Family;
+use crate::declared::{Schema, declared_class};
 use crate::objects::{matrix, named_transform};
-use crate::said::{Declared, declared_class};
 use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use snell_math::{DAffine3, DVec3, Rgb, Transform};
-use snell_scene::medium::{ColorGrid, Medium as Value, ScalarGrid};
+use snell_scene::medium::{ColorGrid, ScalarGrid};
 use std::sync::Arc;
 
 declared_class! {
@@ -22,15 +21,16 @@ declared_class! {
     /// **parameters
     ///     Those of the kind. Coefficients are per unit of length of the scene.
     ///
-    /// Notes ----- A `"grid"` has a `density`, an array of the shape (z, y, x) whose numbers stand
-    /// at the middles of their cells, are joined by straight lines, and multiply `sigma_a` and
-    /// `sigma_s`. Cells fill the box between two corners, `bounds`, or the unit cube mapped by the
-    /// matrix `world_from_grid`. `sigma_a_tint`, `sigma_s_tint` and `emission_tint`, of the shape
-    /// (z, y, x, 3) or (z, y, x), are factors of each colour. What shines is `emission`, times the
-    /// `density` or, if it is there, `emission_scale`, in the colour of a black body where there is
-    /// a `temperature` (kelvin). Arrays may be of different sizes; what is negative or not a number
-    /// counts as 0. Media lie in the scene's coordinates: they do not move with the surface around
-    /// them.
+    /// Notes
+    /// -----
+    /// A `"grid"` has a `density`, an array of the shape (z, y, x) whose numbers stand at the middles
+    /// of their cells, are joined by straight lines, and multiply `sigma_a` and `sigma_s`. Cells fill
+    /// the box between two corners, `bounds`, or the unit cube mapped by the matrix `world_from_grid`.
+    /// `sigma_a_tint`, `sigma_s_tint` and `emission_tint`, of the shape (z, y, x, 3) or (z, y, x), are
+    /// factors of each colour. What shines is `emission`, times the `density` or, if it is there,
+    /// `emission_scale`, in the colour of a black body where there is a `temperature` (kelvin). Arrays
+    /// may be of different sizes; what is negative or not a number counts as 0. Media lie in the
+    /// scene's coordinates: they do not move with the surface around them.
     ///
     /// Examples
     /// --------
@@ -40,12 +40,18 @@ declared_class! {
     ///
     /// A cloud from an array, in a box without a surface:
     ///
-    /// >>> import numpy as np >>> z, y, x = np.mgrid[-1:1:32j, -1:1:32j, -1:1:32j] >>> smoke =
-    /// snell.Medium("grid", density=np.exp(-4 * (x**2 + y**2 + z**2)), sigma_s=5,
-    /// bounds=[(-1, -1, -1), (1, 1, 1)]) >>> smoke.density.shape (32, 32, 32) >>> scene =
-    /// snell.Scene() >>> scene.add_shape("box", min=(-1, -1, -1), max=(1, 1, 1),
-    /// material=snell.Material("interface", interior=smoke)) 0
-    Medium of Value, restored by _restore_medium;
+    /// >>> import numpy as np
+    /// >>> z, y, x = np.mgrid[-1:1:32j, -1:1:32j, -1:1:32j]
+    /// >>> density = np.exp(-4 * (x**2 + y**2 + z**2))
+    /// >>> bounds = [(-1, -1, -1), (1, 1, 1)]
+    /// >>> smoke = snell.Medium("grid", density=density, sigma_s=5, bounds=bounds)
+    /// >>> smoke.density.shape
+    /// (32, 32, 32)
+    /// >>> scene = snell.Scene()
+    /// >>> border = snell.Material("interface", interior=smoke)
+    /// >>> scene.add_shape("box", min=(-1, -1, -1), max=(1, 1, 1), material=border)
+    /// 0
+    Medium of snell_scene::Medium, restored by _restore_medium;
 
     /// The same medium but for some parameters.
     ///
@@ -58,29 +64,10 @@ declared_class! {
     replace
 }
 
-impl Declared for Value {
-    fn family() -> Family {
-        Family { arrays: Self::arrays, ..Family::of("medium", &Self::examples()) }
-    }
+impl Schema for snell_scene::Medium {
+    const FAMILY: &'static str = "medium";
 
-    fn arrays(kind: &str) -> &'static [&'static str] {
-        match kind {
-            "grid" => &[
-                "density",
-                "emission_scale",
-                "temperature",
-                "sigma_a_tint",
-                "sigma_s_tint",
-                "emission_tint",
-                "world_from_grid",
-                "bounds",
-            ],
-            "cloud" => &["world_from_cloud", "bounds"],
-            _ => &[],
-        }
-    }
-
-    fn is_only_said(name: &str) -> bool {
+    fn is_shorthand(name: &str) -> bool {
         name == "bounds"
     }
 

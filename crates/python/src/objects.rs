@@ -1,13 +1,13 @@
 //! Arguments that become objects of a scene: vertices, faces, transforms, shapes.
 
 use crate::arrays::{array, check_unsigned, contiguous, is_double, numpy, shown, slice};
-use crate::declare::{Family, References, make, read_all};
 use crate::mesh::{Attributes, Mesh, Positions};
-use crate::tree::Tree;
+use crate::schema::{References, family, kind_of, make, read_all};
 use numpy::{Element, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use serde_json::{Map, Value as Json};
 use snell_intersect::{AnyShape, Curves, Shape, Spheres, StrandBasis};
 use snell_math::{DMat4, DVec3, Transform, Vec2, Vec3, Vec4};
 
@@ -332,22 +332,19 @@ pub fn curves(
         .map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
-/// The analytic shapes.
-pub fn shapes() -> Family {
-    Family::of("shape", &AnyShape::examples())
-}
-
 /// An analytic shape from its name and parameters.
 pub fn shape(kind: &str, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<AnyShape> {
-    let family = shapes();
-    let known = family.parameters(kind)?;
+    let family = family("shape")?;
+    let known = kind_of(family, kind)?.fields();
     let given = match parameters {
-        Some(given) => read_all(kind, &known, given, &mut References::default())?,
+        Some(given) => read_all(kind, known, given, &mut References::default())?,
         None => Vec::new(),
     };
-    let tag = || std::iter::once(("shape".to_string(), Tree::Text(kind.to_string())));
-    let shape: AnyShape =
-        make(kind, &given, &known, |fields| Tree::Fields(tag().chain(fields).collect()))?;
+    let whole = |mut fields: Map<String, Json>| {
+        fields.insert(family.tag.to_string(), kind.into());
+        Json::Object(fields)
+    };
+    let shape: AnyShape = make(kind, known, &given, &family.example(kind), whole)?;
     shape.validate().map_err(|e| PyValueError::new_err(e.to_string()))?;
     Ok(shape)
 }

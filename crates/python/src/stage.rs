@@ -3,22 +3,23 @@
 use crate::arrays::from_vec;
 use crate::camera::Camera;
 use crate::contents::Contents;
-use crate::declare::{References, read};
+use crate::declared::Declared;
 use crate::graph::graph;
 use crate::image::Image;
 use crate::light::Light;
 use crate::material::Material;
 use crate::medium::Medium as PyMedium;
 use crate::names::suggestion;
-use crate::said::Said;
 use crate::scene::Scene;
+use crate::schema::{References, read};
 use crate::texture::{AnyTexture, Pattern, Texture, image};
-use crate::tree::{Tree, with_ids};
+use crate::value::{Value, with_ids};
 use crate::work::{Threads, run_to_end_on};
 use pyo3::exceptions::{PyIndexError, PyOSError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyString};
 use snell_formats::WriteError;
+use snell_math::parameters::Kind;
 use snell_math::{DAffine3, Rgb};
 use snell_scene::graph::{ImageId, MediumId};
 use snell_scene::medium::Medium;
@@ -51,18 +52,18 @@ fn add_medium(stage: &mut Graph, medium: &Medium) -> MediumId {
 /// A material or light with the textures of a stage in the place of its own.
 fn on_stage<T: serde::Serialize + serde::de::DeserializeOwned>(
     stage: &mut Graph,
-    said: &Said<T>,
+    declared: &Declared<T>,
 ) -> PyResult<T> {
-    let textures = said.references.textures.iter().map(|texture| add_texture(stage, texture));
+    let textures = declared.references.textures.iter().map(|texture| add_texture(stage, texture));
     let textures = textures.collect::<PyResult<Vec<_>>>()?;
     let media: Vec<_> =
-        said.references.media.iter().map(|medium| add_medium(stage, medium)).collect();
+        declared.references.media.iter().map(|medium| add_medium(stage, medium)).collect();
     let id = |kind: &str, id: u32| match kind {
         "TextureId" => textures.get(id as usize).map_or(id, |texture| texture.0),
         "MediumId" => media.get(id as usize).map_or(id, |medium| medium.0),
         _ => id,
     };
-    with_ids(&said.value, id).map_err(PyValueError::new_err)
+    with_ids(&declared.value, id).map_err(PyValueError::new_err)
 }
 
 /// The number of a material on a stage; added if it is not there.
@@ -103,7 +104,7 @@ fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
     py: Python<'_>,
     stage: &Graph,
     value: &T,
-) -> PyResult<Said<T>> {
+) -> PyResult<Declared<T>> {
     let (mut used, mut textures, mut media) = (Vec::new(), Vec::new(), Vec::new());
     let value = with_ids(value, |kind, id| match kind {
         "MediumId" => {
@@ -141,7 +142,7 @@ fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
             }
         });
     }
-    Ok(Said {
+    Ok(Declared {
         value: value.map_err(PyValueError::new_err)?,
         references: References { textures, media },
     })
@@ -149,10 +150,9 @@ fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
 
 /// A colour: a number, three numbers, or `#rrggbb`.
 fn color(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Rgb> {
-    let form = Tree::List(vec![Tree::Single(0.0); 3]);
-    match read(value, &form, name, &mut References::default())? {
-        Tree::List(items) => match items[..] {
-            [Tree::Single(r), Tree::Single(g), Tree::Single(b)]
+    match read(value, Kind::Color, name, &mut References::default())? {
+        Value::List(items) => match items[..] {
+            [Value::Single(r), Value::Single(g), Value::Single(b)]
                 if r >= 0.0 && g >= 0.0 && b >= 0.0 =>
             {
                 Ok(Rgb::new(r, g, b))
@@ -164,7 +164,7 @@ fn color(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Rgb> {
 }
 
 fn color_tuple(py: Python<'_>, color: Rgb) -> PyResult<Bound<'_, PyAny>> {
-    let form = Tree::List(color.to_array().map(Tree::Single).to_vec());
+    let form = Value::List(color.to_array().map(Value::Single).to_vec());
     form.plain(py)
 }
 
@@ -433,7 +433,7 @@ impl Scene {
     fn medium(&self, py: Python<'_>) -> Option<PyMedium> {
         let stage = self.0.contents(py).stage.clone();
         let value = stage.medium.and_then(|id| stage.media.get(id.index())).cloned()?;
-        Some(PyMedium(Said { value, references: References::default() }))
+        Some(PyMedium(Declared { value, references: References::default() }))
     }
 
     #[setter]
@@ -482,10 +482,16 @@ impl Scene {
     /// threads : int, optional
     ///     Threads that work on it. Default: one per core.
     ///
-    /// Examples -------- >>> import pathlib, tempfile, snell >>> scene = snell.Scene() >>> ball =
-    /// scene.add_shape("sphere", radius=1, material=snell.Material("diffuse", reflectance=0.5)) >>>
-    /// with tempfile.TemporaryDirectory() as folder: ... path = pathlib.Path(folder, "ball.snell")
-    /// ... scene.save(path) ... snell.load(path).materials
+    /// Examples
+    /// --------
+    /// >>> import pathlib, tempfile, snell
+    /// >>> scene = snell.Scene()
+    /// >>> grey = snell.Material("diffuse", reflectance=0.5)
+    /// >>> ball = scene.add_shape("sphere", radius=1, material=grey)
+    /// >>> with tempfile.TemporaryDirectory() as folder:
+    /// ...     path = pathlib.Path(folder, "ball.snell")
+    /// ...     scene.save(path)
+    /// ...     snell.load(path).materials
     /// [Material("diffuse", reflectance=(0.5, 0.5, 0.5))]
     #[pyo3(signature = (path, *, threads=None))]
     fn save(&self, py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<()> {
@@ -502,7 +508,7 @@ impl Scene {
     }
 }
 
-/// Light from all directions, as it may be said.
+/// Light from all directions, as it may be given.
 fn read_environment(
     value: &Bound<'_, PyAny>,
     scale: Rgb,

@@ -1,19 +1,20 @@
 //! The classes `Texture`, `Channel` and `Pattern`: what varies over surfaces.
 
 use crate::arrays::{array, contiguous, shown, slice};
-use crate::declare::{Family, References, make, read_all, show};
+use crate::declared::{Schema, declared_class};
 use crate::image::Image as Picture;
 use crate::load::check_there;
-use crate::said::declared_class;
-use crate::tree::Tree;
+use crate::schema::{References, make, read_all, show};
+use crate::value::Value;
 use crate::work::run_to_end;
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use serde_json::{Map, Value as Json};
 use snell_formats::{Input, ReadOptions, image::read_image};
+use snell_math::parameters::Declared as _;
 use snell_scene::graph::ImageId;
-use snell_scene::texture::Pattern as Computed;
 use snell_scene::{Encoding, Image, ImageTexture as Declared, LayeredImage, Pixels};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -93,7 +94,7 @@ declared_class! {
     /// >>> snell.Pattern("marbel")
     /// Traceback (most recent call last):
     /// ValueError: there is no pattern "marbel"; did you mean "marble"?
-    Pattern of Computed, restored by _restore_pattern;
+    Pattern of snell_scene::texture::Pattern, restored by _restore_pattern;
 
     /// The same pattern but for some parameters.
     ///
@@ -105,10 +106,8 @@ declared_class! {
     replace
 }
 
-impl crate::said::Declared for Computed {
-    fn family() -> Family {
-        Family::of("pattern", &Self::examples())
-    }
+impl Schema for snell_scene::texture::Pattern {
+    const FAMILY: &'static str = "pattern";
 }
 
 /// What a declared thing takes as a texture.
@@ -145,9 +144,9 @@ fn default_of(image: &Image) -> Declared {
 }
 
 /// The parameters of textures.
-fn parameters(of: &Declared) -> PyResult<Vec<(String, Tree)>> {
-    match Tree::of(of).map_err(PyTypeError::new_err)? {
-        Tree::Fields(fields) => Ok(fields.into_iter().filter(|(key, _)| key != "image").collect()),
+fn parameters(of: &Declared) -> PyResult<Vec<(String, Value)>> {
+    match Value::of(of).map_err(PyTypeError::new_err)? {
+        Value::Fields(fields) => Ok(fields.into_iter().filter(|(key, _)| key != "image").collect()),
         _ => Ok(Vec::new()),
     }
 }
@@ -234,20 +233,21 @@ impl Texture {
     #[pyo3(signature = (image, **parameters))]
     fn new(image: &Bound<'_, PyAny>, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let pixels = self::image(image, "image")?;
-        let default = default_of(&pixels);
-        let known = self::parameters(&default)?;
-        let mut fields = known.clone();
-        if let Some(given) = parameters {
-            for (key, value) in read_all("Texture", &known, given, &mut References::default())? {
-                if let Some((_, place)) = fields.iter_mut().find(|(known, _)| *known == key) {
-                    *place = value;
-                }
-            }
-        }
-        let image = || std::iter::once(("image".to_string(), Tree::Id("ImageId", 0)));
-        let declared = make("Texture", &fields, &known, |fields| {
-            Tree::Fields(image().chain(fields).collect())
-        })?;
+        let Ok(Json::Object(default)) = serde_json::to_value(default_of(&pixels)) else {
+            return Err(PyTypeError::new_err("a texture has parameters"));
+        };
+        // The first is the image.
+        let known = &Declared::PARAMETERS[1..];
+        let given = match parameters {
+            Some(given) => read_all("Texture", known, given, &mut References::default())?,
+            None => Vec::new(),
+        };
+        let whole = |given: Map<String, Json>| {
+            let mut all = default.clone();
+            all.extend(given);
+            Json::Object(all)
+        };
+        let declared = make("Texture", known, &given, &default, whole)?;
         Ok(Self { image: pixels, declared })
     }
 

@@ -12,21 +12,33 @@ use crate::motion::Motion;
 use crate::settings::SceneSettings;
 use crate::texture::Texture;
 use snell_intersect::{AnyShape, Curves, Shape, TriangleMesh};
+use snell_math::parameters::{Kind, Value, Visitor};
 use snell_math::{Bounds3d, DAffine3, Rgb, Transform};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 macro_rules! id {
-    ($(#[$doc:meta])* $name:ident) => {
+    ($(#[$doc:meta])* $name:ident in $table:literal) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         #[derive(serde::Serialize, serde::Deserialize)]
         pub struct $name(pub u32);
 
         impl $name {
+            /// What the things of its table are called.
+            pub const TABLE: &'static str = $table;
+
             /// The position in its table.
             pub fn index(self) -> usize {
                 self.0 as usize
+            }
+        }
+
+        impl Value for $name {
+            const KIND: Kind = Kind::Reference(Self::TABLE);
+
+            fn visit(&self, visitor: &mut Visitor<'_>) {
+                visitor.reference(Self::TABLE, self.0);
             }
         }
     };
@@ -34,23 +46,23 @@ macro_rules! id {
 
 id!(
     /// Position in [`Scene::nodes`].
-    NodeId
+    NodeId in "node"
 );
 id!(
     /// Position in [`Scene::materials`].
-    MaterialId
+    MaterialId in "material"
 );
 id!(
     /// Position in [`Scene::textures`].
-    TextureId
+    TextureId in "texture"
 );
 id!(
     /// Position in [`Scene::images`].
-    ImageId
+    ImageId in "image"
 );
 id!(
     /// Position in [`Scene::media`].
-    MediumId
+    MediumId in "medium"
 );
 
 /// What a surface is made of geometrically. Shared by reference: a mesh used twice is stored once.

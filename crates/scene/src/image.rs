@@ -3,14 +3,15 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How stored values encode colour.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Encoding {
-    /// Colour channels carry the sRGB curve; alpha is linear.
-    Srgb,
-    /// Values are linear (data, or scene-linear radiance).
-    Linear,
+snell_math::declare! {
+    /// How stored values encode colour.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum Encoding {
+        /// Colour channels carry the sRGB curve; alpha is linear.
+        "srgb" => Srgb,
+        /// Values are linear (data, or scene-linear radiance).
+        "linear" => Linear,
+    }
 }
 
 /// Stored values, `channels` per pixel, row by row from the top.

@@ -10,6 +10,7 @@
 pub mod bsdf;
 pub mod builtin;
 pub mod camera;
+pub mod families;
 pub mod framing;
 pub mod graph;
 pub mod image;
@@ -34,6 +35,7 @@ pub use light::Light;
 pub use material::Material;
 pub use medium::Medium;
 pub use motion::{Motion, Player, Pose};
-pub use ranges::{BRIGHTEST, problem_at};
+pub use ranges::BRIGHTEST;
 pub use settings::SceneSettings;
+pub use snell_math::parameters::{self, problem_at};
 pub use texture::{ImageTexture, Texture, TextureSet};

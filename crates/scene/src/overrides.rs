@@ -7,11 +7,12 @@
 //! text where JSON is not given.
 
 use crate::material::MaterialKind;
-use crate::ranges::{BRIGHTEST, problem_at};
+use crate::ranges::BRIGHTEST;
 use crate::{Environment, Material, Scene};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
+use snell_math::parameters::{Value as Parameters, problem_at};
 use snell_math::{DAffine3, DVec3, Rgb};
 
 /// Why a change is not possible: what was asked for, what there is instead.
@@ -280,7 +281,7 @@ fn edit<T: Serialize + DeserializeOwned>(
 }
 
 /// An edit by a user, whose numbers have to mean something. (Animations may overshoot.)
-fn edit_checked<T: Serialize + DeserializeOwned>(
+fn edit_checked<T: Serialize + DeserializeOwned + Parameters>(
     target: &mut T,
     key: &str,
     path: &str,
@@ -293,9 +294,8 @@ fn edit_checked<T: Serialize + DeserializeOwned>(
         ));
     }
     let after = edited(target, key, path, value)?;
-    let tree = serde_json::to_value(&after).map_err(|e| error(key, e.to_string()))?;
     let steps: Vec<&str> = path.split('.').collect();
-    if let Some(problem) = problem_at(&tree, &steps) {
+    if let Some(problem) = problem_at(&after, &steps) {
         return Err(error(key, problem));
     }
     *target = after;

@@ -373,7 +373,7 @@ fn valid_camera(value: Value) -> Result<Camera, String> {
     if let Some(number) = too_large(&all) {
         return Err(format!("camera: {number:e} is larger than any number that is computed with"));
     }
-    if let Some(problem) = problem_at(&all, &[]) {
+    if let Some(problem) = problem_at(&camera, &[]) {
         return Err(format!("camera: {problem}"));
     }
     if let Projection::Intrinsics(Intrinsics { focal_length, .. }) = camera.projection

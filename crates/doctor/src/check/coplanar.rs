@@ -305,8 +305,8 @@ fn tell(subject: &Subject, a: Piece, b: Piece, overlap: &Overlap, report: &mut R
             [false, true] => !overlap.is_alike || overlap.area < 0.9 * areas[0],
             [false, false] => false,
         };
-        let is_same = std::ptr::eq(materials[0], materials[1])
-            && !format!("{:?}", materials[0]).contains("TextureId");
+        let is_same =
+            std::ptr::eq(materials[0], materials[1]) && materials[0].textures().is_empty();
         let one_sided_apart =
             !overlap.is_alike && !materials[0].double_sided && !materials[1].double_sided;
         if is_hidden || one_sided_apart || is_same || !is_seen(subject, overlap) {

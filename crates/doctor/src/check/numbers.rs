@@ -3,7 +3,7 @@
 use super::{counted, material_name};
 use crate::{Report, Severity, Subject};
 use snell_math::Transform;
-use snell_scene::Material;
+use snell_math::parameters::{Value, find};
 
 const REMEDY: &str = "correct the number in the file";
 
@@ -30,21 +30,16 @@ pub fn numbers(subject: &Subject, report: &mut Report) {
         }
     }
     for (i, material) in scene.materials.iter().enumerate() {
-        // Names are words, and may be any.
-        let nameless = Material { name: String::new(), ..material.clone() };
-        tell(report, material_name(i, material), &format!("{nameless:?}"));
+        check(report, material_name(i, material), material);
     }
     for (i, light) in scene.lights.iter().enumerate() {
-        tell(report, format!("light {i} ({})", light.name()), &format!("{light:?}"));
+        check(report, format!("light {i} ({})", light.name()), light);
     }
     for (i, camera) in scene.cameras.iter().enumerate() {
-        let nameless = snell_scene::Camera { name: String::new(), ..camera.clone() };
-        tell(report, format!("camera {i} \"{}\"", camera.name), &format!("{nameless:?}"));
+        check(report, format!("camera {i} \"{}\"", camera.name), camera);
     }
     for (i, medium) in scene.media.iter().enumerate() {
-        if !matches!(medium, snell_scene::Medium::Grid(_)) {
-            tell(report, format!("medium {i} ({})", medium.name()), &format!("{medium:?}"));
-        }
+        check(report, format!("medium {i} ({})", medium.name()), medium);
     }
 }
 
@@ -92,22 +87,18 @@ fn meshes(subject: &Subject, report: &mut Report) {
     }
 }
 
-/// Tells of numbers in the debug form of a value that are not finite.
-fn tell(report: &mut Report, object: String, debug: &str) {
-    let mut field = "";
-    let mut previous = "";
-    for word in debug.split([' ', ',', '(', ')', '[', ']', '{', '}']).filter(|w| !w.is_empty()) {
-        if let Some(name) = word.strip_suffix(':') {
-            previous = field;
-            field = name;
+/// Reports the first parameter of a thing with a number that is not finite.
+fn check(report: &mut Report, object: String, thing: &impl Value) {
+    let mut message = None;
+    find(thing, &mut |found| {
+        if let Some(x) = found.numbers().into_iter().find(|x| !x.is_finite())
+            && message.is_none()
+        {
+            let what = if x.is_nan() { "not a number" } else { "infinite" };
+            message = Some(format!("{} is {what}", found.name()));
         }
-        if matches!(word, "NaN" | "inf" | "-inf") {
-            let generic = matches!(field, "r" | "g" | "b" | "factor" | "x" | "y" | "z");
-            let shown = if generic { previous } else { field };
-            let message =
-                format!("{shown} is {}", if word == "NaN" { "not a number" } else { "infinite" });
-            report.add(Severity::Error, object, message, REMEDY);
-            return;
-        }
+    });
+    if let Some(message) = message {
+        report.add(Severity::Error, object, message, REMEDY);
     }
 }

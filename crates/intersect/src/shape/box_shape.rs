@@ -8,17 +8,21 @@ use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeS
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
-/// A box with sides parallel to the axes. Faces: 0 to 5 = -x, +x, -y, +y, -z, +z.
-///
-/// `uv` spans each face; seen from outside, a picture on the four upright faces is upright with y
-/// up and not mirrored, on +y it is upright seen from above with -z up, on -y seen from below with
-/// +z up.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct BoxShape {
-    /// Least corner.
-    pub min: DVec3,
-    /// Greatest corner, in no coordinate below `min`.
-    pub max: DVec3,
+snell_math::declare! {
+    /// A box with sides parallel to the axes. Faces: 0 to 5 = -x, +x, -y, +y, -z, +z.
+    ///
+    /// `uv` spans each face; seen from outside, a picture on the four upright faces is upright with
+    /// y up and not mirrored, on +y it is upright seen from above with -z up, on -y seen from below
+    /// with +z up.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct BoxShape {
+        /// Least corner.
+        #[unit("scene units")]
+        pub min: DVec3,
+        /// Greatest corner, in no coordinate below `min`.
+        #[unit("scene units")]
+        pub max: DVec3,
+    }
 }
 
 /// Directions in which `u` and `v` grow on each face.

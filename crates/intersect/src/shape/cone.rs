@@ -3,16 +3,23 @@
 use super::frustum::{Frustum, shape_as_frustum};
 use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
-/// A cone around the y axis, centred: closed base at `-height / 2`, apex at `+height / 2`. Faces: 0
-/// side, 1 base. `uv` as [`Frustum`]'s.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Cone {
-    /// Radius of the base, positive.
-    pub radius: f64,
-    /// Height, positive.
-    pub height: f64,
+snell_math::declare! {
+    /// A cone around the y axis, centred: closed base at `-height / 2`, apex at `+height / 2`.
+    /// Faces: 0 side, 1 base. `uv` as [`Frustum`]'s.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Cone {
+        /// Radius of the base, positive.
+        #[range(Range::Positive)]
+        #[unit("scene units")]
+        pub radius: f64,
+        /// Height, positive.
+        #[range(Range::Positive)]
+        #[unit("scene units")]
+        pub height: f64,
+    }
 }
 
 impl Cone {

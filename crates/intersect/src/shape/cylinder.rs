@@ -3,19 +3,26 @@
 use super::frustum::{Frustum, closed, shape_as_frustum};
 use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
-/// A cylinder around the y axis, centred: from `-height / 2` to `+height / 2`. Faces and `uv` as
-/// [`Frustum`]'s.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Cylinder {
-    /// Radius, positive.
-    pub radius: f64,
-    /// Height, positive.
-    pub height: f64,
-    /// Whether the ends are closed by disks (the default).
-    #[serde(default = "closed")]
-    pub caps: bool,
+snell_math::declare! {
+    /// A cylinder around the y axis, centred: from `-height / 2` to `+height / 2`. Faces and `uv`
+    /// as [`Frustum`]'s.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Cylinder {
+        /// Radius, positive.
+        #[range(Range::Positive)]
+        #[unit("scene units")]
+        pub radius: f64,
+        /// Height, positive.
+        #[range(Range::Positive)]
+        #[unit("scene units")]
+        pub height: f64,
+        /// Whether the ends are closed by disks (the default).
+        #[serde(default = "closed")]
+        pub caps: bool,
+    }
 }
 
 impl Cylinder {

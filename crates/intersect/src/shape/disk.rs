@@ -7,20 +7,27 @@ use super::{
     AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn,
 };
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
-/// A disk in the plane z = 0 around the origin, with normal +z; with an inner radius, a ring.
-///
-/// `uv` is (angle from +x towards +y / 2 pi, 0 at the outer and 1 at the inner edge or centre), as
-/// in pbrt.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Disk {
-    /// Outer radius, positive.
-    pub radius: f64,
-    /// Inner radius, from 0 (the default: no hole) to below the outer.
-    #[serde(default)]
-    pub inner_radius: f64,
+snell_math::declare! {
+    /// A disk in the plane z = 0 around the origin, with normal +z; with an inner radius, a ring.
+    ///
+    /// `uv` is (angle from +x towards +y / 2 pi, 0 at the outer and 1 at the inner edge or centre),
+    /// as in pbrt.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Disk {
+        /// Outer radius, positive.
+        #[range(Range::Positive)]
+        #[unit("scene units")]
+        pub radius: f64,
+        /// Inner radius, from 0 (the default: no hole) to below the outer.
+        #[range(Range::AMOUNT)]
+        #[unit("scene units")]
+        #[serde(default)]
+        pub inner_radius: f64,
+    }
 }
 
 impl Disk {

@@ -6,25 +6,35 @@ use super::span::{Span, crossings, roots, slab};
 use super::winding;
 use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
 use std::f64::consts::{PI, TAU};
 
-/// A truncated cone around the y axis, centred: from `-height / 2` to `+height / 2`. Faces: 0 side,
-/// 1 bottom, 2 top.
-///
-/// `uv` of the side is (longitude / 2 pi, 0 at the top and 1 at the bottom), longitude from +z
-/// towards +x as on the sphere; of the caps (longitude / 2 pi, 0 at the rim and 1 at the centre).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Frustum {
-    /// Radius at the bottom, at least 0.
-    pub bottom_radius: f64,
-    /// Radius at the top, at least 0; one of the two must be positive.
-    pub top_radius: f64,
-    /// Height, positive.
-    pub height: f64,
-    /// Whether the ends are closed by disks.
-    #[serde(default = "closed")]
-    pub caps: bool,
+snell_math::declare! {
+    /// A truncated cone around the y axis, centred: from `-height / 2` to `+height / 2`. Faces: 0
+    /// side, 1 bottom, 2 top.
+    ///
+    /// `uv` of the side is (longitude / 2 pi, 0 at the top and 1 at the bottom), longitude from +z
+    /// towards +x as on the sphere; of the caps (longitude / 2 pi, 0 at the rim and 1 at the
+    /// centre).
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Frustum {
+        /// Radius at the bottom, at least 0.
+        #[range(Range::AMOUNT)]
+        #[unit("scene units")]
+        pub bottom_radius: f64,
+        /// Radius at the top, at least 0; one of the two must be positive.
+        #[range(Range::AMOUNT)]
+        #[unit("scene units")]
+        pub top_radius: f64,
+        /// Height, positive.
+        #[range(Range::Positive)]
+        #[unit("scene units")]
+        pub height: f64,
+        /// Whether the ends are closed by disks.
+        #[serde(default = "closed")]
+        pub caps: bool,
+    }
 }
 
 /// Ends are closed unless said otherwise.

@@ -207,8 +207,7 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
 
 snell_math::kinds! {
     /// Any of the shapes, as scenes hold them.
-    #[serde(tag = "shape")]
-    pub enum AnyShape by match_shape! {
+    pub enum AnyShape tagged "shape" by match_shape! {
         "sphere" => Sphere,
         "box" => BoxShape,
         "cylinder" => Cylinder,

@@ -6,11 +6,14 @@ use super::{Metric, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
-/// The plane z = 0, infinite, with normal +z. Cannot be sampled.
-///
-/// `uv` is `(x, -y)` and runs on beyond `[0, 1]`: textures repeat once per unit, upright with y up.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Plane {}
+snell_math::declare! {
+    /// The plane z = 0, infinite, with normal +z. Cannot be sampled.
+    ///
+    /// `uv` is `(x, -y)` and runs on beyond `[0, 1]`: textures repeat once per unit, upright with y
+    /// up.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Plane {}
+}
 
 /// Where the ray meets the plane through `point` with `normal` (any length), if in its open
 /// interval: `t = (Q - P0) . N / (V . N)` (lecture: "ray-plane intersection"). Rays parallel to the

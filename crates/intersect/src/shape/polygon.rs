@@ -7,6 +7,7 @@ use super::triangle::{RaySpace, sample_barycentrics};
 use super::winding;
 use super::{Metric, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::{Declared, Kind, Parameter, Range, Value, Visitor};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 use std::f64::consts::TAU;
 
@@ -33,6 +34,27 @@ pub struct Polygon {
 #[derive(Clone, Serialize, Deserialize)]
 struct Vertices {
     vertices: Vec<DVec3>,
+}
+
+impl Declared for Polygon {
+    const ABOUT: &'static str = "A convex planar polygon. The right-hand rule on its vertices gives \
+        the normal; it is hit from both sides.";
+    const PARAMETERS: &'static [Parameter] = &[Parameter {
+        name: "vertices",
+        kind: Kind::List(&Kind::Vector(3)),
+        range: Range::Any,
+        usual: Range::Any,
+        unit: "scene units",
+        doc: "Three or more vertices in a plane, in their order around it.",
+    }];
+}
+
+impl Value for Polygon {
+    const KIND: Kind = Kind::Group(Self::PARAMETERS);
+
+    fn visit(&self, visitor: &mut Visitor<'_>) {
+        visitor.parameter(&Self::PARAMETERS[0], &self.vertices);
+    }
 }
 
 /// Why vertices do not make a polygon.

@@ -5,16 +5,21 @@ use super::plane::closest_in_z0;
 use super::winding;
 use super::{AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
-/// A rectangle in the plane z = 0 around the origin, sides parallel to x and y, with normal +z.
-///
-/// `uv` is (0, 0) at the corner (-x, +y) and (1, 1) at (+x, -y): a picture is upright when seen
-/// from +z with y up.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Rectangle {
-    /// Half the extent along x and y, both positive.
-    pub half_size: DVec2,
+snell_math::declare! {
+    /// A rectangle in the plane z = 0 around the origin, sides parallel to x and y, with normal +z.
+    ///
+    /// `uv` is (0, 0) at the corner (-x, +y) and (1, 1) at (+x, -y): a picture is upright when seen
+    /// from +z with y up.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Rectangle {
+        /// Half the extent along x and y, both positive.
+        #[range(Range::Positive)]
+        #[unit("scene units")]
+        pub half_size: DVec2,
+    }
 }
 
 impl Rectangle {

@@ -6,17 +6,22 @@ use super::{
     AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn,
 };
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
 use std::f64::consts::{PI, TAU};
 
-/// A sphere of given radius around the origin.
-///
-/// `uv` is (longitude / 2 pi, angle from the +y pole / pi): longitude 0 is +z and grows towards +x,
-/// so with y up a picture is upright and not mirrored when seen from outside.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Sphere {
-    /// Radius, positive.
-    pub radius: f64,
+snell_math::declare! {
+    /// A sphere of given radius around the origin.
+    ///
+    /// `uv` is (longitude / 2 pi, angle from the +y pole / pi): longitude 0 is +z and grows towards
+    /// +x, so with y up a picture is upright and not mirrored when seen from outside.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Sphere {
+        /// Radius, positive.
+        #[range(Range::Positive)]
+        #[unit("scene units")]
+        pub radius: f64,
+    }
 }
 
 /// The roots of the sphere's quadratic, ascending (lecture: "ray-sphere intersection, algebraic

@@ -9,13 +9,16 @@ use super::{AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSamp
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
 
-/// A triangle. The right-hand rule on its vertices gives the normal; it is hit from both sides.
-///
-/// `uv` are the barycentric coordinates of the second and third vertex.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Triangle {
-    /// The corners.
-    pub vertices: [DVec3; 3],
+snell_math::declare! {
+    /// A triangle. The right-hand rule on its vertices gives the normal; it is hit from both sides.
+    ///
+    /// `uv` are the barycentric coordinates of the second and third vertex.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Triangle {
+        /// The corners.
+        #[unit("scene units")]
+        pub vertices: [DVec3; 3],
+    }
 }
 
 /// Where a ray meets a triangle.

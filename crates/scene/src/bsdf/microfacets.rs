@@ -4,15 +4,15 @@ use super::{Beckmann, Ggx, Widths};
 use serde::{Deserialize, Serialize};
 use snell_math::{Vec2, Vec3};
 
-/// Shape of a distribution of microfacets.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MicrofacetShape {
-    /// That of [`Ggx`]: highlights with long tails, as measured surfaces have them.
-    #[default]
-    Ggx,
-    /// That of [`Beckmann`]: highlights that end.
-    Beckmann,
+snell_math::declare! {
+    /// Shape of a distribution of microfacets.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub enum MicrofacetShape {
+        /// That of [`Ggx`]: highlights with long tails, as measured surfaces have them.
+        "ggx" => #[default] Ggx,
+        /// That of [`Beckmann`]: highlights that end.
+        "beckmann" => Beckmann,
+    }
 }
 
 impl MicrofacetShape {

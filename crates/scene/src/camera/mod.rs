@@ -10,9 +10,11 @@ pub use matrix::{CameraAxes, CameraError};
 pub use pinhole::CameraRays;
 pub use projection::{FovAxis, Intrinsics, Projection};
 
+use crate::ranges::FARTHEST;
 use pinhole::{Lens, Pinhole, USUAL};
 use projection::resolve;
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::simd::Wide;
 use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, at_level, sampling};
 use std::f64::consts::{PI, TAU};
@@ -27,26 +29,38 @@ pub struct CameraSample {
     pub lens: Vec2,
 }
 
-/// A camera in the world. Its own axes: `right`, `up` and `towards`, orthonormal.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Camera {
-    /// For `--camera`.
-    pub name: String,
-    /// Eye position.
-    pub eye: DVec3,
-    /// Unit view direction.
-    pub towards: DVec3,
-    /// Unit vector that points up in the picture, perpendicular to `towards`.
-    pub up: DVec3,
-    /// How directions map to the film.
-    pub projection: Projection,
-    /// Radius of the lens in scene units; 0 is a pinhole. Panoramic and fisheye cameras have no
-    /// lens.
-    pub aperture_radius: f64,
-    /// Distance along `towards` of the plane in which points are sharp. Positive.
-    pub focus_distance: f64,
-    /// Picture size the camera was made for, if it says.
-    pub resolution: Option<[u32; 2]>,
+snell_math::declare! {
+    /// A camera in the world. Its own axes: `right`, `up` and `towards`, orthonormal.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Camera {
+        /// For `--camera`.
+        pub name: String,
+        /// Eye position.
+        #[range(Range::Within(-FARTHEST, FARTHEST))]
+        #[unit("scene units")]
+        pub eye: DVec3,
+        /// Unit view direction.
+        #[range(Range::Direction)]
+        pub towards: DVec3,
+        /// Unit vector that points up in the picture, perpendicular to `towards`.
+        #[range(Range::Direction)]
+        pub up: DVec3,
+        /// How directions map to the film.
+        pub projection: Projection,
+        /// Radius of the lens in scene units; 0 is a pinhole. Panoramic and fisheye cameras have no
+        /// lens.
+        #[range(Range::AMOUNT)]
+        #[unit("scene units")]
+        pub aperture_radius: f64,
+        /// Distance along `towards` of the plane in which points are sharp. Positive.
+        #[range(Range::Positive)]
+        #[unit("scene units")]
+        pub focus_distance: f64,
+        /// Picture size the camera was made for, if it says.
+        #[range(Range::Positive)]
+        #[unit("pixels")]
+        pub resolution: Option<[u32; 2]>,
+    }
 }
 
 /// A camera ray with its footprint.

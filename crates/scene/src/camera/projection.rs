@@ -1,51 +1,66 @@
 //! How directions map to the film.
 
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 
-/// How directions map to the film.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "projection", rename_all = "kebab-case")]
-pub enum Projection {
-    /// A pinhole or thin lens.
-    Perspective {
-        /// Tangents of the half-angles of view, horizontal and vertical. `None` follows from the
-        /// other and the shape of the picture; at least one is given.
-        tan_half_fov: [Option<f64>; 2],
-    },
-    /// A pinhole or thin lens given by the matrix `[fx s cx; 0 fy cy; 0 0 1]` of computer vision.
-    Intrinsics(Intrinsics),
-    /// Parallel rays.
-    Orthographic {
-        /// Half of the width and height of what is seen, in scene units. `None` follows from the
-        /// other and the shape of the picture; at least one is given.
-        half_size: [Option<f64>; 2],
-    },
-    /// All directions, as a latitude-longitude picture: the middle is `towards`, the top edge `up`,
-    /// and what is right of `towards` is right in the picture. Both side edges show what is behind.
-    Panoramic,
-    /// Equidistant fisheye: the angle from `towards` grows linearly with the distance from the
-    /// middle of the picture. The circle touches the nearer edges of the picture; outside of it
-    /// there are no rays.
-    Fisheye {
-        /// Total angle of view across the circle, radians, in `(0, 2 pi]`.
-        max_angle: f64,
-    },
+snell_math::declare! {
+    /// How directions map to the film.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    pub enum Projection tagged "projection" {
+        /// A pinhole or thin lens.
+        "perspective" => Perspective {
+            /// Tangents of the half-angles of view, horizontal and vertical. `None` follows from
+            /// the other and the shape of the picture; at least one is given.
+            #[range(Range::Positive)]
+            tan_half_fov: [Option<f64>; 2],
+        },
+        /// A pinhole or thin lens given by the matrix `[fx s cx; 0 fy cy; 0 0 1]` of computer
+        /// vision.
+        "intrinsics" => Intrinsics(matrix: Intrinsics),
+        /// Parallel rays.
+        "orthographic" => Orthographic {
+            /// Half of the width and height of what is seen, in scene units. `None` follows from
+            /// the other and the shape of the picture; at least one is given.
+            #[range(Range::Positive)]
+            #[unit("scene units")]
+            half_size: [Option<f64>; 2],
+        },
+        /// All directions, as a latitude-longitude picture: the middle is `towards`, the top edge
+        /// `up`, and what is right of `towards` is right in the picture. Both side edges show what
+        /// is behind.
+        "panoramic" => Panoramic,
+        /// Equidistant fisheye: the angle from `towards` grows linearly with the distance from the
+        /// middle of the picture. The circle touches the nearer edges of the picture; outside of it
+        /// there are no rays.
+        "fisheye" => Fisheye {
+            /// Total angle of view across the circle, radians, in `(0, 2 pi]`.
+            #[range(Range::Within(f64::MIN_POSITIVE, std::f64::consts::TAU))]
+            #[unit("radians")]
+            max_angle: f64,
+        },
+    }
 }
 
-/// A camera matrix, in pixels of a picture of the given size. A picture rendered at another size
-/// shows the same view.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Intrinsics {
-    /// Focal lengths `fx` and `fy`, not 0.
-    pub focal_length: [f64; 2],
-    /// Principal point `cx` and `cy`, measured like [`super::CameraSample::film`]: the centre of
-    /// the first pixel is `(0.5, 0.5)`. (Where it is `(0, 0)`, add one half.)
-    pub principal_point: [f64; 2],
-    /// Skew `s`, usually 0.
-    #[serde(default)]
-    pub skew: f64,
-    /// Width and height of the picture that the numbers are about.
-    pub size: [u32; 2],
+snell_math::declare! {
+    /// A camera matrix, in pixels of a picture of the given size. A picture rendered at another
+    /// size shows the same view.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Intrinsics {
+        /// Focal lengths `fx` and `fy`, not 0.
+        #[unit("pixels")]
+        pub focal_length: [f64; 2],
+        /// Principal point `cx` and `cy`, measured like [`super::CameraSample::film`]: the centre
+        /// of the first pixel is `(0.5, 0.5)`. (Where it is `(0, 0)`, add one half.)
+        #[unit("pixels")]
+        pub principal_point: [f64; 2],
+        /// Skew `s`, usually 0.
+        #[serde(default)]
+        pub skew: f64,
+        /// Width and height of the picture that the numbers are about.
+        #[range(Range::Positive)]
+        #[unit("pixels")]
+        pub size: [u32; 2],
+    }
 }
 
 /// Which side of the picture an angle of view is about.

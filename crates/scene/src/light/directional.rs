@@ -1,18 +1,24 @@
 //! Parallel light.
 
 use super::{Emitter, PunctualLight, luminance, turned};
-use crate::ranges::{LIGHT, Range};
+use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{DAffine3, DVec3, Rgb};
 use std::f64::consts::PI;
 
-/// Parallel light from infinitely far.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Directional {
-    /// Unit direction in which the light travels.
-    pub direction: DVec3,
-    /// Irradiance on a surface that faces the light, W / m^2.
-    pub irradiance: Rgb,
+snell_math::declare! {
+    /// Parallel light from infinitely far.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Directional {
+        /// Unit direction in which the light travels.
+        #[range(Range::Direction)]
+        pub direction: DVec3,
+        /// Irradiance on a surface that faces the light, W / m^2.
+        #[range(LIGHT)]
+        #[unit("W / m^2")]
+        pub irradiance: Rgb,
+    }
 }
 
 impl Directional {
@@ -23,9 +29,6 @@ impl Directional {
 }
 
 impl Emitter for Directional {
-    const RANGES: &'static [(&'static str, Range)] =
-        &[("direction", Range::Direction), ("irradiance", LIGHT)];
-
     fn color(&self) -> Rgb {
         self.irradiance
     }

@@ -1,26 +1,36 @@
 //! A disk that shines to one side.
 
 use super::{Attenuation, Emitter, Incident, LightBounds, panel, turned};
-use crate::ranges::{AMOUNT, LIGHT, Range};
+use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{DAffine3, DVec3, Rgb, Vec2, sampling};
 
-/// An invisible disk that emits to one side. A facing surface receives the average over the disk of
-/// `emission * attenuation(d) * 2 cos(angle at the light)`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Disk {
-    /// Centre.
-    pub position: DVec3,
-    /// Unit normal of the side that emits.
-    pub direction: DVec3,
-    /// Radius, at least 0.
-    pub radius: f64,
-    /// Half of the radiant intensity of the whole disk along its normal, W / sr (with the inverse
-    /// square law).
-    pub emission: Rgb,
-    /// By distance.
-    #[serde(default)]
-    pub attenuation: Attenuation,
+snell_math::declare! {
+    /// An invisible disk that emits to one side. A facing surface receives the average over the
+    /// disk of `emission * attenuation(d) * 2 cos(angle at the light)`.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Disk {
+        /// Centre.
+        #[unit("scene units")]
+        pub position: DVec3,
+        /// Unit normal of the side that emits.
+        #[range(Range::Direction)]
+        pub direction: DVec3,
+        /// Radius, at least 0.
+        #[range(Range::AMOUNT)]
+        #[unit("scene units")]
+        pub radius: f64,
+        /// Half of the radiant intensity of the whole disk along its normal, W / sr (with the
+        /// inverse square law).
+        #[range(LIGHT)]
+        #[unit("W / sr")]
+        pub emission: Rgb,
+        /// By distance.
+        #[range(Range::AMOUNT)]
+        #[serde(default)]
+        pub attenuation: Attenuation,
+    }
 }
 
 impl Disk {
@@ -38,14 +48,6 @@ impl Disk {
 }
 
 impl Emitter for Disk {
-    const RANGES: &'static [(&'static str, Range)] = &[
-        ("position", Range::Any),
-        ("direction", Range::Direction),
-        ("radius", AMOUNT),
-        ("emission", LIGHT),
-        ("attenuation", AMOUNT),
-    ];
-
     fn color(&self) -> Rgb {
         self.emission
     }

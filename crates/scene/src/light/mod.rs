@@ -30,9 +30,9 @@ pub use projector::{Projector, Slide};
 pub use rectangle::Rectangle;
 pub use spot::{Spot, SpotFalloff};
 
-use crate::ranges::Range;
 use punctual::{PunctualLight, PunctualSample};
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::{Kind, Range, Value, Visitor};
 use snell_math::{ColorMode, DAffine3, DMat3, DVec3, Rgb, SampledSpectrum, Vec2, Vec3};
 
 /// Light arriving at a point from one direction.
@@ -55,6 +55,14 @@ pub struct LightSample {
 /// `[0, 0, 1]`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Attenuation(pub [f32; 3]);
+
+impl Value for Attenuation {
+    const KIND: Kind = Kind::Numbers(3);
+
+    fn visit(&self, visitor: &mut Visitor<'_>) {
+        self.0.visit(visitor);
+    }
+}
 
 impl Default for Attenuation {
     fn default() -> Self {
@@ -114,9 +122,6 @@ struct Incident {
 /// Rays never meet such a light: its samples are the only way to it, and no density is asked of it.
 /// It says what arrives in one of two ways, [`Self::punctual`] or [`Self::sample_li`].
 trait Emitter {
-    /// The ranges of its parameters, by name, and of those inside of them.
-    const RANGES: &'static [(&'static str, Range)];
-
     /// The factor on all of its light.
     fn color(&self) -> Rgb;
 
@@ -165,8 +170,7 @@ trait Emitter {
 
 snell_math::kinds! {
     /// A light that is not a surface, in world coordinates.
-    #[serde(tag = "light")]
-    pub enum Light by match_light! {
+    pub enum Light tagged "light" by match_light! {
         "directional" => Directional,
         "point" => Point,
         "spot" => Spot,
@@ -256,14 +260,8 @@ impl Light {
 
     /// The names of the parameters that are directions, of unit length.
     pub fn directions(&self) -> impl Iterator<Item = &'static str> {
-        let rows = Self::ranges_of(self.name());
-        rows.iter().filter(|row| row.1 == Range::Direction).map(|row| row.0)
-    }
-
-    /// The ranges of the parameters of a kind, by their names; none for a name that is no kind's.
-    pub(crate) fn ranges_of(kind: &str) -> &'static [(&'static str, Range)] {
-        let mut all = Self::NAMES.iter().zip(match_light!(each Kind => Kind::RANGES));
-        all.find(|(name, _)| **name == kind).map_or(&[], |(_, ranges)| ranges)
+        let parameters = self.declaration().parameters.iter();
+        parameters.filter(|p| p.range == Range::Direction).map(|p| p.name)
     }
 }
 

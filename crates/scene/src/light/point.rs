@@ -1,25 +1,34 @@
 //! Light from a point, equal in all directions.
 
 use super::{Attenuation, Emitter, LightBounds, PunctualLight, luminance};
-use crate::ranges::{AMOUNT, LIGHT, Range};
+use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{DAffine3, DVec3, Rgb};
 use std::f64::consts::TAU;
 
-/// Light from a point, equal in all directions.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Point {
-    /// Where.
-    pub position: DVec3,
-    /// Radiant intensity, W / sr (with the inverse square law).
-    pub intensity: Rgb,
-    /// By distance.
-    #[serde(default)]
-    pub attenuation: Attenuation,
-    /// Radius of a surrounding sphere in the scene that is the lamp's body: shadow rays end where
-    /// they first meet it. 0 for none.
-    #[serde(default)]
-    pub body_radius: f64,
+snell_math::declare! {
+    /// Light from a point, equal in all directions.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Point {
+        /// Where.
+        #[unit("scene units")]
+        pub position: DVec3,
+        /// Radiant intensity, W / sr (with the inverse square law).
+        #[range(LIGHT)]
+        #[unit("W / sr")]
+        pub intensity: Rgb,
+        /// By distance.
+        #[range(Range::AMOUNT)]
+        #[serde(default)]
+        pub attenuation: Attenuation,
+        /// Radius of a surrounding sphere in the scene that is the lamp's body: shadow rays end
+        /// where they first meet it. 0 for none.
+        #[range(Range::AMOUNT)]
+        #[unit("scene units")]
+        #[serde(default)]
+        pub body_radius: f64,
+    }
 }
 
 impl Point {
@@ -43,13 +52,6 @@ impl Point {
 }
 
 impl Emitter for Point {
-    const RANGES: &'static [(&'static str, Range)] = &[
-        ("position", Range::Any),
-        ("intensity", LIGHT),
-        ("attenuation", AMOUNT),
-        ("body_radius", AMOUNT),
-    ];
-
     fn color(&self) -> Rgb {
         self.intensity
     }

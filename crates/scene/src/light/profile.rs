@@ -3,23 +3,28 @@
 use super::bounds::mean_intensity;
 use super::{Attenuation, Emitter, Incident, LightBounds, luminance, towards, turned_frame};
 use crate::image::Image;
-use crate::ranges::{LIGHT, Range};
+use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::{Kind, Value, Visitor};
 use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2};
 use std::f64::consts::{PI, TAU};
 use std::fmt;
 
-/// Light from a point with an intensity from a table, and with the inverse square law.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Profile {
-    /// Where.
-    pub position: DVec3,
-    /// Rotation of the table's coordinates into the world.
-    pub world_from_light: DMat3,
-    /// Factor on the table.
-    pub scale: Rgb,
-    /// Radiant intensity by direction, W / sr.
-    pub table: IntensityTable,
+snell_math::declare! {
+    /// Light from a point with an intensity from a table, and with the inverse square law.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Profile {
+        /// Where.
+        #[unit("scene units")]
+        pub position: DVec3,
+        /// Rotation of the table's coordinates into the world.
+        pub world_from_light: DMat3,
+        /// Factor on the table.
+        #[range(LIGHT)]
+        pub scale: Rgb,
+        /// Radiant intensity by direction, W / sr.
+        pub table: IntensityTable,
+    }
 }
 
 impl Profile {
@@ -36,9 +41,6 @@ impl Profile {
 }
 
 impl Emitter for Profile {
-    const RANGES: &'static [(&'static str, Range)] =
-        &[("position", Range::Any), ("world_from_light", Range::Any), ("scale", LIGHT)];
-
     fn color(&self) -> Rgb {
         self.scale
     }
@@ -112,6 +114,13 @@ impl fmt::Debug for IntensityTable {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "IntensityTable({} x {})", self.polar.len(), self.azimuth.len())
     }
+}
+
+impl Value for IntensityTable {
+    const KIND: Kind = Kind::Table;
+
+    /// Its values are checked where it is made.
+    fn visit(&self, _: &mut Visitor<'_>) {}
 }
 
 impl IntensityTable {

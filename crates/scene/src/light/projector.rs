@@ -3,22 +3,27 @@
 use super::bounds::mean_intensity;
 use super::{Attenuation, Emitter, Incident, LightBounds, luminance, towards, turned_frame};
 use crate::image::Image;
-use crate::ranges::{LIGHT, Range};
+use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::{Kind, Value, Visitor};
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Vec2};
 use std::fmt;
 
-/// Light from a point that throws a picture, with the inverse square law.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Projector {
-    /// Where.
-    pub position: DVec3,
-    /// Rotation of the slide's coordinates into the world: it shines along their `+z`.
-    pub world_from_light: DMat3,
-    /// Factor on the slide.
-    pub scale: Rgb,
-    /// Radiant intensity by direction, W / sr.
-    pub slide: Slide,
+snell_math::declare! {
+    /// Light from a point that throws a picture, with the inverse square law.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Projector {
+        /// Where.
+        #[unit("scene units")]
+        pub position: DVec3,
+        /// Rotation of the slide's coordinates into the world: it shines along their `+z`.
+        pub world_from_light: DMat3,
+        /// Factor on the slide.
+        #[range(LIGHT)]
+        pub scale: Rgb,
+        /// Radiant intensity by direction, W / sr.
+        pub slide: Slide,
+    }
 }
 
 impl Projector {
@@ -35,9 +40,6 @@ impl Projector {
 }
 
 impl Emitter for Projector {
-    const RANGES: &'static [(&'static str, Range)] =
-        &[("position", Range::Any), ("world_from_light", Range::Any), ("scale", LIGHT)];
-
     fn color(&self) -> Rgb {
         self.scale
     }
@@ -111,6 +113,13 @@ impl fmt::Debug for Slide {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Slide({} x {})", self.width, self.height)
     }
+}
+
+impl Value for Slide {
+    const KIND: Kind = Kind::Table;
+
+    /// Its values are checked where it is made.
+    fn visit(&self, _: &mut Visitor<'_>) {}
 }
 
 impl Slide {

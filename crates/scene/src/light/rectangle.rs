@@ -1,25 +1,35 @@
 //! A rectangle that shines to one side.
 
 use super::{Attenuation, Emitter, Incident, LightBounds, panel, turned};
-use crate::ranges::{AMOUNT, LIGHT, Range};
+use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{DAffine3, DVec2, DVec3, Rgb, Vec2};
 
-/// An invisible rectangle that emits to one side, in the same way as the [`Disk`](super::Disk).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Rectangle {
-    /// Centre.
-    pub center: DVec3,
-    /// Unit vectors along the sides; the side that emits is that of `axes[0] x axes[1]`.
-    pub axes: [DVec3; 2],
-    /// Full lengths of the sides, at least 0.
-    pub lengths: [f64; 2],
-    /// Half of the radiant intensity of the whole rectangle along its normal, W / sr (with the
-    /// inverse square law).
-    pub emission: Rgb,
-    /// By distance.
-    #[serde(default)]
-    pub attenuation: Attenuation,
+snell_math::declare! {
+    /// An invisible rectangle that emits to one side, in the same way as the [`Disk`](super::Disk).
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Rectangle {
+        /// Centre.
+        #[unit("scene units")]
+        pub center: DVec3,
+        /// Unit vectors along the sides; the side that emits is that of `axes[0] x axes[1]`.
+        #[range(Range::Direction)]
+        pub axes: [DVec3; 2],
+        /// Full lengths of the sides, at least 0.
+        #[range(Range::AMOUNT)]
+        #[unit("scene units")]
+        pub lengths: [f64; 2],
+        /// Half of the radiant intensity of the whole rectangle along its normal, W / sr (with the
+        /// inverse square law).
+        #[range(LIGHT)]
+        #[unit("W / sr")]
+        pub emission: Rgb,
+        /// By distance.
+        #[range(Range::AMOUNT)]
+        #[serde(default)]
+        pub attenuation: Attenuation,
+    }
 }
 
 impl Rectangle {
@@ -40,14 +50,6 @@ impl Rectangle {
 }
 
 impl Emitter for Rectangle {
-    const RANGES: &'static [(&'static str, Range)] = &[
-        ("center", Range::Any),
-        ("axes", Range::Direction),
-        ("lengths", AMOUNT),
-        ("emission", LIGHT),
-        ("attenuation", AMOUNT),
-    ];
-
     fn color(&self) -> Rgb {
         self.emission
     }

@@ -4,25 +4,33 @@ use super::punctual::Cone;
 use super::{
     Attenuation, Emitter, Incident, LightBounds, PunctualLight, luminance, towards, turned,
 };
-use crate::ranges::{AMOUNT, LIGHT, Range};
+use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{DAffine3, DVec3, Rgb, Vec2};
 use std::f64::consts::PI;
 
-/// Light from a point into a cone.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Spot {
-    /// Where.
-    pub position: DVec3,
-    /// Unit direction of the axis, in which the light travels.
-    pub direction: DVec3,
-    /// Radiant intensity on the axis, W / sr (with the inverse square law).
-    pub intensity: Rgb,
-    /// By distance.
-    #[serde(default)]
-    pub attenuation: Attenuation,
-    /// By angle.
-    pub falloff: SpotFalloff,
+snell_math::declare! {
+    /// Light from a point into a cone.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Spot {
+        /// Where.
+        #[unit("scene units")]
+        pub position: DVec3,
+        /// Unit direction of the axis, in which the light travels.
+        #[range(Range::Direction)]
+        pub direction: DVec3,
+        /// Radiant intensity on the axis, W / sr (with the inverse square law).
+        #[range(LIGHT)]
+        #[unit("W / sr")]
+        pub intensity: Rgb,
+        /// By distance.
+        #[range(Range::AMOUNT)]
+        #[serde(default)]
+        pub attenuation: Attenuation,
+        /// By angle.
+        pub falloff: SpotFalloff,
+    }
 }
 
 impl Spot {
@@ -43,17 +51,6 @@ impl Spot {
 }
 
 impl Emitter for Spot {
-    const RANGES: &'static [(&'static str, Range)] = &[
-        ("position", Range::Any),
-        ("direction", Range::Direction),
-        ("intensity", LIGHT),
-        ("attenuation", AMOUNT),
-        ("cutoff", Range::Within(0.0, PI)),
-        ("exponent", AMOUNT),
-        ("inner", Range::Within(0.0, PI)),
-        ("outer", Range::Within(0.0, PI)),
-    ];
-
     fn color(&self) -> Rgb {
         self.intensity
     }
@@ -100,34 +97,47 @@ impl Emitter for Spot {
     }
 }
 
-/// Factor on a spot light's intensity by the angle from its axis. Angles in radians.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "falloff", rename_all = "kebab-case")]
-pub enum SpotFalloff {
-    /// `cos(angle)^exponent` up to the cut-off angle, inclusive, and 0 beyond (old OpenGL, `.scn`).
-    Power {
-        /// Half-angle of the cone, `[0, pi]`. Nothing is emitted backwards unless the exponent is
-        /// 0.
-        cutoff: f64,
-        /// At least 0.
-        exponent: f64,
-    },
-    /// 1 inside the inner cone, 0 outside the outer one, and the square of a ramp in the cosine
-    /// between them: the angular attenuation of the glTF extension `KHR_lights_punctual`.
-    Smooth {
-        /// Half-angle up to which the intensity is full.
-        inner: f64,
-        /// Half-angle from which it is 0; at least `inner` (equal ones make a hard edge).
-        outer: f64,
-    },
-    /// 1 inside the inner cone, 0 outside the outer one, and a cubic step in the cosine between
-    /// them: the spot light of pbrt-v4.
-    Step {
-        /// Half-angle up to which the intensity is full.
-        inner: f64,
-        /// Half-angle from which it is 0; at least `inner` (equal ones make a hard edge).
-        outer: f64,
-    },
+snell_math::declare! {
+    /// Factor on a spot light's intensity by the angle from its axis. Angles in radians.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    pub enum SpotFalloff tagged "falloff" {
+        /// `cos(angle)^exponent` up to the cut-off angle, inclusive, and 0 beyond (old OpenGL,
+        /// `.scn`).
+        "power" => Power {
+            /// Half-angle of the cone, `[0, pi]`. Nothing is emitted backwards unless the exponent
+            /// is 0.
+            #[range(Range::Within(0.0, PI))]
+            #[unit("radians")]
+            cutoff: f64,
+            /// At least 0.
+            #[range(Range::AMOUNT)]
+            exponent: f64,
+        },
+        /// 1 inside the inner cone, 0 outside the outer one, and the square of a ramp in the cosine
+        /// between them: the angular attenuation of the glTF extension `KHR_lights_punctual`.
+        "smooth" => Smooth {
+            /// Half-angle up to which the intensity is full.
+            #[range(Range::Within(0.0, PI))]
+            #[unit("radians")]
+            inner: f64,
+            /// Half-angle from which it is 0; at least `inner` (equal ones make a hard edge).
+            #[range(Range::Within(0.0, PI))]
+            #[unit("radians")]
+            outer: f64,
+        },
+        /// 1 inside the inner cone, 0 outside the outer one, and a cubic step in the cosine between
+        /// them: the spot light of pbrt-v4.
+        "step" => Step {
+            /// Half-angle up to which the intensity is full.
+            #[range(Range::Within(0.0, PI))]
+            #[unit("radians")]
+            inner: f64,
+            /// Half-angle from which it is 0; at least `inner` (equal ones make a hard edge).
+            #[range(Range::Within(0.0, PI))]
+            #[unit("radians")]
+            outer: f64,
+        },
+    }
 }
 
 impl SpotFalloff {

@@ -4,11 +4,13 @@ use super::ShadingPoint;
 use crate::bsdf::{BlackBsdf, Bsdf};
 use serde::{Deserialize, Serialize};
 
-/// Absorbs all light: for surfaces that are only seen by what they emit (light sources, unlit
-/// materials).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Black {}
+snell_math::declare! {
+    /// Absorbs all light: for surfaces that are only seen by what they emit (light sources, unlit
+    /// materials).
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Black {}
+}
 
 impl Black {
     /// The only one.

@@ -4,34 +4,38 @@ use super::ShadingPoint;
 use crate::graph::TextureId;
 use serde::{Deserialize, Serialize};
 use snell_intersect::SurfaceInteraction;
+use snell_math::parameters::Range;
 use snell_math::{Rgb, Vec3};
 
-/// Heights that bend the shading normal as if the surface were moved along it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct BumpMap {
-    /// Linear texture: an image or a pattern.
-    pub texture: TextureId,
-    /// Which channel is the height (0 red to 3 alpha); `None` for the luminance.
-    #[serde(default)]
-    pub channel: Option<u8>,
-    /// Height where the texture is 1. Below 0 what is bright is deep.
-    pub height: f32,
-    /// What heights are measured in.
-    #[serde(default)]
-    pub unit: HeightUnit,
+snell_math::declare! {
+    /// Heights that bend the shading normal as if the surface were moved along it.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct BumpMap {
+        /// Linear texture: an image or a pattern.
+        pub texture: TextureId,
+        /// Which channel is the height (0 red to 3 alpha); `None` for the luminance.
+        #[range(Range::Within(0.0, 3.0))]
+        #[serde(default)]
+        pub channel: Option<u8>,
+        /// Height where the texture is 1. Below 0 what is bright is deep.
+        pub height: f32,
+        /// What heights are measured in.
+        #[serde(default)]
+        pub unit: HeightUnit,
+    }
 }
 
-/// What heights are measured in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum HeightUnit {
-    /// Units of the scene.
-    #[default]
-    Scene,
-    /// The width that the whole picture has where it lies on the surface, so that the look does not
-    /// depend on the size of things.
-    Picture,
+snell_math::declare! {
+    /// What heights are measured in.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum HeightUnit {
+        /// Units of the scene.
+        "scene" => #[default] Scene,
+        /// The width that the whole picture has where it lies on the surface, so that the look does
+        /// not depend on the size of things.
+        "picture" => Picture,
+    }
 }
 
 /// The least step over the surface, relative to the distance from the origin: so that rounded

@@ -4,25 +4,32 @@ use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{Body, Bsdf, DiffuseBsdf, Gloss, GlossyBsdf, MicrofacetShape, fresnel};
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
+use snell_math::parameters::Range;
 
-/// A matte body under a dielectric layer, told by the body's own colour: light that is reflected
-/// back into the body by the inner side of the layer meets it again, so the surface looks darker
-/// and more saturated than the body ([`super::Plastic`] is told by the colour that is seen). What
-/// pbrt-v4 calls `coateddiffuse`, without a medium in the layer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CoatedDiffuse {
-    /// Reflectance of the body, `[0, 1]`; multiplied by the vertex colour.
-    pub reflectance: ColorParam,
-    /// Index of refraction of the layer. Positive, otherwise 1.
-    #[serde(default = "super::usual::glass")]
-    pub ior: f32,
-    /// Roughness of the layer, `[0, 1]`; the distribution's `alpha` is its square.
-    #[serde(default = "super::usual::smooth")]
-    pub roughness: ScalarParam,
-    /// Shape of the distribution.
-    #[serde(default)]
-    pub microfacets: MicrofacetShape,
+snell_math::declare! {
+    /// A matte body under a dielectric layer, told by the body's own colour: light that is
+    /// reflected back into the body by the inner side of the layer meets it again, so the surface
+    /// looks darker and more saturated than the body ([`super::Plastic`] is told by the colour that
+    /// is seen). What pbrt-v4 calls `coateddiffuse`, without a medium in the layer.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct CoatedDiffuse {
+        /// Reflectance of the body, `[0, 1]`; multiplied by the vertex colour.
+        #[range(Range::SHARE)]
+        pub reflectance: ColorParam,
+        /// Index of refraction of the layer. Positive, otherwise 1.
+        #[range(Range::Positive)]
+        #[usual(Range::Within(0.2, 6.0))]
+        #[serde(default = "super::usual::glass")]
+        pub ior: f32,
+        /// Roughness of the layer, `[0, 1]`; the distribution's `alpha` is its square.
+        #[range(Range::SHARE)]
+        #[serde(default = "super::usual::smooth")]
+        pub roughness: ScalarParam,
+        /// Shape of the distribution.
+        #[serde(default)]
+        pub microfacets: MicrofacetShape,
+    }
 }
 
 impl CoatedDiffuse {

@@ -5,25 +5,28 @@ use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, MicrofacetShape, Palett
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
+use snell_math::parameters::Range;
 use snell_math::spectrum::Metal;
 use snell_math::{Rgb, SampledSpectrum};
 
-/// What a metal reflects. A metal by name is also written as text: `"metal:Au"`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", remote = "Self")]
-pub enum ConductorSpectrum {
-    /// A measured metal by chemical symbol or name: exact in spectral mode, and of the same colour
-    /// at normal incidence in RGB mode.
-    Metal(Metal),
-    /// Complex index of refraction `eta + i k` relative to air.
-    Measured {
-        /// Real part, at least 0.
-        eta: Rgb,
-        /// Imaginary part (absorption), at least 0.
-        k: Rgb,
-    },
-    /// Colour at normal incidence, `[0, 1]`; white at grazing angles (Schlick).
-    Color(ColorParam),
+snell_math::declare! {
+    /// What a metal reflects. A metal by name is also written as text: `"metal:Au"`.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(remote = "Self")]
+    pub enum ConductorSpectrum {
+        /// A measured metal by chemical symbol or name: exact in spectral mode, and of the same
+        /// colour at normal incidence in RGB mode.
+        "metal" => Metal(metal: Metal),
+        /// Complex index of refraction `eta + i k` relative to air.
+        "measured" => Measured {
+            /// Real part, at least 0.
+            eta: Rgb,
+            /// Imaginary part (absorption), at least 0.
+            k: Rgb,
+        },
+        /// Colour at normal incidence, `[0, 1]`; white at grazing angles (Schlick).
+        "color" => Color(#[range(Range::SHARE)] color: ColorParam),
+    }
 }
 
 impl Serialize for ConductorSpectrum {
@@ -60,26 +63,31 @@ impl<'de> Visitor<'de> for SpectrumVisitor {
     }
 }
 
-/// A metal with microfacets.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Conductor {
-    /// What it reflects.
-    pub spectrum: ConductorSpectrum,
-    /// Roughness, `[0, 1]`; the distribution's `alpha` is its square (as in glTF). Below 0.032 the
-    /// metal is a mirror.
-    #[serde(default = "super::usual::smooth")]
-    pub roughness: ScalarParam,
-    /// Shape of the distribution.
-    #[serde(default)]
-    pub microfacets: MicrofacetShape,
-    /// How far it is stretched along the tangent, `[-1, 1]`; along the bitangent below 0. As in
-    /// [`super::OpenPbr`].
-    #[serde(default = "super::usual::smooth")]
-    pub anisotropy: ScalarParam,
-    /// Factor on all that it reflects, `[0, 1]`: white for a real metal.
-    #[serde(default = "super::usual::white")]
-    pub tint: ColorParam,
+snell_math::declare! {
+    /// A metal with microfacets.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Conductor {
+        /// What it reflects.
+        pub spectrum: ConductorSpectrum,
+        /// Roughness, `[0, 1]`; the distribution's `alpha` is its square (as in glTF). Below 0.032
+        /// the metal is a mirror.
+        #[range(Range::SHARE)]
+        #[serde(default = "super::usual::smooth")]
+        pub roughness: ScalarParam,
+        /// Shape of the distribution.
+        #[serde(default)]
+        pub microfacets: MicrofacetShape,
+        /// How far it is stretched along the tangent, `[-1, 1]`; along the bitangent below 0. As in
+        /// [`super::OpenPbr`].
+        #[range(Range::Within(-1.0, 1.0))]
+        #[serde(default = "super::usual::smooth")]
+        pub anisotropy: ScalarParam,
+        /// Factor on all that it reflects, `[0, 1]`: white for a real metal.
+        #[range(Range::SHARE)]
+        #[serde(default = "super::usual::white")]
+        pub tint: ColorParam,
+    }
 }
 
 impl Conductor {

@@ -3,34 +3,43 @@
 use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior, relative_ior};
 use crate::bsdf::{Bsdf, DielectricBsdf, MicrofacetShape, bounded};
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::spectrum::{Glass, LINE_D, RefractiveIndex};
 use snell_math::{ColorMode, Rgb, SampledSpectrum};
 
-/// The interface between air (outer side) and a clear medium: reflects and refracts by Fresnel's
-/// and Snell's laws. For closed surfaces; a single sheet bends light once.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Dielectric {
-    /// Index of refraction of the inside over the outside: 1.33 for water, 1.5 for glass, or a
-    /// glass by name. Positive, otherwise 1. If it depends on the wavelength, light of one
-    /// wavelength goes on behind the interface (and in the mirror direction); in RGB mode all
-    /// colours have the index of the d-line.
-    pub ior: RefractiveIndex,
-    /// Roughness, `[0, 1]`; the distribution's `alpha` is its square. Below 0.032 the interface is
-    /// perfectly smooth.
-    #[serde(default = "super::usual::smooth")]
-    pub roughness: ScalarParam,
-    /// Shape of the distribution.
-    #[serde(default)]
-    pub microfacets: MicrofacetShape,
-    /// Factor on light at each crossing, `[0, 1]`.
-    #[serde(default = "super::usual::white")]
-    pub tint: ColorParam,
-    /// What the medium absorbs per unit of length (Lambert and Beer): after a distance `d`,
-    /// `exp(-absorption d)` is left. Counts for paths that meet the surface from within; light rays
-    /// to things inside of the medium do not know of it.
-    #[serde(default)]
-    pub absorption: Rgb,
+snell_math::declare! {
+    /// The interface between air (outer side) and a clear medium: reflects and refracts by
+    /// Fresnel's and Snell's laws. For closed surfaces; a single sheet bends light once.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Dielectric {
+        /// Index of refraction of the inside over the outside: 1.33 for water, 1.5 for glass, or a
+        /// glass by name. Positive, otherwise 1. If it depends on the wavelength, light of one
+        /// wavelength goes on behind the interface (and in the mirror direction); in RGB mode all
+        /// colours have the index of the d-line.
+        #[range(Range::Positive)]
+        #[usual(Range::Within(0.2, 6.0))]
+        pub ior: RefractiveIndex,
+        /// Roughness, `[0, 1]`; the distribution's `alpha` is its square. Below 0.032 the interface
+        /// is perfectly smooth.
+        #[range(Range::SHARE)]
+        #[serde(default = "super::usual::smooth")]
+        pub roughness: ScalarParam,
+        /// Shape of the distribution.
+        #[serde(default)]
+        pub microfacets: MicrofacetShape,
+        /// Factor on light at each crossing, `[0, 1]`.
+        #[range(Range::SHARE)]
+        #[serde(default = "super::usual::white")]
+        pub tint: ColorParam,
+        /// What the medium absorbs per unit of length (Lambert and Beer): after a distance `d`,
+        /// `exp(-absorption d)` is left. Counts for paths that meet the surface from within; light
+        /// rays to things inside of the medium do not know of it.
+        #[range(Range::AMOUNT)]
+        #[unit("per scene unit")]
+        #[serde(default)]
+        pub absorption: Rgb,
+    }
 }
 
 impl Dielectric {

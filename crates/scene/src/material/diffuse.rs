@@ -3,14 +3,18 @@
 use super::{ColorParam, ShadingPoint};
 use crate::bsdf::{Bsdf, DiffuseBsdf, bounded};
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{Rgb, SampledSpectrum};
 
-/// Lambertian reflection.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Diffuse {
-    /// Share of light reflected, `[0, 1]`; multiplied by the vertex colour.
-    pub reflectance: ColorParam,
+snell_math::declare! {
+    /// Lambertian reflection.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Diffuse {
+        /// Share of light reflected, `[0, 1]`; multiplied by the vertex colour.
+        #[range(Range::SHARE)]
+        pub reflectance: ColorParam,
+    }
 }
 
 impl Diffuse {

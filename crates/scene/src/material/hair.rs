@@ -3,6 +3,7 @@
 use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{Bsdf, HairBsdf, HairFiber};
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{Rgb, SampledSpectrum};
 
 /// Absorption per radius of a unit of each pigment (d'Eon et al., An Energy-Conserving Hair
@@ -10,35 +11,48 @@ use snell_math::{Rgb, SampledSpectrum};
 const EUMELANIN: Rgb = Rgb::new(0.419, 0.697, 1.37);
 const PHEOMELANIN: Rgb = Rgb::new(0.187, 0.4, 1.05);
 
-/// Hair, fur and other fibres: light that is reflected, passes through, or turns around within
-/// (Chiang et al., A Practical and Controllable Hair and Fur Model for Production Path Tracing,
-/// 2016; the model of pbrt's and Mitsuba's `hair`). Made for curves. On other surfaces `u` must run
-/// along the fibre and `v` from 0 to 1 across it.
-///
-/// What the fibre absorbs is the sum of what its pigments, its dye and `sigma_a` do; without any it
-/// is clear, as white hair is.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Hair {
-    /// Concentration of the brown pigment, at least 0: 0.3 in blonde, 1.3 in brown and 8 in black
-    /// hair.
-    pub eumelanin: ScalarParam,
-    /// Concentration of the red pigment, at least 0.
-    pub pheomelanin: ScalarParam,
-    /// Colour that the dye gives to much hair in white light, `[0, 1]`; multiplied by the vertex
-    /// colour. White: no dye.
-    pub color: ColorParam,
-    /// Further absorption per radius of the fibre, at least 0.
-    pub sigma_a: ColorParam,
-    /// Index of refraction. Positive, otherwise 1.
-    pub ior: f32,
-    /// Roughness along the fibre, `[0, 1]` (`beta_m`); at least 0.01 is used.
-    pub longitudinal_roughness: ScalarParam,
-    /// Roughness around the fibre, `[0, 1]` (`beta_n`); at least 0.01 is used.
-    pub azimuthal_roughness: ScalarParam,
-    /// Angle by which the scales stand off the fibre towards its tip, degrees; it moves the
-    /// highlights apart.
-    pub scale_tilt: f32,
+snell_math::declare! {
+    /// Hair, fur and other fibres: light that is reflected, passes through, or turns around within
+    /// (Chiang et al., A Practical and Controllable Hair and Fur Model for Production Path Tracing,
+    /// 2016; the model of pbrt's and Mitsuba's `hair`). Made for curves. On other surfaces `u` must
+    /// run along the fibre and `v` from 0 to 1 across it.
+    ///
+    /// What the fibre absorbs is the sum of what its pigments, its dye and `sigma_a` do; without
+    /// any it is clear, as white hair is.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Hair {
+        /// Concentration of the brown pigment, at least 0: 0.3 in blonde, 1.3 in brown and 8 in
+        /// black hair.
+        #[range(Range::AMOUNT)]
+        pub eumelanin: ScalarParam,
+        /// Concentration of the red pigment, at least 0.
+        #[range(Range::AMOUNT)]
+        pub pheomelanin: ScalarParam,
+        /// Colour that the dye gives to much hair in white light, `[0, 1]`; multiplied by the
+        /// vertex colour. White: no dye.
+        #[range(Range::SHARE)]
+        pub color: ColorParam,
+        /// Further absorption per radius of the fibre, at least 0.
+        #[range(Range::AMOUNT)]
+        #[unit("per radius")]
+        pub sigma_a: ColorParam,
+        /// Index of refraction. Positive, otherwise 1.
+        #[range(Range::Positive)]
+        #[usual(Range::Within(0.2, 6.0))]
+        pub ior: f32,
+        /// Roughness along the fibre, `[0, 1]` (`beta_m`); at least 0.01 is used.
+        #[range(Range::SHARE)]
+        pub longitudinal_roughness: ScalarParam,
+        /// Roughness around the fibre, `[0, 1]` (`beta_n`); at least 0.01 is used.
+        #[range(Range::SHARE)]
+        pub azimuthal_roughness: ScalarParam,
+        /// Angle by which the scales stand off the fibre towards its tip, degrees; it moves the
+        /// highlights apart.
+        #[range(Range::Within(-90.0, 90.0))]
+        #[unit("degrees")]
+        pub scale_tilt: f32,
+    }
 }
 
 impl Default for Hair {

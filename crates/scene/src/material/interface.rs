@@ -4,11 +4,13 @@ use super::ShadingPoint;
 use crate::bsdf::{BlackBsdf, Bsdf};
 use serde::{Deserialize, Serialize};
 
-/// Nothing to be seen: light passes unchanged. For the boundaries of fog, smoke and clouds. (One
-/// that emits is a black lamp.)
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Interface {}
+snell_math::declare! {
+    /// Nothing to be seen: light passes unchanged. For the boundaries of fog, smoke and clouds.
+    /// (One that emits is a black lamp.)
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Interface {}
+}
 
 impl Interface {
     /// The only one.

@@ -5,22 +5,24 @@ use crate::graph::MediumId;
 use crate::medium::MediumProperties;
 use serde::{Deserialize, Serialize};
 
-/// The inside of a closed surface, as far as light transport goes.
-///
-/// Insides may overlap. Where they do, the one of the highest priority is there, and the others are
-/// not: glass with a drink in it is glass of priority 1 and a drink of priority 0 that reaches a
-/// little into the glass (Schmidt and Budge, Simple Nested Dielectrics in Ray Traced Images, JGT
-/// 2002). Among equal priorities, the last one that a path entered is there: things in things need
-/// none.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Interior {
-    /// The medium inside; `None` if it is empty, or filled by what the material itself brings
-    /// ([`Material::own_medium`]).
-    pub medium: Option<MediumId>,
-    /// Who is there where insides overlap: the highest.
-    #[serde(default)]
-    pub priority: i32,
+snell_math::declare! {
+    /// The inside of a closed surface, as far as light transport goes.
+    ///
+    /// Insides may overlap. Where they do, the one of the highest priority is there, and the others
+    /// are not: glass with a drink in it is glass of priority 1 and a drink of priority 0 that
+    /// reaches a little into the glass (Schmidt and Budge, Simple Nested Dielectrics in Ray Traced
+    /// Images, JGT 2002). Among equal priorities, the last one that a path entered is there: things
+    /// in things need none.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Interior {
+        /// The medium inside; `None` if it is empty, or filled by what the material itself brings
+        /// ([`Material::own_medium`]).
+        pub medium: Option<MediumId>,
+        /// Who is there where insides overlap: the highest.
+        #[serde(default)]
+        pub priority: i32,
+    }
 }
 
 impl Material {

@@ -4,36 +4,49 @@ use super::{ColorParam, NormalMap, OpenPbr, ScalarParam, ShadingPoint};
 use crate::bsdf::{Bsdf, bounded, fresnel};
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
+use snell_math::parameters::Range;
 
-/// A mix of metal and dielectric: the metallic-roughness model of glTF 2.0 (specification, appendix
-/// B) with the extensions `KHR_materials_ior`, `KHR_materials_specular`,
-/// `KHR_materials_transmission` (thin walls) and `KHR_materials_clearcoat`: some of the parameters
-/// of [`OpenPbr`] under the names of glTF.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct MetallicRoughness {
-    /// Diffuse colour of the dielectric and reflectance of the metal at normal incidence, `[0, 1]`;
-    /// multiplied by the vertex colour.
-    pub base_color: ColorParam,
-    /// 0 dielectric, 1 metal.
-    pub metallic: ScalarParam,
-    /// Perceptual roughness, `[0, 1]`; `alpha` of the distribution is its square.
-    pub roughness: ScalarParam,
-    /// Index of refraction of the dielectric. 0 (as in the extension) makes it reflect everything.
-    pub ior: f32,
-    /// Strength of the dielectric's reflection, `[0, 1]`.
-    pub specular: ScalarParam,
-    /// Colour of the dielectric's reflection at normal incidence; may exceed 1.
-    pub specular_color: ColorParam,
-    /// Share of the dielectric's base that lets light straight through instead of scattering it,
-    /// `[0, 1]`.
-    pub transmission: ScalarParam,
-    /// Share of a clear coat (index 1.5) on top of all that, `[0, 1]`.
-    pub clearcoat: ScalarParam,
-    /// Perceptual roughness of the coat, `[0, 1]`.
-    pub clearcoat_roughness: ScalarParam,
-    /// Bends the normal of the coat, which does not follow the material's own normal map.
-    pub clearcoat_normal_map: Option<NormalMap>,
+snell_math::declare! {
+    /// A mix of metal and dielectric: the metallic-roughness model of glTF 2.0 (specification,
+    /// appendix B) with the extensions `KHR_materials_ior`, `KHR_materials_specular`,
+    /// `KHR_materials_transmission` (thin walls) and `KHR_materials_clearcoat`: some of the
+    /// parameters of [`OpenPbr`] under the names of glTF.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct MetallicRoughness {
+        /// Diffuse colour of the dielectric and reflectance of the metal at normal incidence, `[0,
+        /// 1]`; multiplied by the vertex colour.
+        #[range(Range::SHARE)]
+        pub base_color: ColorParam,
+        /// 0 dielectric, 1 metal.
+        #[range(Range::SHARE)]
+        pub metallic: ScalarParam,
+        /// Perceptual roughness, `[0, 1]`; `alpha` of the distribution is its square.
+        #[range(Range::SHARE)]
+        pub roughness: ScalarParam,
+        /// Index of refraction of the dielectric. 0 (as in the extension) makes it reflect
+        /// everything.
+        #[range(Range::AMOUNT)]
+        pub ior: f32,
+        /// Strength of the dielectric's reflection, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub specular: ScalarParam,
+        /// Colour of the dielectric's reflection at normal incidence; may exceed 1.
+        #[range(Range::AMOUNT)]
+        pub specular_color: ColorParam,
+        /// Share of the dielectric's base that lets light straight through instead of scattering
+        /// it, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub transmission: ScalarParam,
+        /// Share of a clear coat (index 1.5) on top of all that, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub clearcoat: ScalarParam,
+        /// Perceptual roughness of the coat, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub clearcoat_roughness: ScalarParam,
+        /// Bends the normal of the coat, which does not follow the material's own normal map.
+        pub clearcoat_normal_map: Option<NormalMap>,
+    }
 }
 
 impl Default for MetallicRoughness {

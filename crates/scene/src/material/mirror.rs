@@ -4,13 +4,17 @@ use super::{ColorParam, ShadingPoint};
 use crate::bsdf::{Bsdf, MirrorBsdf};
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
+use snell_math::parameters::Range;
 
-/// Reflects in the mirror direction only, equally at all angles.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Mirror {
-    /// Share of light reflected, `[0, 1]`.
-    pub reflectance: ColorParam,
+snell_math::declare! {
+    /// Reflects in the mirror direction only, equally at all angles.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Mirror {
+        /// Share of light reflected, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub reflectance: ColorParam,
+    }
 }
 
 impl Mirror {

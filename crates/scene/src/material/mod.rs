@@ -45,9 +45,11 @@ pub use specular::Specular;
 
 use crate::bsdf::{Bsdf, bounded};
 use crate::graph::{MediumId, TextureId};
+use crate::ranges::LIGHT;
 use crate::texture::TextureSet;
 use serde::{Deserialize, Serialize};
 use snell_intersect::SurfaceInteraction;
+use snell_math::parameters::{Kind, Range, Step, Value, Visitor, references};
 use snell_math::spectrum::{Color, Spectrum};
 use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec3};
 use std::collections::BTreeSet;
@@ -86,6 +88,17 @@ impl ColorParam {
             }
         };
         Color { rgb, spectrum: self.spectrum }
+    }
+}
+
+impl Value for ColorParam {
+    const KIND: Kind = Kind::TexturedColor;
+
+    fn visit(&self, visitor: &mut Visitor<'_>) {
+        visitor.factor(self.texture.map(|id| id.0), self.spectrum.is_some(), &self.factor);
+        if let Some(texture) = &self.texture {
+            visitor.inside(Step::Name("texture"), texture);
+        }
     }
 }
 
@@ -155,6 +168,17 @@ impl ScalarParam {
     }
 }
 
+impl Value for ScalarParam {
+    const KIND: Kind = Kind::TexturedNumber;
+
+    fn visit(&self, visitor: &mut Visitor<'_>) {
+        visitor.factor(self.texture.map(|(id, _)| id.0), false, &self.factor);
+        if let Some((texture, _)) = &self.texture {
+            visitor.inside(Step::Name("texture"), texture);
+        }
+    }
+}
+
 impl From<f32> for ScalarParam {
     fn from(factor: f32) -> Self {
         Self::constant(factor)
@@ -174,6 +198,11 @@ mod usual {
     /// A factor that changes nothing.
     pub fn white() -> ColorParam {
         Rgb::WHITE.into()
+    }
+
+    /// A factor that changes nothing.
+    pub fn whole() -> f32 {
+        1.0
     }
 
     /// Index of refraction of glass and varnish.
@@ -231,61 +260,69 @@ fn relative_ior(ior: f32, outside_ior: f32) -> f32 {
     positive_ior(ior / outside_ior)
 }
 
-/// How opacity works.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum AlphaMode {
-    /// Alpha is ignored.
-    #[default]
-    Opaque,
-    /// Opaque where alpha is at least the cut-off, absent elsewhere.
-    Mask(f32),
-    /// Present with probability alpha.
-    Blend,
+snell_math::declare! {
+    /// How opacity works.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub enum AlphaMode {
+        /// Alpha is ignored.
+        "opaque" => #[default] Opaque,
+        /// Opaque where alpha is at least the cut-off, absent elsewhere.
+        "mask" => Mask(cutoff: f32),
+        /// Present with probability alpha.
+        "blend" => Blend,
+    }
 }
 
-/// A normal map.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct NormalMap {
-    /// Linear texture with `2 rgb - 1` the normal in the tangent frame.
-    pub texture: TextureId,
-    /// Factor on its x and y.
-    pub scale: f32,
+snell_math::declare! {
+    /// A normal map.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct NormalMap {
+        /// Linear texture with `2 rgb - 1` the normal in the tangent frame.
+        pub texture: TextureId,
+        /// Factor on its x and y.
+        #[serde(default = "usual::whole")]
+        pub scale: f32,
+    }
 }
 
-/// A material: what light does at a surface.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Material {
-    /// For people.
-    pub name: String,
-    /// Reflection and transmission.
-    pub kind: MaterialKind,
-    /// Emitted radiance, W / (m^2 sr), on the sides that are visible.
-    pub emission: ColorParam,
-    /// True if the vertex colour multiplies the emission, as it does for surfaces that show their
-    /// base colour unlit.
-    #[serde(default)]
-    pub emission_takes_vertex_color: bool,
-    /// True if the inner side emits too.
-    pub emits_on_both_sides: bool,
-    /// False if the emission is only seen, by the camera and in mirrors, because another light
-    /// stands for what it does to other surfaces.
-    pub illuminates: bool,
-    /// How `alpha` counts.
-    pub alpha_mode: AlphaMode,
-    /// Opacity, `[0, 1]`; multiplied by the vertex alpha.
-    pub alpha: ScalarParam,
-    /// False if rays from the inner side pass through as if nothing were there.
-    pub double_sided: bool,
-    /// Bends the shading normal.
-    pub normal_map: Option<NormalMap>,
-    /// Heights, which bend it further. A coat with a normal of its own does not follow them.
-    #[serde(default)]
-    pub bump_map: Option<BumpMap>,
-    /// What is inside of a closed surface; `None` for what the kind implies
-    /// ([`Material::bounded_interior`]).
-    #[serde(default)]
-    pub interior: Option<Interior>,
+snell_math::declare! {
+    /// A material: what light does at a surface.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Material {
+        /// For people.
+        pub name: String,
+        /// Reflection and transmission.
+        pub kind: MaterialKind,
+        /// Emitted radiance, W / (m^2 sr), on the sides that are visible.
+        #[range(LIGHT)]
+        #[unit("W / (m^2 sr)")]
+        pub emission: ColorParam,
+        /// True if the vertex colour multiplies the emission, as it does for surfaces that show
+        /// their base colour unlit.
+        #[serde(default)]
+        pub emission_takes_vertex_color: bool,
+        /// True if the inner side emits too.
+        pub emits_on_both_sides: bool,
+        /// False if the emission is only seen, by the camera and in mirrors, because another light
+        /// stands for what it does to other surfaces.
+        pub illuminates: bool,
+        /// How `alpha` counts.
+        pub alpha_mode: AlphaMode,
+        /// Opacity, `[0, 1]`; multiplied by the vertex alpha.
+        #[range(Range::SHARE)]
+        pub alpha: ScalarParam,
+        /// False if rays from the inner side pass through as if nothing were there.
+        pub double_sided: bool,
+        /// Bends the shading normal.
+        pub normal_map: Option<NormalMap>,
+        /// Heights, which bend it further. A coat with a normal of its own does not follow them.
+        #[serde(default)]
+        pub bump_map: Option<BumpMap>,
+        /// What is inside of a closed surface; `None` for what the kind implies
+        /// ([`Material::bounded_interior`]).
+        #[serde(default)]
+        pub interior: Option<Interior>,
+    }
 }
 
 impl Material {
@@ -362,11 +399,7 @@ impl Material {
 
     /// The textures that it looks up itself.
     pub fn textures(&self) -> BTreeSet<TextureId> {
-        // The declarations say which parameters have one, and so does what they print; names may
-        // say anything.
-        let text = format!("{:?}", Self { name: String::new(), ..self.clone() });
-        let ids = text.split("TextureId(").skip(1);
-        ids.filter_map(|rest| rest.split(')').next()?.parse().ok().map(TextureId)).collect()
+        references(self, TextureId::TABLE).into_iter().map(TextureId).collect()
     }
 
     /// True if it can emit anywhere.
@@ -471,8 +504,7 @@ fn emitted_part(x: f32) -> f32 {
 
 snell_math::kinds! {
     /// Any of the materials.
-    #[serde(tag = "material")]
-    pub enum MaterialKind by match_material! {
+    pub enum MaterialKind tagged "material" by match_material! {
         "black" => Black,
         "diffuse" => Diffuse,
         "phong" => Phong,

@@ -9,120 +9,168 @@ use crate::bsdf::{
 };
 use crate::graph::TextureId;
 use crate::medium::{HenyeyGreenstein, MediumProperties};
+use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::spectrum::{LINE_D, RefractiveIndex};
 use snell_math::{Rgb, SampledSpectrum};
 
-/// Everything that the specification OpenPBR Surface 1.1 (Academy Software Foundation) describes,
-/// under its names and with its defaults: fuzz over coat over a mixture of metal, clear and opaque
-/// dielectric. Each parameter is a factor, times a texture if there is one.
-///
-/// What belongs to any surface is moved to the fields of [`super::Material`] when the material is
-/// made ([`super::Material::new`]): `emission_luminance` times `emission_color` to `emission` (one
-/// nit as one W/(m² sr), as for glTF), `geometry_opacity` to `alpha`, `geometry_normal` to
-/// `normal_map`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct OpenPbr {
-    /// Factor on `base_color`, `[0, 1]`.
-    pub base_weight: ScalarParam,
-    /// Colour of the diffuse base, and reflectance of the metal at normal incidence, `[0, 1]`;
-    /// multiplied by the vertex colour.
-    pub base_color: ColorParam,
-    /// Roughness of the diffuse base, `[0, 1]`: 0 is Lambertian, 1 looks flat.
-    pub base_diffuse_roughness: ScalarParam,
-    /// 0 dielectric, 1 metal.
-    pub base_metalness: ScalarParam,
-    /// Factor on the reflectance at normal incidence; may exceed 1 for dielectrics, as far as
-    /// reflectances go.
-    pub specular_weight: ScalarParam,
-    /// Tint of the dielectric's reflection; factor on the metal's reflectance at 82 degrees.
-    /// `[0, 1]`.
-    pub specular_color: ColorParam,
-    /// Roughness of metal and dielectric, `[0, 1]`; `alpha` of the distribution is its square.
-    pub specular_roughness: ScalarParam,
-    /// How much highlights are stretched along the tangent, `[0, 1]`.
-    pub specular_roughness_anisotropy: ScalarParam,
-    /// Index of refraction of the dielectric, positive.
-    pub specular_ior: ScalarParam,
-    /// Share of the dielectric that is clear, `[0, 1]`.
-    pub transmission_weight: ScalarParam,
-    /// What is left of white light after `transmission_depth`; for a depth of 0 a factor on what
-    /// goes through the surface. `[0, 1]`.
-    pub transmission_color: ColorParam,
-    /// Distance, in units of the scene.
-    pub transmission_depth: ScalarParam,
-    /// Scattering coefficient of the clear dielectric times `transmission_depth`.
-    pub transmission_scatter: ColorParam,
-    /// Mean cosine of that scattering, `(-1, 1)`.
-    pub transmission_scatter_anisotropy: ScalarParam,
-    /// Factor on dispersion, `[0, 1]`.
-    pub transmission_dispersion_scale: ScalarParam,
-    /// Abbe number of the clear dielectric, positive: 20 spreads colours widely, 60 is glass.
-    pub transmission_dispersion_abbe_number: ScalarParam,
-    /// Factor on light that goes through the surface in addition to what the specification has
-    /// (glTF's base colour of glass).
-    pub transmission_tint: ColorParam,
-    /// Share of the opaque dielectric that scatters under the surface, `[0, 1]`.
-    pub subsurface_weight: ScalarParam,
-    /// Colour that it shows, `[0, 1]`.
-    pub subsurface_color: ColorParam,
-    /// Mean free path there, in units of the scene.
-    pub subsurface_radius: ScalarParam,
-    /// Factor on that per channel.
-    pub subsurface_radius_scale: ColorParam,
-    /// Mean cosine of scattering there, `(-1, 1)`. For thin walls: -1 reflects, 1 lets through.
-    pub subsurface_scatter_anisotropy: ScalarParam,
-    /// Share of the surface that is coated, `[0, 1]`.
-    pub coat_weight: ScalarParam,
-    /// What is left of light that crosses the coat twice, `[0, 1]`.
-    pub coat_color: ColorParam,
-    /// Roughness of the coat, `[0, 1]`.
-    pub coat_roughness: ScalarParam,
-    /// How much highlights of the coat are stretched along the tangent, `[0, 1]`.
-    pub coat_roughness_anisotropy: ScalarParam,
-    /// Index of refraction of the coat, positive.
-    pub coat_ior: ScalarParam,
-    /// How much of the darkening by reflections inside of the coat there is, `[0, 1]`.
-    pub coat_darkening: ScalarParam,
-    /// Share of the surface that is fuzzy, `[0, 1]`.
-    pub fuzz_weight: ScalarParam,
-    /// Colour of the fuzz, `[0, 1]`.
-    pub fuzz_color: ColorParam,
-    /// 0 for thin straight fibres, 1 for dust.
-    pub fuzz_roughness: ScalarParam,
-    /// Share of the base that a thin film covers, `[0, 1]`.
-    pub thin_film_weight: ScalarParam,
-    /// Thickness of the film in micrometres.
-    pub thin_film_thickness: ScalarParam,
-    /// Index of refraction of the film, positive.
-    pub thin_film_ior: ScalarParam,
-    /// Luminance of the surface in cd/m².
-    pub emission_luminance: ScalarParam,
-    /// Factor on that, `[0, 1]`.
-    pub emission_color: ColorParam,
-    /// Share of the surface that is there, `[0, 1]`.
-    pub geometry_opacity: ScalarParam,
-    /// True for sheets without an inside: windows, leaves, paper.
-    pub geometry_thin_walled: bool,
-    /// Bends the normal of the base.
-    pub geometry_normal: Option<NormalMap>,
-    /// Bends the normal of the coat, which does not follow that of the base.
-    pub geometry_coat_normal: Option<NormalMap>,
-    /// Turns the tangent of the base.
-    pub geometry_tangent: Option<TangentMap>,
-    /// Turns the tangent of the coat; without effect unless the coat has its own normal.
-    pub geometry_coat_tangent: Option<TangentMap>,
+snell_math::declare! {
+    /// Everything that the specification OpenPBR Surface 1.1 (Academy Software Foundation)
+    /// describes, under its names and with its defaults: fuzz over coat over a mixture of metal,
+    /// clear and opaque dielectric. Each parameter is a factor, times a texture if there is one.
+    ///
+    /// What belongs to any surface is moved to the fields of [`super::Material`] when the material
+    /// is made ([`super::Material::new`]): `emission_luminance` times `emission_color` to
+    /// `emission` (one nit as one W/(m² sr), as for glTF), `geometry_opacity` to `alpha`,
+    /// `geometry_normal` to `normal_map`.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct OpenPbr {
+        /// Factor on `base_color`, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub base_weight: ScalarParam,
+        /// Colour of the diffuse base, and reflectance of the metal at normal incidence, `[0, 1]`;
+        /// multiplied by the vertex colour.
+        #[range(Range::SHARE)]
+        pub base_color: ColorParam,
+        /// Roughness of the diffuse base, `[0, 1]`: 0 is Lambertian, 1 looks flat.
+        #[range(Range::SHARE)]
+        pub base_diffuse_roughness: ScalarParam,
+        /// 0 dielectric, 1 metal.
+        #[range(Range::SHARE)]
+        pub base_metalness: ScalarParam,
+        /// Factor on the reflectance at normal incidence; may exceed 1 for dielectrics, as far as
+        /// reflectances go.
+        #[range(Range::AMOUNT)]
+        pub specular_weight: ScalarParam,
+        /// Tint of the dielectric's reflection; factor on the metal's reflectance at 82 degrees.
+        /// `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub specular_color: ColorParam,
+        /// Roughness of metal and dielectric, `[0, 1]`; `alpha` of the distribution is its square.
+        #[range(Range::SHARE)]
+        pub specular_roughness: ScalarParam,
+        /// How much highlights are stretched along the tangent, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub specular_roughness_anisotropy: ScalarParam,
+        /// Index of refraction of the dielectric, positive.
+        #[range(Range::Positive)]
+        pub specular_ior: ScalarParam,
+        /// Share of the dielectric that is clear, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub transmission_weight: ScalarParam,
+        /// What is left of white light after `transmission_depth`; for a depth of 0 a factor on
+        /// what goes through the surface. `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub transmission_color: ColorParam,
+        /// Distance, in units of the scene.
+        #[range(Range::AMOUNT)]
+        #[unit("scene units")]
+        pub transmission_depth: ScalarParam,
+        /// Scattering coefficient of the clear dielectric times `transmission_depth`.
+        #[range(Range::AMOUNT)]
+        pub transmission_scatter: ColorParam,
+        /// Mean cosine of that scattering, `(-1, 1)`.
+        #[range(Range::Within(-1.0, 1.0))]
+        pub transmission_scatter_anisotropy: ScalarParam,
+        /// Factor on dispersion, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub transmission_dispersion_scale: ScalarParam,
+        /// Abbe number of the clear dielectric, positive: 20 spreads colours widely, 60 is glass.
+        #[range(Range::Positive)]
+        pub transmission_dispersion_abbe_number: ScalarParam,
+        /// Factor on light that goes through the surface in addition to what the specification has
+        /// (glTF's base colour of glass).
+        #[range(Range::SHARE)]
+        pub transmission_tint: ColorParam,
+        /// Share of the opaque dielectric that scatters under the surface, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub subsurface_weight: ScalarParam,
+        /// Colour that it shows, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub subsurface_color: ColorParam,
+        /// Mean free path there, in units of the scene.
+        #[range(Range::AMOUNT)]
+        #[unit("scene units")]
+        pub subsurface_radius: ScalarParam,
+        /// Factor on that per channel.
+        #[range(Range::AMOUNT)]
+        pub subsurface_radius_scale: ColorParam,
+        /// Mean cosine of scattering there, `(-1, 1)`. For thin walls: -1 reflects, 1 lets through.
+        #[range(Range::Within(-1.0, 1.0))]
+        pub subsurface_scatter_anisotropy: ScalarParam,
+        /// Share of the surface that is coated, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub coat_weight: ScalarParam,
+        /// What is left of light that crosses the coat twice, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub coat_color: ColorParam,
+        /// Roughness of the coat, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub coat_roughness: ScalarParam,
+        /// How much highlights of the coat are stretched along the tangent, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub coat_roughness_anisotropy: ScalarParam,
+        /// Index of refraction of the coat, positive.
+        #[range(Range::Positive)]
+        pub coat_ior: ScalarParam,
+        /// How much of the darkening by reflections inside of the coat there is, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub coat_darkening: ScalarParam,
+        /// Share of the surface that is fuzzy, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub fuzz_weight: ScalarParam,
+        /// Colour of the fuzz, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub fuzz_color: ColorParam,
+        /// 0 for thin straight fibres, 1 for dust.
+        #[range(Range::SHARE)]
+        pub fuzz_roughness: ScalarParam,
+        /// Share of the base that a thin film covers, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub thin_film_weight: ScalarParam,
+        /// Thickness of the film in micrometres.
+        #[range(Range::AMOUNT)]
+        #[unit("micrometres")]
+        pub thin_film_thickness: ScalarParam,
+        /// Index of refraction of the film, positive.
+        #[range(Range::Positive)]
+        pub thin_film_ior: ScalarParam,
+        /// Luminance of the surface in cd/m².
+        #[range(LIGHT)]
+        #[unit("cd / m^2")]
+        pub emission_luminance: ScalarParam,
+        /// Factor on that, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub emission_color: ColorParam,
+        /// Share of the surface that is there, `[0, 1]`.
+        #[range(Range::SHARE)]
+        pub geometry_opacity: ScalarParam,
+        /// True for sheets without an inside: windows, leaves, paper.
+        pub geometry_thin_walled: bool,
+        /// Bends the normal of the base.
+        pub geometry_normal: Option<NormalMap>,
+        /// Bends the normal of the coat, which does not follow that of the base.
+        pub geometry_coat_normal: Option<NormalMap>,
+        /// Turns the tangent of the base.
+        pub geometry_tangent: Option<TangentMap>,
+        /// Turns the tangent of the coat; without effect unless the coat has its own normal.
+        pub geometry_coat_tangent: Option<TangentMap>,
+    }
 }
 
-/// The direction in which highlights are stretched.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct TangentMap {
-    /// Radians, counter-clockwise from the tangent of the surface.
-    pub rotation: f32,
-    /// Linear texture with `2 rg - 1` a direction that is turned further.
-    pub texture: Option<TextureId>,
+snell_math::declare! {
+    /// The direction in which highlights are stretched.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct TangentMap {
+        /// Radians, counter-clockwise from the tangent of the surface.
+        #[unit("radians")]
+        pub rotation: f32,
+        /// Linear texture with `2 rg - 1` a direction that is turned further.
+        pub texture: Option<TextureId>,
+    }
 }
 
 impl TangentMap {

@@ -4,30 +4,45 @@ use super::{ColorParam, ShadingPoint, positive_ior};
 use crate::bsdf::{Bsdf, PhongBsdf, PhongCoefficients};
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
+use snell_math::parameters::Range;
 
-/// Ambient, diffuse and specular coefficients, with mirror reflection and transmission. The
-/// integrators `raycast` and `whitted` follow the classic formula to the letter; the path tracer
-/// uses an energy-conserving BSDF of the same coefficients ([`PhongBsdf`]), scaled down where they
-/// add up to more than 1.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Phong {
-    /// Reflectance for the scene's ambient light, `ka`.
-    pub ambient: ColorParam,
-    /// Diffuse reflectance, `kd`; multiplied by the vertex colour.
-    pub diffuse: ColorParam,
-    /// Strength of highlights, `ks`.
-    pub specular: ColorParam,
-    /// Factor on the radiance of the mirror direction. For `.scn` the same as `specular`; the path
-    /// tracer then has the glossy lobe only.
-    pub reflection: ColorParam,
-    /// Factor on the radiance of the refracted direction, `kt`. No Fresnel's law; nothing where all
-    /// light is reflected inside.
-    pub transmission: ColorParam,
-    /// Exponent of the highlight, at least 0.
-    pub shininess: f32,
-    /// Index of refraction of the inside over the outside; 1 does not bend. Positive, otherwise 1.
-    pub ior: f32,
+snell_math::declare! {
+    /// Ambient, diffuse and specular coefficients, with mirror reflection and transmission. The
+    /// integrators `raycast` and `whitted` follow the classic formula to the letter; the path
+    /// tracer uses an energy-conserving BSDF of the same coefficients ([`PhongBsdf`]), scaled down
+    /// where they add up to more than 1.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Phong {
+        /// Reflectance for the scene's ambient light, `ka`.
+        #[range(Range::AMOUNT)]
+        pub ambient: ColorParam,
+        /// Diffuse reflectance, `kd`; multiplied by the vertex colour.
+        #[range(Range::AMOUNT)]
+        #[usual(Range::SHARE)]
+        pub diffuse: ColorParam,
+        /// Strength of highlights, `ks`.
+        #[range(Range::AMOUNT)]
+        #[usual(Range::SHARE)]
+        pub specular: ColorParam,
+        /// Factor on the radiance of the mirror direction. For `.scn` the same as `specular`; the
+        /// path tracer then has the glossy lobe only.
+        #[range(Range::AMOUNT)]
+        #[usual(Range::SHARE)]
+        pub reflection: ColorParam,
+        /// Factor on the radiance of the refracted direction, `kt`. No Fresnel's law; nothing where
+        /// all light is reflected inside.
+        #[range(Range::AMOUNT)]
+        #[usual(Range::SHARE)]
+        pub transmission: ColorParam,
+        /// Exponent of the highlight, at least 0.
+        #[range(Range::AMOUNT)]
+        pub shininess: f32,
+        /// Index of refraction of the inside over the outside; 1 does not bend. Positive, otherwise
+        /// 1.
+        #[range(Range::Positive)]
+        pub ior: f32,
+    }
 }
 
 impl Default for Phong {

@@ -4,26 +4,35 @@ use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{Body, Bsdf, DiffuseBsdf, Gloss, GlossyBsdf, MicrofacetShape};
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
+use snell_math::parameters::Range;
 
-/// Plastic, varnish, glazed ceramics: a diffuse base under a dielectric layer. White plastic loses
-/// no light.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Plastic {
-    /// Share of the light reaching the base that comes back, `[0, 1]`; multiplied by the vertex
-    /// colour.
-    pub diffuse: ColorParam,
-    /// Factor on the reflection of the layer, `[0, 1]`: white for a real dielectric.
-    #[serde(default = "super::usual::white")]
-    pub specular: ColorParam,
-    /// Index of refraction of the layer: 1.5 reflects 4 % at normal incidence. Positive, else 1.
-    #[serde(default = "super::usual::glass")]
-    pub ior: f32,
-    /// Roughness of the layer, `[0, 1]`; the distribution's `alpha` is its square.
-    #[serde(default = "super::usual::smooth")]
-    pub roughness: ScalarParam,
-    /// Shape of the distribution.
-    #[serde(default)]
-    pub microfacets: MicrofacetShape,
+snell_math::declare! {
+    /// Plastic, varnish, glazed ceramics: a diffuse base under a dielectric layer. White plastic
+    /// loses no light.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Plastic {
+        /// Share of the light reaching the base that comes back, `[0, 1]`; multiplied by the vertex
+        /// colour.
+        #[range(Range::SHARE)]
+        pub diffuse: ColorParam,
+        /// Factor on the reflection of the layer, `[0, 1]`: white for a real dielectric.
+        #[range(Range::SHARE)]
+        #[serde(default = "super::usual::white")]
+        pub specular: ColorParam,
+        /// Index of refraction of the layer: 1.5 reflects 4 % at normal incidence. Positive,
+        /// otherwise 1.
+        #[range(Range::Positive)]
+        #[usual(Range::Within(0.2, 6.0))]
+        #[serde(default = "super::usual::glass")]
+        pub ior: f32,
+        /// Roughness of the layer, `[0, 1]`; the distribution's `alpha` is its square.
+        #[range(Range::SHARE)]
+        #[serde(default = "super::usual::smooth")]
+        pub roughness: ScalarParam,
+        /// Shape of the distribution.
+        #[serde(default)]
+        pub microfacets: MicrofacetShape,
+    }
 }
 
 impl Plastic {

@@ -3,33 +3,45 @@
 use super::{Grid, MediumProperties, ScalarGrid};
 use crate::noise::fractal_noise;
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{ColorMode, DAffine3, DVec3, Rgb, Vec3};
 
 /// Cells along each axis, at most: 64 MiB.
 const MOST_CELLS: u32 = 256;
 
-/// A cloud: an ellipsoid whose surface fractal noise has eaten into. Kept as a [`Grid`] of its
-/// density, which is from 0 to 1.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Cloud {
-    /// Absorption coefficient per scene unit of length where the cloud is densest.
-    pub sigma_a: Rgb,
-    /// Scattering coefficient per scene unit of length where the cloud is densest.
-    pub sigma_s: Rgb,
-    /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`: about 0.85 for water
-    /// drops.
-    pub g: f32,
-    /// Size of the largest lumps, as a share of the cloud's; positive.
-    pub lumps: f32,
-    /// How far noise eats into the ellipsoid: 0 leaves it as it is, 1 leaves shreds.
-    pub raggedness: f32,
-    /// Chooses one of many clouds.
-    pub seed: u32,
-    /// Cells along each axis, 1 to 256.
-    pub resolution: u32,
-    /// From the cloud's coordinates, where it fills the unit cube, to the world.
-    pub world_from_cloud: DAffine3,
+snell_math::declare! {
+    /// A cloud: an ellipsoid whose surface fractal noise has eaten into. Kept as a [`Grid`] of its
+    /// density, which is from 0 to 1.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default)]
+    pub struct Cloud {
+        /// Absorption coefficient per scene unit of length where the cloud is densest.
+        #[range(Range::AMOUNT)]
+        #[unit("per scene unit")]
+        pub sigma_a: Rgb,
+        /// Scattering coefficient per scene unit of length where the cloud is densest.
+        #[range(Range::AMOUNT)]
+        #[unit("per scene unit")]
+        pub sigma_s: Rgb,
+        /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`: about 0.85 for water
+        /// drops.
+        #[range(Range::Between(-1.0, 1.0))]
+        pub g: f32,
+        /// Size of the largest lumps, as a share of the cloud's; positive.
+        #[range(Range::Positive)]
+        pub lumps: f32,
+        /// How far noise eats into the ellipsoid: 0 leaves it as it is, 1 leaves shreds.
+        #[range(Range::AMOUNT)]
+        pub raggedness: f32,
+        /// Chooses one of many clouds.
+        pub seed: u32,
+        /// Cells along each axis, 1 to 256.
+        #[range(Range::Positive)]
+        #[unit("cells")]
+        pub resolution: u32,
+        /// From the cloud's coordinates, where it fills the unit cube, to the world.
+        pub world_from_cloud: DAffine3,
+    }
 }
 
 /// In the unit cube, of nothing.

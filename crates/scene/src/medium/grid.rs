@@ -1,7 +1,9 @@
 //! A medium whose density is given on a regular grid.
 
 use super::{MediumProperties, blackbody, coefficient, sane};
+use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::{Kind, Range, Value, Visitor};
 use snell_math::{ColorMode, DAffine3, Rgb, SampledSpectrum, Vec3};
 use std::ops::{Add, Mul, Sub};
 use std::sync::Arc;
@@ -76,6 +78,13 @@ impl<T: CellValue> CellGrid<T> {
     }
 }
 
+impl<T> Value for CellGrid<T> {
+    const KIND: Kind = Kind::Cells;
+
+    /// Its values are checked where it is made.
+    fn visit(&self, _: &mut Visitor<'_>) {}
+}
+
 impl ColorGrid {
     /// The largest number of all.
     pub fn max(&self) -> f32 {
@@ -129,43 +138,52 @@ fn lerp<T: CellValue>(a: T, b: T, t: f32) -> T {
     a + (b - a) * t
 }
 
-/// A medium on a grid: coefficients times a density, and nothing outside of the grid's box.
-///
-/// Where its colour differs from place to place, each coefficient may have a factor of its own for
-/// each colour and place: `sigma_a_tint`, `sigma_s_tint` and `emission_tint`, which are 1 where
-/// there are none.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Grid {
-    /// Absorption coefficient per scene unit of length where the density is 1.
-    pub sigma_a: Rgb,
-    /// Scattering coefficient per scene unit of length where the density is 1.
-    pub sigma_s: Rgb,
-    /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`.
-    pub g: f32,
-    /// Factor on both coefficients.
-    #[serde(skip)]
-    pub density: Arc<ScalarGrid>,
-    /// Radiance emitted per scene unit of length, W / (m^2 sr), where `emission_scale` is 1.
-    pub emission: Rgb,
-    /// Factor on the emission; `None` for the density.
-    #[serde(skip)]
-    pub emission_scale: Option<Arc<ScalarGrid>>,
-    /// Temperature in kelvin: emitted light is that of a black body of luminance 1, times
-    /// `emission` and its scale. `None` for the colour of `emission` alone.
-    #[serde(skip)]
-    pub temperature: Option<Arc<ScalarGrid>>,
-    /// Factor on `sigma_a`, besides the density.
-    #[serde(skip)]
-    pub sigma_a_tint: Option<Arc<ColorGrid>>,
-    /// Factor on `sigma_s`, besides the density.
-    #[serde(skip)]
-    pub sigma_s_tint: Option<Arc<ColorGrid>>,
-    /// Factor on `emission`, besides its scale.
-    #[serde(skip)]
-    pub emission_tint: Option<Arc<ColorGrid>>,
-    /// From the unit cube of the grids to the world.
-    pub world_from_grid: DAffine3,
+snell_math::declare! {
+    /// A medium on a grid: coefficients times a density, and nothing outside of the grid's box.
+    ///
+    /// Where its colour differs from place to place, each coefficient may have a factor of its own
+    /// for each colour and place: `sigma_a_tint`, `sigma_s_tint` and `emission_tint`, which are 1
+    /// where there are none.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(default)]
+    pub struct Grid {
+        /// Absorption coefficient per scene unit of length where the density is 1.
+        #[range(Range::AMOUNT)]
+        #[unit("per scene unit")]
+        pub sigma_a: Rgb,
+        /// Scattering coefficient per scene unit of length where the density is 1.
+        #[range(Range::AMOUNT)]
+        #[unit("per scene unit")]
+        pub sigma_s: Rgb,
+        /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`.
+        #[range(Range::Between(-1.0, 1.0))]
+        pub g: f32,
+        /// Factor on both coefficients.
+        #[serde(skip)]
+        pub density: Arc<ScalarGrid>,
+        /// Radiance emitted per scene unit of length, W / (m^2 sr), where `emission_scale` is 1.
+        #[range(LIGHT)]
+        #[unit("W / (m^2 sr) per scene unit")]
+        pub emission: Rgb,
+        /// Factor on the emission; `None` for the density.
+        #[serde(skip)]
+        pub emission_scale: Option<Arc<ScalarGrid>>,
+        /// Temperature in kelvin: emitted light is that of a black body of luminance 1, times
+        /// `emission` and its scale. `None` for the colour of `emission` alone.
+        #[serde(skip)]
+        pub temperature: Option<Arc<ScalarGrid>>,
+        /// Factor on `sigma_a`, besides the density.
+        #[serde(skip)]
+        pub sigma_a_tint: Option<Arc<ColorGrid>>,
+        /// Factor on `sigma_s`, besides the density.
+        #[serde(skip)]
+        pub sigma_s_tint: Option<Arc<ColorGrid>>,
+        /// Factor on `emission`, besides its scale.
+        #[serde(skip)]
+        pub emission_tint: Option<Arc<ColorGrid>>,
+        /// From the unit cube of the grids to the world.
+        pub world_from_grid: DAffine3,
+    }
 }
 
 impl Grid {

@@ -3,27 +3,39 @@
 use super::analytic::Profile;
 use super::{MediumProperties, Segment};
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{ColorMode, DVec3, Rgb, Vec3};
 
 /// Largest exponent of the density: beyond, fog is opaque, or not there.
 const MAX_EXPONENT: f64 = 60.0;
 
-/// Fog, haze, or air whose density falls exponentially with height: `exp(-height / scale_height)`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct HeightFog {
-    /// Absorption coefficient per scene unit of length at height 0.
-    pub sigma_a: Rgb,
-    /// Scattering coefficient per scene unit of length at height 0.
-    pub sigma_s: Rgb,
-    /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`.
-    pub g: f32,
-    /// A point of height 0.
-    pub base: DVec3,
-    /// Which way is up; any length.
-    pub up: DVec3,
-    /// The height at which the density has fallen to 1 / e, in scene units; positive, otherwise the
-    /// density is 1 everywhere.
-    pub scale_height: f64,
+snell_math::declare! {
+    /// Fog, haze, or air whose density falls exponentially with height: `exp(-height /
+    /// scale_height)`.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct HeightFog {
+        /// Absorption coefficient per scene unit of length at height 0.
+        #[range(Range::AMOUNT)]
+        #[unit("per scene unit")]
+        pub sigma_a: Rgb,
+        /// Scattering coefficient per scene unit of length at height 0.
+        #[range(Range::AMOUNT)]
+        #[unit("per scene unit")]
+        pub sigma_s: Rgb,
+        /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`.
+        #[range(Range::Between(-1.0, 1.0))]
+        pub g: f32,
+        /// A point of height 0.
+        #[unit("scene units")]
+        pub base: DVec3,
+        /// Which way is up; any length.
+        #[range(Range::Direction)]
+        pub up: DVec3,
+        /// The height at which the density has fallen to 1 / e, in scene units; positive, otherwise
+        /// the density is 1 everywhere.
+        #[unit("scene units")]
+        pub scale_height: f64,
+    }
 }
 
 impl HeightFog {

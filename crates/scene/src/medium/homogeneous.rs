@@ -1,23 +1,34 @@
 //! The same everywhere.
 
 use super::MediumProperties;
+use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{ColorMode, Rgb, Vec3};
 
-/// A medium that is the same everywhere.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Homogeneous {
-    /// Absorption coefficient per scene unit of length, at least 0.
-    pub sigma_a: Rgb,
-    /// Scattering coefficient per scene unit of length, at least 0.
-    pub sigma_s: Rgb,
-    /// Radiance emitted per scene unit of length, W / (m^2 sr), whatever is absorbed. (Elsewhere
-    /// often `sigma_a` times a radiance.)
-    pub emission: Rgb,
-    /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`: 0 in all directions
-    /// alike, towards 1 forwards.
-    pub g: f32,
+snell_math::declare! {
+    /// A medium that is the same everywhere.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(default)]
+    pub struct Homogeneous {
+        /// Absorption coefficient per scene unit of length, at least 0.
+        #[range(Range::AMOUNT)]
+        #[unit("per scene unit")]
+        pub sigma_a: Rgb,
+        /// Scattering coefficient per scene unit of length, at least 0.
+        #[range(Range::AMOUNT)]
+        #[unit("per scene unit")]
+        pub sigma_s: Rgb,
+        /// Radiance emitted per scene unit of length, W / (m^2 sr), whatever is absorbed.
+        /// (Elsewhere often `sigma_a` times a radiance.)
+        #[range(LIGHT)]
+        #[unit("W / (m^2 sr) per scene unit")]
+        pub emission: Rgb,
+        /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`: 0 in all directions
+        /// alike, towards 1 forwards.
+        #[range(Range::Between(-1.0, 1.0))]
+        pub g: f32,
+    }
 }
 
 impl Homogeneous {

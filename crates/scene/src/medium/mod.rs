@@ -110,8 +110,7 @@ impl Medium {
 
 snell_math::kinds! {
     /// Any of the media, placed in world coordinates.
-    #[serde(tag = "medium")]
-    pub enum Medium by match_medium! {
+    pub enum Medium tagged "medium" by match_medium! {
         "homogeneous" => Homogeneous,
         "height-fog" => HeightFog,
         "grid" => Grid,

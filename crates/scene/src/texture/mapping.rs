@@ -44,36 +44,38 @@ pub struct PlanePoint {
     pub width: Vec2,
 }
 
-/// How the two coordinates `(s, t)` of a pattern follow from the point: the mappings of pbrt
-/// (Pharr, Jakob, Humphreys, Physically Based Rendering, 4th edition, section 10.2).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Mapping {
-    /// By the coordinates of the surface.
-    Uv {
-        /// Which set of coordinates: 0 or 1.
-        #[serde(default)]
-        uv_set: u32,
-        /// Rows of the affine map: `s = m[0] . (u, v, 1)`, likewise `t`. `v` grows downwards, as in
-        /// images.
-        uv_transform: [[f32; 3]; 2],
-    },
-    /// By the direction from the origin of a space: `s` is the angle from its z axis over pi, `t`
-    /// that about it over 2 pi, from 0 to 1.
-    Spherical {
-        /// The space.
-        texture_from_world: Rows,
-    },
-    /// By the angle about the z axis of a space, `s` from 0 to 1, and the height along it, `t`.
-    Cylindrical {
-        /// The space.
-        texture_from_world: Rows,
-    },
-    /// By two affine functions of the position in the world.
-    Planar {
-        /// `s = m[0] . (x, y, z, 1)`, likewise `t`.
-        st_from_world: [[f64; 4]; 2],
-    },
+snell_math::declare! {
+    /// How the two coordinates `(s, t)` of a pattern follow from the point: the mappings of pbrt
+    /// (Pharr, Jakob, Humphreys, Physically Based Rendering, 4th edition, section 10.2).
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub enum Mapping {
+        /// By the coordinates of the surface.
+        "uv" => Uv {
+            /// Which set of coordinates: 0 or 1.
+            #[serde(default)]
+            uv_set: u32,
+            /// Rows of the affine map: `s = m[0] . (u, v, 1)`, likewise `t`. `v` grows downwards,
+            /// as in images.
+            uv_transform: [[f32; 3]; 2],
+        },
+        /// By the direction from the origin of a space: `s` is the angle from its z axis over pi,
+        /// `t` that about it over 2 pi, from 0 to 1.
+        "spherical" => Spherical {
+            /// The space.
+            texture_from_world: Rows,
+        },
+        /// By the angle about the z axis of a space, `s` from 0 to 1, and the height along it, `t`.
+        "cylindrical" => Cylindrical {
+            /// The space.
+            texture_from_world: Rows,
+        },
+        /// By two affine functions of the position in the world.
+        "planar" => Planar {
+            /// `s = m[0] . (x, y, z, 1)`, likewise `t`.
+            st_from_world: [[f64; 4]; 2],
+        },
+    }
 }
 
 impl Default for Mapping {

@@ -2,19 +2,19 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What happens outside `[0, 1]`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Wrap {
-    /// The image repeats.
-    #[default]
-    Repeat,
-    /// Every other copy is mirrored.
-    Mirror,
-    /// The border continues.
-    Clamp,
-    /// Outside is black and transparent.
-    Black,
+snell_math::declare! {
+    /// What happens outside `[0, 1]`.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum Wrap {
+        /// The image repeats.
+        "repeat" => #[default] Repeat,
+        /// Every other copy is mirrored.
+        "mirror" => Mirror,
+        /// The border continues.
+        "clamp" => Clamp,
+        /// Outside is black and transparent.
+        "black" => Black,
+    }
 }
 
 impl Wrap {

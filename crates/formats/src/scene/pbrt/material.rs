@@ -169,9 +169,9 @@ impl Builder<'_> {
     /// True if the current material has textures, so that texture coordinates matter.
     pub(super) fn is_textured(&mut self) -> bool {
         let position = self.current_material();
-        // The debug form contains ids of textures only if there are any.
         let known = &self.materials.known[position];
-        known.opacity.is_some() || format!("{:?}", known.layers).contains("TextureId")
+        known.opacity.is_some()
+            || known.layers.iter().any(|material| !material.textures().is_empty())
     }
 
     fn build_material(&mut self, params: &Params) -> Result<Known, Fault> {

@@ -1,26 +1,28 @@
 //! Between four corners.
 
-use super::{rgb_at, uses_of};
-use crate::TextureId;
+use super::rgb_at;
 use crate::material::{ColorParam, ShadingPoint};
 use crate::texture::mapping::Mapping;
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
-/// Bilinear interpolation between four colours, which goes on outside of the square between them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Bilerp {
-    /// At `(s, t) = (0, 0)`.
-    pub v00: ColorParam,
-    /// At `(0, 1)`.
-    pub v01: ColorParam,
-    /// At `(1, 0)`.
-    pub v10: ColorParam,
-    /// At `(1, 1)`.
-    pub v11: ColorParam,
-    /// Where the corners are.
-    pub mapping: Mapping,
+snell_math::declare! {
+    /// Bilinear interpolation between four colours, which goes on outside of the square between
+    /// them.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Bilerp {
+        /// At `(s, t) = (0, 0)`.
+        pub v00: ColorParam,
+        /// At `(0, 1)`.
+        pub v01: ColorParam,
+        /// At `(1, 0)`.
+        pub v10: ColorParam,
+        /// At `(1, 1)`.
+        pub v11: ColorParam,
+        /// Where the corners are.
+        pub mapping: Mapping,
+    }
 }
 
 impl Default for Bilerp {
@@ -36,10 +38,6 @@ impl Bilerp {
         let [v00, v01, v10] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
             .map(|c| ColorParam::from(Rgb::from(c)));
         vec![Self::default(), Self { v00, v01, v10, ..Self::default() }]
-    }
-
-    pub(super) fn textures(&self) -> Vec<TextureId> {
-        uses_of(&[self.v00, self.v01, self.v10, self.v11])
     }
 
     pub(super) fn is_on_surface(&self) -> bool {

@@ -1,22 +1,24 @@
 //! Checks, in the plane and in space.
 
-use super::{rgb_at, uses_of};
-use crate::TextureId;
+use super::rgb_at;
 use crate::material::{ColorParam, ShadingPoint};
 use crate::texture::mapping::{IDENTITY, Mapping, Rows, SpacePoint};
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
-/// Squares with sides of 1 in `(s, t)`, in turn of two colours; averaged over what is seen at once.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Checkerboard {
-    /// The square from (0, 0) to (1, 1), and all whose coordinates have an even sum.
-    pub even: ColorParam,
-    /// The others.
-    pub odd: ColorParam,
-    /// Where the squares are.
-    pub mapping: Mapping,
+snell_math::declare! {
+    /// Squares with sides of 1 in `(s, t)`, in turn of two colours; averaged over what is seen at
+    /// once.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Checkerboard {
+        /// The square from (0, 0) to (1, 1), and all whose coordinates have an even sum.
+        pub even: ColorParam,
+        /// The others.
+        pub odd: ColorParam,
+        /// Where the squares are.
+        pub mapping: Mapping,
+    }
 }
 
 impl Default for Checkerboard {
@@ -31,10 +33,6 @@ impl Checkerboard {
         Mapping::examples().into_iter().map(|mapping| Self { mapping, ..Self::default() }).collect()
     }
 
-    pub(super) fn textures(&self) -> Vec<TextureId> {
-        uses_of(&[self.even, self.odd])
-    }
-
     pub(super) fn is_on_surface(&self) -> bool {
         self.mapping.is_on_surface()
     }
@@ -46,17 +44,19 @@ impl Checkerboard {
     }
 }
 
-/// Cubes with sides of 1 in space, in turn of two colours: a body cut from such a block. Averaged
-/// over what is seen at once.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct SolidCheckerboard {
-    /// The cube from (0, 0, 0) to (1, 1, 1), and all whose coordinates have an even sum.
-    pub even: ColorParam,
-    /// The others.
-    pub odd: ColorParam,
-    /// The space of the cubes.
-    pub texture_from_world: Rows,
+snell_math::declare! {
+    /// Cubes with sides of 1 in space, in turn of two colours: a body cut from such a block.
+    /// Averaged over what is seen at once.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct SolidCheckerboard {
+        /// The cube from (0, 0, 0) to (1, 1, 1), and all whose coordinates have an even sum.
+        pub even: ColorParam,
+        /// The others.
+        pub odd: ColorParam,
+        /// The space of the cubes.
+        pub texture_from_world: Rows,
+    }
 }
 
 impl Default for SolidCheckerboard {
@@ -69,10 +69,6 @@ impl SolidCheckerboard {
     /// Black and white.
     pub fn examples() -> Vec<Self> {
         vec![Self::default()]
-    }
-
-    pub(super) fn textures(&self) -> Vec<TextureId> {
-        uses_of(&[self.even, self.odd])
     }
 
     pub(super) fn is_on_surface(&self) -> bool {

@@ -1,21 +1,22 @@
 //! Patterns made of others.
 
-use super::{rgb_at, uses_of};
-use crate::TextureId;
+use super::rgb_at;
 use crate::material::{ColorParam, ShadingPoint};
 use crate::texture::mapping::Mapping;
 use serde::{Deserialize, Serialize};
 use snell_intersect::SurfaceInteraction;
 use snell_math::{Rgb, Vec3};
 
-/// One pattern times another.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Scale {
-    /// What is scaled.
-    pub texture: ColorParam,
-    /// By what.
-    pub scale: ColorParam,
+snell_math::declare! {
+    /// One pattern times another.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Scale {
+        /// What is scaled.
+        pub texture: ColorParam,
+        /// By what.
+        pub scale: ColorParam,
+    }
 }
 
 impl Default for Scale {
@@ -30,10 +31,6 @@ impl Scale {
         vec![Self { texture: Rgb::splat(0.25).into(), scale: Rgb::splat(2.0).into() }]
     }
 
-    pub(super) fn textures(&self) -> Vec<TextureId> {
-        uses_of(&[self.texture, self.scale])
-    }
-
     pub(super) fn is_on_surface(&self) -> bool {
         true
     }
@@ -43,16 +40,18 @@ impl Scale {
     }
 }
 
-/// From one pattern to another, each of red, green and blue for itself.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Mix {
-    /// Where the amount is 0.
-    pub first: ColorParam,
-    /// Where the amount is 1.
-    pub second: ColorParam,
-    /// Share of the second; values outside of `[0, 1]` go on beyond the two.
-    pub amount: ColorParam,
+snell_math::declare! {
+    /// From one pattern to another, each of red, green and blue for itself.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Mix {
+        /// Where the amount is 0.
+        pub first: ColorParam,
+        /// Where the amount is 1.
+        pub second: ColorParam,
+        /// Share of the second; values outside of `[0, 1]` go on beyond the two.
+        pub amount: ColorParam,
+    }
 }
 
 impl Default for Mix {
@@ -67,10 +66,6 @@ impl Mix {
         vec![Self::default(), Self { amount: Rgb::new(0.1, 0.5, 1.0).into(), ..Self::default() }]
     }
 
-    pub(super) fn textures(&self) -> Vec<TextureId> {
-        uses_of(&[self.first, self.second, self.amount])
-    }
-
     pub(super) fn is_on_surface(&self) -> bool {
         true
     }
@@ -81,17 +76,19 @@ impl Mix {
     }
 }
 
-/// By the direction of the surface: the first where it faces along an axis or against it, the
-/// second where it is at right angles.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct DirectionMix {
-    /// Where the shading normal is along the axis.
-    pub first: ColorParam,
-    /// Where it is at right angles to it.
-    pub second: ColorParam,
-    /// The axis, in the world; of any length but 0, which counts as the y axis.
-    pub axis: Vec3,
+snell_math::declare! {
+    /// By the direction of the surface: the first where it faces along an axis or against it, the
+    /// second where it is at right angles.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct DirectionMix {
+        /// Where the shading normal is along the axis.
+        pub first: ColorParam,
+        /// Where it is at right angles to it.
+        pub second: ColorParam,
+        /// The axis, in the world; of any length but 0, which counts as the y axis.
+        pub axis: Vec3,
+    }
 }
 
 impl Default for DirectionMix {
@@ -106,10 +103,6 @@ impl DirectionMix {
         vec![Self::default(), Self { axis: Vec3::new(2.0, 0.0, 1.0), ..Self::default() }]
     }
 
-    pub(super) fn textures(&self) -> Vec<TextureId> {
-        uses_of(&[self.first, self.second])
-    }
-
     pub(super) fn is_on_surface(&self) -> bool {
         false
     }
@@ -121,14 +114,16 @@ impl DirectionMix {
     }
 }
 
-/// A power of each of red, green and blue of another pattern; negative values count as 0.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Power {
-    /// The base.
-    pub base: ColorParam,
-    /// The exponent, above 0; others leave the base as it is.
-    pub exponent: f32,
+snell_math::declare! {
+    /// A power of each of red, green and blue of another pattern; negative values count as 0.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Power {
+        /// The base.
+        pub base: ColorParam,
+        /// The exponent, above 0; others leave the base as it is.
+        pub exponent: f32,
+    }
 }
 
 impl Default for Power {
@@ -143,10 +138,6 @@ impl Power {
         vec![Self { base: Rgb::splat(0.25).into(), exponent: 0.5 }]
     }
 
-    pub(super) fn textures(&self) -> Vec<TextureId> {
-        uses_of(&[self.base])
-    }
-
     pub(super) fn is_on_surface(&self) -> bool {
         true
     }
@@ -158,16 +149,18 @@ impl Power {
     }
 }
 
-/// Colours by a number: a table whose first entry stands for 0 and whose last for 1, straight lines
-/// between.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Ramp {
-    /// Looked up, each of red, green and blue for itself; what is outside of `[0, 1]` is brought
-    /// in.
-    pub amount: ColorParam,
-    /// The table; empty for one that says black.
-    pub colors: Vec<Rgb>,
+snell_math::declare! {
+    /// Colours by a number: a table whose first entry stands for 0 and whose last for 1, straight
+    /// lines between.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Ramp {
+        /// Looked up, each of red, green and blue for itself; what is outside of `[0, 1]` is
+        /// brought in.
+        pub amount: ColorParam,
+        /// The table; empty for one that says black.
+        pub colors: Vec<Rgb>,
+    }
 }
 
 impl Default for Ramp {
@@ -181,10 +174,6 @@ impl Ramp {
     pub fn examples() -> Vec<Self> {
         let colors = vec![Rgb::BLACK, Rgb::new(1.0, 0.0, 0.0), Rgb::WHITE];
         vec![Self { amount: Rgb::splat(0.75).into(), colors }]
-    }
-
-    pub(super) fn textures(&self) -> Vec<TextureId> {
-        uses_of(&[self.amount])
     }
 
     pub(super) fn is_on_surface(&self) -> bool {
@@ -204,14 +193,16 @@ impl Ramp {
     }
 }
 
-/// Another texture, laid out by a mapping in the place of the coordinates of the surface.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Projected {
-    /// What is laid out: its coordinates are `(s, 1 - t)`.
-    pub texture: ColorParam,
-    /// Where.
-    pub mapping: Mapping,
+snell_math::declare! {
+    /// Another texture, laid out by a mapping in the place of the coordinates of the surface.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Projected {
+        /// What is laid out: its coordinates are `(s, 1 - t)`.
+        pub texture: ColorParam,
+        /// Where.
+        pub mapping: Mapping,
+    }
 }
 
 impl Default for Projected {
@@ -224,10 +215,6 @@ impl Projected {
     /// One for each mapping.
     pub fn examples() -> Vec<Self> {
         Mapping::examples().into_iter().map(|mapping| Self { mapping, ..Self::default() }).collect()
-    }
-
-    pub(super) fn textures(&self) -> Vec<TextureId> {
-        uses_of(&[self.texture])
     }
 
     pub(super) fn is_on_surface(&self) -> bool {

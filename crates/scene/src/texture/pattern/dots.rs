@@ -1,25 +1,26 @@
 //! Dots at random places.
 
-use super::{rgb_at, uses_of};
-use crate::TextureId;
+use super::rgb_at;
 use crate::material::{ColorParam, ShadingPoint};
 use crate::noise::perlin_noise;
 use crate::texture::mapping::{Mapping, PlanePoint};
 use serde::{Deserialize, Serialize};
 use snell_math::{Rgb, Vec2, Vec3};
 
-/// Polka dots: about two of five squares with sides of 1 in `(s, t)` have a dot of radius 0.35 that
-/// lies within it, at a random place (Pharr, Jakob, Humphreys, Physically Based Rendering, 3rd
-/// edition, section 10.5.2).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Dots {
-    /// In the dots.
-    pub inside: ColorParam,
-    /// Between the dots.
-    pub outside: ColorParam,
-    /// Where the squares are.
-    pub mapping: Mapping,
+snell_math::declare! {
+    /// Polka dots: about two of five squares with sides of 1 in `(s, t)` have a dot of radius 0.35
+    /// that lies within it, at a random place (Pharr, Jakob, Humphreys, Physically Based Rendering,
+    /// 3rd edition, section 10.5.2).
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Dots {
+        /// In the dots.
+        pub inside: ColorParam,
+        /// Between the dots.
+        pub outside: ColorParam,
+        /// Where the squares are.
+        pub mapping: Mapping,
+    }
 }
 
 const RADIUS: f32 = 0.35;
@@ -39,10 +40,6 @@ impl Dots {
             Self::default(),
             Self { mapping: Mapping::upright([8.0, 8.0], [0.0, 0.0]), ..Self::default() },
         ]
-    }
-
-    pub(super) fn textures(&self) -> Vec<TextureId> {
-        uses_of(&[self.inside, self.outside])
     }
 
     pub(super) fn is_on_surface(&self) -> bool {

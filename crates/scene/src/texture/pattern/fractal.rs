@@ -1,26 +1,30 @@
 //! Sums of octaves of noise.
 
-use crate::TextureId;
 use crate::material::ShadingPoint;
 use crate::noise::Octaves;
 use crate::texture::mapping::{IDENTITY, Rows, SpacePoint};
 use serde::{Deserialize, Serialize};
+use snell_math::parameters::Range;
 use snell_math::{Rgb, Vec3};
 
 /// Declares patterns that are a sum of octaves, by the name of the sum.
 macro_rules! sums {
-    ($($(#[$meaning:meta])* $kind:ident => $sum:ident,)*) => {$(
-        $(#[$meaning])*
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-        #[serde(default, deny_unknown_fields)]
-        pub struct $kind {
-            /// How many octaves at most, each about twice as fine as the one before; more than 32
-            /// are 32.
-            pub octaves: u32,
-            /// Height of an octave over that of the one before, `[0, 4]`: the larger, the rougher.
-            pub roughness: f32,
-            /// The space of the noise, whose coarsest waves are about 1 long.
-            pub texture_from_world: Rows,
+    ($($(#[doc = $meaning:literal])* $kind:ident => $sum:ident,)*) => {$(
+        snell_math::declare! {
+            $(#[doc = $meaning])*
+            #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+            #[serde(default, deny_unknown_fields)]
+            pub struct $kind {
+                /// How many octaves at most, each about twice as fine as the one before; more than
+                /// 32 are 32.
+                pub octaves: u32,
+                /// Height of an octave over that of the one before, `[0, 4]`: the larger, the
+                /// rougher.
+                #[range(Range::Within(0.0, 4.0))]
+                pub roughness: f32,
+                /// The space of the noise, whose coarsest waves are about 1 long.
+                pub texture_from_world: Rows,
+            }
         }
 
         impl Default for $kind {
@@ -33,10 +37,6 @@ macro_rules! sums {
             /// A smooth one and a rough one.
             pub fn examples() -> Vec<Self> {
                 vec![Self::default(), Self { octaves: 3, roughness: 0.8, ..Self::default() }]
-            }
-
-            pub(super) fn textures(&self) -> Vec<TextureId> {
-                Vec::new()
             }
 
             pub(super) fn is_on_surface(&self) -> bool {
@@ -61,14 +61,16 @@ sums! {
     Wrinkled => turbulence,
 }
 
-/// Waves on water under gusts of wind, around 0 (Pharr, Jakob, Humphreys, Physically Based
-/// Rendering, 3rd edition, section 10.6.5).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Windy {
-    /// The space of the waves, of which the coarsest are about 1 long; gusts are ten times as
-    /// large.
-    pub texture_from_world: Rows,
+snell_math::declare! {
+    /// Waves on water under gusts of wind, around 0 (Pharr, Jakob, Humphreys, Physically Based
+    /// Rendering, 3rd edition, section 10.6.5).
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Windy {
+        /// The space of the waves, of which the coarsest are about 1 long; gusts are ten times as
+        /// large.
+        pub texture_from_world: Rows,
+    }
 }
 
 impl Default for Windy {
@@ -83,10 +85,6 @@ impl Windy {
         vec![Self::default()]
     }
 
-    pub(super) fn textures(&self) -> Vec<TextureId> {
-        Vec::new()
-    }
-
     pub(super) fn is_on_surface(&self) -> bool {
         false
     }
@@ -99,21 +97,24 @@ impl Windy {
     }
 }
 
-/// Marble: veins across the y axis, disturbed by noise (Pharr, Jakob, Humphreys, Physically Based
-/// Rendering, 3rd edition, section 10.6.6).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Marble {
-    /// How many octaves disturb the veins at most; more than 32 are 32.
-    pub octaves: u32,
-    /// Height of an octave over that of the one before, `[0, 4]`.
-    pub roughness: f32,
-    /// Factor on the coordinates, before all else: veins come every 2 pi over it.
-    pub scale: f32,
-    /// How far the noise shifts the veins.
-    pub variation: f32,
-    /// The space of the block.
-    pub texture_from_world: Rows,
+snell_math::declare! {
+    /// Marble: veins across the y axis, disturbed by noise (Pharr, Jakob, Humphreys, Physically
+    /// Based Rendering, 3rd edition, section 10.6.6).
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Marble {
+        /// How many octaves disturb the veins at most; more than 32 are 32.
+        pub octaves: u32,
+        /// Height of an octave over that of the one before, `[0, 4]`.
+        #[range(Range::Within(0.0, 4.0))]
+        pub roughness: f32,
+        /// Factor on the coordinates, before all else: veins come every 2 pi over it.
+        pub scale: f32,
+        /// How far the noise shifts the veins.
+        pub variation: f32,
+        /// The space of the block.
+        pub texture_from_world: Rows,
+    }
 }
 
 /// The colours from one vein to the middle between two: control points of the spline.
@@ -142,10 +143,6 @@ impl Marble {
     /// Quiet and lively stone.
     pub fn examples() -> Vec<Self> {
         vec![Self::default(), Self { scale: 4.0, variation: 2.0, ..Self::default() }]
-    }
-
-    pub(super) fn textures(&self) -> Vec<TextureId> {
-        Vec::new()
     }
 
     pub(super) fn is_on_surface(&self) -> bool {

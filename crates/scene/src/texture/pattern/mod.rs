@@ -17,6 +17,7 @@ pub use fractal::{Fbm, Marble, Windy, Wrinkled};
 use crate::TextureId;
 use crate::material::{ColorParam, ShadingPoint};
 use snell_math::Rgb;
+use snell_math::parameters::references;
 
 /// The value of a parameter of a pattern.
 fn rgb_at(param: &ColorParam, point: &ShadingPoint) -> Rgb {
@@ -24,15 +25,9 @@ fn rgb_at(param: &ColorParam, point: &ShadingPoint) -> Rgb {
     color.spectrum.map_or(color.rgb, |spectrum| color.rgb * spectrum.reflectance_rgb())
 }
 
-/// The textures among parameters.
-fn uses_of(params: &[ColorParam]) -> Vec<TextureId> {
-    params.iter().filter_map(|param| param.texture).collect()
-}
-
 snell_math::kinds! {
     /// Any of the patterns. Parameters that are left out are those of the pattern's default.
-    #[serde(tag = "pattern")]
-    pub enum Pattern by match_pattern! {
+    pub enum Pattern tagged "pattern" by match_pattern! {
         "checkerboard" => Checkerboard,
         "solid-checkerboard" => SolidCheckerboard,
         "dots" => Dots,
@@ -53,7 +48,7 @@ snell_math::kinds! {
 impl Pattern {
     /// The textures that it is made of, each as often as it is used.
     pub fn textures(&self) -> Vec<TextureId> {
-        match_pattern!(self, pattern => pattern.textures())
+        references(self, TextureId::TABLE).into_iter().map(TextureId).collect()
     }
 
     /// True if it looks at the coordinates of the surface alone, apart from the textures that it is

@@ -1,65 +1,64 @@
 //! What the classes of declared things have in common: a kind, its parameters, and the textures
 //! they refer to.
 
-use crate::declare::{Family, References, make, read_all, show};
 use crate::medium::Medium;
+use crate::schema::{References, arrays, family, kind_of, make, read_all, show};
 use crate::texture::AnyTexture;
-use crate::tree::Tree;
+use crate::value::Value;
 use pyo3::exceptions::{PyAttributeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use snell_scene::medium::Medium as Value;
+use serde_json::{Map, Value as Json};
+use snell_math::parameters::{self, Declaration, Kind, Parameter};
 
-/// A declared value, as it was said in Python.
+/// A declared thing, with what it refers to.
 #[derive(Debug)]
-pub struct Said<T> {
-    /// The value; its textures are those of `references`.
+pub struct Declared<T> {
+    /// The thing; its textures are those of `references`.
     pub value: T,
     /// What it refers to.
     pub references: References,
 }
 
-/// A thing with a kind, whose parameters lie around.
-pub trait Declared: Serialize + DeserializeOwned + Clone {
-    /// Its family.
-    fn family() -> Family;
+/// Values by name.
+type Fields = Vec<(String, Value)>;
 
-    /// What it has whatever its kind; as an example.
-    fn common() -> PyResult<Vec<(String, Tree)>> {
+/// How the parameters of a family of things are laid out.
+pub trait Schema: Serialize + DeserializeOwned + Clone + parameters::Value {
+    /// The name of its family.
+    const FAMILY: &'static str;
+
+    /// What it has whatever its kind, by default.
+    fn common() -> PyResult<Fields> {
         Ok(Vec::new())
     }
 
     /// From the fields of the kind, the tag among them, and the common ones.
-    fn assemble(kind: Vec<(String, Tree)>, _common: Vec<(String, Tree)>) -> Vec<(String, Tree)> {
-        kind
+    fn assemble(kind: Map<String, Json>, _common: Map<String, Json>) -> Json {
+        Json::Object(kind)
     }
 
     /// The same, the other way: the fields of the kind and the common ones.
-    fn apart(tree: Tree) -> (Vec<(String, Tree)>, Vec<(String, Tree)>) {
-        match tree {
-            Tree::Fields(kind) => (kind, Vec::new()),
+    fn apart(value: Value) -> (Fields, Fields) {
+        match value {
+            Value::Fields(kind) => (kind, Vec::new()),
             _ => Default::default(),
         }
     }
 
-    /// Parameters of a kind that are arrays, or said by arrays, and so are not in the declaration.
-    fn arrays(_kind: &str) -> &'static [&'static str] {
-        &[]
-    }
-
-    /// Takes one of [`Self::arrays`], which is not None.
+    /// Takes one of the parameters that are arrays, which is not None.
     fn set_array(&mut self, name: &str, _value: &Bound<'_, PyAny>) -> PyResult<()> {
         Err(PyTypeError::new_err(format!("there is no array {name:?}")))
     }
 
-    /// True for an array that is not kept as such.
-    fn is_only_said(_name: &str) -> bool {
+    /// True for an array that sets another parameter and is not kept itself.
+    fn is_shorthand(_name: &str) -> bool {
         false
     }
 
-    /// One of [`Self::arrays`], if it is there.
+    /// One of the arrays, if it is there.
     fn array<'py>(&self, _py: Python<'py>, _name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
         Ok(None)
     }
@@ -69,38 +68,49 @@ pub trait Declared: Serialize + DeserializeOwned + Clone {
         Ok(self)
     }
 
-    /// Puts in order what may be said in several ways, such as the length of a direction.
+    /// Puts in order what may be given in several ways, such as the length of a direction.
     fn settle(self) -> PyResult<Self> {
         Ok(self)
     }
 }
 
-impl<T: Declared> Said<T> {
+impl<T: Schema> Declared<T> {
+    /// The declaration of a kind.
+    fn declaration(kind: &str) -> PyResult<&'static Declaration> {
+        kind_of(family(T::FAMILY)?, kind)
+    }
+
+    /// The parameters that a kind takes.
+    fn known(kind: &Declaration) -> PyResult<Vec<Parameter>> {
+        let common = family(T::FAMILY)?
+            .common
+            .iter()
+            .filter(|p| !matches!(p.kind, Kind::OneOf(tag, _) if tag == T::FAMILY));
+        Ok(kind.fields().iter().chain(common).copied().collect())
+    }
+
     /// A thing of this kind with these parameters.
     fn new<'py>(py: Python<'py>, kind: &str, given: Option<&Bound<'py, PyDict>>) -> PyResult<Self> {
-        let family = T::family();
-        let (parameters, common) = (family.parameters(kind)?, T::common()?);
+        let (family, declaration) = (family(T::FAMILY)?, Self::declaration(kind)?);
         let mut references = References::default();
-        let known = Self::known(kind)?;
-        let (declared, arrays) = Self::sorted(py, kind, given)?;
+        let known = Self::known(declaration)?;
+        let (declared, arrays) = Self::sorted(py, declaration, given)?;
         let given = read_all(kind, &known, &declared, &mut references)?;
-        let mut all = common;
-        let mut own = Vec::new();
+        let (mut common, mut own) = (T::common()?, Vec::new());
         for (key, value) in given {
-            let is_own = parameters.iter().any(|(known, _)| *known == key);
-            match all.iter_mut().find(|(known, _)| *known == key) {
+            let is_own = declaration.get(&key).is_some();
+            match common.iter_mut().find(|(known, _)| *known == key) {
                 Some((_, place)) if !is_own => *place = value,
                 _ => own.push((key, value)),
             }
         }
-        let tag = (family.tag.to_string(), Tree::Text(kind.to_string()));
-        let whole = |own: Vec<_>| {
-            Tree::Fields(T::assemble(
-                std::iter::once(tag.clone()).chain(own).collect(),
-                all.clone(),
-            ))
+        let common: Map<String, Json> =
+            common.iter().map(|(key, value)| (key.clone(), value.json(&mut |_, id| id))).collect();
+        let whole = |mut own: Map<String, Json>| {
+            own.insert(family.tag.to_string(), kind.into());
+            T::assemble(own, common.clone())
         };
-        let value: T = make(kind, &own, &parameters, whole)?;
+        let value: T = make(kind, &known, &own, &family.example(kind), whole)?;
         let mut value = value.settle()?;
         for (name, array) in arrays.into_iter().filter(|(_, array)| !array.is_none()) {
             value.set_array(name, &array)?;
@@ -111,33 +121,36 @@ impl<T: Declared> Said<T> {
     /// Parameters that are declared, and those that are arrays.
     fn sorted<'py>(
         py: Python<'py>,
-        kind: &str,
+        kind: &Declaration,
         given: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Sorted<'py>> {
-        let (declared, mut arrays) = (PyDict::new(py), Vec::new());
+        let (declared, mut given_arrays) = (PyDict::new(py), Vec::new());
         for (key, value) in given.into_iter().flatten() {
-            match T::arrays(kind).iter().find(|name| key.eq(**name).unwrap_or(false)) {
-                Some(name) => arrays.push((*name, value)),
+            match arrays(kind).into_iter().find(|name| key.eq(*name).unwrap_or(false)) {
+                Some(name) => given_arrays.push((name, value)),
                 None => declared.set_item(key, value)?,
             }
         }
-        Ok((declared, arrays))
+        Ok((declared, given_arrays))
     }
 
-    /// Refuses numbers of these parameters that mean nothing. (Those of files are told and kept.)
+    /// Refuses numbers of these parameters that mean nothing. (Those of files are warned of and kept.)
     fn check(self, kind: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let tree =
-            serde_json::to_value(&self.value).map_err(|e| PyValueError::new_err(e.to_string()))?;
         for key in given.into_iter().flatten().map(|(key, _)| key) {
             let key: String = key.extract()?;
-            let place = if tree.get(&key).is_some() {
-                vec![key.as_str()]
-            } else {
-                vec!["kind", key.as_str()]
-            };
-            if let Some(problem) = snell_scene::problem_at(&tree, &place) {
+            if let Some(problem) = snell_scene::problem_at(&self.value, &[&key]) {
                 return Err(PyValueError::new_err(format!("{kind}: {problem}")));
             }
+        }
+        let mut too_large = None;
+        parameters::find(&self.value, &mut |found| {
+            if found.numbers().iter().any(|x| !x.is_finite()) {
+                too_large.get_or_insert(found.name());
+            }
+        });
+        if let Some(name) = too_large {
+            let message = format!("{kind}: {name} is larger than any number that is computed with");
+            return Err(PyValueError::new_err(message));
         }
         Ok(self)
     }
@@ -151,33 +164,32 @@ impl<T: Declared> Said<T> {
         Self::new(py, kind, given)?.check(kind, given)
     }
 
-    fn fields(&self) -> PyResult<(Vec<(String, Tree)>, Vec<(String, Tree)>)> {
-        Ok(T::apart(Tree::of(&self.value).map_err(PyTypeError::new_err)?))
+    fn fields(&self) -> PyResult<(Vec<(String, Value)>, Vec<(String, Value)>)> {
+        Ok(T::apart(Value::of(&self.value).map_err(PyTypeError::new_err)?))
     }
 
     /// The name of the kind.
     pub fn kind(&self) -> PyResult<String> {
-        let tag = T::family().tag;
+        let tag = family(T::FAMILY)?.tag;
         let (kind, _) = self.fields()?;
         match kind.into_iter().find(|(key, _)| key == tag) {
-            Some((_, Tree::Text(kind))) => Ok(kind),
+            Some((_, Value::Text(kind))) => Ok(kind),
             _ => Ok(String::new()),
         }
     }
 
     /// All parameters by name.
     pub fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let tag = T::family().tag;
+        let tag = family(T::FAMILY)?.tag;
         let (kind, common) = self.fields()?;
         let all = PyDict::new(py);
         for (key, value) in kind.iter().chain(&common).filter(|(key, _)| key != tag) {
             all.set_item(key, show(py, value, &self.references)?)?;
         }
-        for name in T::arrays(&self.kind()?) {
+        for name in arrays(Self::declaration(&self.kind()?)?) {
             match self.value.array(py, name)? {
                 Some(array) => all.set_item(name, array)?,
-                // What another one says.
-                None if T::is_only_said(name) => {}
+                None if T::is_shorthand(name) => {}
                 None => all.set_item(name, py.None())?,
             }
         }
@@ -205,34 +217,24 @@ impl<T: Declared> Said<T> {
     ) -> PyResult<Self> {
         let all = self.parameters(py)?;
         if let Some(changes) = changes {
-            let kind = self.kind()?;
-            let known = Self::known(&kind)?;
-            let (declared, _) = Self::sorted(py, &kind, Some(changes))?;
-            read_all(&kind, &known, &declared, &mut References::default())?;
+            let kind = Self::declaration(&self.kind()?)?;
+            let known = Self::known(kind)?;
+            let (declared, _) = Self::sorted(py, kind, Some(changes))?;
+            read_all(kind.name, &known, &declared, &mut References::default())?;
             all.update(changes.as_mapping())?;
         }
         Self::new(py, &self.kind()?, Some(&all))?.check(&self.kind()?, changes)
     }
 
-    /// What parameters may look like; arrays look like nothing.
-    fn known(kind: &str) -> PyResult<Vec<(String, Tree)>> {
-        let arrays = T::arrays(kind).iter().map(|name| (name.to_string(), Tree::Nothing));
-        let declared = T::family()
-            .forms(kind)?
-            .into_iter()
-            .filter(|(name, _)| !T::arrays(kind).contains(&name.as_str()));
-        Ok(declared.chain(T::common()?).chain(arrays).collect())
-    }
-
     /// As one would write it.
     pub fn shown(&self, py: Python<'_>, class: &str) -> PyResult<String> {
         let mut text = format!("{class}({:?}", self.kind()?);
-        let tag = T::family().tag;
+        let tag = family(T::FAMILY)?.tag;
         let (kind, common) = self.fields()?;
         let usual = T::common()?;
-        let is_usual = |field: &&(String, Tree)| !usual.contains(field);
-        let arrays = T::arrays(&self.kind()?);
-        let is_array = |field: &&(String, Tree)| arrays.contains(&field.0.as_str());
+        let is_usual = |field: &&(String, Value)| !usual.contains(field);
+        let arrays = arrays(Self::declaration(&self.kind()?)?);
+        let is_array = |field: &&(String, Value)| arrays.contains(&field.0.as_str());
         let kind = kind.iter().filter(|field| field.0 != tag && !is_array(field));
         for (key, value) in kind.chain(common.iter().filter(is_usual)) {
             text += &format!(", {key}={}", show(py, value, &self.references)?.repr()?);
@@ -255,17 +257,18 @@ impl<T: Declared> Said<T> {
         let json = serde_json::to_string(&self.value).map_err(error)?;
         let textures =
             self.references.textures.iter().map(|texture| texture.clone_ref(py)).collect();
-        let of = |medium: &Value| {
-            Py::new(py, Medium(Said { value: medium.clone(), references: References::default() }))
+        let of = |medium: &snell_scene::Medium| {
+            let (value, references) = (medium.clone(), References::default());
+            Py::new(py, Medium(Declared { value, references }))
         };
         let media = self.references.media.iter().map(of).collect::<PyResult<_>>()?;
-        let arrays = PyDict::new(py);
-        for name in T::arrays(&self.kind()?) {
+        let kept = PyDict::new(py);
+        for name in arrays(Self::declaration(&self.kind()?)?) {
             if let Some(array) = self.value.array(py, name)? {
-                arrays.set_item(name, array)?;
+                kept.set_item(name, array)?;
             }
         }
-        Ok((json, textures, media, arrays))
+        Ok((json, textures, media, kept))
     }
 
     /// From what was stored.
@@ -294,7 +297,7 @@ macro_rules! declared_class {
         $(#[doc = $about:expr])* replace) => {
         $(#[doc = $doc])*
         #[pyclass(frozen, module = "snell")]
-        pub struct $class(pub $crate::said::Said<$value>);
+        pub struct $class(pub $crate::declared::Declared<$value>);
 
         #[pymethods]
         impl $class {
@@ -305,7 +308,7 @@ macro_rules! declared_class {
                 kind: &str,
                 parameters: Option<&Bound<'py, pyo3::types::PyDict>>,
             ) -> PyResult<Self> {
-                $crate::said::Said::checked(py, kind, parameters).map(Self)
+                $crate::declared::Declared::checked(py, kind, parameters).map(Self)
             }
 
             /// Which kind of its family it is, by name.
@@ -358,7 +361,7 @@ macro_rules! declared_class {
             media: Vec<Py<$crate::medium::Medium>>,
             arrays: Bound<'_, pyo3::types::PyDict>,
         ) -> PyResult<$class> {
-            $crate::said::Said::restored((json, textures, media, arrays)).map($class)
+            $crate::declared::Declared::restored((json, textures, media, arrays)).map($class)
         }
     };
 }

@@ -1,20 +1,19 @@
-//! Declarations as trees: what a value of the scene graph looks like to those who do not know its
-//! type.
+//! Values of declared parameters, of any type.
 //!
-//! A tree is what `serde` says of a value, and keeps what JSON loses: which numbers are ids of
-//! which table, and which are in single precision. So the parameters of every material, light and
-//! camera can be read, shown and moved between tables without a list of them.
+//! A [`Value`] is what `serde` writes of a part of the scene graph, and keeps what JSON loses: which
+//! numbers are ids of which table, and which are in single precision. So the parameters of every
+//! material, light and camera can be shown and moved between tables without a list of them.
 
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyTuple};
 use serde::de::DeserializeOwned;
 use serde::ser::{self, Serialize};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value as Json};
 use std::fmt::Display;
 
-/// A value as its declaration says.
+/// A value of a parameter.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Tree {
+pub enum Value {
     /// An option that is not there.
     Nothing,
     /// True or false.
@@ -30,31 +29,31 @@ pub enum Tree {
     /// The position in a table: the name of its type, such as `TextureId`.
     Id(&'static str, u32),
     /// Several values.
-    List(Vec<Tree>),
+    List(Vec<Value>),
     /// Values by name.
-    Fields(Vec<(String, Tree)>),
+    Fields(Vec<(String, Value)>),
 }
 
-/// What cannot be said as a tree.
+/// Why something has no value.
 #[derive(Debug)]
-pub struct Unsaid(String);
+pub struct Unwritable(String);
 
-impl Display for Unsaid {
+impl Display for Unwritable {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(&self.0)
     }
 }
 
-impl std::error::Error for Unsaid {}
+impl std::error::Error for Unwritable {}
 
-impl ser::Error for Unsaid {
+impl ser::Error for Unwritable {
     fn custom<T: Display>(message: T) -> Self {
         Self(message.to_string())
     }
 }
 
-impl Tree {
-    /// The tree of a value.
+impl Value {
+    /// The value of a part of the scene graph.
     pub fn of(value: &impl Serialize) -> Result<Self, String> {
         value.serialize(Writer).map_err(|e| e.to_string())
     }
@@ -91,22 +90,42 @@ impl Tree {
     }
 
     /// As JSON, with other ids.
-    pub fn json(&self, id: &mut impl FnMut(&'static str, u32) -> u32) -> Value {
+    pub fn json(&self, id: &mut impl FnMut(&'static str, u32) -> u32) -> Json {
         match self {
-            Self::Nothing => Value::Null,
-            Self::Bool(b) => Value::Bool(*b),
+            Self::Nothing => Json::Null,
+            Self::Bool(b) => Json::Bool(*b),
             Self::Whole(n) => (*n).into(),
             Self::Single(x) => f64::from(*x).into(),
             Self::Double(x) => (*x).into(),
-            Self::Text(text) => Value::String(text.clone()),
+            Self::Text(text) => Json::String(text.clone()),
             Self::Id(kind, number) => id(kind, *number).into(),
             Self::List(items) => items.iter().map(|item| item.json(id)).collect(),
-            Self::Fields(fields) => Value::Object(
+            Self::Fields(fields) => Json::Object(
                 fields
                     .iter()
                     .map(|(key, value)| (key.clone(), value.json(id)))
                     .collect::<Map<_, _>>(),
             ),
+        }
+    }
+}
+
+impl From<Json> for Value {
+    fn from(json: Json) -> Self {
+        match json {
+            Json::Null => Self::Nothing,
+            Json::Bool(b) => Self::Bool(b),
+            Json::Number(number) => match (number.as_i64(), number.as_f64()) {
+                (Some(whole), _) => Self::Whole(whole),
+                // What single precision holds was given so.
+                (_, Some(x)) if f64::from(x as f32) == x => Self::Single(x as f32),
+                (_, x) => Self::Double(x.unwrap_or(f64::NAN)),
+            },
+            Json::String(text) => Self::Text(text),
+            Json::Array(items) => Self::List(items.into_iter().map(Self::from).collect()),
+            Json::Object(fields) => {
+                Self::Fields(fields.into_iter().map(|(key, v)| (key, Self::from(v))).collect())
+            }
         }
     }
 }
@@ -121,44 +140,44 @@ pub fn with_ids<T: Serialize + DeserializeOwned>(
     value: &T,
     mut id: impl FnMut(&'static str, u32) -> u32,
 ) -> Result<T, String> {
-    serde_json::from_value(Tree::of(value)?.json(&mut id)).map_err(|e| e.to_string())
+    serde_json::from_value(Value::of(value)?.json(&mut id)).map_err(|e| e.to_string())
 }
 
-/// Writes trees.
+/// Writes values.
 struct Writer;
 
 /// Writes lists.
 struct ListWriter {
-    items: Vec<Tree>,
+    items: Vec<Value>,
     variant: Option<&'static str>,
 }
 
 /// Writes fields.
 struct FieldWriter {
-    fields: Vec<(String, Tree)>,
+    fields: Vec<(String, Value)>,
     variant: Option<&'static str>,
 }
 
 /// A value under the name of its variant, as JSON has it.
-fn in_variant(variant: Option<&'static str>, tree: Tree) -> Tree {
+fn in_variant(variant: Option<&'static str>, value: Value) -> Value {
     match variant {
-        Some(name) => Tree::Fields(vec![(name.to_string(), tree)]),
-        None => tree,
+        Some(name) => Value::Fields(vec![(name.to_string(), value)]),
+        None => value,
     }
 }
 
 macro_rules! simple {
-    ($($method:ident($type:ty) => $tree:expr;)*) => {
-        $(fn $method(self, value: $type) -> Result<Tree, Unsaid> {
-            let make: fn($type) -> Tree = $tree;
+    ($($method:ident($type:ty) => $made:expr;)*) => {
+        $(fn $method(self, value: $type) -> Result<Value, Unwritable> {
+            let make: fn($type) -> Value = $made;
             Ok(make(value))
         })*
     };
 }
 
 impl ser::Serializer for Writer {
-    type Ok = Tree;
-    type Error = Unsaid;
+    type Ok = Value;
+    type Error = Unwritable;
     type SerializeSeq = ListWriter;
     type SerializeTuple = ListWriter;
     type SerializeTupleStruct = ListWriter;
@@ -168,38 +187,38 @@ impl ser::Serializer for Writer {
     type SerializeStructVariant = FieldWriter;
 
     simple! {
-        serialize_bool(bool) => Tree::Bool;
-        serialize_i8(i8) => |n| Tree::Whole(n.into());
-        serialize_i16(i16) => |n| Tree::Whole(n.into());
-        serialize_i32(i32) => |n| Tree::Whole(n.into());
-        serialize_i64(i64) => Tree::Whole;
-        serialize_u8(u8) => |n| Tree::Whole(n.into());
-        serialize_u16(u16) => |n| Tree::Whole(n.into());
-        serialize_u32(u32) => |n| Tree::Whole(n.into());
-        serialize_u64(u64) => |n| Tree::Whole(i64::try_from(n).unwrap_or(i64::MAX));
-        serialize_f32(f32) => Tree::Single;
-        serialize_f64(f64) => Tree::Double;
-        serialize_char(char) => |c| Tree::Text(c.to_string());
-        serialize_str(&str) => |text| Tree::Text(text.to_string());
+        serialize_bool(bool) => Value::Bool;
+        serialize_i8(i8) => |n| Value::Whole(n.into());
+        serialize_i16(i16) => |n| Value::Whole(n.into());
+        serialize_i32(i32) => |n| Value::Whole(n.into());
+        serialize_i64(i64) => Value::Whole;
+        serialize_u8(u8) => |n| Value::Whole(n.into());
+        serialize_u16(u16) => |n| Value::Whole(n.into());
+        serialize_u32(u32) => |n| Value::Whole(n.into());
+        serialize_u64(u64) => |n| Value::Whole(i64::try_from(n).unwrap_or(i64::MAX));
+        serialize_f32(f32) => Value::Single;
+        serialize_f64(f64) => Value::Double;
+        serialize_char(char) => |c| Value::Text(c.to_string());
+        serialize_str(&str) => |text| Value::Text(text.to_string());
         serialize_bytes(&[u8]) => |bytes| {
-            Tree::List(bytes.iter().map(|&b| Tree::Whole(b.into())).collect())
+            Value::List(bytes.iter().map(|&b| Value::Whole(b.into())).collect())
         };
     }
 
-    fn serialize_none(self) -> Result<Tree, Unsaid> {
-        Ok(Tree::Nothing)
+    fn serialize_none(self) -> Result<Value, Unwritable> {
+        Ok(Value::Nothing)
     }
 
-    fn serialize_some<T: Serialize + ?Sized>(self, value: &T) -> Result<Tree, Unsaid> {
+    fn serialize_some<T: Serialize + ?Sized>(self, value: &T) -> Result<Value, Unwritable> {
         value.serialize(self)
     }
 
-    fn serialize_unit(self) -> Result<Tree, Unsaid> {
-        Ok(Tree::Nothing)
+    fn serialize_unit(self) -> Result<Value, Unwritable> {
+        Ok(Value::Nothing)
     }
 
-    fn serialize_unit_struct(self, _: &'static str) -> Result<Tree, Unsaid> {
-        Ok(Tree::Nothing)
+    fn serialize_unit_struct(self, _: &'static str) -> Result<Value, Unwritable> {
+        Ok(Value::Nothing)
     }
 
     fn serialize_unit_variant(
@@ -207,20 +226,20 @@ impl ser::Serializer for Writer {
         _: &'static str,
         _: u32,
         variant: &'static str,
-    ) -> Result<Tree, Unsaid> {
-        Ok(Tree::Text(variant.to_string()))
+    ) -> Result<Value, Unwritable> {
+        Ok(Value::Text(variant.to_string()))
     }
 
     fn serialize_newtype_struct<T: Serialize + ?Sized>(
         self,
         name: &'static str,
         value: &T,
-    ) -> Result<Tree, Unsaid> {
+    ) -> Result<Value, Unwritable> {
         match value.serialize(self)? {
-            Tree::Whole(number) if name.ends_with("Id") => {
-                Ok(Tree::Id(name, u32::try_from(number).unwrap_or(u32::MAX)))
+            Value::Whole(number) if name.ends_with("Id") => {
+                Ok(Value::Id(name, u32::try_from(number).unwrap_or(u32::MAX)))
             }
-            tree => Ok(tree),
+            value => Ok(value),
         }
     }
 
@@ -230,19 +249,19 @@ impl ser::Serializer for Writer {
         _: u32,
         variant: &'static str,
         value: &T,
-    ) -> Result<Tree, Unsaid> {
+    ) -> Result<Value, Unwritable> {
         Ok(in_variant(Some(variant), value.serialize(self)?))
     }
 
-    fn serialize_seq(self, _: Option<usize>) -> Result<ListWriter, Unsaid> {
+    fn serialize_seq(self, _: Option<usize>) -> Result<ListWriter, Unwritable> {
         Ok(ListWriter { items: Vec::new(), variant: None })
     }
 
-    fn serialize_tuple(self, _: usize) -> Result<ListWriter, Unsaid> {
+    fn serialize_tuple(self, _: usize) -> Result<ListWriter, Unwritable> {
         self.serialize_seq(None)
     }
 
-    fn serialize_tuple_struct(self, _: &'static str, _: usize) -> Result<ListWriter, Unsaid> {
+    fn serialize_tuple_struct(self, _: &'static str, _: usize) -> Result<ListWriter, Unwritable> {
         self.serialize_seq(None)
     }
 
@@ -252,15 +271,15 @@ impl ser::Serializer for Writer {
         _: u32,
         variant: &'static str,
         _: usize,
-    ) -> Result<ListWriter, Unsaid> {
+    ) -> Result<ListWriter, Unwritable> {
         Ok(ListWriter { items: Vec::new(), variant: Some(variant) })
     }
 
-    fn serialize_map(self, _: Option<usize>) -> Result<FieldWriter, Unsaid> {
+    fn serialize_map(self, _: Option<usize>) -> Result<FieldWriter, Unwritable> {
         Ok(FieldWriter { fields: Vec::new(), variant: None })
     }
 
-    fn serialize_struct(self, _: &'static str, _: usize) -> Result<FieldWriter, Unsaid> {
+    fn serialize_struct(self, _: &'static str, _: usize) -> Result<FieldWriter, Unwritable> {
         self.serialize_map(None)
     }
 
@@ -270,7 +289,7 @@ impl ser::Serializer for Writer {
         _: u32,
         variant: &'static str,
         _: usize,
-    ) -> Result<FieldWriter, Unsaid> {
+    ) -> Result<FieldWriter, Unwritable> {
         Ok(FieldWriter { fields: Vec::new(), variant: Some(variant) })
     }
 }
@@ -278,16 +297,16 @@ impl ser::Serializer for Writer {
 macro_rules! list_writer {
     ($($trait:ident::$method:ident,)*) => {
         $(impl ser::$trait for ListWriter {
-            type Ok = Tree;
-            type Error = Unsaid;
+            type Ok = Value;
+            type Error = Unwritable;
 
-            fn $method<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), Unsaid> {
+            fn $method<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), Unwritable> {
                 self.items.push(value.serialize(Writer)?);
                 Ok(())
             }
 
-            fn end(self) -> Result<Tree, Unsaid> {
-                Ok(in_variant(self.variant, Tree::List(self.items)))
+            fn end(self) -> Result<Value, Unwritable> {
+                Ok(in_variant(self.variant, Value::List(self.items)))
             }
         })*
     };
@@ -303,20 +322,20 @@ list_writer! {
 macro_rules! field_writer {
     ($($trait:ident,)*) => {
         $(impl ser::$trait for FieldWriter {
-            type Ok = Tree;
-            type Error = Unsaid;
+            type Ok = Value;
+            type Error = Unwritable;
 
             fn serialize_field<T: Serialize + ?Sized>(
                 &mut self,
                 key: &'static str,
                 value: &T,
-            ) -> Result<(), Unsaid> {
+            ) -> Result<(), Unwritable> {
                 self.fields.push((key.to_string(), value.serialize(Writer)?));
                 Ok(())
             }
 
-            fn end(self) -> Result<Tree, Unsaid> {
-                Ok(in_variant(self.variant, Tree::Fields(self.fields)))
+            fn end(self) -> Result<Value, Unwritable> {
+                Ok(in_variant(self.variant, Value::Fields(self.fields)))
             }
         })*
     };
@@ -328,18 +347,18 @@ field_writer! {
 }
 
 impl ser::SerializeMap for FieldWriter {
-    type Ok = Tree;
-    type Error = Unsaid;
+    type Ok = Value;
+    type Error = Unwritable;
 
-    fn serialize_key<T: Serialize + ?Sized>(&mut self, key: &T) -> Result<(), Unsaid> {
-        let Tree::Text(key) = key.serialize(Writer)? else {
+    fn serialize_key<T: Serialize + ?Sized>(&mut self, key: &T) -> Result<(), Unwritable> {
+        let Value::Text(key) = key.serialize(Writer)? else {
             return Err(ser::Error::custom("a key that is no text"));
         };
-        self.fields.push((key, Tree::Nothing));
+        self.fields.push((key, Value::Nothing));
         Ok(())
     }
 
-    fn serialize_value<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), Unsaid> {
+    fn serialize_value<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), Unwritable> {
         let value = value.serialize(Writer)?;
         if let Some(last) = self.fields.last_mut() {
             last.1 = value;
@@ -347,7 +366,7 @@ impl ser::SerializeMap for FieldWriter {
         Ok(())
     }
 
-    fn end(self) -> Result<Tree, Unsaid> {
-        Ok(Tree::Fields(self.fields))
+    fn end(self) -> Result<Value, Unwritable> {
+        Ok(Value::Fields(self.fields))
     }
 }

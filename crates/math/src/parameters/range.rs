@@ -1,0 +1,80 @@
+//! What values a number may have.
+
+/// What values a number may have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    /// Any.
+    Any,
+    /// From one to another, both included.
+    Within(f64, f64),
+    /// Between two, both excluded.
+    Between(f64, f64),
+    /// More than 0.
+    Positive,
+    /// Coordinates of a direction: not all 0.
+    Direction,
+}
+
+use Range::{Any, Between, Direction, Positive, Within};
+
+impl Range {
+    /// From nothing to all.
+    pub const SHARE: Self = Within(0.0, 1.0);
+    /// Of any amount.
+    pub const AMOUNT: Self = Within(0.0, f64::INFINITY);
+
+    /// The range of the factor on a texture, which may be large where the texture is dark: the
+    /// same, without an upper end.
+    pub fn of_factor(self) -> Self {
+        match self {
+            Within(least, most) if most < 1e20 => Within(least, f64::INFINITY),
+            other => other,
+        }
+    }
+
+    /// True for numbers that are possible. NaN only is where any number is.
+    pub fn contains(self, x: f64) -> bool {
+        match self {
+            Any | Direction => true,
+            Within(least, most) => least <= x && x <= most,
+            Between(least, most) => least < x && x < most,
+            Positive => x > 0.0,
+        }
+    }
+
+    /// The ends, if both are finite.
+    pub fn ends(self) -> Option<[f64; 2]> {
+        match self {
+            Within(least, most) | Between(least, most) if most < 1e6 && least > -1e6 => {
+                Some([least, most])
+            }
+            _ => None,
+        }
+    }
+}
+
+/// What is expected, in words.
+impl std::fmt::Display for Range {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match *self {
+            Any => f.write_str("any number"),
+            Within(0.0, f64::INFINITY) => f.write_str("0 or more"),
+            Within(f64::MIN_POSITIVE, most) => write!(f, "more than 0, and at most {most:.4}"),
+            Within(least, most) if most == std::f64::consts::PI => {
+                write!(f, "{least} to {most:.4}, in radians")
+            }
+            Within(least, most) => write!(f, "{} to {}", shown(least), shown(most)),
+            Between(least, most) => write!(f, "more than {least} and less than {most}"),
+            Positive => f.write_str("more than 0"),
+            Direction => f.write_str("a direction, not all zeros"),
+        }
+    }
+}
+
+/// A number as people write it.
+pub(super) fn shown(x: f64) -> String {
+    // Single precision is what most of them were given in.
+    let short = x as f32;
+    let is_plain = x == 0.0 || (1e-4..1e7).contains(&x.abs());
+    if is_plain { format!("{short}") } else { format!("{short:e}") }
+}

@@ -1,0 +1,284 @@
+//! The families of things with parameters, with all that their declarations say: what tests,
+//! documents, Python and the viewer go through, so that a new kind or parameter is there as soon as
+//! it is declared.
+
+use crate::material::{Diffuse, Material, MaterialKind};
+use crate::texture::Pattern;
+use crate::{Camera, Light, Medium, Projection};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
+use snell_intersect::AnyShape;
+use snell_math::parameters::{Declaration, Declared, Parameter};
+use snell_math::{DVec3, Rgb};
+
+/// All things of one sort, such as the materials.
+#[derive(Clone, Copy, Debug)]
+pub struct Family {
+    /// What one of them is called.
+    pub name: &'static str,
+    /// The field that says which kind a thing is.
+    pub tag: &'static str,
+    /// The kinds.
+    pub kinds: &'static [Declaration],
+    /// The parameters that each has, whatever its kind.
+    pub common: &'static [Parameter],
+    /// A few of each kind, as scenes write them.
+    pub examples: fn() -> Vec<Value>,
+    /// A thing as it is written again after it was read, or why it cannot be read.
+    read: fn(Value) -> Result<Value, serde_json::Error>,
+    /// A thing of any kind, as scenes write the parameters that each has.
+    plain: fn() -> Value,
+}
+
+/// The families.
+pub const FAMILIES: &[Family] = &[
+    Family {
+        name: "material",
+        tag: MaterialKind::TAG,
+        kinds: MaterialKind::DECLARATIONS,
+        common: Material::PARAMETERS,
+        examples: || written(&MaterialKind::examples()),
+        read: read::<MaterialKind>,
+        plain: || one(&Material::new("", Diffuse::new(Rgb::WHITE))),
+    },
+    Family {
+        name: "pattern",
+        tag: Pattern::TAG,
+        kinds: Pattern::DECLARATIONS,
+        common: &[],
+        examples: || written(&Pattern::examples()),
+        read: read::<Pattern>,
+        plain: || Value::Null,
+    },
+    Family {
+        name: "medium",
+        tag: Medium::TAG,
+        kinds: Medium::DECLARATIONS,
+        common: &[],
+        examples: || written(&Medium::examples()),
+        read: read::<Medium>,
+        plain: || Value::Null,
+    },
+    Family {
+        name: "light",
+        tag: Light::TAG,
+        kinds: Light::DECLARATIONS,
+        common: &[],
+        examples: || written(&Light::examples()),
+        read: read::<Light>,
+        plain: || Value::Null,
+    },
+    Family {
+        name: "shape",
+        tag: AnyShape::TAG,
+        kinds: AnyShape::DECLARATIONS,
+        common: &[],
+        examples: || written(&AnyShape::examples()),
+        read: read::<AnyShape>,
+        plain: || Value::Null,
+    },
+    Family {
+        name: "projection",
+        tag: "projection",
+        kinds: Projection::DECLARATIONS,
+        common: Camera::PARAMETERS,
+        examples: || written(&Projection::examples()),
+        read: read::<Projection>,
+        plain: || {
+            let projection = Projection::Panoramic;
+            one(&Camera::from_direction(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, projection))
+        },
+    },
+];
+
+fn one(thing: &impl Serialize) -> Value {
+    serde_json::to_value(thing).unwrap_or_default()
+}
+
+fn written(things: &[impl Serialize]) -> Vec<Value> {
+    things.iter().map(one).collect()
+}
+
+fn read<T: Serialize + DeserializeOwned>(written: Value) -> Result<Value, serde_json::Error> {
+    serde_json::to_value(serde_json::from_value::<T>(written)?)
+}
+
+impl Family {
+    /// The family of this name.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        FAMILIES.iter().find(|family| family.name == name)
+    }
+
+    /// The kind of this name.
+    pub fn kind(&self, name: &str) -> Option<&'static Declaration> {
+        self.kinds.iter().find(|kind| kind.name == name)
+    }
+
+    /// The first example of a kind, as scenes write it.
+    pub fn example(&self, kind: &str) -> Map<String, Value> {
+        let examples = (self.examples)().into_iter();
+        let of_kind = |example: &Value| example.get(self.tag).and_then(Value::as_str) == Some(kind);
+        match examples.into_iter().find(of_kind) {
+            Some(Value::Object(fields)) => fields,
+            _ => Map::new(),
+        }
+    }
+
+    /// What a parameter of a kind is where a description leaves it out, as scenes write it; `None`
+    /// if it has to be given.
+    pub fn default_of(&self, kind: &str, parameter: &str) -> Option<Value> {
+        let mut fields = self.example(kind);
+        fields.remove(parameter);
+        let read = (self.read)(Value::Object(fields)).ok()?;
+        read.get(parameter).cloned()
+    }
+
+    /// What a parameter that all kinds have is for a thing that says nothing of it, as scenes write
+    /// it; `None` if it has to be given.
+    pub fn common_default_of(&self, parameter: &str) -> Option<Value> {
+        (self.plain)().get(parameter).cloned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_math::parameters::Kind;
+
+    /// Asserts that what is written has the names that are declared, and the form.
+    fn agree(kind: Kind, written: &Value, place: &str) {
+        match (kind, written) {
+            (Kind::Optional(_), Value::Null) => {}
+            (Kind::Optional(kind), _) => agree(*kind, written, place),
+            (Kind::Group(parameters), Value::Object(fields)) => {
+                agree_all(parameters, fields, "", place);
+            }
+            (Kind::OneOf("", kinds), Value::String(name)) => {
+                assert!(kinds.iter().any(|kind| kind.name == name), "{place}: {name}");
+            }
+            (Kind::OneOf("", kinds), Value::Object(fields)) => {
+                assert_eq!(fields.len(), 1, "{place}: {written}");
+                for (name, inner) in fields {
+                    let kind = kinds.iter().find(|kind| kind.name == name).expect(place);
+                    match kind.parameters {
+                        [Parameter { name: "", kind, .. }] => agree(*kind, inner, place),
+                        parameters => agree(Kind::Group(parameters), inner, place),
+                    }
+                }
+            }
+            (Kind::OneOf(tag, kinds), Value::Object(fields)) => {
+                let name = fields[tag].as_str().expect("the tag is a name");
+                let kind = kinds.iter().find(|kind| kind.name == name).expect(place);
+                agree_all(kind.fields(), fields, tag, place);
+            }
+            (Kind::TexturedNumber | Kind::TexturedColor, Value::Object(fields)) => {
+                assert!(fields.contains_key("factor") && fields.contains_key("texture"), "{place}");
+            }
+            (Kind::Flag, Value::Bool(_)) | (Kind::Text(_), Value::String(_)) => {}
+            (Kind::Whole | Kind::Reference(_), Value::Number(n)) => assert!(n.is_u64(), "{place}"),
+            (Kind::Number | Kind::RefractiveIndex, Value::Number(_)) => {}
+            (Kind::RefractiveIndex, Value::String(_)) | (Kind::Table, _) => {}
+            (Kind::Color, Value::Array(items)) => assert_eq!(items.len(), 3, "{place}"),
+            (Kind::Vector(n) | Kind::Numbers(n), Value::Array(items)) => {
+                assert_eq!(items.len(), n, "{place}");
+            }
+            (Kind::List(kind), Value::Array(items)) => {
+                items.iter().for_each(|item| agree(*kind, item, place));
+            }
+            (Kind::Matrix, Value::Array(_)) => {}
+            (kind, written) => panic!("{place}: declared {kind:?}, written {written}"),
+        }
+    }
+
+    fn agree_all(parameters: &[Parameter], fields: &Map<String, Value>, tag: &str, place: &str) {
+        let mut declared: Vec<&str> =
+            parameters.iter().filter(|p| !is_cells(p.kind)).map(|p| p.name).collect();
+        let mut names: Vec<&str> =
+            fields.keys().map(String::as_str).filter(|name| *name != tag).collect();
+        declared.sort_unstable();
+        names.sort_unstable();
+        assert_eq!(declared, names, "{place}: what is declared, and what is written");
+        for parameter in parameters.iter().filter(|p| !is_cells(p.kind)) {
+            let place = format!("{place}.{}", parameter.name);
+            agree(parameter.kind, &fields[parameter.name], &place);
+        }
+    }
+
+    /// Cells of grids stand beside what is written.
+    fn is_cells(kind: Kind) -> bool {
+        kind.required() == Kind::Cells
+    }
+
+    #[test]
+    fn every_kind_declares_the_names_and_forms_that_serialization_writes() {
+        for family in FAMILIES {
+            let names: Vec<&str> = family.kinds.iter().map(|kind| kind.name).collect();
+            for example in (family.examples)() {
+                let name = example[family.tag].as_str().expect("the tag is a name");
+                assert!(names.contains(&name), "{} {name} is not declared", family.name);
+                agree(Kind::OneOf(family.tag, family.kinds), &example, name);
+            }
+            for name in names {
+                assert!(!family.example(name).is_empty(), "{name} has no example");
+            }
+            if !family.common.is_empty() {
+                agree(Kind::Group(family.common), &(family.plain)(), family.name);
+            }
+        }
+    }
+
+    #[test]
+    fn every_declaration_is_documented() {
+        fn look(parameters: &[Parameter], place: &str) {
+            for parameter in parameters {
+                let place = format!("{place}.{}", parameter.name);
+                let is_sentence = parameter.text().ends_with(['.', ')']);
+                assert!(parameter.name.is_empty() || is_sentence, "{place}");
+                match parameter.kind.required() {
+                    Kind::Group(inner) => look(inner, &place),
+                    Kind::OneOf(_, kinds) => kinds.iter().for_each(|kind| {
+                        assert!(kind.text().ends_with(['.', ')']), "{place}.{}", kind.name);
+                        look(kind.parameters, &place);
+                    }),
+                    _ => {}
+                }
+            }
+        }
+        for family in FAMILIES {
+            look(family.common, family.name);
+            for kind in family.kinds {
+                assert!(kind.text().ends_with(['.', ')']), "{}", kind.name);
+                look(kind.parameters, kind.name);
+            }
+        }
+    }
+
+    #[test]
+    fn defaults_are_what_an_empty_description_gives() {
+        for family in FAMILIES {
+            for kind in family.kinds {
+                let mut least = Map::from_iter([(family.tag.to_string(), kind.name.into())]);
+                let mut expected = Map::new();
+                for parameter in kind.fields().iter().filter(|p| !is_cells(p.kind)) {
+                    let default = family.default_of(kind.name, parameter.name);
+                    if default.is_none() {
+                        let given = family.example(kind.name)[parameter.name].clone();
+                        least.insert(parameter.name.to_string(), given);
+                    }
+                    expected.extend(default.map(|value| (parameter.name.to_string(), value)));
+                }
+                let read = (family.read)(Value::Object(least)).expect(kind.name);
+                for (name, default) in expected {
+                    assert_eq!(read[&name], default, "{} {name}", kind.name);
+                }
+            }
+        }
+        let material = Family::named("material").expect("there are materials");
+        assert_eq!(material.default_of("diffuse", "reflectance"), None);
+        assert_eq!(
+            material.default_of("open-pbr", "specular_ior").expect("it has one")["factor"],
+            1.5
+        );
+    }
+}
