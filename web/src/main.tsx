@@ -103,7 +103,7 @@ async function copyCommand(): Promise<void> {
   }
 }
 
-/** Menus close when something in them is chosen. */
+/** Menus close when an item is chosen. */
 const close = (event: JSX.TargetedEvent<HTMLElement>): void => {
   const details = event.currentTarget.closest("details");
   if (details) details.open = false;
@@ -187,7 +187,7 @@ function Bar(): JSX.Element {
   );
 }
 
-/** Scenes to begin with. */
+/** The gallery of built-in scenes. */
 function Gallery(): JSX.Element {
   return (
     <div class="explain gallery" role="dialog" aria-label="scenes to look at">
