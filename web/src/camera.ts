@@ -1,4 +1,4 @@
-// The camera in the server's form, and its movements. Pure functions; the mouse is in controls.ts.
+// The camera as the server has it, and how it moves. Pure functions; the mouse is in controls.ts.
 
 import { add, cross, dot, length, mul, normalize, rotate, sub, type Vec3 } from "./vec";
 
@@ -36,7 +36,7 @@ export function oriented(camera: Camera, towards: Vec3, up: Vec3): Camera {
   return { ...camera, towards: t, up: cross(r, t) };
 }
 
-/** Maximum tilt from the horizon: not quite the pole, where left and right would swap. */
+/** How far the view may tilt from the horizon: not quite to the pole, where left and right would swap. */
 const MOST_TILT = Math.PI / 2 - 0.01;
 
 /** Turns the camera about the pivot: to the right by `yaw`, up by `pitch`, radians. */
@@ -114,7 +114,7 @@ function halfAngle(camera: Camera, size: [number, number]): number {
   return Math.atan(Math.min(tx, ty));
 }
 
-/** Frames a ball, keeping the direction of view. */
+/** Sees a whole ball, from where the camera looks now. */
 export function frameBall(rig: Rig, center: Vec3, radius: number, size: [number, number]): Rig {
   const { camera } = rig;
   const distance = Math.max(radius, 1e-6) / Math.sin(halfAngle(camera, size));
@@ -130,7 +130,7 @@ export function frameBall(rig: Rig, center: Vec3, radius: number, size: [number,
   };
 }
 
-/** A view of a ball along an axis. `direction` is the direction of view. */
+/** A view along an axis, of a ball. `direction` is where the camera looks. */
 export function preset(rig: Rig, direction: Vec3, center: Vec3, radius: number, size: [number, number]): Rig {
   const vertical = Math.abs(dot(direction, rig.worldUp)) > 0.99;
   const up: Vec3 = vertical ? (Math.abs(rig.worldUp[1]) > 0.5 ? [0, 0, -1] : [0, 1, 0]) : rig.worldUp;
@@ -150,7 +150,7 @@ export function withFieldOfView(camera: Camera, degrees: number): Camera {
   return { ...camera, projection: { projection: "perspective", tan_half_fov: [null, tangent] } };
 }
 
-/** A rig for a camera: the pivot is the point on its axis at the depth of the scene's centre. */
+/** A rig for a camera: the pivot is where it looks at the middle of the scene. */
 export function rigOf(camera: Camera, bounds: [Vec3, Vec3], worldUp: Vec3): Rig {
   const center = mul(add(bounds[0], bounds[1]), 0.5);
   const radius = length(sub(bounds[1], bounds[0])) / 2;

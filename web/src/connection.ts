@@ -1,4 +1,4 @@
-// The socket: messages as objects, pictures as frames, and reconnects when it breaks.
+// The socket: messages as objects, pictures as frames, and a new try when it breaks.
 
 import { HEADER_SIZE, type ToPage, type ToServer } from "./protocol.gen";
 
@@ -15,7 +15,7 @@ export interface Frame {
   payload: ArrayBuffer;
 }
 
-/** Reads a binary message; `null` if it is not one of ours. */
+/** Reads a binary message; `null` if it is none of ours. */
 export function parseFrame(buffer: ArrayBuffer): Frame | null {
   if (buffer.byteLength < HEADER_SIZE) return null;
   const view = new DataView(buffer);
@@ -43,7 +43,7 @@ export interface Listener {
   status(connected: boolean): void;
 }
 
-/** Milliseconds until the first retry, and the longest wait. */
+/** Milliseconds until the first new try, and the longest wait. */
 const FIRST_RETRY = 300;
 const LAST_RETRY = 5000;
 
@@ -91,7 +91,7 @@ export class Connection {
     }
     const frame = parseFrame(data);
     if (!frame) return;
-    // In order: a picture that takes longer to decode must not replace a later one.
+    // One after another: a picture that takes longer to decode must not cover the one that came after it.
     this.shown = this.shown
       .then(() => this.listener.frame(frame))
       .catch(reportError)

@@ -1,4 +1,4 @@
-// Heat maps of the cost of each pixel, for all acceleration structures side by side, on one scale.
+// Heat maps of what each pixel costs, for every acceleration structure side by side, on one scale.
 
 import { useSignal } from "@preact/signals";
 import type { JSX } from "preact";
@@ -11,7 +11,7 @@ const WIDTH = 320;
 export interface CostMap {
   name: string;
   size: [number, number];
-  /** By pixel: nodes and cells visited, primitives tested. */
+  /** By pixel: nodes and cells gone through, primitives tested. */
   counts: Uint32Array;
 }
 
@@ -21,13 +21,13 @@ const MEASURES: Record<string, (nodes: number, tests: number) => number> = {
   "primitives tested": (_, tests) => tests,
 };
 
-/** Parses the server's answer. */
+/** Reads what the server sends. */
 export function parseCosts(name: string, buffer: ArrayBuffer): CostMap {
   const words = new Uint32Array(buffer);
   return { name, size: [words[0]!, words[1]!], counts: words.subarray(2) };
 }
 
-/** From black over violet and orange to pale yellow: brighter is more, also for the colour-blind. Smith's and van der Walt's inferno, in five steps. */
+/** From black over violet and orange to pale yellow: brighter is more, for any eyes. Smith's and van der Walt's inferno, in five steps. */
 const RAMP = [[0, 0, 4], [87, 16, 110], [188, 55, 84], [249, 142, 9], [252, 255, 164]];
 
 export function heat(share: number): [number, number, number] {
@@ -37,7 +37,7 @@ export function heat(share: number): [number, number, number] {
   return [mix(0), mix(1), mix(2)];
 }
 
-/** Mean of a measure over a map, and its value in nearly the most expensive pixel. */
+/** Mean of a measure over a map, and its value in nearly the dearest pixel. */
 export function statistics(map: CostMap, measure: (nodes: number, tests: number) => number): { mean: number; high: number } {
   const values = Array.from({ length: map.counts.length / 2 }, (_, i) => measure(map.counts[2 * i]!, map.counts[2 * i + 1]!));
   values.sort((a, b) => a - b);

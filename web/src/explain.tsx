@@ -1,4 +1,4 @@
-// Explains a pixel: the sources of its light, the convergence of its samples, the tree of one path, the traversal of its ray.
+// Why a pixel looks as it does: where its light comes from, how its samples add up, the tree of one path, the way of its ray.
 
 import { useSignal } from "@preact/signals";
 import type { JSX } from "preact";
@@ -9,13 +9,13 @@ import { explained, scene, type Store } from "./store";
 import { linearToSrgb } from "./tonemap";
 import type { Vec3 } from "./vec";
 
-/** A number with four significant digits. */
+/** A number with four digits that count. */
 export function short(x: number): string {
   if (x === 0) return "0";
   return Math.abs(x) < 1e-4 || Math.abs(x) >= 1e6 ? x.toExponential(2) : Number(x.toPrecision(4)).toString();
 }
 
-/** A colour as the screen shows it; values above 1 keep their hue. */
+/** A colour as the screen shows it; what is brighter than 1 keeps its hue. */
 export function css(color: number[]): string {
   const most = Math.max(1, ...color.slice(0, 3));
   return `rgb(${color.slice(0, 3).map((c) => Math.round(linearToSrgb(Math.max(0, c / most)) * 255)).join(" ")})`;
@@ -93,7 +93,7 @@ function Convergence({ report }: { report: Report }): JSX.Element {
   );
 }
 
-/** All samples by number, as bars of their brightness; a click selects one. */
+/** All samples by number, as high as they are bright; one is chosen by a click. */
 function Samples(props: { report: Report; choose(sample: number): void }): JSX.Element {
   const { report, choose } = props;
   const shown = report.samples.slice(0, 256);

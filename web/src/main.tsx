@@ -103,7 +103,7 @@ async function copyCommand(): Promise<void> {
   }
 }
 
-/** Menus close when an item is chosen. */
+/** Menus close when something in them is chosen. */
 const close = (event: JSX.TargetedEvent<HTMLElement>): void => {
   const details = event.currentTarget.closest("details");
   if (details) details.open = false;
@@ -187,7 +187,7 @@ function Bar(): JSX.Element {
   );
 }
 
-/** The gallery of built-in scenes. */
+/** Scenes to begin with. */
 function Gallery(): JSX.Element {
   return (
     <div class="explain gallery" role="dialog" aria-label="scenes to look at">

@@ -1,4 +1,4 @@
-// The traversal of acceleration structures by a ray, side by side in 3D: the regions that each visits, in order.
+// The way of a ray through acceleration structures, side by side in 3D: what each looks at, in order.
 
 import { useSignal, useSignalEffect, type Signal } from "@preact/signals";
 import type { JSX } from "preact";
@@ -6,14 +6,14 @@ import { useEffect, useRef } from "preact/hooks";
 import type { JourneyReport, Report, StopReport } from "./protocol.gen";
 import { add, dot, length, mul, rotate, sub, type Vec3 } from "./vec";
 
-/** The view shared by all of them. */
+/** How all of them are looked at. */
 interface Look {
   yaw: number;
   pitch: number;
   zoom: number;
 }
 
-/** Data drawn in every picture. */
+/** What is drawn in every picture. */
 interface Stage {
   center: Vec3;
   radius: number;
@@ -21,7 +21,7 @@ interface Stage {
   report: Report;
 }
 
-/** Seconds that the longest traversal takes. */
+/** Seconds that the longest way takes. */
 const SECONDS = 8;
 
 /** The corners of a box and its edges, as signs along the axes. */
@@ -30,7 +30,7 @@ for (let a = 0; a < 8; a++) for (const bit of [1, 2, 4]) if (!(a & bit)) EDGES.p
 
 const counted = (n: number, what: string): string => `${n.toLocaleString("en")} ${what}${n === 1 ? "" : "s"}`;
 
-/** Lines that outline a region, in world space. */
+/** Lines that show a place, in world space. */
 export function outline(stop: Pick<StopReport, "kind" | "center" | "axes">): Vec3[][] {
   const at = (...signs: number[]): Vec3 =>
     signs.reduce<Vec3>((sum, s, i) => add(sum, mul(stop.axes[i] as Vec3, s)), stop.center as Vec3);
@@ -52,7 +52,7 @@ export function outline(stop: Pick<StopReport, "kind" | "center" | "axes">): Vec
   }
 }
 
-/** The extent of the scene, without distant outliers. */
+/** Where the scene is, without what is far away from most of it. */
 export function stageOf(report: Report, up: Vec3): Stage {
   const points = report.cloud as Vec3[];
   const all = points.length > 0 ? points : (report.bounds as Vec3[]);
@@ -63,7 +63,7 @@ export function stageOf(report: Report, up: Vec3): Stage {
   return { center, radius, up, report };
 }
 
-/** Projects a point of the world to a canvas. */
+/** A point of the world on a canvas. */
 function projector(stage: Stage, look: Look, width: number, height: number): (p: Vec3) => [number, number] {
   const flat: Vec3 = Math.abs(stage.up[1]) > 0.5 ? [0, 0, 1] : [0, -1, 0];
   const towards = rotate(flat, stage.up, look.yaw);
@@ -111,7 +111,7 @@ function draw(canvas: HTMLCanvasElement, stage: Stage, look: Look, journey: Jour
   });
   context.globalAlpha = 1;
 
-  // The ray up to its current point, and the rest of the path faintly.
+  // The ray as far as it has come, and the rest of the path faintly.
   const { vertices } = stage.report.tree;
   const first = vertices[0];
   if (!first) return;
@@ -199,7 +199,7 @@ export function Replay(props: { report: Report; up: Vec3; askAll?: () => void })
   useSignalEffect(() => {
     if (!playing.value) return;
     let last = performance.now();
-    // A steady clock, so that the few steps of good structures are visible too.
+    // A steady clock: the few stops of good structures are seen too.
     let at = step.peek() >= most ? 0 : step.peek();
     let frame = requestAnimationFrame(function tick(now) {
       const share = Math.max(6, at, most / SECONDS);

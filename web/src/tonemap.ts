@@ -1,4 +1,4 @@
-// From scene-linear half floats to display bytes, as on the server (crates/formats/src/image/tonemap.rs).
+// From scene-linear half floats to display bytes, as the server does it (crates/formats/src/image/tonemap.rs).
 
 export interface Display {
   exposure: number;

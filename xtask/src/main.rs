@@ -117,7 +117,7 @@ fn lint() -> bool {
         ),
         ("documentation", documentation),
     ];
-    // Every step runs, so that one run shows all problems.
+    // Every step runs, so that one look shows all there is to mend.
     let failed = steps
         .into_iter()
         .filter_map(|(what, command)| (!run(what, command)).then_some(what))
@@ -127,7 +127,7 @@ fn lint() -> bool {
     failed == 0 && is_page_current
 }
 
-/// Makes changed pictures of `tests/golden/` the references.
+/// The pictures of `tests/golden/` that are not as they were become the references.
 fn golden() -> bool {
     let arguments =
         ["test", "--package", "snell-tests", "golden::every_golden", "--", "--nocapture"];

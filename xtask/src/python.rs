@@ -71,8 +71,8 @@ fn build(root: &Path, programs: &Path) -> bool {
     run("build of the Python package", build) && placed()
 }
 
-/// Builds the package and runs its tests; checks the stubs against the module. `None` without
-/// Python.
+/// Builds the package and runs its tests; checks that the stubs say what the module has. `None`
+/// without Python.
 pub fn test() -> Option<bool> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let programs = environment(&root)?;

@@ -47,7 +47,7 @@ pub fn build() -> bool {
     packages() == Some(true) && run("build of the page", npm(&["run", "--silent", "build"]))
 }
 
-/// Checks types, unit tests, that the built page matches its sources, and the page in a browser.
+/// Checks types, unit tests, that the built page is that of the sources, and the page in a browser.
 /// `None` without Node.js.
 pub fn test() -> Option<bool> {
     if !packages()? {

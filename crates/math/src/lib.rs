@@ -1,5 +1,5 @@
 //! Numbers: vectors, transforms, rays, bounds, spectra, random numbers, warps and SIMD levels; and
-//! [`kinds!`], which makes an enum of all kinds of something.
+//! [`kinds!`], the enum of all kinds of something.
 //!
 //! The base of Snell. Nothing here does I/O, starts threads or knows what a scene is. Vectors are
 //! [glam](https://docs.rs/glam)'s; positions of a scene are composed in `f64` ([`DVec3`],

@@ -104,7 +104,7 @@ impl Connection {
                 match message {
                     Some(Ok(Message::Text(text))) => self.received(socket, session, client, &text).await,
                     Some(Ok(Message::Binary(_))) => send_error(socket, "messages are JSON text".into()).await,
-                    // Sent here and awaited: answers to a flood of pings must not pile up.
+                    // Sent here and waited for: answers to a flood of pings must not pile up.
                     Some(Ok(Message::Ping(bytes))) => transmit(socket, Message::Pong(bytes)).await,
                     Some(Ok(Message::Pong(_))) => true,
                     Some(Ok(Message::Close(_)) | Err(_)) | None => false,
