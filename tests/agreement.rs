@@ -1,5 +1,5 @@
-//! Different ways to the same picture agree: strategies, light samplers, random samplers, filters,
-//! the textbook renderer.
+//! Different methods for the same picture agree: strategies, light samplers, random samplers,
+//! filters, the textbook renderer.
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Sphere};
@@ -22,7 +22,7 @@ use snell_tests::statistics::{compare, compare_exact};
 use snell_tests::{colors, render, render_compiled, settings};
 use std::sync::Arc;
 
-/// Rough things under several lamps and a sky: light arrives in many ways, none of them rare for
+/// Rough objects under several lamps and a sky: light arrives on many paths, none of them rare for
 /// any strategy.
 fn lamps_and_sky() -> (Scene, Camera) {
     let mut scene = Scene::new("lamps and sky");
@@ -123,7 +123,8 @@ fn samplers_agree_and_the_good_ones_are_less_noisy() {
     let mut errors = Vec::new();
     for (sampler, seed) in SamplerKind::ALL.into_iter().zip(2..) {
         let film = render(sampler, seed, 64);
-        // The spread of the samples overstates the error of those that are better than independent.
+        // The spread of the samples overestimates the error of samplers better than independent
+        // ones.
         compare(&film, &best).check(sampler.name());
         let (a, b) = (colors(&film.image()), colors(&best.image()));
         errors.push(
@@ -136,7 +137,7 @@ fn samplers_agree_and_the_good_ones_are_less_noisy() {
 
 #[test]
 fn filters_agree_on_a_ramp() {
-    // Any symmetric filter leaves a linear picture as it is.
+    // Any symmetric filter preserves a linear picture.
     let mut scene = Scene::new("ramp");
     let ramp =
         scene.add_image(image(2, 1, 3, |x, _| vec![x as f32, 2.0 * x as f32, 1.0 - x as f32]));
@@ -169,7 +170,7 @@ fn filters_agree_on_a_ramp() {
 
 #[test]
 fn filters_agree_in_the_mean() {
-    // Before black, light that a filter moves between pixels is not lost.
+    // On a black background, light that a filter moves between pixels is not lost.
     let mut scene = Scene::new("ball");
     let material = lamp(&mut scene, 1.0);
     put(&mut scene, Sphere { radius: 1.0 }, DAffine3::IDENTITY, material);
@@ -225,8 +226,8 @@ fn the_batched_renderer_agrees_with_the_textbook_on_everything() {
 
 #[test]
 fn strategies_agree_behind_glass() {
-    // Through smooth glass only bounces find the lamp, through frosted glass and metal both ways
-    // do; the lamp is large, so none of it is rare.
+    // Through smooth glass only bounces find the lamp; through frosted glass and metal both methods
+    // do. The lamp is large, so none of them is rare.
     let mut scene = Scene::new("caustics");
     let walls = matte(&mut scene, 0.6);
     put(

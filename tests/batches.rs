@@ -1,8 +1,8 @@
 //! Large batches: any size, any number of threads, any level and either grouping give the same
-//! bits, and the three ways to ask whether a ray hits agree.
+//! bits, and the three queries for a hit agree.
 //!
-//! `SNELL_BATCH_RAYS` sets the rays of a batch (12,000 by default), `SNELL_RANDOM_QUERIES` those
-//! that are asked in three ways (400,000 by default).
+//! `SNELL_BATCH_RAYS` sets the number of rays in a batch (12,000 by default),
+//! `SNELL_RANDOM_QUERIES` that of the rays for the three queries (400,000 by default).
 
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
@@ -26,7 +26,7 @@ fn random(index: u64, stream: u32) -> [f32; 4] {
     pcg4d([index as u32, (index >> 32) as u32, stream, 41]).map(to_unit)
 }
 
-/// Spheres of many triangles, some of them instances that touch and overlap, beside a world of
+/// Spheres of many triangles, some of them touching and overlapping instances, beside a world of
 /// random shapes.
 fn builder(seed: u32) -> WorldBuilder {
     let bytes = random_bytes(seed, 12_000);
@@ -50,8 +50,8 @@ fn builder(seed: u32) -> WorldBuilder {
     builder
 }
 
-/// Half of them at random, a quarter from one point, a quarter along parallel lines, neighbours
-/// close together.
+/// Half of them are random, a quarter start at one point, and a quarter are parallel; neighbours
+/// are close together.
 fn ray(index: u64) -> Ray {
     let u = random(index, 1);
     let v = random(index, 2);

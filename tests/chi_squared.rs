@@ -1,7 +1,6 @@
-//! What is sampled has the density that is claimed, and the density adds up to the share that is
-//! sampled: every lobe over sweeps of its parameters, phase functions, lamps, environments, glowing
-//! media and the choice among many lights. Each family is judged together at a significance of 0.01
-//! (Sidak).
+//! Samples have the claimed density, and the density integrates to the sampled share: for every
+//! lobe over sweeps of its parameters, phase functions, lamps, environments, emissive media and the
+//! choice among many lights. Each family is judged as a whole at a significance of 0.01 (Sidak).
 
 use snell_intersect::SurfaceInteraction;
 use snell_math::rng::uniform2;
@@ -74,7 +73,7 @@ fn bsdf(kind: &MaterialKind) -> Bsdf {
     })
 }
 
-/// Where lobes are looked at from: straight, slanted, grazing, and from below.
+/// Outgoing directions: perpendicular, oblique, grazing, and from below.
 fn views(count: usize) -> impl Iterator<Item = Vec3> {
     [(0.05f32, 0.3f32), (0.8, 0.0), (1.35, 2.0), (2.4, 1.0), (1.75, 5.0), (3.05, 0.5)]
         .into_iter()
@@ -84,7 +83,7 @@ fn views(count: usize) -> impl Iterator<Item = Vec3> {
         })
 }
 
-/// Draws directions from a BSDF and compares them with its density, cell by cell.
+/// Samples directions from a BSDF and compares them with its density, cell by cell.
 fn check_bsdf(
     family: &mut Family,
     name: &str,
@@ -118,7 +117,7 @@ fn check_bsdf(
                 _ => elsewhere += 1,
             }
         }
-        // Mirrors, and what would have gone through the surface.
+        // Delta lobes, and rejected directions.
         found.push(elsewhere);
         expected.push((1.0 - total).max(0.0));
         expected.iter_mut().for_each(|e| *e *= f64::from(N));
@@ -173,7 +172,7 @@ fn scalar(x: f32) -> ScalarParam {
     x.into()
 }
 
-/// What is swept, from 0 to 1, and on what kind of surface.
+/// The swept parameters, from 0 to 1, and the kind of surface.
 const SWEEPS: [Sweep; 17] = [
     ("base_diffuse_roughness", |p, x| p.base_diffuse_roughness = scalar(x), |_| {}),
     ("base_metalness", |p, x| p.base_metalness = scalar(x), |_| {}),
@@ -238,7 +237,7 @@ const SWEEPS: [Sweep; 17] = [
     ),
 ];
 
-/// All sweeps with this many steps each, from this many sides.
+/// All sweeps with this many steps each, from this many outgoing directions.
 fn sweep_open_pbr(steps: u32, views_from: usize) {
     let mut family = Family::new("open-pbr");
     for (number, (name, set, prepare)) in (0..).zip(SWEEPS) {

@@ -1,5 +1,5 @@
-//! Scenes whose light can be written down: every picture is compared with the formula, pixel by
-//! pixel, in standard errors.
+//! Scenes with closed-form solutions: every picture is compared with the formula, pixel by pixel,
+//! in standard errors.
 
 use snell_intersect::TriangleMesh;
 use snell_intersect::shape::{BoxShape, Disk, Polygon, Sphere};
@@ -20,7 +20,7 @@ const SIZE: u32 = 32;
 
 const REFLECTANCE: f32 = 0.6;
 
-/// The points of the ground that the pixels of `camera` look at.
+/// The points of the ground that the pixels of `camera` see.
 fn ground_points(camera: &Camera, settings: &Settings) -> Vec<DVec3> {
     let [width, height] = settings.size;
     let point = |x: u32, y: u32| {
@@ -49,7 +49,7 @@ fn check_strategy(
     seed: u32,
     irradiance: impl Fn(DVec3) -> f64,
 ) {
-    // Half of the checks by each integrator: they are one vertex function.
+    // Half of the checks by each integrator: both are the same vertex function.
     let integrator =
         if seed.is_multiple_of(2) { IntegratorKind::Direct } else { IntegratorKind::Path };
     let settings =
@@ -182,8 +182,8 @@ fn panels_on_a_plane() {
 
 #[test]
 fn sphere_light_over_a_plane() {
-    // Seen under the same solid angle at the same angle, a sphere lights like the disk it looks
-    // like: pi L sin^2 cos.
+    // At the same solid angle and angle of incidence, a sphere illuminates like the disk that it
+    // appears as: pi L sin^2 cos.
     let (center, radius) = (DVec3::new(0.5, 2.0, 0.0), 0.7);
     let mut scene = scene();
     let material = lamp(&mut scene, 3.0);
@@ -196,7 +196,7 @@ fn sphere_light_over_a_plane() {
 
 #[test]
 fn stretched_sphere_light_has_the_power_of_its_shape() {
-    // Squashed almost flat, a sphere is two disks.
+    // Flattened almost completely, a sphere is two disks.
     let mut scene = scene();
     let material = lamp(&mut scene, 3.0);
     let flat = at(0.0, 1.0, 0.0) * DAffine3::from_scale(DVec3::new(0.6, 1e-4, 0.6));
@@ -242,7 +242,8 @@ fn mesh_light_over_a_plane() {
     let placed = at(-0.2, 1.0, 0.1) * DAffine3::from_scale(DVec3::new(-0.5, 1.0, 0.7));
     let corners = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 0.9)];
     let positions: Vec<Vec3> = corners.iter().map(|&(x, z)| Vec3::new(x, 0.0, z)).collect();
-    // Seen from below (the bright side, as the mirrored mesh is turned back) counterclockwise.
+    // As seen from below (the bright side, because the mirrored mesh is reversed),
+    // counterclockwise.
     let indices = vec![[0, 4, 1], [4, 2, 1], [4, 3, 2]];
     let mut scene = scene();
     let lamp = Material {
@@ -316,7 +317,7 @@ fn many_lights_add_up() {
         direction: DVec3::new(0.0, -0.8, 0.6),
         irradiance: Rgb::splat(0.5),
     });
-    // Directional light passes the lamps, so look where they cast no shadow of it.
+    // Directional light misses the lamps, so the test looks where they cast no shadow of it.
     check("many lights", &scene, &over_ground(0.0, -1.5), 256, |p| {
         let d = (center - p).length();
         let sphere = 9.0 * PI * (radius / d).powi(2) * center.y / d;
@@ -352,14 +353,14 @@ fn a_sphere_hides_its_share_of_the_sky() {
         .check("ambient occlusion by a sphere");
 }
 
-/// A turn that moves every axis.
+/// A rotation that moves every axis.
 fn turned() -> DAffine3 {
     DAffine3::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 1.1)
 }
 
 #[test]
 fn a_smooth_environment_image_lights_by_its_harmonics() {
-    // Of radiance 1 + a . d, a facing surface gets pi + 2 pi / 3 a . n.
+    // For radiance 1 + a . d, a surface with normal n gets pi + 2 pi / 3 a . n.
     let a = [DVec3::new(0.6, -0.3, 0.2), DVec3::new(-0.2, 0.5, 0.6), DVec3::new(0.0, 0.0, -0.9)];
     let image = sky(256, |d| a.map(|a| (1.0 + a.dot(d)) as f32));
     let mut scene = scene();
@@ -386,8 +387,8 @@ fn a_smooth_environment_image_lights_by_its_harmonics() {
 
 #[test]
 fn a_sun_in_an_environment_image_lights_by_quadrature() {
-    // One bright texel on dark ones: by the definition of bilinear interpolation, with no use of
-    // the renderer's lookups.
+    // One bright texel among dark ones: by the definition of bilinear interpolation, independently
+    // of the renderer's lookups.
     let (width, height, sun) = (32, 16, (20, 5));
     let image = image(width, height, 3, |x, y| vec![if (x, y) == sun { 300.0 } else { 0.1 }; 3]);
     let mut scene = scene();
@@ -415,7 +416,7 @@ fn a_sun_in_an_environment_image_lights_by_quadrature() {
             irradiance
         });
     }
-    // Samples of the BSDF seldom find the sun: many are needed for a fair test.
+    // BSDF samples rarely find the sun: many are needed for a valid test.
     check_strategy(
         "sun in an image",
         &scene,
@@ -460,7 +461,7 @@ fn blended_surfaces_let_their_share_of_light_through() {
                 let film = render(&scene, &over_ground(0.0, 0.0), &settings);
                 let expected =
                     vec![[f64::from(REFLECTANCE) / PI * irradiance; 3]; (SIZE * SIZE) as usize];
-                // The sheet ends, and 20 units are not quite all of the sky: less than half a
+                // The sheet is finite, and 20 units do not cover the whole sky: less than half a
                 // percent of it passes below.
                 let missing =
                     if scene.environment.is_some() { 0.01 * f64::from(REFLECTANCE) } else { 0.0 };

@@ -1,5 +1,5 @@
-//! Scenes written and read again give the same picture: to the bit as `.snell`, and to the noise as
-//! pbrt.
+//! Scenes that are written and read again give the same picture: bit for bit as `.snell`, and up to
+//! noise as pbrt.
 
 use snell_formats::{ReadOptions, read_scene, write_scene_as};
 use snell_render::Settings;
@@ -8,7 +8,7 @@ use snell_scene::builtin::BUILTINS;
 use snell_scene::framing::{FramingOptions, prepare};
 use snell_tests::{bits, render, settings, shared_data};
 
-/// The scene after it was written and read; and what was lost.
+/// The scene after it was written and read, and the number of losses.
 fn round_trip(scene: &Scene, extension: &str) -> (Scene, usize) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join(format!("scene.{extension}"));

@@ -1,4 +1,4 @@
-//! Scenes that make no sense, or are enormous or tiny: every pixel is a number, and nothing panics.
+//! Degenerate, enormous and tiny scenes: every pixel is finite, and nothing panics.
 
 use snell_intersect::shape::{BoxShape, Disk, Sphere};
 use snell_intersect::{AnyShape, BuildOptions, TriangleMesh};
@@ -15,7 +15,7 @@ use snell_tests::scenes::{
 use snell_tests::{colors, render, settings};
 use std::sync::Arc;
 
-/// Renders with every integrator and strategy, in which all values of all layers must be finite.
+/// Renders with every integrator and strategy; all values of all layers must be finite.
 fn survives(what: &str, scene: &Scene, camera: &Camera) {
     let compiled = match CompiledScene::new(scene, &BuildOptions::default()) {
         Ok(compiled) => compiled,
@@ -49,7 +49,7 @@ fn front() -> Camera {
     Camera::look_at(Vec3::new(0.3, 0.4, 4.0), Vec3::ZERO, Vec3::Y, 0.5)
 }
 
-/// A lit ground to put things on.
+/// An illuminated ground.
 fn lit() -> Scene {
     let mut scene = Scene::new("lit");
     ground(&mut scene, 0.5);
@@ -94,7 +94,7 @@ fn broken_meshes_leave_the_rest_of_the_scene_alone() {
         for emissive in [false, true] {
             let mut scene = lit();
             let material = if emissive { lamp(&mut scene, 2.0) } else { matte(&mut scene, 0.5) };
-            // All triangles have a corner that is not a number or all corners in one place.
+            // Every triangle has a NaN corner or coincident corners.
             let mut mesh = quad();
             for p in &mut mesh.positions {
                 *p =
@@ -205,8 +205,8 @@ fn broken_lights_materials_and_environments_do_no_harm() {
         if value != f32::MAX {
             survives(&format!("numbers {value}"), &scene, &front());
         } else {
-            // Sums of such numbers overflow, and the samples then count as black: what counts is
-            // that pixels are finite.
+            // Sums of such numbers overflow, and the samples then count as black: the test is that
+            // pixels are finite.
             let settings = Settings { spp: 3, ..settings(9, 3) };
             let compiled = CompiledScene::new(&scene, &settings.build).expect("the scene compiles");
             let (film, _) = Job::new(&compiled, &front(), &settings).run(1, &|_| true);
@@ -270,8 +270,8 @@ fn things_that_touch_and_coincide_give_finite_pictures() {
     );
 }
 
-/// Rough and clear things under area lights and a sky, all lengths multiplied by `scale`: what is
-/// seen does not depend on it.
+/// Rough and clear objects under area lights and a sky, with all lengths multiplied by `scale`,
+/// which must not change the picture.
 fn scaled(scale: f64) -> (Scene, Camera) {
     let mut scene = Scene::new("scaled");
     let grow = DAffine3::from_scale(DVec3::splat(scale));
@@ -322,7 +322,7 @@ fn the_picture_does_not_depend_on_the_unit_of_length() {
         let brightness = expected.iter().flatten().sum::<f64>() / (3 * expected.len()) as f64;
         for exponent in [-60, -40, -20, 20, 40, 60] {
             let found = picture(2f64.powi(exponent), integrator);
-            // Powers of two change no digit; rounding may still differ where a number is added to
+            // Powers of two change no digit; rounding may still differ where constants are added to
             // lengths.
             let difference = |(a, b): (&[f64; 3], &[f64; 3])| {
                 (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f64::max)

@@ -1,5 +1,5 @@
-//! The same bits, whatever the threads, the order of tiles, the passes, the crops, the instruction
-//! set and the accelerator.
+//! The same bits for any number of threads, order of tiles, passes, crops, instruction set and
+//! accelerator.
 
 use snell_intersect::AcceleratorKind;
 use snell_intersect::BuildOptions;
@@ -17,7 +17,7 @@ use snell_tests::scenes::{at, everything, put};
 use snell_tests::statistics::compare;
 use snell_tests::{bits, render_compiled};
 
-/// Settings with odd sizes, a sample count that is no multiple of a block, and all extra layers.
+/// Settings with odd sizes, a sample count that is not a multiple of a block, and all extra layers.
 fn settings() -> Settings {
     Settings {
         size: [37, 29],
@@ -29,7 +29,7 @@ fn settings() -> Settings {
     }
 }
 
-/// Settings that differ from [`settings`] in one of everything that changes the picture.
+/// Variants of [`settings`], each with one difference in a setting that changes the picture.
 fn variants() -> Vec<(String, Settings)> {
     let mut all = Vec::new();
     let mut add = |name: &str, settings: Settings| all.push((name.to_string(), settings));
@@ -86,7 +86,7 @@ fn threads_order_and_passes_do_not_change_a_bit() {
     }
 }
 
-/// Renders the picture in pieces and puts them together.
+/// Renders the picture in pieces and joins them.
 fn assembled(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> LayeredImage {
     let [width, height] = settings.size;
     let columns = [0, 1, 14, 33, width];
@@ -124,8 +124,8 @@ fn crops_add_up_to_the_whole_picture() {
     }
 }
 
-/// Balls in balls of which every surface reflects and refracts: ray trees with far more rays than
-/// pixels have samples.
+/// Nested balls whose surfaces all reflect and refract: ray trees with far more rays than pixels
+/// have samples.
 fn onion() -> (Scene, Camera) {
     let mut scene = Scene::new("onion");
     let grey = |x| Rgb::splat(x).into();
@@ -172,7 +172,7 @@ fn ray_trees_with_more_rays_than_a_batch_holds_do_not_change_a_bit() {
 #[test]
 fn instructions_and_accelerators_do_not_change_a_bit() {
     let (scene, camera) = everything();
-    // What is counted is the work of an accelerator, and differs.
+    // These layers count the work of an accelerator, which differs.
     let aovs: Vec<Aov> = Aov::ALL.into_iter().filter(|a| !a.needs_counters()).collect();
     let levels: Vec<Level> = Level::ALL.into_iter().filter(|l| l.is_supported()).collect();
     for integrator in IntegratorKind::ALL {

@@ -1,8 +1,8 @@
-//! The probe of exactness: rays from inside closed meshes, aimed at every vertex and at the middle
-//! of every edge, and random ones. Not one may escape, and every crossing counts exactly once:
-//! their number is odd, and leaving minus entering is one.
+//! The test of exactness: rays from inside closed meshes, aimed at every vertex and at the middle
+//! of every edge, and random ones. None may escape, and every crossing counts exactly once: their
+//! number is odd, and exits minus entries is one.
 //!
-//! `SNELL_EXACT_RAYS` sets how many rays of either kind each mesh gets at each place (20,000 by
+//! `SNELL_EXACT_RAYS` sets the number of rays of either kind for each mesh at each place (20,000 by
 //! default); a table is printed.
 
 use rayon::prelude::*;
@@ -29,7 +29,7 @@ fn direction(index: usize, stream: u32) -> Vec3 {
     uniform_sphere(Vec2::new(u[0], u[1]))
 }
 
-/// The meshes; those from files only where the files are.
+/// The meshes; those from files only if the files exist.
 fn meshes() -> Vec<(String, TriangleMesh)> {
     let mut meshes =
         vec![("lat-long sphere 100x200".to_string(), latitude_longitude_sphere(2.0, 100, 200))];
@@ -63,7 +63,7 @@ fn placed(mesh: &TriangleMesh, scale: f64, center: Vec3) -> TriangleMesh {
     placed
 }
 
-/// Leaving minus entering, over all crossings.
+/// Exits minus entries over all crossings.
 fn winding(mesh: &TriangleMesh, ray: &Ray, hits: &[Hit]) -> i32 {
     let sign = |hit: &Hit| {
         let [a, b, c] = mesh.corners(hit.primitive as usize).map(|p| p.as_dvec3());
@@ -95,9 +95,8 @@ struct Counts {
     misses: usize,
     /// An even number of crossings: one of them was lost or counted twice.
     wrong: usize,
-    /// Leaving minus entering is not one, or it is more than one crossing of a convex shape: on the
-    /// plane across the ray the mesh is folded over, so that some triangles are seen from the wrong
-    /// side.
+    /// Exits minus entries is not one, or there are several crossings of a convex shape: projected
+    /// along the ray the mesh is folded, so that some triangles face the wrong way.
     folded: usize,
 }
 
@@ -149,8 +148,8 @@ fn no_ray_escapes_a_closed_mesh_and_every_crossing_counts_once() {
             let origins = origins(&world, &mesh, 2.0 * scale as f32, center);
             assert!(!origins.is_empty(), "{name}, {place}: there are points inside");
             let targets = mesh.positions.len() + mesh.indices.len() * 3;
-            // A stride without common factors reaches everything in few rays, and all of it in
-            // many.
+            // A stride without common factors covers everything sparsely with few rays, and all of
+            // it with many.
             let aimed = |i: usize| {
                 let target = (i * 7919) % targets;
                 let target = match target.checked_sub(mesh.positions.len()) {
@@ -174,7 +173,7 @@ fn no_ray_escapes_a_closed_mesh_and_every_crossing_counts_once() {
                     counts.rays, counts.misses, counts.wrong, counts.folded
                 );
                 assert_eq!(counts.misses, 0, "{name}, {place}, {kind}");
-                // Rounding the coordinates has turned some triangles over there.
+                // Rounding the coordinates has flipped some triangles there.
                 assert!(
                     place == "far" || counts.folded == 0,
                     "{name}, {place}, {kind}: {}",

@@ -26,23 +26,23 @@ const SIZE: [u32; 2] = [80, 60];
 /// Samples per pixel.
 const SPP: u32 = 128;
 
-/// Differences below this many standard errors are noise.
+/// Differences below this many standard errors count as noise.
 const NOISE: f32 = 4.0;
 
-/// Largest mean FLIP error of pixels that passes.
+/// Maximum mean FLIP error of pixels that passes.
 const MAX_FLIP: f64 = 0.005;
 
 /// Sides of squares whose means are compared, too: their noise is lower than that of pixels.
 const SQUARES: [u32; 2] = [5, 20];
 
-/// Largest relative mean squared error of the means of squares that passes.
+/// Maximum relative mean squared error of the means of squares that passes.
 const MAX_REL_MSE: f64 = 3e-6;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("golden")
 }
 
-/// Where pictures of failures go.
+/// The folder for pictures of failures.
 fn results() -> PathBuf {
     Path::new(env!("CARGO_TARGET_TMPDIR")).join("../golden")
 }
@@ -69,7 +69,7 @@ fn scenes(integrator: IntegratorKind) -> Vec<PathBuf> {
     files(&folder).into_iter().filter(is_scene).collect()
 }
 
-/// A rendered picture, in which noise is known.
+/// A rendered picture with known noise.
 struct Picture {
     image: LayeredImage,
     /// Standard error of each value.
@@ -96,7 +96,7 @@ impl Picture {
             ..Settings::default()
         };
         let film = render(&scene, &scene.cameras[0], &settings);
-        // Normals, from -1 to 1, are shown as colours from 0 to 1.
+        // Normals, from -1 to 1, become colours from 0 to 1.
         let (offset, scale) = if is_aov { (0.5, 0.5) } else { (0.0, 1.0) };
         let rgb = |layers: LayeredImage| -> Vec<[f32; 3]> {
             let layer = &layers.layers[usize::from(is_aov)];
@@ -124,8 +124,8 @@ fn linear(image: &LayeredImage) -> LinearImage {
     LinearImage::from_layer(image, &image.layers[0])
 }
 
-/// A picture of the means of squares of pixels. What is left over at the right and below does not
-/// count.
+/// A picture of the means of squares of pixels. Incomplete squares at the right and bottom are
+/// dropped.
 fn squares(image: &LinearImage, side: u32, mean: impl Fn(&[[f32; 3]]) -> [f32; 3]) -> LinearImage {
     let (width, height) = (image.width / side, image.height / side);
     let square = |i: u32| {
@@ -146,7 +146,7 @@ fn error_of_mean(errors: &[[f32; 3]]) -> [f32; 3] {
     [0, 1, 2].map(|c| errors.iter().map(|e| e[c] * e[c]).sum::<f32>().sqrt() / errors.len() as f32)
 }
 
-/// Compares `test` with the reference, with each value moved towards the reference by the noise of
+/// Compares `test` with the reference after moving each value towards the reference by the noise of
 /// both.
 fn compare_but_for_noise(
     reference: &LinearImage,
@@ -163,7 +163,7 @@ fn compare_but_for_noise(
     compare(reference, &LinearImage { pixels, ..*test }, &CompareOptions::default())
 }
 
-/// How far a picture is from its reference, noise left out.
+/// The difference of a picture from its reference, without noise.
 struct Judgement {
     pixels: Compared,
     /// Relative mean squared errors of [`SQUARES`].
@@ -191,7 +191,7 @@ impl Judgement {
         Ok(Self { pixels, squares })
     }
 
-    /// What is wrong, if anything.
+    /// The failure, if any.
     fn verdict(&self) -> Result<(), String> {
         let c = &self.pixels.comparison;
         let is_finite = c.not_finite_in_reference + c.not_finite_in_test == 0;

@@ -1,5 +1,5 @@
-//! Path guiding changes the noise and nothing else, is the same bits for any threads, order and
-//! crop, and survives any scene.
+//! Path guiding changes only the noise, gives the same bits for any threads, order and crop, and
+//! works on any scene.
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Sphere};
@@ -16,7 +16,7 @@ fn guided(settings: Settings, passes: u32) -> Settings {
     Settings { guiding: Some(Guiding { passes, photons: 1 << 14 }), ..settings }
 }
 
-/// A closed room with a ball of glass, one that frosts and a mirror, under a large lamp.
+/// A closed room with a ball of clear glass, one of frosted glass and a mirror, under a large lamp.
 fn room_with_glass() -> (Scene, Camera) {
     let mut scene = Scene::new("glass");
     let walls = matte(&mut scene, 0.6);
@@ -38,7 +38,7 @@ fn room_with_glass() -> (Scene, Camera) {
     (scene, Camera::look_at(Vec3::new(0.0, 1.6, 4.0), Vec3::new(0.0, 0.5, 0.0), Vec3::Y, 0.4))
 }
 
-/// Two rooms with a gap in the wall between them; the lamp is in the one that is not seen.
+/// Two rooms with a gap in the wall between them; the lamp is in the one that is not visible.
 fn two_rooms() -> (Scene, Camera) {
     let mut scene = Scene::new("two rooms");
     let walls = matte(&mut scene, 0.7);

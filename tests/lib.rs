@@ -1,5 +1,5 @@
-//! Shared pieces of the cross-crate tests: how to build scenes in few words, how to render them,
-//! and how to judge noisy pictures.
+//! Shared helpers of the cross-crate tests: concise scenes, rendering, and comparisons of noisy
+//! pictures.
 
 pub mod meshes;
 pub mod random_worlds;
@@ -10,8 +10,8 @@ use snell_render::{CompiledScene, Film, Filter, Job, SamplerKind, Settings};
 use snell_scene::{Camera, LayeredImage, Scene};
 use std::path::PathBuf;
 
-/// Settings of a small square picture with independent samples through the pixels' centres: what
-/// statistics are simplest for.
+/// Settings of a small square picture with independent samples through the pixel centres, which
+/// keep statistics simple.
 pub fn settings(size: u32, spp: u32) -> Settings {
     Settings {
         size: [size, size],
@@ -63,8 +63,8 @@ pub fn bits(image: &LayeredImage) -> Vec<u32> {
     image.layers.iter().flat_map(|l| &l.values).map(|v| v.to_bits()).collect()
 }
 
-/// A file of the shared test data, which lie beside the repository; `None` (with a note) where they
-/// are absent.
+/// A file of the shared test data, which is beside the repository; `None` (with a note) if it is
+/// absent.
 pub fn shared_data(name: &str) -> Option<PathBuf> {
     let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data")).join(name);
     if path.exists() {

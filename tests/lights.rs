@@ -1,5 +1,5 @@
 //! Every way of choosing lights gives the same picture and the same bits, with every kind of light
-//! in one scene; lights that make no sense do no harm.
+//! in one scene; invalid lights do no harm.
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Disk, Sphere, Triangle};
@@ -149,8 +149,7 @@ fn threads_do_not_change_a_bit_of_a_scene_of_many_lights() {
     }
 }
 
-/// Zero size, infinite power, nonsense: the picture stays finite, and what is sane still gives
-/// light.
+/// Zero size, infinite power, NaN: the picture stays finite, and valid lights still illuminate.
 #[test]
 fn lights_that_make_no_sense_do_no_harm() {
     let (mut scene, camera) = every_light(false);
@@ -191,8 +190,8 @@ fn typical_noise(film: &Film, spp: u32) -> f64 {
     variances[variances.len() / 2]
 }
 
-/// A lamp of triangles that turns and one that is a ball flying by, within a group that moves too;
-/// and the poses of the open shutter.
+/// A rotating lamp of triangles and a ball flying by, within a group that moves too; and the poses
+/// of the open shutter.
 fn moving_lamps() -> (Scene, Camera, Moving) {
     let mut scene = Scene::new("moving lamps");
     ground(&mut scene, 0.6);
@@ -265,8 +264,7 @@ fn lamps_that_move_while_the_shutter_is_open_are_sampled_where_they_are() {
     }
 }
 
-/// A flame over the ground, half of it outside of what bounds it, and a pane of glass through which
-/// it is seen.
+/// A flame over the ground, half of it outside of its bounds, seen through a pane of glass.
 fn flame() -> (Scene, Camera) {
     let mut scene = Scene::new("flame");
     ground(&mut scene, 0.6);

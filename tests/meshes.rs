@@ -80,7 +80,7 @@ pub fn icosphere(radius: f64, levels: u32) -> TriangleMesh {
 }
 
 /// The mesh with equal vertices merged and every hole closed by a fan around the middle of its
-/// border; `None` if it is not a closed, consistently turned surface even then.
+/// border; `None` if even then it is not a closed, consistently oriented surface.
 pub fn closed(mesh: &TriangleMesh) -> Option<TriangleMesh> {
     let mut numbers = BTreeMap::new();
     let mut result = TriangleMesh::default();
@@ -96,7 +96,7 @@ pub fn closed(mesh: &TriangleMesh) -> Option<TriangleMesh> {
     let triangles = mesh.indices.iter().map(|t| t.map(|i| merged[i as usize]));
     result.indices = triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
     let open = open_edges(&result.indices)?;
-    // The border runs against the edges of the triangles inside.
+    // The border runs against the edges of the adjacent triangles.
     let mut next: BTreeMap<u32, u32> = open.iter().map(|&(a, b)| (b, a)).collect();
     if next.len() != open.len() {
         return None;
@@ -118,7 +118,7 @@ pub fn closed(mesh: &TriangleMesh) -> Option<TriangleMesh> {
     open_edges(&result.indices)?.is_empty().then_some(result)
 }
 
-/// Directed edges without their opposite; `None` if an edge is used twice in one direction.
+/// Directed edges without an opposite; `None` if an edge is used twice in one direction.
 fn open_edges(triangles: &[[u32; 3]]) -> Option<Vec<(u32, u32)>> {
     let mut edges = BTreeMap::new();
     for t in triangles {

@@ -6,7 +6,7 @@ use snell_render::{CompiledScene, IntegratorKind, Job, Settings, reference};
 use snell_scene::{Scene, builtin::builtin};
 use snell_tests::{colors, render, shared_data};
 
-/// The original's settings, as the scene asks for them.
+/// The original's settings, as the scene specifies them.
 fn settings(scene: &Scene) -> Settings {
     let asked = &scene.settings;
     assert_eq!(asked.integrator.as_deref(), Some("whitted"));
@@ -61,7 +61,7 @@ fn the_picture_equals_the_output_of_the_original_program() {
 
 #[test]
 fn the_picture_is_within_a_level_of_the_posting_of_1987() {
-    // The program of the posting cut the fraction off.
+    // The program in the posting truncated fractions.
     let Some(path) = shared_data("minray/test1.heckbert1987.ap") else { return };
     let reference = read_ap(&std::fs::read_to_string(path).expect("the file can be read"));
     let scene = builtin("minray").expect("the scene is built in");

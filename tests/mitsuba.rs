@@ -1,4 +1,5 @@
-//! The Cornell box as Mitsuba 3 renders it: absolute radiance of another renderer, noise known.
+//! The Cornell box as Mitsuba 3 renders it: absolute radiance of another renderer, with known
+//! noise.
 
 use serde_json::Value;
 use snell_formats::image::read_image;
@@ -59,7 +60,7 @@ fn xml(name: &str, object: &Value) -> String {
     }
 }
 
-/// The scene of Mitsuba's dictionary, read as the file that it stands for.
+/// The scene of Mitsuba's dictionary, read as the equivalent file.
 fn scene(description: &Value) -> Scene {
     let text = xml("scene", description).into_bytes();
     let scene = read_scene_bytes("cbox.xml", text, Path::new("."), &ReadOptions::default())
@@ -116,7 +117,7 @@ fn check(integrator: IntegratorKind, name: &str, spp: u32) {
         .flat_map(|(a, b)| [0, 1, 2].map(|c| relative(a[c], b[c])))
         .collect();
     let by_pixel = errors.iter().sum::<f64>() / errors.len() as f64;
-    // Of squares of 8 x 8 pixels: noise averages out, wrong light does not.
+    // Means of 8 x 8 pixels: noise averages out, incorrect light does not.
     let squares = |values: &[[f64; 3]]| -> Vec<[f64; 3]> {
         let mut sums = vec![[0.0; 3]; SIZE * SIZE / 64];
         for (i, value) in values.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! Adaptive sampling keeps its word: the stated interval covers the truth as often as stated, and
-//! the bits depend on nothing else.
+//! Adaptive sampling is correct: the interval covers the truth as often as stated, and the bits
+//! depend on nothing else.
 
 use snell_intersect::BuildOptions;
 use snell_render::film::noise::NoiseMap;
@@ -18,8 +18,8 @@ fn cornell_box() -> (CompiledScene, Camera) {
 /// Renders of the long test, of 64 pixels each.
 const TRIALS: u32 = 1000;
 
-/// Shares of pixels of `trials` renders whose intervals hold the truth, and the mean number of
-/// samples.
+/// The shares of pixels in `trials` renders whose intervals contain the truth, and the mean number
+/// of samples.
 fn coverage(
     (scene, camera): &(CompiledScene, Camera),
     side: u32,

@@ -1,9 +1,9 @@
-//! pbrt and Mitsuba scenes beside pictures of them that other renderers made: `cargo test --release
-//! -p snell-tests pbrt_references -- --ignored --nocapture` prints the table and leaves the
-//! pictures in `target/references`.
+//! pbrt and Mitsuba scenes with reference pictures of other renderers: `cargo test --release -p
+//! snell-tests pbrt_references -- --ignored --nocapture` prints the table and writes the pictures
+//! to `target/references`.
 //!
-//! Both pictures are compared at a quarter of the reference's size: its own noise and ours are
-//! averaged away, differences of light stay.
+//! Both pictures are compared at a quarter of the reference's size: its noise and ours average out,
+//! differences of light remain.
 
 use snell_formats::image::compare::{CompareOptions, LinearImage, compare, difference_picture};
 use snell_formats::image::{WriteOptions, read_image, write_image};
@@ -14,20 +14,20 @@ use snell_scene::{Layer, LayeredImage};
 use snell_tests::{render_compiled, shared_data};
 use std::path::Path;
 
-/// How many pixels of the reference make one of the comparison, along each side.
+/// Reduction of the reference's size for the comparison, along each side.
 const REDUCTION: u32 = 4;
 
-/// A scene and what is known about its reference.
+/// A scene and its reference.
 struct Case {
     name: &'static str,
     file: &'static str,
     /// Samples per (reduced) pixel.
     spp: u32,
-    /// Depth of the reference where the file says another one.
+    /// Depth of the reference if it differs from the file's.
     max_depth: Option<u32>,
-    /// Largest relative mean squared error and FLIP that are explained.
+    /// Maximum relative mean squared error and FLIP that are explained.
     limits: [f64; 2],
-    /// Why they are not smaller.
+    /// The explanation.
     why: &'static str,
 }
 
@@ -113,8 +113,8 @@ fn picture(image: &LinearImage) -> LayeredImage {
     LayeredImage { width: image.width, height: image.height, layers, metadata: Vec::new() }
 }
 
-/// Renders the scene, writes the pictures, and gives the line of the table and whether it is within
-/// the limits.
+/// Renders the scene, writes the pictures, and returns the line of the table and whether it is
+/// within the limits.
 fn check(case: &Case) -> Option<(String, bool)> {
     let folder = shared_data(&format!("bitterli/{}", case.name))?;
     let reference = Input::open(&folder.join("pbrt/TungstenRender.exr"), &ReadOptions::default())

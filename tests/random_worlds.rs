@@ -1,4 +1,4 @@
-//! Worlds and rays out of bytes: random ones for tests, and whatever a fuzzer finds.
+//! Worlds and rays decoded from bytes: random ones for tests, and the inputs of a fuzzer.
 
 mod agreement;
 mod precision;
@@ -16,14 +16,14 @@ use snell_math::rng::{hash32, pcg4d, to_unit};
 use snell_math::{DAffine3, DMat3, DVec3, Ray, Transform, Vec3, Vec4};
 use std::sync::Arc;
 
-/// Bytes that are read as numbers; zeros when they have run out.
+/// Bytes that are decoded as numbers; zeros once they are exhausted.
 #[derive(Clone, Debug)]
 pub struct Source<'a> {
     bytes: &'a [u8],
 }
 
 impl<'a> Source<'a> {
-    /// A source that reads these bytes.
+    /// A source of these bytes.
     pub fn new(bytes: &'a [u8]) -> Self {
         Self { bytes }
     }
@@ -48,7 +48,7 @@ impl<'a> Source<'a> {
         usize::from(self.byte()) % n
     }
 
-    /// A coordinate of the order of one: often from a coarse lattice, so that things touch and
+    /// A coordinate of the order of one: often from a coarse lattice, so that objects touch and
     /// coincide.
     fn coordinate(&mut self) -> f32 {
         match self.below(4) {
@@ -62,7 +62,7 @@ impl<'a> Source<'a> {
         Vec3::new(self.coordinate(), self.coordinate(), self.coordinate())
     }
 
-    /// What no one expects: not a number, infinite, enormous, tiny, zero.
+    /// An extreme number: NaN, infinite, enormous, tiny, zero.
     fn strange(&mut self) -> f32 {
         let values = [
             f32::NAN,
@@ -117,8 +117,8 @@ impl<'a> Source<'a> {
         mesh
     }
 
-    /// A mesh of so many triangles that it is refitted when it moves: strips of three, small beside
-    /// the distances between them.
+    /// A mesh with so many triangles that it is refitted when it moves: strips of three, small
+    /// compared to their distances.
     fn crowd(&mut self) -> TriangleMesh {
         const STRIPS: u32 = 400;
         let (seed, size) = (self.word(), [0.3, 1e-2, 1e-4, 1e-6][self.below(4)]);
@@ -244,19 +244,19 @@ impl<'a> Source<'a> {
         all.add(WorldBuilder::ROOT, Instance { later, ..Instance::new(child, self.transform()) });
     }
 
-    /// Changes some of it: vertices move, instances move and go, geometries come, go and become
-    /// others.
+    /// Random edits: vertices move, instances move and vanish, geometries appear, vanish and are
+    /// replaced.
     pub fn edit<P: Tested>(&mut self, all: &mut Collected<P>) {
         for _ in 0..1 + self.below(4) {
             match self.below(6) {
                 0 | 1 if !all.meshes.is_empty() => {
-                    // The last, which may be large, more often than others.
+                    // The last, which may be large, is chosen more often.
                     let at = self.below(2 * all.meshes.len()).min(all.meshes.len() - 1);
                     let (id, group, mut mesh) = all.meshes[at].clone();
                     let (scale, offset) =
                         ([1.0, 1.0, 1.001, -3.0][self.below(4)], self.point() * 0.1);
                     for position in &mut mesh.positions {
-                        // What was strange comes back.
+                        // Non-finite vertices become finite.
                         *position = if position.is_finite() {
                             *position * scale + offset
                         } else {
@@ -304,7 +304,7 @@ impl<'a> Source<'a> {
         (0..count).map(ball).collect()
     }
 
-    /// A ray at something, along an axis, through lattice points, or a broken one.
+    /// A ray at an object, along an axis, through lattice points, or an invalid one.
     pub fn ray(&mut self) -> Ray {
         let origin = self.point() * if self.below(3) == 0 { 4.0 } else { 1.0 };
         let mut ray = Ray::new(origin, self.point() - origin);
@@ -353,23 +353,23 @@ impl<'a> Source<'a> {
     }
 }
 
-/// As many bytes as one wants, from a seed.
+/// `count` pseudo-random bytes from a seed.
 pub fn random_bytes(seed: u32, count: usize) -> Vec<u8> {
     let words = (0..count.div_ceil(16) as u32).flat_map(|i| pcg4d([hash32(seed), i, 23, 5]));
     words.flat_map(u32::to_le_bytes).take(count).collect()
 }
 
-/// A builder, and what is in it.
+/// A builder, and its contents.
 #[derive(Clone, Debug)]
 pub struct Collected<P: Tested> {
     /// The builder.
     pub builder: P::Builder,
-    /// Where its root group lies.
+    /// The position of its root group.
     pub place: DVec3,
     geometries: Vec<GeometryId>,
-    /// Those that are meshes, where they are, and before they were moved there.
+    /// The meshes, with their groups, before they were moved there.
     meshes: Vec<(GeometryId, GroupId, TriangleMesh)>,
-    /// Instances, and where they are.
+    /// Instances and their groups.
     instances: Vec<(InstanceId, GroupId)>,
 }
 
@@ -392,7 +392,7 @@ impl<P: Tested> Collected<P> {
         id
     }
 
-    /// Puts another mesh in the place of one, unless that was removed.
+    /// Replaces a mesh, unless it was removed.
     fn set_mesh(&mut self, id: GeometryId, group: GroupId, mesh: TriangleMesh) {
         let moved = P::mesh(&mesh, self.place_of(group));
         if P::set_mesh(&mut self.builder, id, moved).is_ok() {

@@ -2,8 +2,8 @@
 //! Phong shading and shadows.
 //!
 //! The pictures hold sRGB display values of 8 bits, one sample per pixel, at its lower left corner.
-//! Left out are pictures of what that program simplifies: light straight through glass, shadows of
-//! things beyond a lamp, area lights that are points.
+//! Pictures of effects that the program simplifies are left out: light straight through glass,
+//! shadows of objects beyond a lamp, area lights that are points.
 
 use snell_formats::image::compare::LinearImage;
 use snell_formats::image::{Display, display_value, read_image};
@@ -16,7 +16,7 @@ use std::path::Path;
 /// Pixels along the sides of the pictures.
 const SIZE: u32 = 256;
 
-/// How far two pictures are apart.
+/// The difference between two pictures.
 struct Difference {
     /// Mean absolute difference of all values, in levels of 255.
     mean: f64,

@@ -1,4 +1,4 @@
-//! Scenes in few words.
+//! Concise builders of test scenes.
 
 use snell_intersect::shape::{BoxShape, Plane, Rectangle, Sphere};
 use snell_intersect::{AnyShape, TriangleMesh};
@@ -68,7 +68,7 @@ pub fn over_ground(x: f64, z: f64) -> Camera {
     Camera::from_direction(eye, DVec3::NEG_Y, DVec3::NEG_Z, projection)
 }
 
-/// A camera inside of things that looks into all directions.
+/// A camera inside of objects that looks in all directions.
 pub fn all_around(eye: DVec3) -> Camera {
     Camera::from_direction(eye, DVec3::NEG_Z, DVec3::Y, Projection::Panoramic)
 }
@@ -103,9 +103,9 @@ pub fn sky(width: u32, radiance: impl Fn(DVec3) -> [f32; 3]) -> Arc<Image> {
     })
 }
 
-/// A bit of everything: textures, instances of instances, cut-out and blended surfaces, a normal
-/// map, glass, metals, an emissive mesh, lights of several kinds, an environment image. The camera
-/// sees all of it.
+/// A scene with a bit of everything: textures, instances of instances, cut-out and blended
+/// surfaces, a normal map, glass, metals, an emissive mesh, lights of several kinds, an environment
+/// image. The camera sees all of it.
 pub fn everything() -> (Scene, Camera) {
     let mut scene = Scene::new("everything");
     let checks = image(8, 8, 4, |x, y| {

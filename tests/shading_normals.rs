@@ -1,5 +1,5 @@
-//! Normals that are not those of the surface: they bend light, but they make none, leak none, and
-//! leave no black rims.
+//! Normals other than the geometric ones: they deflect light, but they neither create nor leak any,
+//! and leave no black rims.
 
 use snell_intersect::TriangleMesh;
 use snell_intersect::shape::Sphere;
@@ -14,7 +14,7 @@ use snell_scene::{Camera, Encoding, Environment, ImageTexture, Material, Scene};
 use snell_tests::scenes::{image, put, put_mesh, quad};
 use snell_tests::{colors, render, settings};
 
-/// What reflects (or lets through) all light.
+/// Materials that reflect (or transmit) all light.
 fn lossless() -> Vec<(&'static str, MaterialKind)> {
     let white = Rgb::WHITE;
     let coated =
@@ -31,7 +31,7 @@ fn lossless() -> Vec<(&'static str, MaterialKind)> {
     ]
 }
 
-/// A ball with waves all over it, as slopes of a picture of normals or as heights, in a furnace.
+/// A ball covered with waves, from a normal map or a height map, in a furnace.
 fn bumpy_ball(kind: MaterialKind, scale: f32, as_heights: bool) -> (Scene, Camera) {
     let mut scene = Scene::new("bumpy ball");
     scene.environment = Some(Environment::Constant(Rgb::WHITE));
@@ -56,14 +56,14 @@ fn bumpy_ball(kind: MaterialKind, scale: f32, as_heights: bool) -> (Scene, Camer
     (scene, Camera::look_at(Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, Vec3::Y, 0.27))
 }
 
-/// Mean brightness of the ball, and that of its ring at the rim.
+/// Mean brightness of the ball, and of the ring at its rim.
 fn brightness(scene: &Scene, camera: &Camera) -> [f64; 2] {
     const SIZE: u32 = 40;
     let picture =
         colors(&render(scene, camera, &Settings { max_depth: 64, ..settings(SIZE, 32) }).image());
     let radius = |i: usize| {
         let at = |k: usize| (k as f64 + 0.5) / f64::from(SIZE) * 2.0 - 1.0;
-        // The silhouette of the ball, in parts of the picture.
+        // The silhouette of the ball, as a fraction of the picture.
         at(i % SIZE as usize).hypot(at(i / SIZE as usize)) * 0.27f64.tan()
             / (1.0f64 / 4.0).asin().tan()
     };
@@ -93,7 +93,7 @@ fn bumps_make_no_light_and_no_black_rims() {
                 all < 1.005 && rim < 1.02,
                 "{name} with bumps of {scale} makes light: {all} {rim}"
             );
-            // What is bent below the surface is lost, and seen from the side that is much.
+            // Light deflected below the surface is lost, which is much at grazing angles.
             let least = if scale < 0.5 { [0.9, 0.65] } else { [0.7, 0.4] };
             assert!(
                 all > least[0] && rim > least[1],

@@ -1,6 +1,6 @@
 //! Twenty small scenes, each of one kind of material, light or medium: every way of rendering them
-//! gives the same picture, by z-tests of the means, and of every pixel where both ways are good,
-//! each together at a significance of 0.01 (Sidak).
+//! gives the same picture, by z-tests of the means, and of every pixel where both ways are
+//! efficient, each family at a significance of 0.01 (Sidak).
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Disk, Sphere};
@@ -24,7 +24,7 @@ use snell_tests::scenes::{
 };
 use snell_tests::statistics::{image_mean, pixel_z};
 
-/// A ground and a box beside the place where things stand, without light.
+/// A ground and a box beside the place for objects, without light.
 fn stage(name: &str) -> Scene {
     let mut scene = Scene::new(name);
     ground(&mut scene, 0.6);
@@ -76,7 +76,7 @@ fn lit(name: &str, light: impl FnOnce(&mut Scene)) -> Scene {
     scene
 }
 
-/// A medium in a box that is seen only by what is in it.
+/// A medium in a box that is visible only by its contents.
 fn filled(name: &str, medium: impl Into<Medium>) -> Scene {
     let mut scene = stage(name);
     let medium = scene.add_medium(medium);
@@ -277,8 +277,8 @@ fn all_ways_to_render_twenty_small_scenes_agree() {
     let (start, mut pixels, mut means) =
         (std::time::Instant::now(), Deviations::default(), Deviations::default());
     let mut check = |what: &str, a: &Film, b: &Film| {
-        // Light that so few samples of a poor way did not meet in a pixel, its spread does not
-        // know: there the means count.
+        // If the few samples of an inefficient way missed some light in a pixel, its estimated
+        // spread is too small: there only the means are compared.
         if what.ends_with("guided") || what.ends_with("direct") {
             pixel_z(a, b).into_iter().for_each(|z| pixels.add(z, what));
         }

@@ -1,5 +1,5 @@
-//! Spectral pictures: grey scenes are those of RGB, white is white, colours come back, and the bits
-//! are always the same.
+//! Spectral pictures: grey scenes equal those of RGB, white is white, colours are reproduced, and
+//! the bits are deterministic.
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Sphere};
@@ -20,7 +20,7 @@ use snell_tests::{bits, colors, render, render_compiled, settings};
 
 const GREY: Rgb = Rgb::splat(0.6);
 
-/// Things of this material on a ground under a lamp and a grey sky.
+/// Objects of these materials on a ground under a lamp and a grey sky.
 fn display(kinds: Vec<MaterialKind>) -> (Scene, Camera) {
     let mut scene = Scene::new("display");
     ground(&mut scene, 0.5);
@@ -55,7 +55,7 @@ fn grey_cornell_box() -> (Scene, Camera) {
     (scene, camera)
 }
 
-/// Classic materials under lights without a body.
+/// Classic materials under point and directional lights.
 fn classic() -> (Scene, Camera) {
     let phong =
         Phong { diffuse: GREY.into(), specular: Rgb::splat(0.3).into(), ..Phong::default() };
@@ -110,7 +110,7 @@ fn grey_scenes_look_as_they_do_in_rgb() {
 
 #[test]
 fn a_path_of_one_wavelength_stands_for_four() {
-    // Glass that parts wavelengths without bending them apart.
+    // Glass that separates wavelengths without refracting them differently.
     let scene = |ior: RefractiveIndex| {
         display(vec![Dielectric::smooth(ior).into(), Dielectric::rough(ior, 0.4).into()])
     };
@@ -133,7 +133,7 @@ fn a_prism_shows_a_spectrum_and_in_rgb_a_white_line() {
         colors(&render(&scene, &scene.cameras[0], &Settings { crop, ..settings }).image())
     };
     let spectral = rows(ColorModel::Spectral);
-    // The pixel in which a channel leads the others by most.
+    // The pixel in which a channel exceeds the others most.
     let place = |c: usize| {
         let lead = |p: &[f64; 3]| p[c] - p[(c + 1) % 3].max(p[(c + 2) % 3]);
         let best = (0..160)
@@ -169,7 +169,7 @@ fn colours_that_are_seen_once_are_those_of_rgb() {
             BoxShape { min: DVec3::new(x - 0.9, -0.9, -0.1), max: DVec3::new(x + 0.9, 0.9, 0.0) };
         put(&mut scene, shape, DAffine3::IDENTITY, material);
     }
-    // Every surface is under an irradiance of pi, in one colour and another.
+    // Every surface has an irradiance of pi, in one colour and another.
     for light in [Rgb::WHITE, Rgb::new(2.0, 1.0, 0.3)] {
         let irradiance = light * std::f32::consts::PI;
         scene.lights = vec![Directional { direction: DVec3::NEG_Z, irradiance }.into()];
@@ -183,8 +183,8 @@ fn colours_that_are_seen_once_are_those_of_rgb() {
         let image = snell_tests::colors(&render(&scene, &camera, &settings).image());
         for (i, color) in colors.into_iter().enumerate() {
             let pixel = image[5 * 60 + 5 + 10 * i];
-            // Under coloured light only white must come back exactly: other colours depend on the
-            // spectra.
+            // Under coloured light only white must be reproduced exactly: other colours depend on
+            // the spectra.
             let tolerance = if light == Rgb::WHITE || i == 5 { 0.02 } else { 0.4 };
             for c in 0..3 {
                 let expected = f64::from(color[c] * light.to_array()[c]);

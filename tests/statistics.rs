@@ -1,5 +1,5 @@
-//! How to judge noisy pictures: means with standard errors, and z-tests between two renders of what
-//! should be one picture.
+//! Statistics of noisy pictures: means with standard errors, and z-tests between two renders that
+//! should agree.
 
 use crate::colors;
 use snell_render::Film;
@@ -13,17 +13,17 @@ pub struct Estimate {
     pub error: f64,
 }
 
-/// Relative rounding of single precision over a whole picture: differences below it are no
+/// Relative rounding error of single precision over a whole picture: smaller differences are not
 /// evidence.
 const ROUNDING: f64 = 1e-5;
 
 impl Estimate {
-    /// By how many standard errors the mean misses `expected`.
+    /// The difference of the mean from `expected`, in standard errors.
     pub fn z(&self, expected: f64) -> f64 {
         (self.mean - expected) / self.error.hypot(ROUNDING * expected.abs()).max(f64::MIN_POSITIVE)
     }
 
-    /// By how many standard errors two independent means differ.
+    /// The difference of two independent means, in standard errors.
     pub fn z_against(&self, other: &Self) -> f64 {
         let rounding = ROUNDING * self.mean.abs().max(other.mean.abs());
         (self.mean - other.mean)
@@ -41,10 +41,10 @@ pub fn image_mean(film: &Film) -> [Estimate; 3] {
     })
 }
 
-/// How well a picture agrees with another one, or with what it should be.
+/// The agreement of a picture with another one, or with expected values.
 #[derive(Clone, Copy, Debug)]
 pub struct Agreement {
-    /// z of the mean of the whole picture, of the channel where it is largest.
+    /// z of the mean of the whole picture, in the channel where it is largest.
     pub mean_z: f64,
     /// Mean of z^2 over blocks of pixels and channels: 1 if all differences are noise.
     pub chi2: f64,
@@ -92,7 +92,7 @@ fn block_means(film: &Film) -> Vec<[Estimate; 3]> {
     block_pixels(film.crop.size()).into_iter().map(mean).collect()
 }
 
-/// By how many standard errors each pixel and channel of two independent renders differs.
+/// The differences of all pixels and channels of two independent renders, in standard errors.
 pub fn pixel_z(a: &Film, b: &Film) -> Vec<f64> {
     let estimates = |film: &Film| -> Vec<Estimate> {
         let pixels = colors(&film.image()).into_iter().zip(colors(&film.variance()));
@@ -119,7 +119,7 @@ pub fn compare(a: &Film, b: &Film) -> Agreement {
     agreement(against((&image_mean(a), &image_mean(b))), &block_z)
 }
 
-/// Compares a render with what each of its pixels should be.
+/// Compares a render with the expected value of each pixel.
 ///
 /// # Panics
 /// If the numbers of pixels differ.

@@ -1,9 +1,8 @@
 //! Every accelerator, kernel, level, batch size and thread count finds the same hits, bit for bit,
-//! in random worlds of mixed shapes, meshes and instances, in either precision, also when these
-//! change.
+//! in random worlds of mixed shapes, meshes and instances, in either precision, also after edits.
 //!
-//! `SNELL_RANDOM_WORLDS` sets how many worlds (250 by default; 60 in double precision, 120 that
-//! change).
+//! `SNELL_RANDOM_WORLDS` sets the number of worlds (250 by default; 60 in double precision, 120
+//! that are edited).
 
 use rayon::prelude::*;
 use snell_tests::random_worlds::{
@@ -14,15 +13,15 @@ use std::panic::{RefUnwindSafe, catch_unwind};
 /// Sizes of batches.
 const BATCHES: [usize; 6] = [1, 2, 15, 16, 17, 4096];
 
-/// Seeds of worlds in which answers once differed.
+/// Seeds of worlds whose answers differed in the past.
 const ONCE_WRONG: [u32; 5] = [14, 281, 606, 671, 859];
 
-/// How many worlds to look at.
+/// The number of worlds to test.
 fn worlds(otherwise: u32) -> u32 {
     std::env::var("SNELL_RANDOM_WORLDS").ok().and_then(|s| s.parse().ok()).unwrap_or(otherwise)
 }
 
-/// What came of random worlds, by seed.
+/// The results for random worlds, by seed.
 ///
 /// # Panics
 /// If there is a world in which answers differ.
@@ -40,7 +39,7 @@ fn looked_at<T: Send>(
     answers.into_iter().flatten().collect()
 }
 
-/// That enough rays hit something, of pairs of rays and hits.
+/// Asserts that enough rays hit something, from pairs of rays and hits.
 fn assert_hits(answers: impl Iterator<Item = (usize, usize)>) {
     let (worlds, rays, hits) =
         answers.fold((0, 0, 0), |all, (rays, hits)| (all.0 + 1, all.1 + rays, all.2 + hits));
@@ -82,8 +81,8 @@ fn random_worlds_that_change_are_as_if_built_from_nothing() {
     assert_changed_worlds::<Double>(&seeds);
 }
 
-/// What a fuzzer found: two crossings of one segment of a curve that are equally far once they are
-/// rounded, of which the second has the lower `uv`.
+/// Found by a fuzzer: two crossings of one segment of a curve whose distances are equal after
+/// rounding, and the second has the lower `uv`.
 #[test]
 fn the_first_of_two_crossings_that_are_equally_far_is_the_closest() {
     let bytes = b"\xb8\x9cXTX\x9c\xffXTXXXXU\x04UU\xff\xffUTU\x9cUUU\xff\xff";

@@ -1,16 +1,15 @@
-//! Every way to ask the same world gives the same answers, bit for bit.
+//! Every query of the same world gives the same answers, bit for bit.
 
 use super::{Collected, Source, Tested};
 use snell_intersect::{AcceleratorKind, AcceleratorOptions};
 use snell_intersect::{BuildOptions, Grouping, Hit, Quality, Rays};
 use snell_math::simd::Level;
 
-/// Builds the world that the bytes describe with every accelerator, switched in every way, at every
-/// level, and asserts that all answers to the rays that follow (`rays` of them, and as many aimed
-/// at triangles) are those of testing everything, bit for bit: closest, any and all, one ray at a
-/// time and in batches of `batches`, on one thread and on several, and how many hits there are. A
-/// crowded world has a mesh of many triangles besides. Returns how many rays there were, and how
-/// many of them hit.
+/// Builds the world encoded by the bytes with every accelerator, every switch, and every level, and
+/// asserts that all answers to the following rays (`rays` random ones, and as many aimed at
+/// triangles) equal those of brute force, bit for bit: closest, any and all, one ray at a time and
+/// in batches of `batches`, on one thread and on several, and the number of hits. A crowded world
+/// has an additional mesh of many triangles. Returns the number of rays, and of those that hit.
 ///
 /// # Panics
 /// If two answers differ.
@@ -36,9 +35,9 @@ pub fn assert_agreement<P: Tested>(
     (expected.len(), expected.iter().filter(|hits| !hits.is_empty()).count())
 }
 
-/// Changes the world that the bytes describe, as they say further on, and asserts that building it
-/// from the world before gives all that building it from nothing gives: again and again, with every
-/// accelerator, switched in every way.
+/// Edits the world encoded by the bytes, as the following bytes specify, and asserts that
+/// rebuilding from the previous world gives the same answers as building from scratch: repeatedly,
+/// with every accelerator and every switch.
 ///
 /// # Panics
 /// If two answers differ.
@@ -74,19 +73,19 @@ pub fn assert_edits_agree<P: Tested>(
     edits
 }
 
-/// What came of changed worlds.
+/// The results for edited worlds.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Edits {
-    /// Rays that were traced, in each way.
+    /// Number of rays traced, in each way.
     pub rays: usize,
-    /// Those that hit something.
+    /// Number of those that hit.
     pub hits: usize,
-    /// Trees that were had by refitting.
+    /// Number of trees that were refitted.
     pub refitted: usize,
 }
 
-/// The world that the bytes describe. Half of them also have sets and motion, which are read from
-/// the end.
+/// The world encoded by the bytes. Half of them also have sets and motion, which are read from the
+/// end.
 fn described<P: Tested>(source: &mut Source, bytes: &[u8], is_crowded: bool) -> Collected<P> {
     let mut world = source.collected();
     let reversed: Vec<u8> = bytes.iter().rev().copied().collect();
@@ -112,7 +111,7 @@ fn oracle_options() -> BuildOptions {
     }
 }
 
-/// All ways to build, and what they are called; in crowded worlds without those that take long.
+/// All ways to build, and their names; for crowded worlds without the slow ones.
 fn ways(simd: Level, is_crowded: bool) -> Vec<(String, BuildOptions)> {
     let plain = |accelerator| BuildOptions { accelerator, simd, ..BuildOptions::default() };
     let mut ways = Vec::new();
@@ -149,7 +148,7 @@ struct Asked<P: Tested> {
 }
 
 impl<P: Tested> Asked<P> {
-    /// As many as `count`, and as many that are aimed at triangles.
+    /// `count` random rays, and as many aimed at triangles.
     fn new(source: &mut Source, world: &Collected<P>, count: usize) -> Self {
         let mut asked = Self { rays: Vec::new(), masks: Vec::new(), times: Vec::new() };
         for i in 0..2 * count {
@@ -169,7 +168,7 @@ impl<P: Tested> Asked<P> {
         Rays::new(&self.rays).with_masks(&self.masks).with_times(&self.times)
     }
 
-    /// All hits of each ray, of which the first must be the closest.
+    /// All hits of each ray; the first must be the closest.
     fn answers(&self, oracle: &P::World) -> Vec<Vec<P::Hit>> {
         let answer = |i: usize| {
             let query = self.queries().get(i);
@@ -242,7 +241,7 @@ fn first<P: Tested>(all: &[P::Hit]) -> P::Hit {
     all.first().copied().unwrap_or(P::MISS)
 }
 
-/// All that a hit says, for comparisons bit by bit.
+/// All fields of a hit, for bitwise comparison.
 pub fn bits(hit: &Hit) -> [u32; 6] {
     [
         hit.t.to_bits(),

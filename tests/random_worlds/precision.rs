@@ -1,4 +1,4 @@
-//! What worlds of either precision have in common, so that one test serves both.
+//! The common interface of worlds in either precision, so that one test serves both.
 
 use snell_intersect::shape::AnyShape;
 use snell_intersect::{
@@ -9,17 +9,17 @@ use snell_intersect::{
 use snell_math::{DRay, DVec3, Ray, Transform, Vec3};
 use std::sync::Arc;
 
-/// How worlds of a precision are made and asked.
+/// How worlds of a precision are built and queried.
 pub trait Tested: Precision {
-    /// What collects its geometries.
+    /// The builder of its worlds.
     type Builder: Clone + Default;
-    /// What is built of them.
+    /// Its worlds.
     type World;
-    /// A mesh of it.
+    /// Its meshes.
     type Mesh;
-    /// The answer of a ray that meets nothing.
+    /// The answer for a ray that misses.
     const MISS: Self::Hit;
-    /// Where worlds may lie: whatever is in the root group is moved there.
+    /// Positions of worlds: everything in the root group is moved there.
     const PLACES: &'static [DVec3];
 
     /// The mesh in this precision, moved.
@@ -43,7 +43,7 @@ pub trait Tested: Precision {
     /// [`WorldBuilder::add_mesh`].
     fn add_mesh(builder: &mut Self::Builder, group: GroupId, mesh: Arc<Self::Mesh>) -> GeometryId;
 
-    /// Puts another mesh in the place of one.
+    /// Replaces a mesh.
     fn set_mesh(
         builder: &mut Self::Builder,
         id: GeometryId,
@@ -96,7 +96,7 @@ pub trait Tested: Precision {
         last: &Self::World,
     ) -> Result<Self::World, WorldError>;
 
-    /// How many trees were refitted for it.
+    /// The number of trees that were refitted for it.
     fn refitted(world: &Self::World) -> usize;
 
     /// [`World::all_one`].
@@ -117,7 +117,7 @@ pub trait Tested: Precision {
     /// [`World::count`].
     fn count(world: &Self::World, rays: Rays<Self>, counts: &mut [u32]);
 
-    /// All that a hit says, for comparisons bit by bit.
+    /// All fields of a hit, for bitwise comparison.
     fn bits(hit: &Self::Hit) -> [u64; 6];
 }
 
@@ -125,7 +125,7 @@ fn weighted(corners: [DVec3; 3], [a, b, c]: [f64; 3]) -> DVec3 {
     corners[0] * a + corners[1] * b + corners[2] * c
 }
 
-/// The methods that both call alike.
+/// The methods that have the same form for both.
 macro_rules! alike {
     ($builder:ty, $world:ty, $hit:ty, $mesh:ty) => {
         type Builder = $builder;
@@ -264,7 +264,7 @@ impl Tested for Single {
     }
 }
 
-/// What a coordinate is multiplied by, so that `f32` cannot hold it any more.
+/// A factor on coordinates whose result `f32` cannot represent.
 const FINE: f64 = 1.0 + 1e-9;
 
 impl Tested for Double {

@@ -4,7 +4,7 @@ import { dolly, look, move, orbit, pixelAtPivot } from "./camera";
 import type { Store } from "./store";
 import type { Vec3 } from "./vec";
 
-/** Radians a pixel of the screen. */
+/** Radians per pixel of the screen. */
 const TURN = 0.006;
 /** Factor on the distance for one step of the wheel. */
 const WHEEL = 0.0012;

@@ -1,4 +1,4 @@
-// Forms made from the parameters themselves: whatever a material or light declares can be changed.
+// Forms made from the parameters themselves: every declared parameter of a material or light can be changed.
 
 import type { JSX } from "preact";
 import { linearToSrgb } from "./tonemap";
@@ -18,7 +18,7 @@ const readable = (name: string): string => name.replaceAll("_", " ");
 const isColor = (value: Json): value is number[] =>
   Array.isArray(value) && value.length === 3 && value.every((v) => typeof v === "number");
 
-/** Names of parameters that are vectors and not colours. */
+/** Names of parameters that are vectors, not colours. */
 const VECTORS = /position|direction|axes|center|lengths|eye|up|towards/;
 
 const toHex = (rgb: number[]): string => {

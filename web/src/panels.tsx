@@ -1,4 +1,4 @@
-// The side panel: how it is rendered, what is in the scene.
+// The side panel: render settings and the contents of the scene.
 
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren, JSX } from "preact";
@@ -318,7 +318,7 @@ function PickSection({ store }: { store: Store }): JSX.Element | null {
   );
 }
 
-/** Nodes shown before a filter is needed. */
+/** Maximum number of nodes shown without a filter. */
 const SHOWN_NODES = 400;
 
 function TreeSection({ store }: { store: Store }): JSX.Element | null {

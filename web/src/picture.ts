@@ -5,7 +5,7 @@ import { type Display, toDisplay } from "./tonemap";
 
 export class Picture {
   readonly canvas = document.createElement("canvas");
-  /** What is compared with, if anything. */
+  /** The reference picture for comparison, if any. */
   readonly reference = document.createElement("canvas");
   /** Size of the picture at rest, as the server has it. */
   pictureSize: [number, number] = [0, 0];
@@ -18,7 +18,7 @@ export class Picture {
     this.reference.className = "picture reference";
   }
 
-  /** Has the size of the picture, which another page may have chosen, if this is one. */
+  /** Takes the size of the picture, which another page may have set. */
   private fit(size: [number, number]): void {
     if (size[0] > 0 && size[1] > 0) this.resize(size);
   }
@@ -50,7 +50,7 @@ export class Picture {
     this.canvas.dataset.kind = frame.kind;
   }
 
-  /** Shows what is there with the present display settings. */
+  /** Redraws the picture with the current display settings. */
   redraw(): void {
     if (!this.linear) return;
     const { halves, size } = this.linear;
@@ -66,13 +66,13 @@ export class Picture {
     this.context.drawImage(whole, 0, 0, this.canvas.width, this.canvas.height);
   }
 
-  /** Keeps what is shown now to compare with. */
+  /** Keeps the current picture as the reference. */
   keep(): void {
     [this.reference.width, this.reference.height] = [this.canvas.width, this.canvas.height];
     this.reference.getContext("2d")!.drawImage(this.canvas, 0, 0);
   }
 
-  /** Compares with a picture file. */
+  /** Uses a picture file as the reference. */
   async keepFile(file: Blob): Promise<void> {
     const bitmap = await createImageBitmap(file);
     [this.reference.width, this.reference.height] = [bitmap.width, bitmap.height];

@@ -1,4 +1,4 @@
-// What the page knows, as signals, and what it can do.
+// The state of the page, as signals, and its actions.
 
 import { computed, signal } from "@preact/signals";
 import { type Camera, frameBall, move, preset, type Rig, rigOf } from "./camera";
@@ -58,11 +58,11 @@ export const picked = signal<PickedHit | null>(null);
 export const pickedPixel = signal<[number, number] | null>(null);
 /** The explanation that is shown. */
 export const explained = signal<Report | null>(null);
-/** Whether the next click says what is sharp. */
+/** True if the next click sets the focus. */
 export const focusing = signal(false);
-/** Whether scenes are offered. */
+/** True if scenes are offered. */
 export const gallery = signal(false);
-/** Whether acceleration structures are compared. */
+/** True if acceleration structures are compared. */
 export const costs = signal(false);
 export const exposure = signal(0);
 export const tonemap = signal("none");
@@ -107,7 +107,7 @@ export class Store {
     this.connection.send(message);
   }
 
-  /** Sends the camera with the next frame of the browser; later calls until then count as one. */
+  /** Sends the camera with the next frame of the browser; later calls until then replace it. */
   setRig(rig: Rig): void {
     this.rig = rig;
     if (this.isDirty) return;
@@ -158,7 +158,7 @@ export class Store {
     return new Promise((resolve) => this.picks.set(id, resolve));
   }
 
-  /** Why a pixel looks as it does. */
+  /** Explains a pixel. */
   explain(pixel: [number, number], sample: number | null = null, all = false): Promise<void> {
     const id = ++this.pickId;
     this.send({ type: "explain", id, pixel, sample, all });
@@ -209,7 +209,7 @@ export class Store {
     this.setRig(rigOf(camera, info.bounds as [Vec3, Vec3], this.rig?.worldUp ?? (info.up as Vec3)));
   }
 
-  /** Speed of flying: a share of the scene's size a second. */
+  /** Speed of flying: a fraction of the scene's size per second. */
   get stride(): number {
     return this.ball()[1] * 0.5;
   }

@@ -1,4 +1,4 @@
-// Where a light in the sky stands, as people say it: its height over the horizon, and its side.
+// The position of a light in the sky: its elevation above the horizon, and its azimuth.
 
 import { add, cross, dot, mul, normalize, type Vec3 } from "./vec";
 
@@ -19,7 +19,7 @@ function axes(up: Vec3): [Vec3, Vec3] {
   return [ahead, cross(up, ahead)];
 }
 
-/** Of light that travels in a direction. */
+/** The position of a light whose rays travel in a direction. */
 export function sunPosition(direction: Vec3, up: Vec3): SunPosition {
   const to = mul(normalize(direction), -1);
   const [ahead, left] = axes(up);
@@ -27,7 +27,7 @@ export function sunPosition(direction: Vec3, up: Vec3): SunPosition {
   return { height, side: Math.atan2(dot(to, left), dot(to, ahead)) * DEGREES };
 }
 
-/** The direction in which its light travels. */
+/** The direction in which its rays travel. */
 export function sunDirection({ height, side }: SunPosition, up: Vec3): Vec3 {
   const [ahead, left] = axes(up);
   const [h, s] = [height / DEGREES, side / DEGREES];

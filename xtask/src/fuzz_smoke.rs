@@ -1,5 +1,4 @@
-//! The mutation fuzzer of the command line, which is a test of `crates/cli/tests/hostile/`, run for
-//! longer.
+//! Runs the mutation fuzzer of the command line, a test in `crates/cli/tests/hostile/`, for longer.
 
 use super::{cargo, run};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -13,7 +12,7 @@ const HELP: &str =
   --release  the optimised program instead of the one that the tests have
 ";
 
-/// Runs it; false if something was found or the options are wrong.
+/// Runs it; false if a failure was found or the options are invalid.
 pub fn fuzz_smoke(mut options: impl Iterator<Item = String>) -> bool {
     let days = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |t| t.as_secs() / 86_400);
     let (mut seconds, mut seed, mut only) = ("120".to_string(), days.to_string(), String::new());
@@ -39,13 +38,13 @@ pub fn fuzz_smoke(mut options: impl Iterator<Item = String>) -> bool {
     {
         return false;
     }
-    // The targets of libFuzzer are a workspace of their own, which nothing else compiles.
+    // The libFuzzer targets are a workspace of their own, which nothing else compiles.
     let targets = ["check", "--quiet", "--locked", "--manifest-path", "fuzz/Cargo.toml", "--bins"];
     let rest = ["--features", "render", "--target-dir", "target/fuzz"];
     if !run("the check of the fuzz targets", cargo(&[&targets[..], &rest].concat())) {
         return false;
     }
-    // As `test` builds it, so that nothing is built twice.
+    // Built as by `test`, so that nothing is built twice.
     let test = "smoke::whatever_the_files_are_the_program_keeps_its_promises";
     let mut command = cargo(&[
         "test",

@@ -1,5 +1,5 @@
-//! The page *How it is tested*: its words are written by hand, its figures are counted in the tree,
-//! between two marks.
+//! The page *How it is tested*: its text is written by hand, its figures are counted in the tree
+//! and written between two marks.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 const PAGE: &str = "docs/how-it-is-tested.md";
 const START: &str = "<!-- Figures: `cargo xtask how-tested` writes what follows. -->\n";
 const END: &str = "<!-- End of the figures. -->";
-/// By how much a figure may be out of date, so that one more test does not make the page stale.
+/// Tolerance of the figures, so that one more test does not make the page stale.
 const TOLERANCE: f64 = 0.1;
 
 /// Writes the figures into the page.
@@ -18,7 +18,7 @@ pub fn write() -> std::io::Result<()> {
     fs::write(PAGE, format!("{before}{START}{}{END}{after}", figures()?))
 }
 
-/// True if the figures of the page are those of the tree, nearly.
+/// True if the figures of the page match the tree, within the tolerance.
 pub fn check() -> std::io::Result<bool> {
     let page = fs::read_to_string(PAGE)?;
     let is_current = parts(&page)
@@ -29,14 +29,14 @@ pub fn check() -> std::io::Result<bool> {
     Ok(is_current)
 }
 
-/// What stands before, within and after the marks.
+/// The text before, between and after the marks.
 fn parts(page: &str) -> Option<(&str, &str, &str)> {
     let (before, rest) = page.split_once(START)?;
     let (within, after) = rest.split_once(END)?;
     Some((before, within, after))
 }
 
-/// True if two texts have the same words and numbers that differ little.
+/// True if two texts have the same words and nearly the same numbers.
 fn are_near(a: &str, b: &str) -> bool {
     let (a, b): (Vec<_>, Vec<_>) = (a.split_whitespace().collect(), b.split_whitespace().collect());
     let near = |(a, b): (&&str, &&str)| match (a.parse::<f64>(), b.parse::<f64>()) {
@@ -88,7 +88,7 @@ fn figures() -> std::io::Result<String> {
     ))
 }
 
-/// A number with two digits that count: it does not change with every commit.
+/// A number rounded to two significant digits, so that it does not change with every commit.
 fn rounded(n: usize) -> usize {
     let mut unit = 1;
     while n / unit >= 100 {
@@ -97,11 +97,11 @@ fn rounded(n: usize) -> usize {
     (n + unit / 2) / unit * unit
 }
 
-/// What a folder of Rust has.
+/// The counts of a folder of Rust code.
 #[derive(Default)]
 struct Count {
     tests: usize,
-    /// Lines that are neither blank nor only a comment, outside of tests and in them.
+    /// Lines that are neither blank nor only a comment, outside and inside of tests.
     code: usize,
     lines: usize,
 }
@@ -120,7 +120,7 @@ impl Count {
                 .map(str::trim)
                 .filter(|line| !line.is_empty() && !line.starts_with("//"))
             {
-                // The tests of a file stand at its end, in a module.
+                // A file's tests are at its end, in a module.
                 in_tests |= is_marked && line.starts_with("mod ") && line.ends_with('{');
                 is_marked = line == "#[cfg(test)]";
                 count.tests += usize::from(line == "#[test]");
@@ -131,7 +131,8 @@ impl Count {
     }
 }
 
-/// How many lines of the files of a folder begin with `start`, and how many are not blank.
+/// The number of lines that begin with `start` in the files of a folder, and the number that are
+/// not blank.
 fn count_in(folder: &Path, extension: &str, start: &str) -> std::io::Result<(usize, usize)> {
     let (mut count, mut lines) = (0, 0);
     for path in files(folder, extension)? {
@@ -142,7 +143,7 @@ fn count_in(folder: &Path, extension: &str, start: &str) -> std::io::Result<(usi
     Ok((count, lines))
 }
 
-/// Files below a folder with an extension, or all.
+/// Files below a folder with an extension, or all files.
 fn files(folder: &Path, extension: &str) -> std::io::Result<Vec<PathBuf>> {
     let (mut found, mut folders) = (Vec::new(), vec![folder.to_path_buf()]);
     while let Some(folder) = folders.pop() {
@@ -157,7 +158,7 @@ fn files(folder: &Path, extension: &str) -> std::io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// The promises of the map of the code, and how many different tests it names for them.
+/// The number of promises in the map of the code, and of different tests that it names for them.
 fn promises() -> std::io::Result<(usize, usize)> {
     let text = fs::read_to_string("ARCHITECTURE.md")?;
     let section =
@@ -170,7 +171,7 @@ fn promises() -> std::io::Result<(usize, usize)> {
     Ok((rows.len(), names.len()))
 }
 
-/// Millions of executions in the table of the fuzzers' record: its third column.
+/// Millions of executions in the table of the fuzzers' record, from its third column.
 fn executions_on_record() -> std::io::Result<f64> {
     let text = fs::read_to_string("fuzz/README.md")?;
     let cells = text.lines().filter_map(|line| line.strip_prefix("| ")?.split(" | ").nth(2));

@@ -1,4 +1,4 @@
-//! The words that developers and CI use: `cargo xtask test` and friends. No dependencies, so that
+//! The commands for developers and CI, such as `cargo xtask test`. It has no dependencies, so that
 //! it starts at once.
 
 mod fuzz_smoke;
@@ -55,8 +55,8 @@ fn main() -> ExitCode {
     if succeeded { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Cargo; not incremental if `CARGO_INCREMENTAL` does not say so, because then all is compiled
-/// sooner and runs faster.
+/// Cargo, without incremental compilation unless `CARGO_INCREMENTAL` is set: a full build is
+/// faster, and so is its code.
 fn cargo(arguments: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command
@@ -65,8 +65,8 @@ fn cargo(arguments: &[&str]) -> Command {
     command
 }
 
-/// Builds targets of the workspace out of what its tests are built of. With a test, here a small
-/// one, because only then dependencies have the features that tests want.
+/// Builds targets of the workspace from the dependencies that its tests are built with. A test is
+/// included, here a small one, because only then dependencies get the features that tests need.
 fn build_as_tested(targets: &[&str]) -> Command {
     let mut command = cargo(&["build", "--quiet", "--workspace", "--test", "planted"]);
     command.args(targets);
@@ -153,7 +153,7 @@ impl Counts {
     }
 }
 
-/// Runs tests of the workspace, those that one word chooses, and counts them.
+/// Runs the selected tests of the workspace, and counts them.
 fn cargo_test(which: &str, counts: &mut Counts) -> bool {
     counted(cargo(&["test", "--workspace", "--no-fail-fast", which]), counts)
 }
@@ -178,13 +178,12 @@ fn counted(mut command: Command, counts: &mut Counts) -> bool {
     }
 }
 
-/// All tests: units, properties, documentation examples, the command line run as users run it, the
-/// Python package, and the page of the viewer in a browser.
+/// All tests: unit tests, properties, documentation examples, the command line, the Python package,
+/// and the viewer's page in a browser.
 fn test() -> bool {
     let start = Instant::now();
     let mut counts = Counts::default();
-    // Without a word for the choice, the programs that measure would be built as well; `lint`
-    // compiles them.
+    // Without a selection, the benchmarks would be built as well; `lint` compiles them.
     let succeeded = ["--tests", "--doc"].map(|which| cargo_test(which, &mut counts)) == [true; 2];
     let python = python::test();
     let web = web::test();

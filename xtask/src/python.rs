@@ -1,18 +1,18 @@
-//! The tests of the Python package, in a virtual environment of their own: `target/python/venv`.
+//! The tests of the Python package, in their own virtual environment: `target/python/venv`.
 
 use crate::{build_as_tested, run, run_quietly};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What the tests need, one requirement a line.
+/// The requirements of the tests, one per line.
 const REQUIREMENTS: &str = "python/requirements-test.txt";
 
-/// Has the environment import the package from `python/`.
+/// Makes the environment import the package from `python/`.
 const LINK: &str = "import pathlib, sysconfig
 pathlib.Path(sysconfig.get_path('purelib'), \
 'snell.pth').write_text(str(pathlib.Path('python').resolve()))";
 
-/// The first Python that is new enough: of the variable `PYTHON`, or what the usual names give.
+/// The first Python that is new enough: from the variable `PYTHON`, or from the usual names.
 fn interpreter() -> Option<String> {
     let check = "import sys, venv; sys.exit(sys.version_info < (3, 10))";
     let named = std::env::var("PYTHON").ok();
@@ -22,8 +22,8 @@ fn interpreter() -> Option<String> {
     named.into_iter().chain(["python3".into(), "python".into()]).find(is_usable)
 }
 
-/// The environment with all that the tests need; made if it is not there or needs something else
-/// now.
+/// The environment with everything that the tests need; created if it is absent or its requirements
+/// have changed.
 fn environment(root: &Path) -> Option<PathBuf> {
     let folder = root.join("target/python/venv");
     let programs = folder.join(if cfg!(windows) { "Scripts" } else { "bin" });
@@ -50,7 +50,7 @@ fn environment(root: &Path) -> Option<PathBuf> {
     made.then(|| std::fs::write(marker, wanted)).and_then(Result::ok).map(|()| programs)
 }
 
-/// Builds the Rust half and puts it where the Python half imports it from.
+/// Builds the Rust half and copies it to where the Python half imports it.
 fn build(root: &Path, programs: &Path) -> bool {
     let mut build = build_as_tested(&["--lib"]);
     build.env("PYO3_PYTHON", programs.join("python"));

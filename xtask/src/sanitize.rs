@@ -1,32 +1,31 @@
-//! Errors of memory that no result shows: tests of the code that is not safe Rust, under
-//! AddressSanitizer and Miri.
+//! Finds memory errors that no result shows: runs tests of unsafe code under AddressSanitizer and
+//! Miri.
 
 use crate::{Counts, counted};
 use std::process::{Command, Stdio};
 
-/// A package, and what the names of its tests contain.
+/// A package, and substrings that select its tests.
 type Tests = (&'static str, &'static [&'static str]);
 
-/// What runs under AddressSanitizer. It sees every access, also those of vector instructions and of
-/// C++.
+/// The tests for AddressSanitizer. It checks every access, including those of vector instructions
+/// and of C++.
 const ADDRESS: [Tests; 3] = [
     ("snell-math", &["simd::"]),
     ("snell-intersect", &["kernel::", "accel::bvh::"]),
     ("snell-formats", &["meshopt", "compression"]),
 ];
 
-/// What runs under Miri, which also sees what the rules of the language forbid. It is a thousand
-/// times as slow, has only the instructions that every machine has, and knows neither C++ nor large
-/// worlds.
+/// The tests for Miri, which also checks the rules of the language. It is a thousand times slower,
+/// has only the baseline instructions, and supports neither C++ nor large worlds.
 const MIRI: [Tests; 2] = [
     ("snell-math", &["simd::"]),
     ("snell-intersect", &["kernel::compact", "accel::bvh::storage", "a_tree_stays_as_it_was_read"]),
 ];
 
-/// A run of tests, which counts them; `None` if what it needs is missing.
+/// A run of tests, which counts them; `None` if its tools are missing.
 type Run = fn(&mut Counts) -> Option<bool>;
 
-/// Both, or the one whose name is given.
+/// Runs both, or the named one.
 pub fn run(which: Option<&str>) -> bool {
     let runs: [(&str, Run); 2] = [("address", address), ("miri", miri)];
     if let Some(name) = which.filter(|name| runs.iter().all(|run| run.0 != *name)) {
@@ -51,14 +50,14 @@ pub fn run(which: Option<&str>) -> bool {
             counts.passed, counts.failed, counts.ignored
         );
     }
-    // What is skipped is no proof: one that was asked for by name has to run.
+    // A skipped run proves nothing: one that was requested by name must run.
     let forbidden: &[&str] = if which.is_some() { &["FAILED", "skipped"] } else { &["FAILED"] };
     !results.iter().any(|result| forbidden.contains(result))
 }
 
 /// Cargo of the nightly toolchain, which builds into a folder of its own.
 fn nightly(arguments: &[&str], folder: &str) -> Command {
-    // Not that of the environment, which is of the toolchain that built this.
+    // Not the Cargo of the environment, which belongs to the toolchain that built this.
     let mut command = Command::new("cargo");
     command.arg("+nightly").args(arguments).env("CARGO_TARGET_DIR", format!("target/{folder}"));
     command
@@ -73,7 +72,7 @@ fn starts(arguments: &[&str]) -> bool {
         .is_ok_and(|status| status.success())
 }
 
-/// `None` where there is none.
+/// `None` if it is unavailable.
 fn address(counts: &mut Counts) -> Option<bool> {
     if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
         println!("address: it is set up for Linux on x86-64 only");
@@ -81,10 +80,10 @@ fn address(counts: &mut Counts) -> Option<bool> {
     }
     const TARGET: &str = "x86_64-unknown-linux-gnu";
     let run = |(package, names): Tests| {
-        // With a target, build scripts and macros are built without.
+        // With a target, build scripts and macros are built without the sanitizer.
         let mut command =
             nightly(&["test", "--target", TARGET, "--package", package, "--lib", "--"], "sanitize");
-        // Frames are larger: the stack of a test thread has to be.
+        // Frames are larger, so the stacks of test threads must be.
         command
             .args(names)
             .env("RUSTFLAGS", "-Zsanitizer=address")
@@ -97,7 +96,7 @@ fn address(counts: &mut Counts) -> Option<bool> {
     Some(all(ADDRESS.map(run)))
 }
 
-/// `None` where there is no Miri.
+/// `None` without Miri.
 fn miri(counts: &mut Counts) -> Option<bool> {
     if !starts(&["miri", "--version"]) {
         println!(
@@ -107,7 +106,7 @@ fn miri(counts: &mut Counts) -> Option<bool> {
     }
     let run = |(package, names): Tests| {
         let mut command = nightly(&["miri", "test", "--package", package, "--lib", "--"], "miri");
-        // Tests write files, and threads of the pool never end; its queues do not keep the rules of
+        // Tests write files, and threads of the pool never end; its queues violate the rules of
         // stacked borrows.
         command
             .args(names)
@@ -123,7 +122,7 @@ fn all<const N: usize>(results: [bool; N]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    /// The profile of all tests is that of this one.
+    /// The profile of this test is that of all tests.
     #[test]
     #[should_panic(expected = "overflow")]
     fn tests_check_arithmetic_for_overflow() {

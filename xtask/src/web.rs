@@ -22,7 +22,7 @@ fn runs(program: &str, arguments: &[&str]) -> bool {
     Command::new(program).args(arguments).output().is_ok_and(|o| o.status.success())
 }
 
-/// Installs what the page is built with, if that has changed. `None` without Node.js.
+/// Installs the build tools of the page, if they have changed. `None` without Node.js.
 fn packages() -> Option<bool> {
     let is_new_enough = "process.exit(Number(process.versions.node.split('.')[0]) < 20 ? 1 : 0)";
     if !runs("node", &["-e", is_new_enough]) || npm(&["--version"]).output().is_err() {
@@ -42,7 +42,7 @@ fn packages() -> Option<bool> {
     Some(installed && std::fs::write(marker, wanted).is_ok())
 }
 
-/// Builds the page where the server takes it from.
+/// Builds the page into the folder from which the server includes it.
 pub fn build() -> bool {
     packages() == Some(true) && run("build of the page", npm(&["run", "--silent", "build"]))
 }
@@ -72,7 +72,7 @@ pub fn test() -> Option<bool> {
     Some(passed && in_browser())
 }
 
-/// True if the page inside the program is the one that the sources give.
+/// True if the included page matches the one built from the sources.
 fn is_fresh(built: &Path) -> bool {
     let there = root().join("crates/viewer/page");
     let stale: Vec<_> = PAGE
@@ -102,8 +102,8 @@ fn in_browser() -> bool {
     run("tests of the page in a browser", command)
 }
 
-/// A Chromium or Chrome: the one that the variable `CHROME` names, one that is here, or one that is
-/// installed now.
+/// A Chromium or Chrome: from the variable `CHROME`, an installed one, or one that is installed
+/// now.
 fn browser() -> Option<String> {
     let usual = [
         "chromium",
@@ -119,7 +119,7 @@ fn browser() -> Option<String> {
     named.or_else(find).or_else(|| install_package().then(find).flatten()).or_else(install_from_npm)
 }
 
-/// The browser library wants a path, not a name.
+/// The browser library requires a path, not a name.
 fn full_path(name: &str) -> Option<String> {
     if Path::new(name).is_absolute() {
         return Some(name.to_string());
@@ -130,7 +130,7 @@ fn full_path(name: &str) -> Option<String> {
     found.map(|path| path.display().to_string())
 }
 
-/// Debian's package, where it may be installed.
+/// Installs Debian's package, where possible.
 fn install_package() -> bool {
     if !runs("id", &["-u"])
         || !Command::new("id").arg("-u").output().is_ok_and(|o| o.stdout.starts_with(b"0\n"))
@@ -150,7 +150,7 @@ fn install_package() -> bool {
         )
 }
 
-/// A binary inside of an npm package, which needs no rights.
+/// A binary from an npm package, which needs no privileges.
 fn install_from_npm() -> Option<String> {
     println!("xtask: installing a Chromium from npm");
     let folder = root().join("target/chromium");

@@ -23,7 +23,8 @@ pub const DEVICE_PROPERTY_VERSION_MAJOR: c_int = 1;
 pub const DEVICE_PROPERTY_VERSION_MINOR: c_int = 2;
 pub const DEVICE_PROPERTY_VERSION_PATCH: c_int = 3;
 
-/// `RTCRay`, `RTCRay8` and `RTCRay16`: one array per field. More aligned than Embree asks for.
+/// `RTCRay`, `RTCRay8` and `RTCRay16`: one array per field. Aligned more strictly than Embree
+/// requires.
 #[repr(C, align(64))]
 #[derive(Clone, Copy)]
 pub struct Rays<const N: usize> {
@@ -31,15 +32,15 @@ pub struct Rays<const N: usize> {
     pub t_near: [f32; N],
     pub direction: [[f32; N]; 3],
     pub time: [f32; N],
-    /// Set to the distance of the hit, or to minus infinity where something is in the way.
+    /// Set to the distance of the hit, or to minus infinity if the ray is occluded.
     pub t_far: [f32; N],
     pub mask: [u32; N],
     pub id: [u32; N],
     pub flags: [u32; N],
 }
 
-/// `RTCRayHit`, `RTCRayHit8` and `RTCRayHit16`. The rays are spelled out, because a single ray has
-/// no padding after it.
+/// `RTCRayHit`, `RTCRayHit8` and `RTCRayHit16`. The fields of the ray are repeated, because a
+/// single ray has no padding after it.
 #[repr(C, align(64))]
 #[derive(Clone, Copy)]
 pub struct RayHits<const N: usize> {
@@ -55,13 +56,14 @@ pub struct RayHits<const N: usize> {
     pub uv: [[f32; N]; 2],
     pub primitive: [u32; N],
     pub geometry: [u32; N],
-    /// One level, as Embree is built by default.
+    /// One level, as in default builds of Embree.
     pub instance: [u32; N],
-    /// The number within an array of instances: since 4.3.
+    /// The index within an array of instances: since 4.3.
     pub instance_primitive: [u32; N],
 }
 
-/// `RTCIntersectArguments` and `RTCOccludedArguments`, as `rtcInitIntersectArguments` leaves them.
+/// `RTCIntersectArguments` and `RTCOccludedArguments`, as initialised by
+/// `rtcInitIntersectArguments`.
 #[repr(C)]
 pub struct Arguments {
     pub flags: c_int,
@@ -88,21 +90,21 @@ impl Arguments {
 /// `RTCMemoryMonitorFunction`.
 pub type MemoryMonitor = unsafe extern "C" fn(*mut c_void, isize, bool) -> bool;
 
-/// Calls that trace one ray, and those that trace a packet of which some lanes are valid (-1) and
-/// others not (0).
+/// Functions that trace one ray, and functions that trace a packet in which some lanes are valid
+/// (-1) and others not (0).
 pub type TraceOne<T> = unsafe extern "C" fn(Handle, *mut T, *mut Arguments);
 pub type TracePacket<T> = unsafe extern "C" fn(*const c_int, Handle, *mut T, *mut Arguments);
 
 macro_rules! functions {
     ($($field:ident: $symbol:literal = $signature:ty;)*) => {
-        /// The functions of the library that are used.
+        /// The functions of the library that are called.
         #[derive(Clone, Copy)]
         pub struct Functions {
             $(pub $field: $signature,)*
         }
 
         impl Functions {
-            /// Looks all of them up. The error names the first that is missing.
+            /// Looks up all functions. The error names the first missing one.
             ///
             /// # Safety
             /// The library must be Embree, version 4, and stay loaded as long as the functions are
@@ -158,7 +160,7 @@ mod tests {
 
     #[test]
     fn fields_lie_where_the_c_interface_has_them() {
-        // A single ray is 48 bytes, and its hit follows; packets have one array of N numbers per
+        // A single ray has 48 bytes, followed by its hit; packets have one array of N numbers per
         // field.
         assert_eq!((offset_of!(RayHits<1>, direction), offset_of!(RayHits<1>, t_far)), (16, 32));
         assert_eq!((offset_of!(RayHits<1>, normal), offset_of!(RayHits<1>, geometry)), (48, 72));

@@ -1,4 +1,4 @@
-//! Embree's device: threads for building, version, memory in use.
+//! Embree's device: build threads, version and memory in use.
 
 use crate::abi::{self, Handle};
 use crate::library::{Embree, LoadError};
@@ -6,7 +6,7 @@ use std::ffi::{CString, c_void};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-/// A device: what scenes are built with.
+/// A device that builds scenes.
 #[derive(Debug)]
 pub struct Device {
     pub(crate) embree: Arc<Embree>,
@@ -15,13 +15,13 @@ pub struct Device {
     memory: Box<AtomicI64>,
 }
 
-// SAFETY: Embree's API reference says that all calls on a device are thread-safe, but for those
+// SAFETY: Embree's API reference says that all calls on a device are thread-safe, except for those
 // that change one geometry or scene.
 unsafe impl Send for Device {}
 // SAFETY: as above.
 unsafe impl Sync for Device {}
 
-/// Told of every allocation and release.
+/// Called for every allocation and release.
 unsafe extern "C" fn count_memory(counter: *mut c_void, bytes: isize, _after: bool) -> bool {
     // SAFETY: the pointer is the one given to Embree beside this function; its device keeps the
     // counter alive.
@@ -31,15 +31,14 @@ unsafe extern "C" fn count_memory(counter: *mut c_void, bytes: isize, _after: bo
 }
 
 impl Device {
-    /// A device that builds with this many threads; of several devices at a time, all build with
-    /// the most.
+    /// A device with this many build threads. If several devices exist, all build with the maximum.
     pub fn new(embree: &Arc<Embree>, threads: usize) -> Result<Arc<Self>, LoadError> {
         let config = CString::new(format!("threads={threads}")).expect("no zero byte in it");
         let functions = &embree.functions;
         // SAFETY: the argument is a string that ends with zero.
         let handle = unsafe { (functions.new_device)(config.as_ptr()) };
         if handle.is_null() {
-            // SAFETY: a null device asks for the error of making devices.
+            // SAFETY: a null device requests the error of device creation.
             return Err(LoadError::Device(unsafe { (functions.device_error)(handle) }));
         }
         let memory = Box::new(AtomicI64::new(0));
@@ -50,7 +49,7 @@ impl Device {
         Ok(Arc::new(Self { embree: embree.clone(), handle, memory }))
     }
 
-    /// The version, such as `4.4.0`.
+    /// Embree's version, such as `4.4.0`.
     pub fn version(&self) -> String {
         let parts = [
             abi::DEVICE_PROPERTY_VERSION_MAJOR,

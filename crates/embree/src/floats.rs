@@ -1,10 +1,10 @@
-//! Denormal numbers count as zero in Embree's calls: its manual asks for that.
+//! Treats denormal numbers as zero in Embree's calls, as its manual requires.
 
-/// Bits "flush to zero" and "denormals are zero" of the control register.
+/// The bits "flush to zero" and "denormals are zero" of the control register.
 #[cfg(target_arch = "x86_64")]
 const FLUSH: u32 = 1 << 15 | 1 << 6;
 
-/// Runs `calls` with denormals counted as zero. Apart from Embree, it may move numbers, but must
+/// Runs `calls` with denormals treated as zero. Apart from Embree, it may move numbers, but must
 /// not compute with them.
 #[inline]
 pub fn with_flushed_denormals<T>(calls: impl FnOnce() -> T) -> T {
@@ -33,8 +33,7 @@ fn control() -> u32 {
 #[cfg(target_arch = "x86_64")]
 fn set_control(value: u32) {
     // SAFETY: reads a variable of the register's size. Only the two bits about denormals change,
-    // and what runs until they change back is foreign code and moves, to which they make no
-    // difference.
+    // and until they change back only foreign code and moves run, which they do not affect.
     unsafe {
         std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack, preserves_flags))
     };

@@ -1,4 +1,4 @@
-//! Finding and loading the shared library.
+//! Finds and loads the shared library.
 
 use crate::abi::Functions;
 use std::fs::{self, File};
@@ -8,19 +8,19 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tempfile::TempDir;
 
-/// Why Embree could not be loaded. Each message ends with what to do.
+/// Why Embree could not be loaded. Each message ends with a remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
-    /// Nothing there, or it cannot be read.
+    /// The path does not exist, or cannot be read.
     #[error(
         "{path}: cannot read: {source}; give the shared library of Embree 4 (libembree4.so.4), the \
             wheel `embreex` of PyPI \
          (`pip download embreex`), or the folder it was unpacked to"
     )]
     Read {
-        /// What was named.
+        /// The path that the user named.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
     /// A folder or wheel without the library.
@@ -35,20 +35,20 @@ pub enum LoadError {
             machine, with libtbb beside it"
     )]
     Load {
-        /// What was loaded.
+        /// The library that was loaded.
         path: PathBuf,
-        /// What the loader says.
+        /// The loader's error.
         source: libloading::Error,
     },
-    /// Some other library.
+    /// The library is not Embree 4.
     #[error("{path}: has no function {symbol}; it must be the shared library of Embree 4")]
     Symbol {
-        /// What was loaded.
+        /// The library that was loaded.
         path: PathBuf,
-        /// What is missing.
+        /// The missing function.
         symbol: &'static str,
     },
-    /// The library loads but does not work.
+    /// The library was loaded but does not work.
     #[error("Embree could not make a device (error {0}); it must be made for this machine")]
     Device(i32),
 }
@@ -56,9 +56,9 @@ pub enum LoadError {
 /// The loaded library.
 pub struct Embree {
     pub(crate) functions: Functions,
-    /// Never unloaded: its threads go on for a while after the last device is gone.
+    /// Never unloaded, because its threads live on for a while after the last device is released.
     _library: ManuallyDrop<libloading::Library>,
-    /// Where a wheel was unpacked to.
+    /// The folder of an unpacked wheel.
     _folder: Option<TempDir>,
 }
 
@@ -69,8 +69,8 @@ impl std::fmt::Debug for Embree {
 }
 
 impl Embree {
-    /// Loads the shared library at `path`, which may also be the wheel `embreex` of PyPI or a
-    /// folder with the library somewhere in it.
+    /// Loads the shared library at `path`, which may also be the wheel `embreex` from PyPI or a
+    /// folder that contains the library at any depth.
     pub fn load(path: &Path) -> Result<Arc<Self>, LoadError> {
         let read = |source| LoadError::Read { path: path.into(), source };
         let kind = fs::metadata(path).map_err(read)?;
@@ -88,11 +88,11 @@ impl Embree {
             None => Some(path.to_path_buf()),
         };
         let file = file.ok_or_else(|| LoadError::NotFound(path.into()))?;
-        // SAFETY: the user names a library to run, as when they name a program; Embree's
-        // initialisers need nothing from us.
+        // SAFETY: the user chooses to run this library, as any program that they name; Embree's
+        // initialisers have no preconditions.
         let library = unsafe { libloading::Library::new(&file) };
         let library = library.map_err(|source| LoadError::Load { path: file.clone(), source })?;
-        // SAFETY: the user says that this is Embree 4; a library without all of its functions is
+        // SAFETY: the user states that this is Embree 4; a library without all of its functions is
         // refused. The functions are kept together with the library.
         let functions = unsafe { Functions::find(&library) };
         let functions = functions.map_err(|symbol| LoadError::Symbol { path: file, symbol })?;
@@ -107,7 +107,7 @@ fn is_library_name(name: &str) -> bool {
         && [".so", ".dll", ".dylib"].iter().any(|e| name.contains(e))
 }
 
-/// The library in a folder or the folders below it.
+/// Finds the library in a folder or its subfolders.
 fn find_library(folder: &Path) -> Option<PathBuf> {
     let mut entries: Vec<_> = fs::read_dir(folder).ok()?.flatten().map(|e| e.path()).collect();
     entries.sort();
@@ -118,13 +118,13 @@ fn find_library(folder: &Path) -> Option<PathBuf> {
     here.cloned().or_else(|| entries.iter().filter(|p| p.is_dir()).find_map(|p| find_library(p)))
 }
 
-/// Unpacks the shared libraries of a wheel, each folder of them side by side as they expect to be.
+/// Unpacks the shared libraries of a wheel, with those of one folder side by side as they expect.
 fn unpack(wheel: &Path) -> io::Result<TempDir> {
     let folder = TempDir::new()?;
     let mut archive = zip::ZipArchive::new(File::open(wheel)?).map_err(io::Error::other)?;
     for i in 0..archive.len() {
         let mut entry = archive.by_index(i).map_err(io::Error::other)?;
-        // A name that leads out of the folder is passed over.
+        // A name that leads out of the folder is skipped.
         let Some(name) = entry.enclosed_name() else { continue };
         let is_library = name.parent().is_some_and(|p| p.to_string_lossy().ends_with(".libs"));
         if entry.is_file() && is_library {

@@ -1,4 +1,4 @@
-//! A world, given to Embree: meshes as triangles, occurrences of groups as instances.
+//! Converts a world for Embree: meshes as triangles, occurrences of groups as instances.
 
 use crate::abi::{self, Handle};
 use crate::device::Device;
@@ -7,21 +7,21 @@ use snell_math::Transform;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Why a world cannot be given to Embree.
+/// Why a world cannot be converted.
 #[derive(Debug, thiserror::Error)]
 pub enum PeerError {
-    /// Only triangles can be compared.
+    /// There is other geometry than triangles.
     #[error(
-        "the scene has more than triangles, which is not compared with Embree; take a scene of \
+        "the scene has geometry other than triangles, which Embree is not given; use a scene of \
             meshes"
     )]
     Shapes,
-    /// Embree says so.
+    /// Embree reported an error.
     #[error("Embree could not build the scene (error {0})")]
     Build(i32),
 }
 
-/// How carefully Embree builds.
+/// Embree's build quality.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BuildQuality {
     /// Morton order.
@@ -33,10 +33,10 @@ pub enum BuildQuality {
 }
 
 impl BuildQuality {
-    /// All, from the least.
+    /// All qualities, from the lowest.
     pub const ALL: [Self; 3] = [Self::Low, Self::Medium, Self::High];
 
-    /// Embree's name for it.
+    /// Embree's name for the quality.
     pub fn name(self) -> &'static str {
         match self {
             Self::Low => "low",
@@ -46,12 +46,12 @@ impl BuildQuality {
     }
 }
 
-/// How a scene is built.
+/// Options for building a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SceneOptions {
-    /// How carefully.
+    /// The build quality.
     pub quality: BuildQuality,
-    /// Watertight edges and safe boxes.
+    /// Watertight edges and conservative boxes.
     pub robust: bool,
     /// Less memory, slower rays.
     pub compact: bool,
@@ -62,7 +62,7 @@ pub struct SceneOptions {
 pub struct PeerScene {
     pub(crate) device: Arc<Device>,
     pub(crate) handle: Handle,
-    /// The instanced ones, held by the instances too.
+    /// The scenes of instances, which the instances hold, too.
     children: Vec<Handle>,
     options: SceneOptions,
     build_seconds: f64,
@@ -77,7 +77,7 @@ unsafe impl Sync for PeerScene {}
 
 impl PeerScene {
     /// Builds a scene of the same triangles. A group that occurs below the root becomes a scene,
-    /// and each of its occurrences one instance of the top scene, because Embree comes with one
+    /// and each of its occurrences one instance in the top scene, because Embree is built with one
     /// level of instances.
     pub fn build(
         device: &Arc<Device>,
@@ -133,22 +133,22 @@ impl PeerScene {
         }
     }
 
-    /// How it was built.
+    /// The options it was built with.
     pub fn options(&self) -> SceneOptions {
         self.options
     }
 
-    /// Time that Embree took for the acceleration structures, copying of meshes not included.
+    /// Seconds that Embree took for the acceleration structures, without copying the meshes.
     pub fn build_seconds(&self) -> f64 {
         self.build_seconds
     }
 
-    /// Memory of the acceleration structures, without the meshes.
+    /// Memory of the acceleration structures in bytes, without the meshes.
     pub fn memory_bytes(&self) -> i64 {
         self.memory_bytes
     }
 
-    /// Puts the meshes of a group into a scene.
+    /// Adds the meshes of a group to a scene.
     fn add_meshes(&self, scene: Handle, world: &World, group: GroupId) {
         for &id in &world.group(group).geometries {
             if let Geometry::Mesh(mesh) = world.geometry(id) {
@@ -159,12 +159,12 @@ impl PeerScene {
 
     fn add_mesh(&self, scene: Handle, mesh: &TriangleMesh) {
         let functions = &self.device.embree.functions;
-        // SAFETY: device and scene are alive. The buffers are made by Embree for as many elements
-        // as are copied into them; both sides have three packed 32-bit numbers per element.
+        // SAFETY: device and scene are alive. Embree allocates the buffers for as many elements as
+        // are copied into them; both sides have three packed 32-bit numbers per element.
         unsafe {
             let geometry =
                 (functions.new_geometry)(self.device.handle, abi::GEOMETRY_TYPE_TRIANGLE);
-            // The low quality of a scene is that of its top level only.
+            // The low quality of a scene affects only its top level.
             (functions.set_geometry_quality)(geometry, self.options.quality as i32);
             let buffer = |kind, format, count| {
                 (functions.set_new_buffer)(geometry, kind, 0, format, 12, count)
@@ -218,11 +218,11 @@ impl PeerScene {
         }
     }
 
-    /// Builds a scene, and notes what it took.
+    /// Builds a scene, and records the time and memory.
     fn commit(&mut self, scene: Handle) {
         let before = self.device.memory_bytes();
         let start = Instant::now();
-        // SAFETY: the scene is alive and nobody else uses it yet.
+        // SAFETY: the scene is alive and not yet used elsewhere.
         unsafe { (self.device.embree.functions.commit_scene)(scene) };
         self.build_seconds += start.elapsed().as_secs_f64();
         self.memory_bytes += self.device.memory_bytes() - before;
@@ -239,10 +239,10 @@ impl Drop for PeerScene {
     }
 }
 
-/// The group that is the world.
+/// The root group of the world.
 const ROOT: GroupId = snell_intersect::WorldBuilder::ROOT;
 
-/// Every occurrence of a group that holds geometries, with its place in the world.
+/// Every occurrence of a group with geometries, and its transform to the world.
 fn occurrences(world: &World) -> Vec<(GroupId, Transform)> {
     let mut found = Vec::new();
     let mut stack = vec![(ROOT, Transform::IDENTITY)];

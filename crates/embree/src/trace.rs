@@ -1,5 +1,4 @@
-//! Tracing a batch in one of Embree's ways: one ray, 8 or 16 rays a call, announced as coherent or
-//! not.
+//! Traces a batch in one of Embree's modes: 1, 8 or 16 rays per call, flagged as coherent or not.
 
 use crate::abi::{Arguments, INVALID_ID, RayHits, Rays};
 use crate::floats::with_flushed_denormals;
@@ -7,7 +6,7 @@ use crate::scene::PeerScene;
 use snell_intersect::Hit;
 use snell_math::{Ray, Vec2};
 
-/// How many rays go into one call.
+/// The number of rays per call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
     /// `rtcIntersect1`, `rtcOccluded1`.
@@ -18,20 +17,20 @@ pub enum Width {
     Sixteen,
 }
 
-/// A way to call Embree.
+/// A mode of calling Embree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mode {
-    /// How many rays a call.
+    /// Rays per call.
     pub width: Width,
-    /// With the flag that promises coherent rays; it only matters to packets.
+    /// Sets the flag for coherent rays, which only affects packets.
     pub coherent: bool,
 }
 
 impl Mode {
-    /// One ray a call.
+    /// One ray per call.
     pub const ONE: Self = Self { width: Width::One, coherent: false };
 
-    /// All that differ.
+    /// All distinct modes.
     pub const ALL: [Self; 5] = [
         Self::ONE,
         Self { width: Width::Eight, coherent: false },
@@ -40,7 +39,7 @@ impl Mode {
         Self { width: Width::Sixteen, coherent: true },
     ];
 
-    /// Such as `16 coherent`.
+    /// A name such as `16 coherent`.
     pub fn name(self) -> &'static str {
         match (self.width, self.coherent) {
             (Width::One, _) => "1",
@@ -52,7 +51,8 @@ impl Mode {
     }
 }
 
-/// Which lanes of a packet hold rays (-1) and which do not (0), aligned as the widest packet asks.
+/// The valid mask of a packet: -1 for lanes with rays, 0 for others, aligned as the widest packet
+/// requires.
 #[repr(align(64))]
 struct Valid<const N: usize>([i32; N]);
 
@@ -63,7 +63,7 @@ impl<const N: usize> Valid<N> {
 }
 
 impl PeerScene {
-    /// The nearest hit of each ray. Ids are Embree's own.
+    /// Finds the closest hit of each ray. Ids are Embree's own.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -92,7 +92,7 @@ impl PeerScene {
         });
     }
 
-    /// For each ray, whether anything is in its way.
+    /// Tests each ray for occlusion.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -122,7 +122,7 @@ impl PeerScene {
     }
 }
 
-/// Packs rays `N` at a time, calls `trace` with how many there are, and unpacks what it found.
+/// Packs rays `N` at a time, calls `trace` with the number of valid ones, and unpacks the hits.
 #[inline(always)]
 fn closest<const N: usize>(
     rays: &[Ray],
@@ -173,7 +173,7 @@ fn closest<const N: usize>(
     }
 }
 
-/// As [`closest`], for any hit.
+/// Like [`closest`], for any hit.
 #[inline(always)]
 fn occluded<const N: usize>(
     rays: &[Ray],

@@ -1,5 +1,5 @@
-//! Older ways to see a scene, to be compared with ray casting by `snell bench`. Nothing that
-//! renders uses them.
+//! Older methods of visible-surface determination, for comparison with ray casting by `snell
+//! bench`. The renderer does not use them.
 //!
 //! * [`coherence`]: beams, pencils and cones, which trace all rays of a region at once.
 //! * [`visible`]: hidden-surface algorithms, from the depth buffer to binary space partitions.

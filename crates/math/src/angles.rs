@@ -1,14 +1,15 @@
-//! Angles by arithmetic alone: the same bits on every machine, and vector code in loops.
+//! Trigonometric functions by arithmetic alone: the same bits on every machine, and vectorisable
+//! loops.
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 use std::f64::consts;
 
-/// Tangent of an eighth of a turn's half.
+/// Tangent of pi / 8.
 const TAN_PI_8: f32 = 0.414_213_57;
 
-/// The angle of the point `(x, y)`, in `[-pi, pi]`: `y.atan2(x)`, off by less than 3e-7. 0 at the
-/// origin; NaN if anything is NaN or both are infinite. (Polynomial of the Cephes library for the
-/// arc tangent below an eighth of a half-turn.)
+/// The angle of the point `(x, y)`, in `[-pi, pi]`: `y.atan2(x)`, with an error below 3e-7. 0 at
+/// the origin; NaN if either is NaN or both are infinite. (Polynomial of the Cephes library for the
+/// arc tangent below pi / 8.)
 #[inline(always)]
 pub fn atan2(y: f32, x: f32) -> f32 {
     let (ax, ay) = (x.abs(), y.abs());
@@ -25,9 +26,9 @@ pub fn atan2(y: f32, x: f32) -> f32 {
     angle.copysign(y)
 }
 
-/// The angle of the point `(x, y)`, in `[0, 2 pi]`, in double precision, off by less than 2e-15. 0
-/// at the origin; NaN if anything is NaN or both are infinite. (The arc tangent below an eighth of
-/// a half-turn by interpolation at Chebyshev's points, to 1e-16.)
+/// The angle of the point `(x, y)`, in `[0, 2 pi]`, in double precision, with an error below 2e-15.
+/// 0 at the origin; NaN if either is NaN or both are infinite. (The arc tangent below pi / 8 by
+/// interpolation at Chebyshev nodes, to 1e-16.)
 #[inline(always)]
 pub fn turn_to(y: f64, x: f64) -> f64 {
     let (ax, ay) = (x.abs(), y.abs());
@@ -51,11 +52,11 @@ pub fn turn_to(y: f64, x: f64) -> f64 {
     if y < 0.0 { consts::TAU - angle } else { angle }
 }
 
-/// Sine and cosine of an angle of at most a thousand turns, in double precision, off by less than
-/// 1e-15 for the first turn. (Interpolation at Chebyshev's points, to 3e-17.)
+/// Sine and cosine of an angle of at most a thousand turns, in double precision, with an error
+/// below 1e-15 for the first turn. (Interpolation at Chebyshev nodes, to 3e-17.)
 #[inline(always)]
 pub fn sin_cos(angle: f64) -> (f64, f64) {
-    /// The quarter of a turn in two pieces, the first of which has few digits.
+    /// A quarter turn, pi / 2, in two parts, the first of which has few digits.
     const QUARTER: [f64; 2] = [1.570_796_326_734_125_6, 6.077_100_506_506_192e-11];
     /// Adding and subtracting this rounds to an integer.
     const ROUNDER: f64 = 6_755_399_441_055_744.0;
@@ -74,12 +75,12 @@ pub fn sin_cos(angle: f64) -> (f64, f64) {
     let cos = ((series * z - 1.388_888_888_888_738_9e-3) * z + 4.166_666_666_666_666_4e-2) * z * z
         - 0.5 * z
         + 1.0;
-    // Which half of a turn, and which half of that: without integers, of which wide registers may
-    // have no conversion.
+    // The quadrant, as two halvings of the turn: without integers, because wide registers may lack
+    // the conversion.
     let half = quarters - 4.0 * ((quarters * 0.25 + ROUNDER) - ROUNDER);
     let is_odd = half.abs() == 1.0;
     let (s, c) = if is_odd { (cos, sin) } else { (sin, cos) };
-    // Quarters -2, -1, 0, 1 and 2 around the whole turn.
+    // Quadrants -2, -1, 0, 1 and 2 around the whole turn.
     let s = if half < 0.0 || half == 2.0 { -s } else { s };
     let c = if half == 1.0 || half.abs() == 2.0 { -c } else { c };
     (s, c)

@@ -5,18 +5,18 @@ use glam::{DVec3, Vec3};
 /// An axis-aligned box in single precision. Empty if any `min > max`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds3 {
-    /// Least corner.
+    /// Minimum corner.
     pub min: Vec3,
-    /// Greatest corner.
+    /// Maximum corner.
     pub max: Vec3,
 }
 
 /// An axis-aligned box in double precision. Empty if any `min > max`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds3d {
-    /// Least corner.
+    /// Minimum corner.
     pub min: DVec3,
-    /// Greatest corner.
+    /// Maximum corner.
     pub max: DVec3,
 }
 
@@ -30,7 +30,7 @@ macro_rules! bounds {
         }
 
         impl $name {
-            /// The box that holds nothing: the neutral element of [`Self::union`].
+            /// The empty box: the neutral element of [`Self::union`].
             pub const EMPTY: Self = Self {
                 min: <$vec>::splat(<$float>::INFINITY),
                 max: <$vec>::splat(<$float>::NEG_INFINITY),
@@ -42,7 +42,7 @@ macro_rules! bounds {
                 max: <$vec>::splat(<$float>::INFINITY),
             };
 
-            /// The smallest box around `points`; points with a NaN coordinate do not count.
+            /// The smallest box around `points`; points with a NaN coordinate are ignored.
             #[inline]
             pub fn of(points: impl IntoIterator<Item = $vec>) -> Self {
                 points

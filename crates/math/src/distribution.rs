@@ -1,16 +1,16 @@
-//! Tabulated distributions in one and two dimensions, sampled by inversion so that stratification
-//! survives.
+//! Tabulated distributions in one and two dimensions, sampled by inversion, which preserves
+//! stratification.
 
 use glam::Vec2;
 
 /// A piecewise constant density over `[0, 1)`.
 #[derive(Clone, Debug)]
 pub struct Distribution1D {
-    /// Cumulative weights divided by their sum; one more entry than there are pieces, from 0 to 1.
+    /// Cumulative weights divided by their sum, from 0 to 1; one entry more than there are pieces.
     cdf: Vec<f32>,
-    /// For each of as many equal parts of `[0, 1)` as there are pieces, the first entry of `cdf`
-    /// above its beginning, and one more: where to search (the cutpoint method of Chen and Asau,
-    /// 1974).
+    /// The start of the search: `[0, 1)` is divided into as many equal parts as there are pieces,
+    /// and for each part, and one more, this is the first entry of `cdf` above its beginning (the
+    /// cutpoint method of Chen and Asau, 1974).
     guide: Vec<u32>,
     sum: f64,
 }
@@ -68,12 +68,12 @@ impl Distribution1D {
         self.sum
     }
 
-    /// Picks piece `i` with its probability: returns `i` and the remaining uniform number in `[0,
+    /// Samples piece `i` with its probability: returns `i` and the remaining uniform number in `[0,
     /// 1)`.
     #[inline]
     pub fn sample(&self, u: f32) -> (usize, f32) {
         let i = self.first_above(u).clamp(1, self.len()) - 1;
-        // Skip pieces of no width, into which rounding could have led.
+        // Skip empty pieces, which rounding may have reached.
         let i = if self.cdf[i + 1] > self.cdf[i] { i } else { self.nearest_nonempty(i) };
         let width = self.cdf[i + 1] - self.cdf[i];
         let rest = ((u - self.cdf[i]) / width).clamp(0.0, crate::rng::ONE_MINUS_EPSILON);
@@ -86,7 +86,7 @@ impl Distribution1D {
         let part = ((u * self.len() as f32) as usize).min(self.len() - 1);
         let [from, to] = [self.guide[part] as usize, self.guide[part + 1] as usize];
         let found = from + self.cdf[from..to].partition_point(|&c| c <= u);
-        // Rounding may have led into a neighbouring part.
+        // Rounding may have led to a neighbouring part.
         let is_first = found == 0 || self.cdf[found - 1] <= u;
         let is_above = self.cdf.get(found).is_none_or(|&c| c > u);
         if is_first && is_above { found } else { self.cdf.partition_point(|&c| c <= u) }
@@ -98,7 +98,7 @@ impl Distribution1D {
         (0..i).rev().find(wide).or_else(|| (i..self.len()).find(wide)).unwrap_or(i)
     }
 
-    /// Probability of piece `i`, exactly that with which [`Self::sample`] picks it.
+    /// Probability of piece `i`, exactly that with which [`Self::sample`] chooses it.
     #[inline]
     pub fn probability(&self, i: usize) -> f32 {
         self.cdf[i + 1] - self.cdf[i]
@@ -113,7 +113,7 @@ pub struct Distribution2D {
 }
 
 impl Distribution2D {
-    /// The density proportional to `weights` (row-major, `width` a row).
+    /// The density proportional to `weights` (row-major, `width` per row).
     ///
     /// # Panics
     /// If `width` is 0 or does not divide `weights.len()`.
@@ -137,7 +137,7 @@ impl Distribution2D {
         (point.min(Vec2::splat(crate::rng::ONE_MINUS_EPSILON)), self.piece_pdf(row, column))
     }
 
-    /// Density at a point of the unit square (outside is clamped to the border).
+    /// Density at a point of the unit square (points outside are clamped to the border).
     #[inline]
     pub fn pdf(&self, p: Vec2) -> f32 {
         let index = |x: f32, n: usize| ((x * n as f32) as usize).min(n - 1);

@@ -1,16 +1,15 @@
-//! Exact arithmetic on `f64`: sums and products with their rounding errors, numbers of two parts,
+//! Exact arithmetic on `f64`: sums and products with their rounding errors, double-double numbers,
 //! and expansions of any length.
 //!
-//! A predicate or a quotient is first worked out in plain numbers or in [`DoubleDouble`] with a
-//! bound of its error; only where that does not decide are [`Expansion`]s needed (Shewchuk,
-//! Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates, 1997).
-//! Everything holds as long as nothing overflows and no product falls below some `1e-290`.
+//! A predicate or a quotient is first evaluated in plain numbers or in [`DoubleDouble`] with a
+//! bound of its error; only if that does not decide are [`Expansion`]s needed (Shewchuk, Adaptive
+//! Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates, 1997). Everything
+//! holds as long as nothing overflows and no product falls below about `1e-290`.
 
 use crate::simd::{DoubleLanes, Lanes4};
 use std::cmp::Ordering;
 
-/// What sums and products with their errors are made of: an `f64`, or several side by side
-/// ([`Lanes4`]).
+/// A number type for error-free sums and products: an `f64`, or several side by side ([`Lanes4`]).
 pub trait Number: Copy {
     /// `self + other`.
     fn add(self, other: Self) -> Self;
@@ -27,8 +26,8 @@ pub trait Number: Copy {
     /// `-self`.
     fn negated(self) -> Self;
 
-    /// `self factor + summand`, rounded once. One operation where the code around is compiled for
-    /// it, and a call elsewhere; the bits are the same.
+    /// `self factor + summand`, rounded once. A single operation in code compiled for it, and a
+    /// call elsewhere; the bits are the same.
     fn fused(self, factor: Self, summand: Self) -> Self;
 }
 
@@ -119,10 +118,10 @@ pub fn two_product<T: Number>(a: T, b: T) -> (T, T) {
     (product, a.fused(b, product.negated()))
 }
 
-/// Compares `a b` with `c d` exactly, whatever their size; `None` if one of the four is infinite or
+/// Compares `a b` with `c d` exactly, at any magnitude; `None` if one of the four is infinite or
 /// NaN.
 ///
-/// Done in integers: a product of two significands fits 106 bits.
+/// Computed in integers: a product of two significands fits 106 bits.
 pub fn compare_products(a: f64, b: f64, c: f64, d: f64) -> Option<Ordering> {
     let (left, right) = (Product::of(a, b)?, Product::of(c, d)?);
     Some(if left.sign != right.sign {
@@ -134,8 +133,8 @@ pub fn compare_products(a: f64, b: f64, c: f64, d: f64) -> Option<Ordering> {
     })
 }
 
-/// `sign * significand * 2^exponent`, with a significand of 128 bits of which the highest is set
-/// (unless it is zero).
+/// `sign * significand * 2^exponent`, with a 128-bit significand whose highest bit is set (unless
+/// it is zero).
 struct Product {
     sign: i32,
     significand: u128,
@@ -176,7 +175,7 @@ fn integer_parts(x: f64) -> Option<(i32, u64, i32)> {
 }
 
 /// An unevaluated sum `high + low` of two numbers, `low` at most half a unit in the last place of
-/// `high`: some 106 bits.
+/// `high`: about 106 bits.
 ///
 /// Bounds of the errors: Joldes, Muller and Popescu, Tight and Rigorous Error Bounds for Basic
 /// Building Blocks of Double-Word Arithmetic (ACM TOMS, 2017). `u` is `2^-53`.
@@ -184,7 +183,7 @@ fn integer_parts(x: f64) -> Option<(i32, u64, i32)> {
 pub struct DoubleDouble<T = f64> {
     /// The sum, rounded.
     pub high: T,
-    /// What is missing.
+    /// The rounding error of the sum.
     pub low: T,
 }
 
@@ -230,7 +229,8 @@ impl<T: Number> DoubleDouble<T> {
         Self { high, low }
     }
 
-    /// The quotient as a plain number: off by hardly more than half a unit in the last place.
+    /// The quotient as a plain number, with an error of hardly more than half a unit in the last
+    /// place.
     #[inline(always)]
     pub fn divided_by(self, other: Self) -> T {
         let quotient = self.high.div(other.high);
@@ -255,7 +255,7 @@ impl Expansion {
     pub fn plus(&self, other: &Self) -> Self {
         let mut parts: Vec<f64> = self.0.iter().chain(&other.0).copied().collect();
         parts.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
-        // Adding number by number keeps the parts nonoverlapping, in whatever order they come.
+        // Adding number by number keeps the parts nonoverlapping, in any order.
         let mut sum = Self::default();
         for part in parts {
             sum = sum.grown(part);
@@ -337,7 +337,7 @@ mod tests {
     }
 
     proptest! {
-        /// `(a - b)(c - d)` twice in different orders cancels to nothing.
+        /// `(a - b)(c - d)`, expanded in two different orders, cancels to zero.
         #[test]
         fn expansions_are_exact(a in number(), b in number(), c in number(), d in number()) {
             let product = Expansion::difference(a, b).times(&Expansion::difference(c, d));

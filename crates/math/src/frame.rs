@@ -29,12 +29,13 @@ impl Frame {
         }
     }
 
-    /// A frame around the unit vector `z` whose x axis is as near to `x` as it can be. Falls back
-    /// to [`Self::from_z`] if `x` is parallel to `z` or not finite. Without branches, so that loops
-    /// over it become vector code.
+    /// A frame around the unit vector `z` whose x axis is as close to `x` as possible. Falls back
+    /// to [`Self::from_z`] if `x` is parallel to `z` or not finite. It has no branches, so that
+    /// loops over it are vectorised.
     #[inline(always)]
     pub fn from_z_and_x(z: Vec3, x: Vec3) -> Self {
-        // Derivatives of positions have any length: squares of tiny and of huge ones do not fit.
+        // Derivatives of positions have any length: squares of tiny and of huge ones would
+        // underflow or overflow.
         let x = x / most(most(x.x.abs(), x.y.abs()), x.z.abs());
         let tangent = x - z * z.dot(x);
         let scale = 1.0 / tangent.length();
@@ -43,7 +44,7 @@ impl Frame {
         Self { x, y: z.cross(x), z }.or(&any, is_other)
     }
 
-    /// This frame if so, otherwise the other one. Without a branch.
+    /// This frame if `is_this`, otherwise the other one. It has no branches.
     #[inline(always)]
     pub fn or(&self, other: &Self, is_this: bool) -> Self {
         let either = |a: Vec3, b: Vec3| {
@@ -53,13 +54,13 @@ impl Frame {
         Self { x: either(self.x, other.x), y: either(self.y, other.y), z: either(self.z, other.z) }
     }
 
-    /// Local coordinates of an outer direction.
+    /// Converts a direction from the outer space to local coordinates.
     #[inline]
     pub fn to_local(&self, v: Vec3) -> Vec3 {
         Vec3::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
     }
 
-    /// Outer coordinates of a local direction.
+    /// Converts a local direction to the outer space.
     #[inline]
     pub fn from_local(&self, v: Vec3) -> Vec3 {
         self.x * v.x + self.y * v.y + self.z * v.z

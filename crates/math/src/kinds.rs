@@ -146,7 +146,7 @@ macro_rules! kinds {
                 match self { $(Self::$kind(_) => $name,)* }
             }
 
-            /// A few of each kind, extremes included: what tests and galleries run over.
+            /// A few of each kind, extremes included, for tests and galleries.
             pub fn examples() -> Vec<Self> {
                 let mut all = Vec::new();
                 $(all.extend($kind::examples().into_iter().map(Self::$kind));)*
@@ -160,7 +160,7 @@ macro_rules! kinds {
 
         $crate::kinds! { @matching ($) $any by $matching! { $($kind,)* } }
     };
-    // A dollar that comes as a token stays one in the macro that is made.
+    // A dollar passed as a token remains one in the generated macro.
     (@matching ($dollar:tt) $any:ident by $matching:ident! { $($kind:ident,)* }) => {
         macro_rules! $matching {
             (each $dollar kind:ident => $dollar answer:expr) => {

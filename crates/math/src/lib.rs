@@ -1,7 +1,7 @@
 //! Numbers: vectors, transforms, rays, bounds, spectra, random numbers, warps and SIMD levels; and
 //! [`kinds!`], the enum of all kinds of something, and [`parameters`], what they are made of.
 //!
-//! The bottom of Snell. Nothing here does I/O, starts threads or knows what a scene is. Vectors are
+//! The base of Snell. Nothing here does I/O, starts threads or knows what a scene is. Vectors are
 //! [glam](https://docs.rs/glam)'s; positions of a scene are composed in `f64` ([`DVec3`],
 //! [`Transform`]) and traced in `f32` ([`Vec3`], [`Ray`]).
 //!

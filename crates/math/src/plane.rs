@@ -1,4 +1,4 @@
-//! Planes, and convex polygons that they cut.
+//! Planes, and convex polygons cut by them.
 
 use crate::{Bounds3d, DVec3};
 
@@ -35,7 +35,7 @@ impl Plane {
         self.normal.dot(*p) - self.offset
     }
 
-    /// The side on which a polygon lies; distances up to `tolerance` count as none.
+    /// The side on which a polygon lies; distances up to `tolerance` count as zero.
     #[inline(always)]
     pub fn side(&self, polygon: &[DVec3], tolerance: f64) -> Side {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -62,7 +62,7 @@ impl Plane {
         for to in polygon {
             let d_to = self.distance(to) * sign;
             if (d_from < 0.0 && d_to > 0.0) || (d_from > 0.0 && d_to < 0.0) {
-                // The same point whichever side is asked for.
+                // The same intersection point for both sides.
                 let (a, b, da, db) =
                     if d_from < 0.0 { (from, to, d_from, d_to) } else { (to, from, d_to, d_from) };
                 out.push(*a + (*b - *a) * (da / (da - db)));

@@ -9,11 +9,11 @@ use glam::{DVec3, Vec3};
 pub struct Ray {
     /// Start point, `t = 0`.
     pub origin: Vec3,
-    /// Hits at `t <= t_min` do not count.
+    /// Hits at `t <= t_min` are ignored.
     pub t_min: f32,
-    /// Direction, any length but zero. `t` is in units of it.
+    /// Direction of any non-zero length. `t` is in units of it.
     pub direction: Vec3,
-    /// Hits at `t >= t_max` do not count. Infinite by default.
+    /// Hits at `t >= t_max` are ignored. Infinite by default.
     pub t_max: f32,
 }
 
@@ -36,8 +36,8 @@ impl Ray {
         self.origin + self.direction * t
     }
 
-    /// True if the ray can hit anything: finite origin, finite non-zero direction, and an interval
-    /// that is not empty or NaN. Queries answer every other ray with a miss.
+    /// True if the ray can hit anything: its origin is finite, its direction finite and not zero,
+    /// and its interval not empty or NaN. Every other ray misses.
     #[inline]
     pub fn is_valid(&self) -> bool {
         self.origin.is_finite()
@@ -47,17 +47,16 @@ impl Ray {
     }
 }
 
-/// A double-precision ray: what analytic shapes are intersected with, and what worlds in double
-/// precision are asked about.
+/// A double-precision ray, for analytic shapes and for worlds in double precision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DRay {
     /// Start point, `t = 0`.
     pub origin: DVec3,
-    /// Direction, any length but zero.
+    /// Direction of any non-zero length.
     pub direction: DVec3,
-    /// Hits at `t <= t_min` do not count.
+    /// Hits at `t <= t_min` are ignored.
     pub t_min: f64,
-    /// Hits at `t >= t_max` do not count.
+    /// Hits at `t >= t_max` are ignored.
     pub t_max: f64,
 }
 

@@ -1,5 +1,5 @@
-//! Error bounds of floating-point arithmetic, and starting a ray off a surface without an epsilon
-//! of scene scale.
+//! Error bounds of floating-point arithmetic, and ray origins offset from a surface without a
+//! scene-dependent epsilon.
 
 use glam::Vec3;
 
@@ -14,11 +14,11 @@ pub const fn gamma(n: u32) -> f32 {
     nu / (1.0 - nu)
 }
 
-/// A point that is surely off the surface through `position`, on the side of `direction`.
+/// A point that is certainly off the surface through `position`, on the side of `direction`.
 ///
 /// `error` bounds the absolute error of each coordinate of `position`; `normal` is the unit
-/// geometric normal (either side). The point moves along the normal until the box of possible
-/// positions is left, and each coordinate is rounded away from the surface (Pharr, Jakob and
+/// geometric normal (either side). The point moves along the normal until it is outside of the box
+/// of possible positions, and each coordinate is rounded away from the surface (Pharr, Jakob and
 /// Humphreys, Physically Based Rendering, 4th edition, section 6.8.6).
 #[inline(always)]
 pub fn offset_ray_origin(position: Vec3, error: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
@@ -26,7 +26,7 @@ pub fn offset_ray_origin(position: Vec3, error: Vec3, normal: Vec3, direction: V
     let normal = if direction.dot(normal) < 0.0 { -normal } else { normal };
     let offset = normal * distance;
     let moved = position + offset;
-    // Downwards is upwards with other signs.
+    // Rounding down is rounding up with the signs reversed.
     let round = |p: f32, o: f32| {
         let sign = o.to_bits() & 0x8000_0000;
         let away = f32::from_bits(p.to_bits() ^ sign).next_up();
@@ -46,7 +46,7 @@ pub fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {
 }
 
 /// Real roots of `a t^2 + b t + c = 0` in ascending order, without cancellation. A linear equation
-/// gives its one root twice; no real root, or `a = b = 0`, gives `None`.
+/// returns its root twice; `None` without a real root, or if `a = b = 0`.
 #[inline]
 pub fn quadratic(a: f64, b: f64, c: f64) -> Option<(f64, f64)> {
     if a == 0.0 {

@@ -15,7 +15,7 @@ pub fn uniform_sphere(u: Vec2) -> Vec3 {
     Vec3::new(r * cos, r * sin, z)
 }
 
-/// Sine and cosine of this part of a turn.
+/// Sine and cosine of a fraction of a turn.
 #[inline(always)]
 fn turned(part: f32) -> (f32, f32) {
     let (sin, cos) = angles::sin_cos(TAU * f64::from(part));
@@ -26,8 +26,8 @@ fn turned(part: f32) -> (f32, f32) {
 pub const UNIFORM_SPHERE_PDF: f32 = FRAC_1_PI * 0.25;
 
 /// Sine and cosine of an angle of at most an eighth of a turn, to about a unit in the last place
-/// (the polynomials of Moshier's Cephes library, single precision). Without branches, so that loops
-/// over it become vector code.
+/// (the polynomials of Moshier's Cephes library, single precision). It has no branches, so that
+/// loops over it are vectorised.
 #[inline(always)]
 fn sin_cos_of_eighth(x: f32) -> (f32, f32) {
     let z = x * x;
@@ -43,7 +43,7 @@ pub fn concentric_disk(u: Vec2) -> Vec2 {
     let is_wide = offset.x.abs() > offset.y.abs();
     let (r, other) = if is_wide { (offset.x, offset.y) } else { (offset.y, offset.x) };
     let ratio = if r == 0.0 { 0.0 } else { other / r };
-    // The angle from the nearer axis, which is x or y.
+    // The angle from the nearer axis, x or y.
     let (sin, cos) = sin_cos_of_eighth(FRAC_PI_4 * ratio);
     if is_wide { Vec2::new(r * cos, r * sin) } else { Vec2::new(r * sin, r * cos) }
 }
@@ -115,8 +115,8 @@ mod tests {
         assert!((bary - 1.0 / 3.0).abs().max_element() < 0.005);
     }
 
-    /// Chi squared of points of the unit square that should be uniform: each warp undone by its
-    /// distribution function.
+    /// Chi-squared test of points of the unit square that should be uniform: each warp is inverted
+    /// by its distribution function.
     #[test]
     fn warped_points_are_distributed_as_stated() {
         use crate::statistics::{chi_squared_deviation, sidak_deviation};
@@ -151,7 +151,7 @@ mod tests {
             ),
         ];
         for cos in [0.999_99f32, 0.99, 0.7, 0.0, -0.8] {
-            // From below, as narrow cones are near the rounding of the height.
+            // From below, because the heights of narrow cones are close to rounding.
             let undo = move |d: Vec3| {
                 let sin2 = r2(d.x, d.y);
                 let drop = if d.z > 0.0 {

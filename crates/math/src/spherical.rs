@@ -1,30 +1,30 @@
-//! Uniform directions in the solid angle of triangles, rectangles and spheres, with their
-//! densities. In double precision: the solid angle of something small is a difference of angles.
+//! Uniform sampling of the solid angle of triangles, rectangles and spheres, with densities. In
+//! double precision, because the solid angle of a small object is a difference of angles.
 
 use crate::angles;
 use crate::simd::{least, most};
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// Solid angle of the triangle of these unit vectors, `[0, 2 pi]` (Van Oosterom and Strackee, The
-/// Solid Angle of a Plane Triangle, 1983).
+/// Solid angle of the triangle of these unit vectors, in `[0, 2 pi]` (Van Oosterom and Strackee,
+/// The Solid Angle of a Plane Triangle, 1983).
 #[inline(always)]
 pub fn triangle_solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     let volume = a.dot(b.cross(c)).abs();
     2.0 * angles::turn_to(volume, 1.0 + a.dot(b) + b.dot(c) + c.dot(a))
 }
 
-/// A unit vector uniform in the spherical triangle of three unit vectors, whose solid angle is
-/// known (Arvo, Stratified Sampling of Spherical Triangles, 1995, in the form of Pharr, Jakob and
-/// Humphreys, 4th edition, section 6.5.4). False if the triangle is degenerate, and then the vector
-/// is anything. Without branches, so that loops over it become vector code.
+/// A unit vector that is uniform in the spherical triangle of three unit vectors, whose solid angle
+/// is given (Arvo, Stratified Sampling of Spherical Triangles, 1995, in the form of Pharr, Jakob
+/// and Humphreys, 4th edition, section 6.5.4). Returns false if the triangle is degenerate; then
+/// the vector is arbitrary. It has no branches, so that loops over it are vectorised.
 #[inline(always)]
 pub fn sample_triangle([a, b, c]: [DVec3; 3], solid_angle: f64, u: DVec2) -> (DVec3, bool) {
     let (n_ab, has_ab) = unit(a.cross(b));
     let (n_ca, has_ca) = unit(c.cross(a));
     let cos_alpha = -n_ab.dot(n_ca);
     let sin_alpha = n_ab.cross(n_ca).length();
-    // The part of the triangle's area up to the new side b c', less the angle alpha at a.
+    // The area of the part of the triangle up to the new side b c', minus the angle alpha at a.
     let (sin_part, cos_part) = angles::sin_cos(u.x * solid_angle);
     let (sin_phi, cos_phi) =
         (sin_part * cos_alpha - cos_part * sin_alpha, cos_part * cos_alpha + sin_part * sin_alpha);
@@ -43,7 +43,7 @@ pub fn sample_triangle([a, b, c]: [DVec3; 3], solid_angle: f64, u: DVec2) -> (DV
     (b * z + side * most((1.0 - z) * (1.0 + z), 0.0).sqrt(), has_ab & has_ca & has_side & is_number)
 }
 
-/// The vector at unit length; zero and false if it has no direction.
+/// The normalised vector; zero and false if it has no direction.
 #[inline(always)]
 fn unit(v: DVec3) -> (DVec3, bool) {
     let scale = 1.0 / v.length();
@@ -52,23 +52,23 @@ fn unit(v: DVec3) -> (DVec3, bool) {
     (DVec3::new(one(v.x), one(v.y), one(v.z)), exists)
 }
 
-/// A rectangle as seen from the origin, prepared to be sampled uniformly by solid angle (Ureña,
-/// Fajardo and King, An Area-Preserving Parametrization for Spherical Rectangles, 2013). Without
-/// branches, so that loops over it become vector code.
+/// A rectangle seen from the origin, prepared for uniform sampling by solid angle (Ureña, Fajardo
+/// and King, An Area-Preserving Parametrization for Spherical Rectangles, 2013). It has no
+/// branches, so that loops over it are vectorised.
 #[derive(Clone, Copy, Debug)]
 pub struct SphericalRectangle {
     min: DVec2,
     max: DVec2,
     z: f64,
     b: [f64; 2],
-    /// Sine and cosine of the angle `k` of the paper.
+    /// Sine and cosine of the angle `k` in the paper.
     k: [f64; 2],
-    /// The solid angle, `[0, 2 pi]`; of what is seen exactly from the side, either.
+    /// The solid angle, in `[0, 2 pi]`; for a rectangle seen exactly edge-on, either of these.
     pub solid_angle: f64,
 }
 
 impl SphericalRectangle {
-    /// The rectangle from `min` to `max` in the plane at this `z`, in coordinates around the
+    /// The rectangle from `min` to `max` in the plane at this `z`, in coordinates relative to the
     /// viewpoint.
     #[inline(always)]
     pub fn new(min: DVec2, max: DVec2, z: f64) -> Self {
@@ -82,8 +82,8 @@ impl SphericalRectangle {
         let sin = |cos: f64| most(1.0 - cos * cos, 0.0).sqrt();
         let (sin_g2, sin_g3) = (sin(cos_g2), sin(cos_g3));
         let k = [-(sin_g2 * cos_g3 + cos_g2 * sin_g3), cos_g2 * cos_g3 - sin_g2 * sin_g3];
-        // The solid angle is a sum of the angles of these complex numbers, one for each corner, so
-        // it is the angle of their product.
+        // The solid angle is the sum of the arguments of these complex numbers, one per corner, so
+        // it is the argument of their product.
         let corner = |x: f64, y: f64| (z * (x * x + y * y + z2).sqrt(), x * y);
         let times = |a: (f64, f64), b: (f64, f64)| (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0);
         let conjugate = |a: (f64, f64)| (a.0, -a.1);
@@ -114,8 +114,8 @@ impl SphericalRectangle {
     }
 }
 
-/// Solid angle of a sphere of this squared radius at this squared distance of its centre: of the
-/// cone around it. The viewpoint is outside.
+/// Solid angle of a sphere with this squared radius at this squared distance of its centre: that of
+/// the cone around it. The viewpoint is outside.
 #[inline(always)]
 pub fn sphere_solid_angle(radius_squared: f64, distance_squared: f64) -> f64 {
     let sin2 = radius_squared / distance_squared;
@@ -131,8 +131,9 @@ pub fn sample_sphere(center: DVec3, radius: f64, u: DVec2) -> DVec3 {
     center + around(towards, near_side_of_sphere(center, radius, u.x), u.y) * radius
 }
 
-/// The cosine at the centre of the sphere of [`sample_sphere`] of the angle between the way to the
-/// origin and that to the point. Without branches, so that loops over it become vector code.
+/// For the sphere of [`sample_sphere`], the cosine at its centre of the angle between the
+/// directions to the origin and to the point. It has no branches, so that loops over it are
+/// vectorised.
 #[inline(always)]
 pub fn near_side_of_sphere(center: DVec3, radius: f64, u: f64) -> f64 {
     let d2 = center.length_squared();
@@ -146,8 +147,8 @@ pub fn near_side_of_sphere(center: DVec3, radius: f64, u: f64) -> f64 {
     most(least(cos_alpha, 1.0), -1.0)
 }
 
-/// The unit vector at an angle of this cosine to a unit vector, `u` of a turn around that. Without
-/// branches, as well.
+/// The unit vector at an angle with this cosine to a unit vector, rotated by the fraction `u` of a
+/// turn around it. It has no branches either.
 #[inline(always)]
 pub fn around(axis: DVec3, cos: f64, u: f64) -> DVec3 {
     let sign = 1f64.copysign(axis.z);
@@ -174,8 +175,8 @@ mod tests {
         DVec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2))
     }
 
-    /// Mean of a function over samples against its integral over area, divided by the solid angle:
-    /// three moments each.
+    /// Compares the mean of a function over samples with its integral over the area, divided by the
+    /// solid angle: three moments each.
     fn check(
         name: &str,
         solid_angle: f64,
@@ -267,7 +268,7 @@ mod tests {
                 let u = uniform2([i, 2, 2, 2]).as_dvec2();
                 let p = sample_sphere(center, radius, u);
                 assert!(((p - center).length() / radius - 1.0).abs() < 1e-9);
-                // The share of the cone that lies nearer to the axis is u.x.
+                // The share of the cone closer to the axis is u.x.
                 let one_minus = (p.normalize() - center.normalize()).length_squared() * 0.5;
                 assert!(
                     (one_minus * TAU / solid_angle - u.x).abs() < 1e-5,

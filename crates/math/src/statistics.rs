@@ -1,19 +1,19 @@
-//! Chi-squared tests: do samples have the density that is claimed? For the tests of everything that
-//! is sampled.
+//! Chi-squared tests: do samples have the claimed density? Used by the tests of all sampling.
 
 use crate::{Frame, Vec3};
 use std::f64::consts::TAU;
 
-/// Fewest expected samples of a cell that is judged by itself; those of fewer are pooled.
+/// Minimum expected number of samples in a cell that is judged by itself; cells with fewer are
+/// pooled.
 const FEWEST: f64 = 8.0;
 
-/// How many standard deviations Pearson's statistic of these counts is too large against the
-/// expected ones (Wilson and Hilferty's approximation, The distribution of chi-square, 1931). Both
-/// must add up to the number of samples, so that there is one degree of freedom less than there are
-/// cells.
+/// The number of standard deviations by which Pearson's statistic of these counts exceeds its
+/// expectation (Wilson and Hilferty's approximation, The distribution of chi-square, 1931). Both
+/// slices must add up to the number of samples, so that there is one degree of freedom less than
+/// there are cells.
 ///
 /// # Panics
-/// If there are not as many counts as expected counts.
+/// If the slices differ in length.
 pub fn chi_squared_deviation(found: &[u32], expected: &[f64]) -> f64 {
     assert_eq!(found.len(), expected.len(), "a count for each cell");
     let (mut statistic, mut cells, mut pool) = (0.0, 0.0, (0.0, 0.0));
@@ -29,7 +29,7 @@ pub fn chi_squared_deviation(found: &[u32], expected: &[f64]) -> f64 {
         statistic += (pool.0 - pool.1).powi(2) / pool.1;
         cells += 1.0;
     } else {
-        // Too few to be judged by the statistic: only many more than expected count.
+        // Too few to be judged by the statistic: only a large excess counts.
         statistic += (pool.0 - pool.1 - 2.0 * FEWEST).max(0.0).powi(2) / FEWEST;
     }
     let degrees: f64 = f64::max(cells - 1.0, 1.0);
@@ -37,11 +37,12 @@ pub fn chi_squared_deviation(found: &[u32], expected: &[f64]) -> f64 {
     ((statistic / degrees).cbrt() - (1.0 - v)) / v.sqrt()
 }
 
-/// The deviation that one of `tests` independent tests exceeds with probability `significance` if
-/// nothing is wrong with any of them (Sidak, Rectangular confidence regions, 1967).
+/// The deviation that any of `tests` independent tests exceeds with probability `significance` if
+/// all hypotheses are true (Sidak, Rectangular confidence regions, 1967).
 pub fn sidak_deviation(significance: f64, tests: u32) -> f64 {
     let tail = -f64::ln_1p(-significance) / f64::from(tests.max(1));
-    // The share of each, without the cancellation of 1 - (1 - significance)^(1 / tests).
+    // The significance of each test, without the cancellation of 1 - (1 - significance)^(1 /
+    // tests).
     let tail = -f64::exp_m1(-tail);
     let (mut low, mut high) = (-8.0, 9.0);
     for _ in 0..60 {
@@ -67,19 +68,19 @@ fn normal_tail(z: f64) -> f64 {
     density / fraction
 }
 
-/// Cells of one half of all directions, those with `z > 0` or with `z < 0`, in polar coordinates
-/// about an axis in it. They are finer towards the axis by the cube, so that sharp lobes there are
-/// resolved, and end exactly where the half does.
+/// Cells of one hemisphere, `z > 0` or `z < 0`, in polar coordinates about an axis in it. They
+/// become finer towards the axis with its cube, so that sharp lobes there are resolved, and end
+/// exactly at the hemisphere's border.
 #[derive(Clone, Copy, Debug)]
 pub struct HemisphereCells {
     frame: Frame,
-    /// Turned so that the half is above.
+    /// The sign of z in the hemisphere.
     sign: f64,
     rings: usize,
     sectors: usize,
 }
 
-/// Gauss's points and weights for four values on `[0, 1]`.
+/// Gauss-Legendre nodes and weights for four values on `[0, 1]`.
 const GAUSS: [(f64, f64); 4] = [
     (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
     (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
@@ -87,25 +88,26 @@ const GAUSS: [(f64, f64); 4] = [
     (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
 ];
 
-/// How much a piece of a cell may change when it is halved both ways, and how often it is halved at
-/// most, and at least: narrow ridges are overlooked otherwise.
+/// The change of a piece below which it is not halved any more, and the maximum and minimum number
+/// of halvings: narrow ridges would be missed otherwise.
 const TOLERANCE: f64 = 1e-5;
 const MOST_HALVINGS: u32 = 8;
 const LEAST_HALVINGS: u32 = 1;
 
 impl HemisphereCells {
-    /// So many rings times sectors about a unit vector, which is in the half and not in its border.
+    /// `rings` times `sectors` cells about a unit vector, which is in the hemisphere and not on its
+    /// border.
     pub fn new(axis: Vec3, rings: usize, sectors: usize) -> Self {
         Self { frame: Frame::from_z(axis), sign: f64::from(axis.z).signum(), rings, sectors }
     }
 
-    /// The angle from the axis to the border of the half in this azimuth.
+    /// The angle from the axis to the border of the hemisphere in this azimuth.
     fn border(&self, phi: f64) -> f64 {
         let slope = f64::from(self.frame.x.z) * phi.cos() + f64::from(self.frame.y.z) * phi.sin();
         (self.sign * f64::from(self.frame.z.z)).atan2(-self.sign * slope)
     }
 
-    /// The number of the cell of a unit vector in this half, below rings times sectors.
+    /// The index of the cell of a unit vector in this hemisphere, below rings times sectors.
     pub fn index(&self, w: Vec3) -> usize {
         let l = self.frame.to_local(w).as_dvec3();
         let (theta, phi) = (l.truncate().length().atan2(l.z), l.y.atan2(l.x));
@@ -114,8 +116,8 @@ impl HemisphereCells {
         (t as usize).min(self.rings - 1) * self.sectors + (p as usize).min(self.sectors - 1)
     }
 
-    /// Integral of a density per steradian over each cell, to about 1e-4 of the whole: pieces are
-    /// halved until that changes nothing any more.
+    /// The integral of a density per steradian over each cell, to about 1e-4 of the whole: pieces
+    /// are halved until the result no longer changes.
     pub fn integrate(&self, density: impl Fn(Vec3) -> f32) -> Vec<f64> {
         let at = |t: f64, p: f64| {
             let phi = TAU * (p - 0.5);
@@ -127,7 +129,7 @@ impl HemisphereCells {
                 (sin * phi.sin()) as f32,
                 cos as f32,
             ));
-            // What rounding brings across the border is on it.
+            // Points that rounding moves across the border are on it.
             if f64::from(w.z) * self.sign > 0.0 {
                 f64::from(density(w)) * sin * border * 3.0 * t * t * TAU
             } else {
@@ -145,7 +147,7 @@ impl HemisphereCells {
     }
 }
 
-/// Gauss's rule on a rectangle.
+/// Gauss-Legendre quadrature on a rectangle.
 fn rule(f: &impl Fn(f64, f64) -> f64, corner: [f64; 2], size: [f64; 2]) -> f64 {
     let row = |(x, u): (f64, f64)| -> f64 {
         GAUSS
@@ -156,8 +158,7 @@ fn rule(f: &impl Fn(f64, f64) -> f64, corner: [f64; 2], size: [f64; 2]) -> f64 {
     GAUSS.into_iter().map(row).sum::<f64>() * size[0] * size[1]
 }
 
-/// The integral over a rectangle, of which a rule says `first`, and which comes from so many
-/// halvings.
+/// The integral over a rectangle whose quadrature is `first`, after `depth` halvings.
 fn refined(
     f: &impl Fn(f64, f64) -> f64,
     corner: [f64; 2],
@@ -217,7 +218,7 @@ mod tests {
 
     #[test]
     fn deviations_are_those_of_tables() {
-        // One test: the quantiles of the normal distribution.
+        // One test: quantiles of the normal distribution.
         for (significance, z) in [
             (0.5, 0.0),
             (0.05, 1.644_854),
@@ -237,7 +238,7 @@ mod tests {
             chi_squared_deviation(&[10_000; 4], &[10_400.0, 9_600.0, 10_000.0, 10_000.0]) > 4.3
         );
         assert!(chi_squared_deviation(&[10_050, 9_950, 9_980, 10_020], &[10_000.0; 4]) < 2.0);
-        // What is expected nowhere, and found often.
+        // Found often where nothing is expected.
         assert!(chi_squared_deviation(&[10_000, 60], &[10_060.0, 0.0]) > 5.0);
     }
 

@@ -5,8 +5,8 @@ use glam::{DAffine3, DMat3, DMat4, DVec3};
 
 /// An invertible affine map and its inverse. Named `to_from`: `world_from_object`.
 ///
-/// Points move by the whole map, directions by its linear part (unnormalised, so that a ray keeps
-/// its `t`), normals by the inverse transpose of the linear part.
+/// The whole map applies to points, its linear part to directions (unnormalised, so that a ray
+/// keeps its `t`), and the inverse transpose of the linear part to normals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
     forward: DAffine3,
@@ -109,15 +109,15 @@ impl Transform {
         self.forward.transform_vector3(v)
     }
 
-    /// Maps a surface normal by the inverse transpose. Not normalised. For a mirrored map the
-    /// result keeps to the outward side of closed surfaces.
+    /// Maps a surface normal by the inverse transpose. The result is not normalised. For a mirrored
+    /// map it stays on the outward side of closed surfaces.
     #[inline]
     pub fn normal(&self, n: DVec3) -> DVec3 {
         let m: DMat3 = self.inverse.matrix3;
         m.transpose() * n
     }
 
-    /// Maps a ray; `t` is shared between both spaces.
+    /// Maps a ray; `t` has the same meaning in both spaces.
     #[inline]
     pub fn ray(&self, ray: &DRay) -> DRay {
         DRay {
@@ -128,8 +128,8 @@ impl Transform {
         }
     }
 
-    /// The bounds of the mapped box. Empty stays empty; an infinite extent stays infinite where the
-    /// map touches it.
+    /// The bounds of the mapped box. An empty box stays empty; an infinite extent stays infinite
+    /// along the axes that it maps to.
     #[inline]
     pub fn bounds(&self, b: &Bounds3d) -> Bounds3d {
         if b.is_empty() {

@@ -1,9 +1,9 @@
-//! Where the shared library may be.
+//! Locates the shared library.
 
 use std::path::{Path, PathBuf};
 
-/// Files to try, the best first: the one that is named, the one in the named folder or the folders
-/// below it, or those that the system's loader knows.
+/// Files to try, the best first: the named one, the one in the named folder or its subfolders, or
+/// those that the system's loader finds.
 pub fn candidates(named: Option<&Path>) -> Vec<PathBuf> {
     match named {
         None => [
@@ -19,7 +19,7 @@ pub fn candidates(named: Option<&Path>) -> Vec<PathBuf> {
     }
 }
 
-/// The library in a folder or the folders below it.
+/// The library in a folder or its subfolders.
 fn in_folder(folder: &Path) -> Option<PathBuf> {
     let mut entries: Vec<_> = std::fs::read_dir(folder).ok()?.flatten().map(|e| e.path()).collect();
     entries.sort();
@@ -31,7 +31,7 @@ fn in_folder(folder: &Path) -> Option<PathBuf> {
     here.cloned().or_else(|| entries.iter().filter(is_folder).find_map(|p| in_folder(p)))
 }
 
-/// True for the name of the library itself, not of the devices that belong to it.
+/// True for the name of the library itself, but not for its device modules.
 fn is_library_name(name: &str) -> bool {
     let rest = name.trim_start_matches("lib").strip_prefix("OpenImageDenoise");
     rest.is_some_and(|rest| {

@@ -1,9 +1,9 @@
-//! Open Image Denoise 2, loaded at run time if it is there.
+//! Open Image Denoise 2, loaded at run time if it is installed.
 //!
 //! Nothing of it is built, linked or shipped. [`Denoiser::load`] opens the shared library; the few
-//! functions needed of its C interface (Open Image Denoise, API documentation) are declared in
-//! `library.rs`, by hand. Calls into a foreign library need `unsafe`; it is all there, and the
-//! front is safe.
+//! functions of its C interface that are needed (Open Image Denoise, API documentation) are
+//! declared in `library.rs`, by hand. Calls into a foreign library need `unsafe`, which is confined
+//! to that file; the public interface is safe.
 
 mod find;
 mod library;
@@ -13,10 +13,10 @@ pub use library::Denoiser;
 
 use std::path::PathBuf;
 
-/// Why a picture could not be denoised. Each message ends with what to do.
+/// Why a picture could not be denoised. Each message ends with a remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum DenoiseError {
-    /// No library.
+    /// The library was not found.
     #[error(
         "Open Image Denoise is not found{}; install it (`pip install pyoidn`, `conda install \
             openimagedenoise`, `brew install \
@@ -31,36 +31,36 @@ pub enum DenoiseError {
             with the libraries that belong to it beside it"
     )]
     Load {
-        /// What was loaded.
+        /// The library that was loaded.
         path: PathBuf,
-        /// What the loader says.
+        /// The loader's error.
         source: libloading::Error,
     },
-    /// Some other library.
+    /// The library is not Open Image Denoise 2.
     #[error("{path}: has no function {symbol}; it must be Open Image Denoise 2")]
     Symbol {
-        /// What was loaded.
+        /// The library that was loaded.
         path: PathBuf,
-        /// What is missing.
+        /// The missing function.
         symbol: &'static str,
     },
-    /// The library refused to work.
+    /// The library reported an error.
     #[error("Open Image Denoise failed: {0}; render without --denoise")]
     Failed(String),
 }
 
-/// A picture to denoise, and what guides it: `3 * width * height` values each, red, green and blue
-/// (or x, y and z) of a pixel together, row by row from the top.
+/// A picture to denoise, and its auxiliary images: `3 * width * height` values each, interleaved
+/// red, green and blue (or x, y and z), row by row from the top.
 #[derive(Clone, Copy, Debug)]
 pub struct Noisy<'a> {
     /// Width in pixels.
     pub width: usize,
     /// Height in pixels.
     pub height: usize,
-    /// Linear light, not negative.
+    /// Linear radiance, not negative.
     pub color: &'a [f32],
-    /// Share of light that the first surface reflects, 0 to 1.
+    /// Reflectance of the first surface, 0 to 1.
     pub albedo: &'a [f32],
-    /// Normal of the first surface; zero where there is none.
+    /// Normal of the first surface; zero for the background.
     pub normal: &'a [f32],
 }

@@ -1,4 +1,4 @@
-//! The library's functions, and the one thing that is done with them.
+//! The library's functions, and denoising with them.
 
 use crate::{DenoiseError, Noisy, find};
 use std::ffi::{CStr, c_char, c_int, c_void};
@@ -9,7 +9,7 @@ use std::ptr;
 /// `OIDNDevice`, `OIDNFilter`: opaque.
 type Handle = *mut c_void;
 
-/// `OIDN_DEVICE_TYPE_CPU`: its memory is ours, and its results do not depend on a graphics card.
+/// `OIDN_DEVICE_TYPE_CPU`: it uses our memory, and its results do not depend on a graphics card.
 const DEVICE_TYPE_CPU: c_int = 1;
 /// `OIDN_FORMAT_FLOAT3`.
 const FORMAT_FLOAT3: c_int = 3;
@@ -28,7 +28,8 @@ macro_rules! functions {
             /// are called.
             unsafe fn find(library: &libloading::Library) -> Result<Self, &'static str> {
                 Ok(Self {
-                    // SAFETY: the types are those of the library's documentation, says the caller.
+                    // SAFETY: the types are those of the library's documentation; the caller
+                    // guarantees the library.
                     $($name: *unsafe { library.get::<$type>($symbol) }
                         .map_err(|_| $symbol.to_str().unwrap_or("?"))?,)*
                 })
@@ -56,7 +57,7 @@ functions! {
 /// The loaded library.
 pub struct Denoiser {
     functions: Functions,
-    /// Never unloaded: its threads may go on for a while.
+    /// Never unloaded, because its threads may live on for a while.
     _library: ManuallyDrop<libloading::Library>,
 }
 
@@ -67,15 +68,15 @@ impl std::fmt::Debug for Denoiser {
 }
 
 impl Denoiser {
-    /// Loads the library: the file at `named`, the one in that folder or below it, or else the one
-    /// that the system knows.
+    /// Loads the library: the file at `named`, the one in that folder or its subfolders, or else
+    /// the one that the system finds.
     pub fn load(named: Option<&Path>) -> Result<Self, DenoiseError> {
         let candidates = find::candidates(named);
         let not_found = || DenoiseError::NotFound(named.map(Path::to_path_buf));
         let last = candidates.last().cloned().ok_or_else(not_found)?;
         for path in candidates {
-            // SAFETY: the user asks for this library to be run; its initialisers need nothing from
-            // us.
+            // SAFETY: the user asks for this library to be run; its initialisers have no
+            // preconditions.
             let library = match unsafe { libloading::Library::new(&path) } {
                 Ok(library) => library,
                 Err(source) if named.is_some() => return Err(DenoiseError::Load { path, source }),
@@ -91,7 +92,7 @@ impl Denoiser {
         Err(not_found())
     }
 
-    /// The picture without its noise, by the filter for ray tracing, on so many threads.
+    /// Denoises a picture by the filter for ray tracing, on `threads` threads.
     ///
     /// # Panics
     /// If a slice does not hold three values for each pixel.
@@ -150,10 +151,10 @@ impl Denoiser {
     }
 
     fn error(&self, device: Handle) -> DenoiseError {
-        DenoiseError::Failed(self.last_error(device).unwrap_or_else(|| "it gives no reason".into()))
+        DenoiseError::Failed(self.last_error(device).unwrap_or_else(|| "no reason given".into()))
     }
 
-    /// What went wrong on a device, or in making one if it is null.
+    /// The last error of a device, or of device creation if it is null.
     fn last_error(&self, device: Handle) -> Option<String> {
         let mut message: *const c_char = ptr::null();
         // SAFETY: the device lives or is null; a message that is set ends with a zero and is copied
@@ -182,7 +183,7 @@ mod tests {
         );
     }
 
-    /// Where Open Image Denoise is installed, noise goes away and the mean stays.
+    /// If Open Image Denoise is installed, noise is reduced and the mean is preserved.
     #[test]
     fn noise_goes_away_if_the_library_is_there() {
         let named = std::env::var_os("OIDN_DIR").map(std::path::PathBuf::from);

@@ -4,8 +4,8 @@ use crate::{DenoiseError, Denoiser, Noisy};
 use snell_scene::{Layer, LayeredImage};
 
 impl Denoiser {
-    /// Replaces the colours of a picture; what they were becomes the layer `noisy`. The layers
-    /// `albedo` and `normal` guide.
+    /// Denoises the colours of a picture; the original ones become the layer `noisy`. The layers
+    /// `albedo` and `normal` are the auxiliary images.
     pub fn denoise_picture(
         &self,
         picture: &mut LayeredImage,

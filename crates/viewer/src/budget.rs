@@ -1,40 +1,40 @@
-//! How large a picture may be while something moves, so that frames come at the chosen rate.
+//! Chooses the size of moving pictures, so that frames come at the requested rate.
 
-/// Chooses the size of moving pictures from how long the last ones took.
+/// Chooses the size of moving pictures from the time that the last ones took.
 #[derive(Clone, Debug)]
 pub struct Budget {
-    /// Seconds that a frame may take.
+    /// Time limit for a frame in seconds.
     target: f64,
-    /// Seconds a pixel, smoothed; none before the first frame.
+    /// Seconds per pixel, smoothed; `None` before the first frame.
     cost: Option<f64>,
     scale: f64,
 }
 
-/// The smallest share of width and height.
+/// The minimum scale of width and height.
 const LEAST: f64 = 0.0875;
-/// Share of a frame's time that rendering may take: some frames take longer than those before.
+/// Share of a frame's time used for rendering: some frames take longer than the previous ones.
 const SHARE: f64 = 0.85;
-/// Sizes change only by more than this, because each change of size is seen: a frame that is late
-/// is seen sooner than one that could be larger.
+/// The size changes only if the ratio leaves this range, because each change is visible. A late
+/// frame is noticed earlier than one that could be larger.
 const TOLERANCE: [f64; 2] = [0.95, 1.2];
 
 impl Budget {
-    /// For this many frames a second.
+    /// A budget for this many frames per second.
     pub fn new(frames_per_second: f64) -> Self {
         Self { target: SHARE / frames_per_second.clamp(1.0, 240.0), cost: None, scale: 0.5 }
     }
 
-    /// Forgets what frames cost: the scene is another one.
+    /// Resets the measured cost, for another scene.
     pub fn reset(&mut self) {
         self.cost = None;
     }
 
-    /// Width and height of the next frame of a picture of `full` pixels.
+    /// Width and height of the next frame, for a picture of `full` pixels.
     pub fn size(&mut self, full: [u32; 2]) -> [u32; 2] {
         let pixels = f64::from(full[0].max(1)) * f64::from(full[1].max(1));
         let wanted = match self.cost {
             Some(cost) => (self.target / (cost * pixels)).sqrt().clamp(LEAST, 1.0),
-            // Small at first: a first frame that is late is worse than a coarse one.
+            // Small at first: a late first frame is worse than a coarse one.
             None => (25_000.0 / pixels).sqrt().clamp(LEAST, 1.0),
         };
         let change = wanted / self.scale;
@@ -44,11 +44,11 @@ impl Budget {
         full.map(|side| ((f64::from(side) * self.scale).round() as u32).clamp(1, side.max(1)))
     }
 
-    /// A frame of this size took this long.
+    /// Records the time that a frame of this size took.
     pub fn spent(&mut self, size: [u32; 2], seconds: f64) {
         let pixels = f64::from(size[0].max(1)) * f64::from(size[1].max(1));
         let cost = (seconds / pixels).max(1e-12);
-        // Quick to become cautious, slow to become bold.
+        // The estimate rises quickly and falls slowly.
         let weight = if self.cost.is_some_and(|old| cost < old) { 0.2 } else { 0.5 };
         self.cost = Some(self.cost.map_or(cost, |old| old + (cost - old) * weight));
     }

@@ -1,5 +1,6 @@
-//! Who is connected. A connection that has not shown the token yet has little time, and few of them
-//! are kept: the oldest goes when there are too many, so that half-open ones keep nobody out.
+//! The open connections. A connection that has not presented the token yet has little time, and
+//! only a few of them are kept: if there are too many, the oldest is closed, so that half-open
+//! connections lock out no user.
 
 use crate::session::lock;
 use axum::{Extension, Router};
@@ -16,23 +17,22 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::AbortHandle;
 use tokio::time::{sleep, timeout};
 
-/// The lines before a request's body must be here within this time, from the first byte or from the
-/// request before.
+/// Time limit for a request's header, from the first byte or from the previous request.
 const HEAD_TIME: Duration = Duration::from_secs(5);
-/// A connection that has not shown the token by then is closed, whatever it does.
+/// A connection that has not presented the token by then is closed.
 const STRANGER_TIME: Duration = Duration::from_secs(10);
 /// Any other is closed after this time, unless it has become a WebSocket.
 const LIFETIME: Duration = Duration::from_secs(15 * 60);
-/// Connections that have not shown the token.
+/// Maximum number of connections that have not presented the token.
 const MAX_STRANGERS: usize = 64;
-/// Connections that have, WebSockets apart.
+/// Maximum number of those that have, except for WebSockets.
 const MAX_KNOWN: usize = 192;
-/// Bytes of the lines before a body.
+/// Maximum number of bytes of a header.
 const MAX_HEAD: usize = 64 << 10;
-/// How long the server waits when it can accept no connection, because descriptors have run out.
+/// How long the server waits if it cannot accept a connection for lack of file descriptors.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// Connections that have not shown the token, the oldest first.
+/// Connections that have not presented the token, the oldest first.
 type Strangers = Mutex<VecDeque<(u64, AbortHandle)>>;
 
 /// All connections.
@@ -46,21 +46,21 @@ pub struct Visitor {
     hall: Arc<Hall>,
     number: u64,
     place: OnceLock<OwnedSemaphorePermit>,
-    /// The address of the other end.
+    /// The remote address.
     pub peer: SocketAddr,
-    /// The address of this end.
+    /// The local address.
     pub own: SocketAddr,
 }
 
 impl Visitor {
-    /// It has shown the token. False if there are too many that have.
+    /// Registers that the token was presented. False if too many connections have done so.
     pub fn admit(&self) -> bool {
         if self.is_known() {
             return true;
         }
         let Ok(place) = self.hall.known.clone().try_acquire_owned() else { return false };
         self.leave_strangers();
-        // Two requests of one connection never run at once; the second place would be given back.
+        // Two requests of one connection never run at once; a second place would be given back.
         self.place.get_or_init(|| place);
         true
     }
@@ -74,7 +74,7 @@ impl Visitor {
     }
 }
 
-/// Accepts connections for ever. Requests have their [`Visitor`] as an extension.
+/// Accepts connections forever. Requests have their [`Visitor`] as an extension.
 pub async fn accept(listener: TcpListener, app: Router) {
     let hall =
         Arc::new(Hall { strangers: Mutex::default(), known: Arc::new(Semaphore::new(MAX_KNOWN)) });
@@ -85,12 +85,12 @@ pub async fn accept(listener: TcpListener, app: Router) {
             Ok((stream, Visitor { hall: hall.clone(), number, place: OnceLock::new(), peer, own }))
         });
         let Ok((stream, visitor)) = visitor else {
-            // The connection is gone already, or descriptors have run out.
+            // The connection is gone already, or file descriptors have run out.
             turn_out(&mut lock(&hall.strangers), 0);
             sleep(PAUSE).await;
             continue;
         };
-        // It must be in the list before it can leave it.
+        // It must be in the list before it can be removed.
         let mut strangers = lock(&hall.strangers);
         let task = tokio::spawn(attend(stream, Arc::new(visitor), app.clone()));
         strangers.push_back((number, task.abort_handle()));
@@ -98,7 +98,7 @@ pub async fn accept(listener: TcpListener, app: Router) {
     }
 }
 
-/// Ends the oldest connection if there are more than this.
+/// Closes the oldest connection if there are more than `most`.
 fn turn_out(strangers: &mut VecDeque<(u64, AbortHandle)>, most: usize) {
     if strangers.len() > most
         && let Some((_, task)) = strangers.pop_front()
@@ -107,7 +107,7 @@ fn turn_out(strangers: &mut VecDeque<(u64, AbortHandle)>, most: usize) {
     }
 }
 
-/// Answers the requests of one connection until it ends or its time is over.
+/// Serves the requests of one connection until it ends or its time is over.
 async fn attend(stream: TcpStream, visitor: Arc<Visitor>, app: Router) {
     let service = TowerToHyperService::new(app.layer(Extension(visitor.clone())));
     let connection = http1::Builder::new()

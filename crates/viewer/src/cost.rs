@@ -1,20 +1,20 @@
-//! What each pixel costs in each acceleration structure: heat maps to be compared side by side.
+//! The cost of each pixel in each acceleration structure: heat maps for comparison.
 
 use crate::explain::Subject;
 use rayon::prelude::*;
 use snell_math::{DVec2, Vec2};
 use snell_scene::CameraSample;
 
-/// Pixels of a map at most.
+/// Maximum number of pixels of a map.
 const MAX_PIXELS: u32 = 512 * 512;
 
-/// Nodes, cells and primitives of all rays of a map, about: where each ray meets very many, pixels
-/// are larger.
+/// Approximate limit on the nodes, cells and primitives of all rays of a map: the resolution is
+/// reduced if each ray visits very many.
 const MAX_WORK: f64 = 4e8;
-/// Rays along each side of the picture that tell how much work a ray is.
+/// Rays along each side of the picture that estimate the work per ray.
 const PROBES: u32 = 4;
 
-/// Width and height of a map of so many pixels at most, with the proportions of the picture.
+/// Width and height of a map of at most `most` pixels, with the aspect ratio of the picture.
 fn size_of(subject: &Subject, width: u32, most: f64) -> [u32; 2] {
     let [w, h] = subject.settings.size.map(f64::from);
     let width = f64::from(width.clamp(16, 2048));
@@ -22,8 +22,8 @@ fn size_of(subject: &Subject, width: u32, most: f64) -> [u32; 2] {
     [width * scale, width * scale * h / w].map(|side| (side.round() as u32).max(1))
 }
 
-/// Nodes and cells gone through, and primitives tested, of the camera ray through the middle of
-/// each pixel of a picture of this size, row by row.
+/// The numbers of visited nodes and cells and of tested primitives for the camera ray through the
+/// centre of each pixel of a picture of this size, row by row.
 fn costs(subject: &Subject, size: [u32; 2]) -> Vec<[u32; 2]> {
     let Subject { compiled, camera, settings, .. } = subject;
     let filter = snell_render::job::hit_filter(compiled);
@@ -38,8 +38,8 @@ fn costs(subject: &Subject, size: [u32; 2]) -> Vec<[u32; 2]> {
     (0..size[0] * size[1]).into_par_iter().map(cost).collect()
 }
 
-/// What [`costs`] says of a map of at most this width, little endian, after width and height, all
-/// 32 bits each.
+/// The [`costs`] of a map of at most this width as bytes: width, height, and the counts, each
+/// little-endian 32 bits.
 pub fn map(subject: Subject, width: u32) -> Vec<u8> {
     let probes = costs(&subject, [PROBES; 2]);
     let work: f64 = probes.iter().map(|&[nodes, tests]| f64::from(nodes) + f64::from(tests)).sum();

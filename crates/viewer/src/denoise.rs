@@ -1,8 +1,7 @@
-//! Smoothing of pictures of one sample a pixel, for moving views: an edge-avoiding wavelet filter
+//! Denoises pictures of one sample per pixel, for moving views: an edge-avoiding wavelet filter
 //! (Dammertz, Sewtz, Hanika, Lensch 2010, "Edge-Avoiding À-Trous Wavelet Transform for fast Global
-//! Illumination Filtering"), on light without the surface's colour, as in Schied et al. 2017
-//! ("Spatiotemporal Variance-Guided Filtering", section 4), with edges from normals, depth and
-//! material.
+//! Illumination Filtering"), on light divided by albedo, as in Schied et al. 2017 ("Spatiotemporal
+//! Variance-Guided Filtering", section 4), with edges from normals, depth and material.
 
 use rayon::prelude::*;
 use snell_math::Rgb;
@@ -13,32 +12,31 @@ use std::ops::Range;
 const PASSES: u32 = 5;
 /// Weights of a row of taps.
 const TAPS: [f32; 3] = [0.25, 0.5, 0.25];
-/// Colours below this are not divided out: there is no light to find under them.
+/// Smaller albedos are not divided out, because they reflect almost no light.
 const LEAST_ALBEDO: f32 = 0.02;
-/// Light beyond this weighs less and less, so that bright dots do not spread: what is smoothed is
-/// `light / (1 + light / KNEE)`.
+/// Light is compressed to `light / (1 + light / KNEE)` before filtering, so that bright dots do not
+/// spread.
 const KNEE: f32 = 4.0;
-/// Relative difference of depth between neighbours that still is one surface.
+/// Maximum relative difference of depth between neighbours on one surface.
 const DEPTH_TOLERANCE: f32 = 0.02;
 
-/// Rows that are worked on at least by one thread: to wake others for less takes longer than the
-/// work.
+/// Minimum number of rows per thread: waking others for fewer takes longer than the work.
 const ROWS: usize = 64;
 
 /// A value of every pixel, row by row.
 type Plane = Vec<f32>;
 
-/// What decides whether two pixels are of one surface.
+/// Data that decides whether two pixels belong to one surface.
 struct Surfaces {
     normal: [Plane; 3],
     depth: Plane,
     material: Plane,
-    /// 1 where what is seen is not the surface's own: mirrors, glass, nothing at all.
+    /// 1 where other objects or nothing are visible: mirrors, glass, background.
     sharp: Plane,
 }
 
-/// Smooths linear RGB values of a picture whose layers are its colours, albedo, normal, depth and
-/// material. `fill` is light that surfaces reflect besides.
+/// Denoises the linear RGB values of a picture with the layers colour, albedo, normal, depth and
+/// material. `fill` is additional light that surfaces reflect.
 pub fn denoise(image: &LayeredImage, materials: &[Material], fill: Rgb, rgb: &mut [f32]) {
     let [_, albedo, normal, depth, material, ..] = &image.layers[..] else { return };
     let (width, pixels) = (image.width as usize, (image.width * image.height) as usize);
@@ -53,7 +51,7 @@ pub fn denoise(image: &LayeredImage, materials: &[Material], fill: Rgb, rgb: &mu
     let mut light = [0, 1, 2].map(|_| vec![0.0; pixels]);
     for i in 0..pixels {
         let arriving = [0, 1, 2].map(|c| rgb[i * 3 + c] / color(i, c));
-        // Bright dots weigh less.
+        // Bright dots get less weight.
         let scale = 1.0 / (1.0 + brightest(arriving) / KNEE);
         for (plane, x) in light.iter_mut().zip(arriving) {
             plane[i] = if x.is_finite() { x * scale } else { 0.0 };
@@ -88,12 +86,12 @@ fn brightest(light: [f32; 3]) -> f32 {
     light.into_iter().fold(0.0, f32::max)
 }
 
-/// True if what is seen on a surface is the light of others, or its own.
+/// True if a surface shows others (by reflection or refraction) or emits.
 pub fn is_sharp(material: &Material) -> bool {
     material.is_emissive() || matches!(material.kind.name(), "mirror" | "dielectric" | "conductor")
 }
 
-/// One pass over a row, tap by tap: plain loops that become vector code.
+/// One pass over a row, tap by tap: plain loops that the compiler vectorises.
 fn smooth_row(to: [&mut [f32]; 3], light: &[Plane; 3], surfaces: &Surfaces, y: usize, step: usize) {
     let (width, pixels) = (to[0].len(), light[0].len());
     let mut sums = [0, 1, 2].map(|_| vec![0.0; width]);
@@ -103,7 +101,7 @@ fn smooth_row(to: [&mut [f32]; 3], light: &[Plane; 3], surfaces: &Surfaces, y: u
             continue;
         };
         for (i, tap_x) in TAPS.iter().enumerate() {
-            // Columns whose neighbour is in the picture.
+            // Columns whose neighbour is inside the picture.
             let first = step.saturating_sub(i * step).min(width);
             let last = (width + step).saturating_sub(i * step).clamp(first, width);
             let (here, there) =
@@ -124,13 +122,13 @@ fn smooth_row(to: [&mut [f32]; 3], light: &[Plane; 3], surfaces: &Surfaces, y: u
         let own = &light[y * width..][..width];
         let sharp = &surfaces.sharp[y * width..][..width];
         for i in 0..width {
-            // The pixel itself always has a weight.
+            // The centre pixel always has a weight.
             to[i] = if sharp[i] == 0.0 { sums[i] / weights[i] } else { own[i] };
         }
     }
 }
 
-/// The same neighbour of pixels in a row.
+/// The same neighbour for each pixel in a row.
 struct Taps {
     here: Range<usize>,
     there: Range<usize>,
@@ -161,16 +159,16 @@ impl Taps {
             let cos = if cos > 0.0 { cos } else { 0.0 };
             let c4 = cos * cos * (cos * cos);
             let c16 = c4 * c4 * (c4 * c4);
-            // Where there is no normal, all are alike.
+            // Without a normal, all neighbours are accepted.
             let has_normal = nx.0[i] != 0.0 || ny.0[i] != 0.0 || nz.0[i] != 0.0;
             let flat = if has_normal { c16 * c16 } else { 1.0 };
             let difference =
                 (depth.0[i] - depth.1[i]).abs() / (depth.0[i].abs() * tolerance + 1e-20);
-            // Close to exp(-difference), and 0 from 4 on.
+            // Approximates exp(-difference), and is 0 from 4 on.
             let near = 1.0 - 0.25 * difference;
             let near = if near > 0.0 { near } else { 0.0 };
             let near = near * near * (near * near);
-            // At least a little, so that a pixel is never without weight.
+            // A small minimum, so that a pixel is never without weight.
             let flat = if flat > 1e-6 { flat } else { 1e-6 };
             let near = if near > 1e-6 { near } else { 1e-6 };
             let alike = if material.0[i] == material.1[i] { weight * flat * near } else { 0.0 };
@@ -225,7 +223,7 @@ mod tests {
         denoise(&image, &materials, Rgb::BLACK, &mut rgb);
         let column = |x: usize| (0..64).map(|y| rgb[(y * 64 + x) * 3]).sum::<f32>() / 64.0;
         let (left, right) = (column(31), column(32));
-        // The compression of bright dots makes both a little darker.
+        // The compression of bright dots darkens both slightly.
         assert!((0.42..0.55).contains(&left) && (1.1..1.6).contains(&right), "{left} {right}");
         let spread =
             (0..64).map(|y| (rgb[(y * 64 + 10) * 3] - column(10)).powi(2)).sum::<f32>() / 64.0;

@@ -1,4 +1,4 @@
-//! What the page is told about a scene.
+//! The description of a scene for the page.
 
 use crate::protocol::{NodeInfo, SceneInfo};
 use serde_json::Value;
@@ -6,9 +6,9 @@ use snell_math::{Bounds3d, DVec3};
 use snell_scene::{Environment, NodeId, Scene, overrides};
 use std::collections::{BTreeSet, HashMap};
 
-/// Most nodes that are listed: a page with more is of no use to anybody.
+/// Maximum number of nodes listed: a longer list is useless.
 const MAX_NODES: usize = 5000;
-/// Most materials and lights.
+/// Maximum number of materials and of lights listed.
 const MAX_LISTED: usize = 2000;
 
 /// Describes a scene. `base` is the scene before nodes were hidden.
@@ -47,7 +47,7 @@ pub fn scene_info(
     }
 }
 
-/// How far the environment is turned.
+/// The rotation of the environment.
 fn environment_rotation(scene: &Scene) -> Option<f64> {
     let Some(Environment::Image { world_from_environment, .. }) = &scene.environment else {
         return None;
@@ -55,7 +55,7 @@ fn environment_rotation(scene: &Scene) -> Option<f64> {
     Some(overrides::rotation(world_from_environment, scene.settings.up.unwrap_or(DVec3::Y)))
 }
 
-/// The reachable nodes, parents first, and how many more there are.
+/// The reachable nodes, parents first, and the number of those left out.
 fn nodes(scene: &Scene, hidden: &BTreeSet<u32>) -> (Vec<NodeInfo>, u32) {
     let mut list = Vec::new();
     let mut parents: HashMap<NodeId, Option<u32>> = HashMap::from([(scene.root, None)]);

@@ -1,5 +1,5 @@
-//! Pictures to bytes: JPEG while something moves, 16-bit floats at rest. One thread does it while
-//! the next picture is rendered.
+//! Encodes pictures: JPEG while something moves, 16-bit floats at rest. A thread does it while the
+//! next picture is rendered.
 
 use crate::protocol::{FrameHeader, ToPage};
 use crate::session::{Frame, Session};
@@ -15,28 +15,26 @@ use std::thread::Scope;
 /// Quality of JPEG while something moves.
 const JPEG_QUALITY: u8 = 82;
 
-/// A picture that pages are to see.
+/// A picture for the pages.
 pub struct Picture {
-    /// What goes before its bytes.
+    /// The header before its bytes.
     pub header: FrameHeader,
-    /// Linear, three a pixel.
+    /// Linear values, three per pixel.
     pub rgb: Vec<f32>,
-    /// How its values are shown, if it goes out as JPEG; without, it goes out as half floats, which
-    /// pages turn into colours themselves.
+    /// Display settings if it is sent as JPEG; otherwise it is sent as half floats, which the pages
+    /// convert themselves.
     pub display: Option<Display>,
 }
 
-/// Encodes pictures and publishes them, in the order in which they come. Its thread ends when it is
-/// dropped.
+/// Encodes pictures and publishes them in order. Its thread ends when it is dropped.
 pub struct Encoder {
     pictures: SyncSender<Picture>,
 }
 
 impl Encoder {
-    /// For the pages of a session.
+    /// An encoder for the pages of a session.
     pub fn new<'scope, 'env>(scope: &'scope Scope<'scope, 'env>, session: &'env Session) -> Self {
-        // No queue: whoever renders faster than this encodes waits, so that what is shown is never
-        // old.
+        // No queue: a renderer faster than the encoder waits, so that pictures are never outdated.
         let (pictures, incoming) = sync_channel::<Picture>(0);
         scope.spawn(move || {
             let mut table = DisplayTable::new(Display::default());
@@ -58,14 +56,14 @@ impl Encoder {
         Self { pictures }
     }
 
-    /// Hands over a picture, as soon as the one before is encoded. An error if the thread is gone,
-    /// by a fault.
+    /// Passes on a picture, once the previous one is encoded. Fails if the thread has ended by a
+    /// fault.
     pub fn send(&self, picture: Picture) -> Result<(), String> {
         self.pictures.send(picture).map_err(|_| "a fault in the encoder; please start again".into())
     }
 }
 
-/// The bytes that pages get. `None` for sizes that JPEG does not have.
+/// The bytes sent to pages. `None` for sizes that JPEG does not support.
 fn bytes_of(
     Picture { header, rgb, display }: Picture,
     table: &mut DisplayTable,
@@ -77,15 +75,16 @@ fn bytes_of(
     jpeg(header, &rgb, table)
 }
 
-/// Display values of half floats, for tone maps that treat channels alike. Made once per exposure.
+/// Display values of half floats, for tone maps that treat channels independently. Made once per
+/// exposure.
 pub struct DisplayTable {
     display: Display,
-    /// By the bits of a half float; empty if the tone map mixes channels.
+    /// Indexed by the bits of a half float; empty if the tone map mixes channels.
     table: Vec<u8>,
 }
 
 impl DisplayTable {
-    /// For these display settings.
+    /// A table for these display settings.
     pub fn new(display: Display) -> Self {
         let byte =
             |bits: u16| to_byte(display_value([f16::from_bits(bits).to_f32(); 3], &display)[0]);
@@ -98,7 +97,7 @@ impl DisplayTable {
         Self { display, table }
     }
 
-    /// The settings it was made for.
+    /// The settings of this table.
     pub fn display(&self) -> &Display {
         &self.display
     }
@@ -115,8 +114,8 @@ fn to_byte(value: f32) -> u8 {
     (value * 255.0 + 0.5) as u8
 }
 
-/// A JPEG of linear RGB values (three a pixel), behind its header. `None` for sizes that JPEG does
-/// not have.
+/// A JPEG of linear RGB values (three per pixel), after its header. `None` for sizes that JPEG does
+/// not support.
 pub fn jpeg(header: FrameHeader, rgb: &[f32], table: &DisplayTable) -> Option<Vec<u8>> {
     let [width, height] = header.size;
     let row = width as usize * 3;
@@ -135,7 +134,7 @@ pub fn jpeg(header: FrameHeader, rgb: &[f32], table: &DisplayTable) -> Option<Ve
     Some(out)
 }
 
-/// Linear RGB values as half floats, behind their header.
+/// Linear RGB values as half floats, after their header.
 pub fn half_floats(header: FrameHeader, rgb: &[f32]) -> Vec<u8> {
     let mut halves = vec![f16::ZERO; rgb.len()];
     halves

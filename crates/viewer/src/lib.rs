@@ -1,8 +1,8 @@
 //! `snell view`: a local server that shows a scene and its live picture in the browser.
 //!
-//! [`serve`] binds a port, prints nothing, and gives a handle. The page (`web/`, built into the
-//! binary) talks to it over one WebSocket: see [`protocol`]. The picture at rest is the one of
-//! `snell render` with the same settings, bit for bit.
+//! [`serve`] binds a port, prints nothing, and returns a handle. The page (`web/`, built into the
+//! binary) communicates with it over one WebSocket: see [`protocol`]. The picture at rest is the
+//! one of `snell render` with the same settings, bit for bit.
 
 #![forbid(unsafe_code)]
 
@@ -40,30 +40,30 @@ use snell_render::Settings;
 use snell_scene::{Camera, Scene};
 use std::path::Path;
 
-/// A scene that is ready to be looked at.
+/// A scene that is ready to be viewed.
 pub struct Opened {
     /// The scene, with a camera and light.
     pub scene: Scene,
-    /// The camera to begin with.
+    /// The initial camera.
     pub camera: Camera,
     /// Its position among the scene's.
     pub camera_number: usize,
-    /// True if it was made to show the whole scene in a picture of this shape: in another shape,
-    /// the command makes another one.
+    /// True if the camera was made to frame the whole scene at this aspect ratio: at another one,
+    /// the command makes another camera.
     pub is_camera_made: bool,
-    /// How it is rendered at rest.
+    /// The settings at rest.
     pub settings: Settings,
-    /// How values are shown.
+    /// The display settings.
     pub display: Display,
     /// The words of a command that renders the same, without size, samples, integrator, camera and
     /// changes.
     pub command: Vec<String>,
 }
 
-/// What is to be opened.
+/// A scene to be opened.
 #[derive(Clone, Debug)]
 pub enum Which {
-    /// What the user named when the viewer was started; also when it has changed.
+    /// The scene named when the viewer was started, read again.
     Given,
     /// A built-in scene.
     Builtin(String),
@@ -76,16 +76,16 @@ pub enum Which {
     },
 }
 
-/// Where scenes come from.
+/// A source of scenes.
 pub trait Source: Send + Sync {
-    /// Opens a scene; the error is for people.
+    /// Opens a scene; the error is a message for the user.
     fn open(&self, which: Which) -> Result<Opened, String>;
 }
 
-/// Reads a file that was dropped on the page. It can name no other file, whatever the options
-/// allow: who sends it may be another than who chose them.
+/// Reads a file that was dropped on the page. It cannot name other files, whatever the options
+/// allow, because its sender may not be the user who set them.
 pub fn read_dropped(name: &str, bytes: Vec<u8>, options: &ReadOptions) -> Result<Scene, String> {
-    // A folder that cannot exist, because what it would lie in is no folder.
+    // A folder that cannot exist, because its parent is not a folder.
     let nowhere = Path::new(if cfg!(windows) { "NUL\\dropped" } else { "/dev/null/dropped" });
     let confined = ReadOptions { allow_outside: false, ..options.clone() };
     read_scene_bytes(name, bytes, nowhere, &confined).map_err(|mut error| {
@@ -97,7 +97,7 @@ pub fn read_dropped(name: &str, bytes: Vec<u8>, options: &ReadOptions) -> Result
     })
 }
 
-/// The one of this name. The error is for people.
+/// The item of this name. The error is a message for the user.
 fn by_name<T: Copy>(
     what: &str,
     all: &[T],
@@ -136,7 +136,7 @@ mod tests {
                         .join("\n"),
                     Err(message) => message.clone(),
                 };
-                // It is neither opened, nor is it said that it could be.
+                // Such a file is not opened, and the error does not reveal whether it could be.
                 assert!(
                     said.contains("passwd") && !said.contains("root:"),
                     "{file} {name}: {said}"

@@ -1,20 +1,21 @@
-//! Whether there is memory for the picture at rest, before it is begun.
+//! Checks that there is memory for the picture at rest, before it is begun.
 
 use snell_formats::memory::Available;
 use snell_render::Settings;
 use snell_render::memory::{Estimate, Uses, of_picture};
 
-/// Bytes for each pixel beside film and picture: the linear colours that are shown and those before
-/// them, the frame on its way to the pages, and what making them leaves (measured).
+/// Memory per pixel beside film and picture, in bytes: the shown linear colours and the previous
+/// ones, the frame in transit, and temporary data (measured).
 const BESIDE: u64 = 2 * 12 + 12 + 24;
 
-/// What the picture at rest takes beside its scene.
+/// The memory that the picture at rest takes, beside its scene.
 pub fn estimate(settings: &Settings) -> Estimate {
     let threads = rayon::current_num_threads();
     of_picture(settings, &Uses { threads, variance: true, denoise: false, beside: BESIDE })
 }
 
-/// An error for people if there is no memory for a picture of these settings; it says what fits.
+/// Fails if there is too little memory for a picture with these settings; the message says what
+/// fits.
 pub fn check(settings: &Settings) -> Result<(), String> {
     let estimate = estimate(settings);
     let available = Available::now();
@@ -32,7 +33,7 @@ mod tests {
     fn a_picture_that_nothing_can_hold_is_refused_with_one_that_fits() {
         let of = |size| check(&Settings { size, ..Settings::default() });
         assert_eq!(of([64, 48]), Ok(()));
-        // On any machine of less than a terabyte.
+        // On any machine with less than a terabyte.
         if Available::now().bytes < 1 << 40 {
             let message = of([1 << 16, 1 << 16]).expect_err("a picture of 4 billion pixels");
             assert!(message.contains("65536x65536") && message.contains("fits"), "{message}");

@@ -1,23 +1,23 @@
-//! Not faster than pages show pictures: a picture that waits is old before it is seen.
+//! Limits rendering to the speed at which pages show pictures: a picture that waits is outdated.
 
 use crate::session::lock;
 use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
-/// The newest picture that the quickest page has shown.
+/// The newest picture that the fastest page has shown.
 #[derive(Debug, Default)]
 pub struct Pace {
     shown: Mutex<u32>,
     changed: Condvar,
 }
 
-/// Whether one picture came before another, by their numbers, which wrap around.
+/// True if one picture precedes another, by numbers that wrap around.
 pub fn is_before(a: u32, b: u32) -> bool {
     a.wrapping_sub(b).cast_signed() < 0
 }
 
 impl Pace {
-    /// A page says that it shows this picture.
+    /// Records that a page shows this picture.
     pub fn show(&self, number: u32) {
         let mut shown = lock(&self.shown);
         if is_before(*shown, number) {
@@ -26,7 +26,7 @@ impl Pace {
         }
     }
 
-    /// Waits until a page shows this picture or a later one; not longer than this.
+    /// Waits until a page shows this picture or a later one, at most for `most`.
     pub fn wait_for(&self, number: u32, most: Duration) {
         let shown = lock(&self.shown);
         let is_late = |shown: &mut u32| is_before(*shown, number);
@@ -49,7 +49,7 @@ mod tests {
     fn a_picture_that_is_shown_is_not_waited_for() {
         let pace = Pace::default();
         pace.show(7);
-        // A page that is behind the others.
+        // A page that lags behind the others.
         pace.show(3);
         pace.wait_for(7, LONG);
         pace.wait_for(u32::MAX, LONG);

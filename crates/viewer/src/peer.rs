@@ -1,12 +1,12 @@
-//! Whose program is at the other end of a connection on this machine.
+//! Determines which user runs the program at the other end of a local connection.
 
 use std::net::SocketAddr;
 
-/// Whether the user who runs this program runs the one at the other end, too. Linux knows it for
-/// connections that do not leave the machine; false where it does not.
+/// True if the same user runs both ends of a connection. Linux reports this for connections within
+/// the machine; false if unknown.
 #[cfg(target_os = "linux")]
 pub fn is_same_user(own: SocketAddr, peer: SocketAddr) -> bool {
-    // Both ends of the connection stand in the table of sockets, each with its user.
+    // Both ends of the connection are in the table of sockets, each with its user.
     let tables = ["/proc/self/net/tcp", "/proc/self/net/tcp6"]
         .map(|p| std::fs::read_to_string(p).unwrap_or_default());
     let user_of = |local, remote| tables.iter().find_map(|table| user_in(table, local, remote));
@@ -14,13 +14,13 @@ pub fn is_same_user(own: SocketAddr, peer: SocketAddr) -> bool {
     user.is_some() && user == user_of(peer, own)
 }
 
-/// Other systems do not say it.
+/// Other systems do not report it.
 #[cfg(not(target_os = "linux"))]
 pub fn is_same_user(_own: SocketAddr, _peer: SocketAddr) -> bool {
     true
 }
 
-/// The user of the socket with these addresses, in a table as in `/proc/net/tcp`.
+/// The user of the socket with these addresses, from a table like `/proc/net/tcp`.
 #[cfg(target_os = "linux")]
 fn user_in(table: &str, local: SocketAddr, remote: SocketAddr) -> Option<u32> {
     let is_it = |text: &str, address: SocketAddr| {
@@ -33,7 +33,7 @@ fn user_in(table: &str, local: SocketAddr, remote: SocketAddr) -> Option<u32> {
     })
 }
 
-/// `0100007F:1F90`: words of the address in the order of this machine's bytes, and the port.
+/// `0100007F:1F90`: the words of the address in native byte order, and the port.
 #[cfg(target_os = "linux")]
 fn parsed(text: &str) -> Option<(std::net::IpAddr, u16)> {
     use std::net::{Ipv4Addr, Ipv6Addr};

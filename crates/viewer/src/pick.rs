@@ -1,4 +1,4 @@
-//! What is at a pixel.
+//! Finds the surface at a pixel.
 
 use crate::protocol::PickedHit;
 use crate::session::Snapshot;
@@ -6,7 +6,8 @@ use snell_math::{DVec2, Vec2};
 use snell_render::CompiledScene;
 use snell_scene::CameraSample;
 
-/// What the camera sees at a position of the picture, in pixels from its upper left corner.
+/// The surface that the camera sees at a position of the picture, in pixels from its upper left
+/// corner.
 pub fn pick(snapshot: &Snapshot, compiled: &CompiledScene, pixel: [f64; 2]) -> Option<PickedHit> {
     let film = DVec2::from(pixel);
     let [width, height] = snapshot.settings.size.map(f64::from);

@@ -1,10 +1,10 @@
-//! What is shown while something moves: one sample in the middle of each pixel, and no light that
-//! needs many.
+//! Pictures while something moves: one sample in the centre of each pixel, without light that needs
+//! many samples.
 //!
-//! Scenes with few lights are ray-cast, or ray-traced where mirrors and glass show others; edges
-//! and shadows are sharp and nothing flickers. Many lights or an environment would cost too much or
-//! need chance; there, one light sample a pixel is smoothed (see [`crate::denoise`]). In the place
-//! of indirect light is a constant that is measured when the view rests.
+//! Scenes with few lights are ray-cast, or ray-traced if mirrors and glass show other objects;
+//! edges and shadows are sharp and nothing flickers. Many lights or an environment would cost too
+//! much or need random samples; there, one light sample per pixel is denoised (see
+//! [`crate::denoise`]). A constant, measured while the view rests, replaces indirect light.
 
 use crate::denoise::{denoise, is_sharp};
 use crate::temporal::{self, Fresh, History};
@@ -14,28 +14,28 @@ use snell_render::{
 };
 use snell_scene::{Camera, LayeredImage};
 
-/// Most lights that are all asked at every pixel.
+/// Maximum number of lights that are all evaluated at every pixel.
 const FEW_LIGHTS: usize = 8;
-/// Bounces, where mirrors and glass show others.
+/// Bounces if mirrors and glass show other objects.
 const MIRROR_DEPTH: u32 = 4;
 
-/// Bounces by chance where there is glass: into a bowl and its inside, out again, and what is
-/// there.
+/// Random bounces in scenes with glass: into a bowl and its inside, out again, and to the surface
+/// behind.
 const GLASS_DEPTH: u32 = 5;
 
 /// How a moving picture is made.
 pub struct Preview {
     settings: Settings,
-    /// True if the picture is to be smoothed; it has the layers that smoothing needs.
+    /// True if the picture is to be denoised; it has the layers for that.
     is_noisy: bool,
-    /// True if a constant is in the place of light that the picture at rest has.
+    /// True if a constant replaces light that the picture at rest has.
     pub has_fill: bool,
-    /// Where in each pixel its sample is, if the picture is to have what [`History`] needs.
+    /// Position of the sample in each pixel, if the picture is to have the layers for [`History`].
     phase: Option<[usize; 2]>,
 }
 
 impl Preview {
-    /// Pictures of this size of a scene that is rendered by `settings` at rest.
+    /// Pictures of this size of a scene that is rendered with `settings` at rest.
     pub fn new(settings: &Settings, compiled: &CompiledScene, size: [u32; 2], fill: Rgb) -> Self {
         let is_lit = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct);
         let by_chance =
@@ -79,8 +79,8 @@ impl Preview {
         Self { settings, is_noisy, has_fill: is_lit, phase: None }
     }
 
-    /// The same with samples at another place of each pixel, for pictures that are put together
-    /// from several.
+    /// The same with samples at another position in each pixel, for pictures that are combined from
+    /// several.
     pub fn at_phase(mut self, phase: [usize; 2]) -> Self {
         self.phase = Some(phase);
         self.settings.pixel_position = Some(temporal::pixel_position(phase));
@@ -91,12 +91,12 @@ impl Preview {
         self
     }
 
-    /// Linear RGB values, three a pixel.
+    /// Renders linear RGB values, three per pixel.
     pub fn render(&self, camera: &Camera, compiled: &CompiledScene, threads: usize) -> Vec<f32> {
         self.image(camera, compiled, threads).1
     }
 
-    /// The picture that follows another one.
+    /// Renders the picture that follows another one.
     pub fn follow(
         &self,
         before: Option<&History>,
@@ -140,14 +140,14 @@ pub fn rgb_of(image: &LayeredImage) -> Vec<f32> {
     rgb
 }
 
-/// Width of the pictures that a first guess is made from.
+/// Width of the pictures for a first estimate.
 const GUESS_WIDTH: u32 = 48;
-/// Samples of their pixels, and bounces.
+/// Their samples per pixel, and bounces.
 const GUESS_SPP: u32 = 4;
 const GUESS_DEPTH: u32 = 5;
 
-/// A first [`fill`] of a scene that has not rested yet, from two tiny pictures. Black where none is
-/// needed.
+/// A first [`fill`] for a scene that has not been at rest yet, from two tiny pictures. Black if
+/// none is needed.
 pub fn first_fill(
     settings: &Settings,
     camera: &Camera,
@@ -173,11 +173,11 @@ pub fn first_fill(
     fill(&whole, &quick.render(camera, compiled, threads), Rgb::BLACK)
 }
 
-/// The constant that makes a moving picture as bright as the one at rest: what it lacks, over the
-/// share that surfaces reflect. Pictures are linear RGB values.
+/// The constant that makes a moving picture as bright as the one at rest: the missing light divided
+/// by the mean reflectance. Pictures are linear RGB values.
 pub fn fill(rest: &[f32], preview: &[f32], before: Rgb) -> Rgb {
     let (rest, preview, before) = (mean(rest), mean(preview), before.to_array());
-    // Most surfaces reflect about half; bright spots of the picture at rest must not flood
+    // Most surfaces reflect about half; bright spots of the picture at rest must not brighten
     // everything.
     let [r, g, b] = [0, 1, 2].map(|c| {
         let wanted = before[c] + 2.0 * (rest[c] - preview[c]);
@@ -186,8 +186,8 @@ pub fn fill(rest: &[f32], preview: &[f32], before: Rgb) -> Rgb {
     Rgb::new(r, g, b)
 }
 
-/// The mean of a picture with each value cut at 1: what lamps and highlights add beyond is no
-/// measure of indirect light.
+/// The mean of a picture with each value clamped to 1: brighter lamps and highlights say nothing
+/// about indirect light.
 fn mean(rgb: &[f32]) -> [f32; 3] {
     let mut sums = [0.0_f64; 3];
     for pixel in rgb.chunks_exact(3) {

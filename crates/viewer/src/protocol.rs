@@ -1,24 +1,24 @@
-//! What page and server say to each other over the WebSocket: JSON text both ways, and pictures as
+//! The messages between page and server over the WebSocket: JSON text both ways, and pictures as
 //! binary messages to the page. The TypeScript types in `web/src/protocol.gen.ts` are generated
-//! from these; a test proves them fresh.
+//! from these; a test checks that they are up to date.
 
 use crate::explain::Report;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Changes when old pages cannot talk to new servers.
+/// Changes when old pages become incompatible with new servers.
 pub const VERSION: u32 = 1;
 
-/// From the page.
+/// A message from the page.
 #[derive(Clone, Debug, Deserialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum ToServer {
     /// The camera has moved.
     Camera {
-        /// Counts up; frames name the last one that they show.
+        /// Increases with each message; frames name the last one that they show.
         seq: u32,
-        /// All of the camera.
+        /// The complete camera.
         #[cfg_attr(test, ts(type = "Camera"))]
         camera: Value,
     },
@@ -27,7 +27,7 @@ pub enum ToServer {
         /// Width and height.
         size: [u32; 2],
     },
-    /// How light is computed. What is absent stays.
+    /// Render settings. Absent ones are unchanged.
     Render {
         /// Name of an integrator.
         #[serde(default)]
@@ -37,7 +37,7 @@ pub enum ToServer {
         #[serde(default)]
         #[cfg_attr(test, ts(optional = nullable))]
         spp: Option<u32>,
-        /// Bounces.
+        /// Maximum number of bounces.
         #[serde(default)]
         #[cfg_attr(test, ts(optional = nullable))]
         max_depth: Option<u32>,
@@ -50,14 +50,14 @@ pub enum ToServer {
         #[cfg_attr(test, ts(optional = nullable))]
         accelerator: Option<String>,
     },
-    /// Exposure and tone map of frames while something moves (at rest the page does it).
+    /// Exposure and tone map of frames while something moves (at rest the page applies them).
     Display {
         /// Stops.
         exposure: f64,
         /// Name of a tone map.
         tonemap: String,
     },
-    /// Changes the scene: the `key=value` of `snell render -D`.
+    /// Changes the scene, as `key=value` of `snell render -D`.
     Edit {
         /// Path into the scene.
         key: String,
@@ -65,37 +65,37 @@ pub enum ToServer {
         #[cfg_attr(test, ts(type = "unknown"))]
         value: Value,
     },
-    /// Hides or shows a node with all below it.
+    /// Hides or shows a node and its descendants.
     Show {
         /// Its number.
         node: u32,
-        /// Whether it is seen.
+        /// True to show it.
         visible: bool,
     },
-    /// Takes back the last change of the scene.
+    /// Undoes the last change of the scene.
     Undo,
-    /// Makes it again.
+    /// Redoes it.
     Redo,
-    /// Reads the scene's file again.
+    /// Reloads the scene's file.
     Reload,
-    /// What is at a pixel (from the upper left corner)?
+    /// Asks what is at a pixel (from the upper left corner).
     Pick {
         /// Returned with the answer.
         id: u32,
         /// Position in pixels.
         pixel: [f64; 2],
     },
-    /// Why does a pixel of the picture at rest look as it does?
+    /// Asks for an explanation of a pixel of the picture at rest.
     Explain {
         /// Returned with the answer.
         id: u32,
         /// The pixel.
         pixel: [u32; 2],
-        /// The sample to show; none for a typical one.
+        /// The sample to show; `None` for a typical one.
         #[serde(default)]
         #[cfg_attr(test, ts(optional = nullable))]
         sample: Option<u32>,
-        /// Whether rays are followed through all structures, however long it takes to build them.
+        /// True to follow rays through all structures, however long it takes to build them.
         #[serde(default)]
         #[cfg_attr(test, ts(as = "Option<bool>", optional))]
         all: bool,
@@ -105,65 +105,65 @@ pub enum ToServer {
         /// Its number.
         frame: u32,
     },
-    /// This page wants to steer.
+    /// Requests control of the view.
     Steer,
 }
 
-/// To the page.
+/// A message to the page.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(tag = "type", rename_all = "kebab-case")]
 pub enum ToPage {
-    /// First message of a connection.
+    /// The first message of a connection.
     Welcome {
         /// [`VERSION`].
         version: u32,
-        /// Number of this page among those that watch.
+        /// Number of this page among the connected ones.
         client: u32,
         /// Names to choose from.
         choices: Choices,
-        /// True if nobody has named a scene: the page offers some.
+        /// True if no scene was named: the page offers some.
         is_gallery: bool,
     },
-    /// The scene as it is now.
+    /// The current scene.
     Scene {
-        /// What is in it.
+        /// Its contents.
         scene: SceneInfo,
     },
-    /// How it is rendered now.
+    /// The current render settings.
     View {
         /// The state.
         view: ViewInfo,
     },
-    /// Who steers now.
+    /// Which page has control.
     Steering {
         /// Number of the page.
         client: u32,
-        /// Number of pages that watch.
+        /// Number of connected pages.
         watching: u32,
     },
-    /// What is at a pixel.
+    /// Answers what is at a pixel.
     Picked {
-        /// The number of the question.
+        /// The number of the request.
         id: u32,
-        /// Nothing if the ray leaves the scene.
+        /// `None` if the ray leaves the scene.
         hit: Option<PickedHit>,
     },
-    /// Why a pixel looks as it does.
+    /// Explains a pixel.
     Explained {
-        /// The number of the question.
+        /// The number of the request.
         id: u32,
-        /// The answer; none if there is an error, which was told before.
+        /// The answer; `None` after an error, which was reported before.
         report: Option<Box<Report>>,
     },
-    /// Something went wrong; what was there before still is.
+    /// An error; the previous state is kept.
     Error {
-        /// For people.
+        /// Message for the user.
         message: String,
     },
-    /// Something that is being done, or empty.
+    /// The current activity, or empty.
     Busy {
-        /// For people.
+        /// Message for the user.
         message: String,
     },
 }
@@ -190,21 +190,21 @@ pub struct Choices {
 pub struct SceneChoice {
     /// Its name.
     pub name: String,
-    /// What is to be seen.
+    /// What it shows.
     pub description: String,
 }
 
-/// What is in a scene.
+/// The contents of a scene.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct SceneInfo {
     /// Its name.
     pub name: String,
-    /// Counts up with every change of the scene.
+    /// Increases with every change of the scene.
     pub generation: u32,
-    /// The tree, parents before children; a node that several nodes share stands once.
+    /// The tree, parents before children; a node that several nodes share is listed once.
     pub nodes: Vec<NodeInfo>,
-    /// Nodes that are not listed because there are too many.
+    /// Number of nodes left out because there are too many.
     pub nodes_left_out: u32,
     /// Materials with their parameters.
     #[cfg_attr(test, ts(type = "Record<string, unknown>[]"))]
@@ -215,19 +215,19 @@ pub struct SceneInfo {
     /// Cameras.
     #[cfg_attr(test, ts(type = "Camera[]"))]
     pub cameras: Vec<Value>,
-    /// How far its environment is turned about up, in degrees; none if there is none, or one that
-    /// is the same all around.
+    /// Rotation of its environment about the up direction, in degrees; `None` without an
+    /// environment, or for a uniform one.
     pub environment_rotation: Option<f64>,
-    /// Corners of the box around all that is finite.
+    /// Minimum and maximum corner of the box around everything finite.
     pub bounds: [[f64; 3]; 2],
-    /// Direction that is up.
+    /// The up direction.
     pub up: [f64; 3],
-    /// Triangles, each mesh counted as often as it is seen.
+    /// Number of triangles; a mesh counts once per instance.
     #[cfg_attr(test, ts(type = "number"))]
     pub triangles: u64,
-    /// What reading and compiling had to say.
+    /// Warnings from reading and compiling.
     pub warnings: Vec<String>,
-    /// Whether there is a change to take back, and one to make again.
+    /// Whether there is a change to undo, and one to redo.
     pub history: [bool; 2],
 }
 
@@ -241,7 +241,7 @@ pub struct NodeInfo {
     pub parent: Option<u32>,
     /// Its name.
     pub name: String,
-    /// What it holds.
+    /// Its surfaces.
     pub surfaces: Vec<String>,
     /// False if it was hidden.
     pub visible: bool,
@@ -262,7 +262,7 @@ pub struct ViewInfo {
     pub aov: String,
     /// Samples per pixel at rest.
     pub spp: u32,
-    /// Bounces.
+    /// Maximum number of bounces.
     pub max_depth: u32,
     /// Acceleration structure.
     pub accelerator: String,
@@ -272,21 +272,21 @@ pub struct ViewInfo {
     pub tonemap: String,
     /// True if display values have the sRGB curve.
     pub srgb: bool,
-    /// The command that makes the picture at rest.
+    /// The command that renders the picture at rest.
     pub command: String,
 }
 
-/// What a pixel shows.
+/// The surface at a pixel.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct PickedHit {
-    /// Where, in the world.
+    /// Its position in the world.
     pub position: [f64; 3],
     /// Shading normal.
     pub normal: [f64; 3],
     /// Distance from the camera.
     pub distance: f64,
-    /// The node that holds the surface, if it is known.
+    /// The node that holds the surface, if known.
     pub node: Option<u32>,
     /// Names from the root to it.
     pub path: Vec<String>,
@@ -298,7 +298,7 @@ pub struct PickedHit {
     pub primitive: u32,
 }
 
-/// What comes before the bytes of a picture, little endian, [`FrameHeader::SIZE`] bytes.
+/// The header before the bytes of a picture, little endian, [`FrameHeader::SIZE`] bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameHeader {
     /// 0: JPEG of display values. 1: red, green, blue as 16-bit floats, scene-linear.
@@ -313,20 +313,20 @@ pub struct FrameHeader {
     pub size: [u32; 2],
     /// Samples per pixel.
     pub samples: u32,
-    /// Samples per pixel that are asked for; 0 while something moves.
+    /// Requested samples per pixel; 0 while something moves.
     pub wanted: u32,
     /// Milliseconds spent on the picture: on this frame while moving, on all samples at rest.
     pub milliseconds: f32,
-    /// Estimated relative noise: the root of the mean variance over the mean. Not a number where
+    /// Estimated relative noise: the square root of the mean variance, over the mean. NaN if
     /// unknown.
     pub noise: f32,
 }
 
 impl FrameHeader {
-    /// Bytes.
+    /// Size in bytes.
     pub const SIZE: usize = 40;
 
-    /// The bytes.
+    /// The header as bytes.
     pub fn to_bytes(self) -> [u8; Self::SIZE] {
         let words = [
             self.kind,

@@ -1,5 +1,4 @@
-//! What is asked by HTTP. Every path begins with the token; see [`crate::security`] for who is let
-//! in.
+//! The HTTP requests. Every path begins with the token; [`crate::security`] has the access rules.
 
 use crate::connections::Visitor;
 use crate::peer::is_same_user;
@@ -20,23 +19,23 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use tokio::sync::Semaphore;
 
-/// What requests share.
+/// State shared by all requests.
 #[derive(Clone)]
 pub struct Shared {
     may_be_framed: bool,
     guard: Arc<Guard>,
-    /// What is looked at.
+    /// The session.
     pub session: Arc<Session>,
-    /// Places for pages.
+    /// Limits the number of pages.
     pub pages: Arc<Semaphore>,
-    /// One picture is made into a file at a time, and one file is taken in, because of their
-    /// memory.
+    /// One picture is encoded to a file at a time, and one file is uploaded at a time, because of
+    /// their memory.
     saving: Arc<Semaphore>,
     receiving: Arc<Semaphore>,
 }
 
 impl Shared {
-    /// For the pages of a session.
+    /// Shared state for the pages of a session.
     pub fn new(session: Arc<Session>, guard: Arc<Guard>, may_be_framed: bool) -> Self {
         let one = || Arc::new(Semaphore::new(1));
         let pages = Arc::new(Semaphore::new(MAX_PAGES));
@@ -44,7 +43,7 @@ impl Shared {
     }
 }
 
-/// All that can be asked.
+/// All routes.
 pub fn router(shared: Shared) -> Router {
     Router::new()
         .route("/{token}/", get(serve_page))
@@ -67,12 +66,12 @@ fn refused() -> Response {
     )
 }
 
-/// A refusal after which the connection ends, so that what else it sends is not read.
+/// A refusal that closes the connection, so that the rest of the request is not read.
 fn closing(status: StatusCode, text: impl Into<String>) -> Response {
     (status, [(header::CONNECTION, "close")], text.into()).into_response()
 }
 
-/// Lets in who may, and says to browsers what the page may do.
+/// Checks access, and sets the headers that restrict the page in the browser.
 async fn check(
     State(shared): State<Shared>,
     Extension(visitor): Extension<Arc<Visitor>>,
@@ -132,7 +131,7 @@ async fn serve_page(Path(parts): Path<HashMap<String, String>>) -> Response {
     }
 }
 
-/// The picture at rest as a file: `?format=png`, `exr` or any other that is written.
+/// The picture at rest as a file: `?format=png`, `exr` or any other writable format.
 async fn save(
     State(shared): State<Shared>,
     Query(query): Query<HashMap<String, String>>,
@@ -172,11 +171,11 @@ fn encode(
 ) -> Result<(Vec<u8>, String), String> {
     let options = WriteOptions { display, ..WriteOptions::default() };
     let bytes = encode_image_as(format, picture, &options).map_err(|e| e.to_string())?;
-    // A format that is known is a word, and can stand in a name.
+    // A known format is a plain word, so it can be part of a name.
     Ok((bytes, format.to_lowercase()))
 }
 
-/// What each pixel costs in a structure: `?structure=kdtree&width=320`.
+/// The cost of each pixel in a structure: `?structure=kdtree&width=320`.
 async fn cost(
     State(shared): State<Shared>,
     Query(query): Query<HashMap<String, String>>,

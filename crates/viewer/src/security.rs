@@ -1,13 +1,13 @@
-//! Who may talk to the server: whoever has the token, from a page of this server, asking for one of
-//! its names.
+//! Access rules: a request must present the token, come from a page of this server, and address the
+//! server by one of its names.
 //!
 //! The token keeps other users of the machine out. The check of `Host` keeps out pages of other
-//! sites whose name has been pointed at this machine (DNS rebinding), the check of `Origin` those
+//! sites whose name was redirected to this machine (DNS rebinding), the check of `Origin` those
 //! that open sockets across sites.
 //!
-//! A browser that is started gets a code in the place of the token, because its command line can be
-//! read by other users. The code becomes the address with the token once, soon, and only for a
-//! program of the same user (see [`crate::peer`]).
+//! A browser is started with a one-time code in the place of the token, because other users can
+//! read its command line. The code redirects to the address with the token once, within a short
+//! time, and only for a program of the same user (see [`crate::peer`]).
 
 use crate::session::lock;
 use axum::extract::Request;
@@ -17,20 +17,20 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// First step of the path of a code. A token is longer.
+/// First component of the path of a code. A token is longer.
 pub const ONCE: &str = "once";
-/// How long a code can be used: a browser that is started may take a while.
+/// How long a code is valid: a browser may take a while to start.
 const CODE_TIME: Duration = Duration::from_secs(60);
 
-/// What a request must show.
+/// The requirements on a request.
 #[derive(Debug)]
 pub struct Guard {
     token: String,
-    /// The code that was given last, until it is used, and when it was given.
+    /// The last code until it is used, and when it was issued.
     code: Mutex<Option<(String, Instant)>>,
     address: SocketAddr,
-    /// Names by which the server may be called besides its address and, on loopback, `localhost`.
-    /// Empty: any, because the user has asked to listen on all addresses.
+    /// Names of the server besides its address and, on loopback, `localhost`. Any name is allowed
+    /// if the user asked to listen on all addresses.
     any_host: bool,
 }
 
@@ -49,19 +49,19 @@ impl Guard {
         &self.token
     }
 
-    /// Whether this is the token.
+    /// True if this is the token.
     pub fn knows(&self, token: &str) -> bool {
         is_same(token, &self.token)
     }
 
-    /// A new code in the place of the token; the one before is no longer taken.
+    /// Issues a new code in the place of the token; the previous one becomes invalid.
     pub fn new_code(&self) -> Result<String, String> {
         let code = secret()?;
         *lock(&self.code) = Some((code.clone(), Instant::now()));
         Ok(code)
     }
 
-    /// Whether this is the code and can still be used. It is used then.
+    /// True if this is the code and it is still valid. This uses it up.
     pub fn takes_code(&self, code: &str) -> bool {
         let is_it = |(known, given): &mut (String, Instant)| {
             given.elapsed() < CODE_TIME && is_same(code, known)
@@ -69,8 +69,8 @@ impl Guard {
         lock(&self.code).take_if(is_it).is_some()
     }
 
-    /// Whether a request says in one way only whom it is for and who asks. What proxies and servers
-    /// could read in two ways is an error.
+    /// Checks that a request states host and origin unambiguously. Anything that proxies and
+    /// servers could interpret differently is an error.
     pub fn check_form(&self, request: &Request) -> Result<(), String> {
         let (headers, uri) = (request.headers(), request.uri());
         let mut hosts = headers.get_all(HOST).iter();
@@ -92,13 +92,13 @@ impl Guard {
         Ok(())
     }
 
-    /// Whether the request is for this server.
+    /// True if the request addresses this server.
     pub fn is_for_us(&self, headers: &HeaderMap) -> bool {
         let host = headers.get(HOST).and_then(|h| h.to_str().ok());
         host.is_some_and(|host| self.is_our_name(host))
     }
 
-    /// Whether a page of this server asks. Programs other than browsers send no origin.
+    /// True if a page of this server sent the request. Programs other than browsers send no origin.
     pub fn is_from_us(&self, headers: &HeaderMap) -> bool {
         match headers.get(ORIGIN).map(|o| o.to_str()) {
             None => true,
@@ -132,7 +132,7 @@ fn secret() -> Result<String, String> {
     Ok(bytes.iter().map(|b| format!("{b:02x}")).collect())
 }
 
-/// Whether two texts are the same. Takes as long for nearly right ones as for wrong ones.
+/// Compares two texts in constant time: nearly right ones take as long as wrong ones.
 fn is_same(text: &str, secret: &str) -> bool {
     let difference = text.bytes().zip(secret.bytes()).fold(0, |d, (a, b)| d | (a ^ b));
     text.len() == secret.len() && difference == 0

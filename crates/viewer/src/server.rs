@@ -1,4 +1,4 @@
-//! A server that runs: its threads, and how it is begun and ended.
+//! A running server: its threads, its start and its end.
 
 use crate::connections::accept;
 use crate::protocol::ToPage;
@@ -13,29 +13,29 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::sync::oneshot;
 
-/// How the server runs.
+/// Options of the server.
 #[derive(Clone, Debug)]
 pub struct ServerOptions {
-    /// Where it listens.
+    /// The address to listen on.
     pub host: IpAddr,
-    /// 0 for any that is free.
+    /// The port; 0 for any free one.
     pub port: u16,
-    /// While something moves.
+    /// Frames per second while something moves.
     pub frames_per_second: f64,
-    /// For rendering.
+    /// Number of render threads.
     pub threads: usize,
-    /// True if nobody has named a scene: pages begin with a choice of built-in ones.
+    /// True if no scene was named: pages begin with a choice of built-in ones.
     pub is_gallery: bool,
-    /// Whether pages of others may show this one in a frame, such as notebooks: who knows the token
-    /// lets them.
+    /// True if pages of other origins, such as notebooks, may embed this one in a frame: the token
+    /// authorises them.
     pub may_be_framed: bool,
-    /// In the place of a random one: letters and digits.
+    /// A token of letters and digits instead of a random one.
     pub token: Option<String>,
 }
 
 /// A running server; it stops when it is dropped.
 pub struct Server {
-    /// Where it listens.
+    /// The address it listens on.
     pub address: SocketAddr,
     /// The address of the page, with its token.
     pub url: String,
@@ -46,7 +46,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Reads the scene again, because its files have changed.
+    /// Reloads the scene, because its files have changed.
     pub fn reload(&self) {
         if let Err(message) = self.session.open(Which::Given) {
             self.session.tell(ToPage::Error { message });
@@ -54,7 +54,7 @@ impl Server {
     }
 
     /// An address for a browser's command line, which other users of the machine can read: it leads
-    /// to the page once, soon, and only a program of the same user.
+    /// to the page once, within a short time, and only for a program of the same user.
     pub fn url_for_browser(&self) -> Result<String, String> {
         let (place, code) = (self.url.trim_end_matches('/'), self.guard.new_code()?);
         let place = place.rsplit_once('/').map_or(place, |(place, _token)| place);
@@ -83,7 +83,7 @@ impl Drop for Server {
     }
 }
 
-/// Opens the source's scene and serves it. Errors are for people.
+/// Opens the source's scene and serves it. Errors are messages for the user.
 pub fn serve(source: Box<dyn Source>, options: &ServerOptions) -> Result<Server, String> {
     if !(1.0..=240.0).contains(&options.frames_per_second) {
         return Err(format!("{} frames per second; choose 1 to 240", options.frames_per_second));
@@ -121,7 +121,7 @@ pub fn serve(source: Box<dyn Source>, options: &ServerOptions) -> Result<Server,
                 _ = stopped => {}
             }
         });
-        // Sockets of pages that do not answer must not keep the program.
+        // Sockets of unresponsive pages must not delay the exit.
         runtime.shutdown_timeout(Duration::from_secs(1));
     });
     let network = network.map_err(|e| format!("cannot start the server: {e}"))?;

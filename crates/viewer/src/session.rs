@@ -1,7 +1,7 @@
-//! One scene being looked at: what everybody who watches shares.
+//! One scene being viewed: the state shared by all pages.
 //!
-//! Pages change the state; the worker (see [`crate::worker`]) sees that its version has changed and
-//! renders. Nothing here waits for a picture.
+//! Pages change the state; the worker (see [`crate::worker`]) notices the new version and renders.
+//! Nothing here waits for a picture.
 
 use crate::describe::scene_info;
 use crate::explain::{self, Question, Report, Structure, Subject};
@@ -22,9 +22,9 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{Semaphore, broadcast, watch};
 
-/// How long nothing must move before the picture is refined.
+/// Time without motion before the picture is refined.
 pub const REST: Duration = Duration::from_millis(150);
-/// With at most so many triangles, all structures are built without being asked for.
+/// With at most this many triangles, all structures are built without being requested.
 const FEW_TRIANGLES: u64 = 300_000;
 
 /// An encoded picture.
@@ -36,53 +36,53 @@ pub struct Frame {
     pub bytes: Bytes,
 }
 
-/// What is looked at and by whom.
+/// The state of the view and the pages.
 struct Viewing {
     state: State,
-    /// The newest state of which there was a picture, with its version.
+    /// The newest state with a picture, and its version.
     shown: Option<(u64, State)>,
-    /// Pages that watch.
+    /// Number of connected pages.
     watching: u32,
-    /// Number of the page that steers; 0 if none does.
+    /// Number of the page that has control; 0 if none has.
     steering: u32,
     is_stopped: bool,
     /// True until a scene is chosen, if none was named.
     is_gallery: bool,
 }
 
-/// A copy of what a picture needs.
+/// A copy of the state that a picture needs.
 #[derive(Clone)]
 pub struct Snapshot {
-    /// Counts up with every change.
+    /// Increases with every change.
     pub version: u64,
-    /// Of the scene.
+    /// Generation of the scene.
     pub generation: u32,
-    /// Of what its surfaces are.
+    /// Generation of its geometry.
     pub geometry: u32,
     /// The scene.
     pub scene: Arc<Scene>,
     /// The camera.
     pub camera: Camera,
-    /// Its number.
+    /// Number of the camera message.
     pub seq: u32,
     /// The settings at rest.
     pub settings: Settings,
-    /// How values are shown.
+    /// The display settings.
     pub display: Display,
-    /// When the last change was.
+    /// Time of the last change.
     pub moved: Instant,
 }
 
-/// The picture at rest so far, to be saved.
+/// The current picture at rest, to be saved.
 #[derive(Clone)]
 pub struct Finished {
-    /// The scene.
+    /// Name of the scene.
     pub name: String,
     /// Its layers.
     pub picture: Arc<LayeredImage>,
 }
 
-/// A scene being looked at.
+/// A scene being viewed.
 pub struct Session {
     source: Box<dyn Source>,
     viewing: Mutex<Viewing>,
@@ -96,9 +96,9 @@ pub struct Session {
     clients: AtomicU32,
     /// The newest picture.
     pub frames: watch::Sender<Option<Arc<Frame>>>,
-    /// Which of them pages have shown.
+    /// Which of them the pages have shown.
     pub pace: Pace,
-    /// Everything else that all pages are told.
+    /// All other messages for all pages.
     pub events: broadcast::Sender<ToPage>,
     /// The newest compiled scene.
     pub compiled: Mutex<Option<(u32, Arc<CompiledScene>)>>,
@@ -106,7 +106,7 @@ pub struct Session {
     pub finished: Mutex<Option<Finished>>,
     /// The scene of a generation in other structures, for explanations.
     structures: Mutex<(u32, Vec<Structure>)>,
-    /// Pictures of built-in scenes that were asked for.
+    /// Pictures of built-in scenes made so far.
     thumbnails: Mutex<BTreeMap<String, Arc<Vec<u8>>>>,
 }
 
@@ -115,7 +115,7 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Session {
-    /// Looks at what the source opens first.
+    /// Opens the source's first scene.
     pub fn new(source: Box<dyn Source>, is_gallery: bool) -> Result<Self, String> {
         let opened = source.open(Which::Given)?;
         let state = State::new(opened)?;
@@ -139,13 +139,13 @@ impl Session {
         })
     }
 
-    /// The version of the state: a picture of another one is out of date.
+    /// The version of the state: a picture of another version is outdated.
     pub fn version(&self) -> u64 {
         self.version.load(Ordering::Acquire)
     }
 
-    /// Waits until the state is newer than `seen`, or until `until` if that comes first. `None` if
-    /// the session ends.
+    /// Waits until the state is newer than `seen`, or until the time `until`. `None` if the session
+    /// ends.
     pub fn wait(&self, seen: u64, until: Option<Instant>) -> Option<Snapshot> {
         let mut viewing = lock(&self.viewing);
         loop {
@@ -190,13 +190,13 @@ impl Session {
         self.changed.notify_all();
     }
 
-    /// Tells all pages.
+    /// Sends a message to all pages.
     pub fn tell(&self, message: ToPage) {
-        // Without pages nobody listens, and that is fine.
+        // An error only means that there are no pages.
         let _ = self.events.send(message);
     }
 
-    /// A page has come; gives its number and what it is told first. The first page steers.
+    /// Adds a page; returns its number and its first messages. The first page has control.
     pub fn join(&self) -> (u32, Vec<ToPage>) {
         let client = self.clients.fetch_add(1, Ordering::Relaxed) + 1;
         let mut viewing = lock(&self.viewing);
@@ -204,7 +204,7 @@ impl Session {
         if viewing.watching == 1 {
             viewing.steering = client;
         }
-        // A picture for whom came.
+        // Wakes the worker, because the page needs a picture.
         self.changed.notify_all();
         let welcome = ToPage::Welcome {
             version: crate::protocol::VERSION,
@@ -218,7 +218,7 @@ impl Session {
         (client, messages)
     }
 
-    /// Everything that a page shows, for one that has missed something.
+    /// All messages about the current state, for a page that has missed some.
     pub fn all(&self) -> Vec<ToPage> {
         self.all_of(&lock(&self.viewing))
     }
@@ -232,7 +232,7 @@ impl Session {
         ]
     }
 
-    /// A page has gone; if it steered, whoever acts next will.
+    /// Removes a page; if it had control, the next page that acts gets it.
     pub fn leave(&self, client: u32) {
         let mut viewing = lock(&self.viewing);
         viewing.watching = viewing.watching.saturating_sub(1);
@@ -248,14 +248,15 @@ impl Session {
         self.tell(ToPage::Steering { client: steering, watching });
     }
 
-    /// Does what a page asks, all of it or, with an error for that page, nothing. What is asked
-    /// only of one page's own connection (acknowledgements, picks) does not come here.
+    /// Executes a page's request completely, or leaves the state unchanged and returns an error for
+    /// that page. Requests that concern only the page's own connection (acknowledgements, picks)
+    /// are not handled here.
     pub fn handle(&self, client: u32, message: ToServer) -> Result<(), String> {
         let mut viewing = lock(&self.viewing);
         let takes_over = viewing.steering != client
             && (viewing.steering == 0 || matches!(message, ToServer::Steer));
         if viewing.steering != client && !takes_over {
-            // A page says its size when it opens, whether it steers or not.
+            // A page sends its size when it opens, with or without control.
             if matches!(message, ToServer::Size { .. } | ToServer::Display { .. }) {
                 return Ok(());
             }
@@ -267,7 +268,7 @@ impl Session {
         viewing.steering = client;
         match change {
             Change::Nothing | Change::Display => drop(viewing),
-            // Where the camera is is told when it rests.
+            // The camera's position is sent when it rests.
             Change::Camera => self.after_change(viewing),
             Change::Picture => {
                 self.after_change(viewing);
@@ -281,7 +282,7 @@ impl Session {
     }
 
     /// Opens another scene, or the same again. The camera stays if it is the same. Scenes are read
-    /// one after another.
+    /// one at a time.
     pub fn open(&self, which: Which) -> Result<(), String> {
         let is_same = matches!(which, Which::Given);
         let _turn = lock(&self.reading);
@@ -304,7 +305,7 @@ impl Session {
         self.changed.notify_all();
     }
 
-    /// Pages see the picture of a version.
+    /// Records that pages see the picture of a version.
     pub fn has_shown(&self, version: u64) {
         let mut viewing = lock(&self.viewing);
         if self.version() == version {
@@ -312,15 +313,15 @@ impl Session {
         }
     }
 
-    /// No picture of a version can be made: pages are told why, and what was shown before comes
-    /// back.
+    /// Records that a version cannot be rendered: pages get the error, and the previously shown
+    /// state is restored.
     pub fn has_failed(&self, version: u64, message: String) {
         self.tell(ToPage::Error { message });
         let mut viewing = lock(&self.viewing);
         if self.version() != version {
             return;
         }
-        // What was shown and fails later stays: there is nothing better.
+        // A state that was shown and fails later is kept: there is nothing better.
         let Some((_, before)) = viewing.shown.take_if(|(shown, _)| *shown != version) else {
             return;
         };
@@ -329,25 +330,25 @@ impl Session {
         self.tell_view();
     }
 
-    /// Tells the pages how the scene is rendered.
+    /// Sends the render settings to the pages.
     pub fn tell_view(&self) {
         let view = self.view_info(&lock(&self.viewing).state);
         self.tell(ToPage::View { view });
     }
 
-    /// A scene has been compiled.
+    /// Stores a newly compiled scene.
     pub fn set_compiled(&self, generation: u32, compiled: &Arc<CompiledScene>) {
         *lock(&self.compiled) = Some((generation, compiled.clone()));
         let scene = self.scene_info(&lock(&self.viewing).state);
         self.tell(ToPage::Scene { scene });
     }
 
-    /// A copy of what a picture needs now.
+    /// A copy of the current state for a picture.
     pub fn now(&self) -> Snapshot {
         self.snapshot(&lock(&self.viewing).state)
     }
 
-    /// Why a pixel of the picture at rest looks as it does.
+    /// Explains a pixel of the picture at rest.
     pub fn explain(&self, question: &Question, all: bool) -> Result<Report, String> {
         let (snapshot, compiled) = self.prepared()?;
         let Snapshot { scene, camera, settings, .. } = &snapshot;
@@ -366,7 +367,7 @@ impl Session {
         )
     }
 
-    /// What each pixel costs in a structure, see [`cost::map`].
+    /// The cost of each pixel in a structure, see [`cost::map`].
     pub fn cost(&self, kind: &str, width: u32) -> Result<Vec<u8>, String> {
         let kind = by_name("accelerator", &AcceleratorKind::ALL, AcceleratorKind::name, kind)?;
         let (snapshot, compiled) = self.prepared()?;
@@ -377,7 +378,7 @@ impl Session {
 
     /// A small picture of a built-in scene, as PNG.
     pub fn thumbnail(&self, name: &str) -> Result<Arc<Vec<u8>>, String> {
-        // One at a time: they are in nobody's way.
+        // One at a time, because they are not urgent.
         let mut known = lock(&self.thumbnails);
         if let Some(bytes) = known.get(name) {
             return Ok(bytes.clone());
@@ -388,7 +389,7 @@ impl Session {
         Ok(bytes)
     }
 
-    /// What is looked at now, and compiled.
+    /// The current state and its compiled scene.
     fn prepared(&self) -> Result<(Snapshot, Arc<CompiledScene>), String> {
         let snapshot = self.now();
         let compiled = lock(&self.compiled)
@@ -399,7 +400,7 @@ impl Session {
             .ok_or_else(|| "the scene is still being prepared".into())
     }
 
-    /// The scene in another structure, built when it is first asked for.
+    /// The scene in another structure, built on first request.
     fn structure(
         &self,
         snapshot: &Snapshot,
@@ -508,7 +509,7 @@ mod tests {
         format!("{} {steering} {watching} {}", state.facts(), session.version())
     }
 
-    /// Messages that are fine, with all of their fields.
+    /// Valid messages with all of their fields.
     fn good(session: &Session) -> Vec<Value> {
         let camera = serde_json::to_value(session.now().camera).expect("plain data");
         vec![
@@ -533,7 +534,7 @@ mod tests {
         ]
     }
 
-    /// The same with one value after another replaced by each of those that are hardly ever fine.
+    /// The same message with each value in turn replaced by values that are mostly invalid.
     fn spoilt(message: &Value) -> Vec<Value> {
         let long = "x".repeat(2000);
         let bad = json!([
@@ -575,7 +576,7 @@ mod tests {
         for message in good(&session) {
             let sent: ToServer = serde_json::from_value(message.clone()).expect("a message");
             let outcome = session.handle(client, sent);
-            // Which names there are may change; that most of these are fine may not.
+            // The available names may change, but most of these must be valid.
             done += u32::from(outcome.is_ok());
             for bad in spoilt(&message) {
                 let Ok(sent) = serde_json::from_value::<ToServer>(bad.clone()) else { continue };
@@ -613,7 +614,7 @@ mod tests {
             let sent = serde_json::from_value(message).expect("a message");
             assert!(session.handle(client, sent).is_err() && facts(&session) == before, "{part}");
         }
-        // One that steers when nobody does, and asks for what cannot be.
+        // A page that requests control when no page has it, and asks for the impossible.
         session.leave(client);
         let before = facts(&session);
         assert!(session.handle(client + 1, ToServer::Size { size: [0, 0] }).is_err());
@@ -634,7 +635,7 @@ mod tests {
                 && now.version > failed
                 && now.generation > before.generation
         );
-        // Of what was shown and fails later, only a message comes.
+        // A failure after the state was shown yields only a message.
         session.has_shown(now.version);
         session.has_failed(now.version, "again".into());
         assert_eq!(session.version(), now.version);

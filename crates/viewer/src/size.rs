@@ -1,14 +1,14 @@
-//! Which sizes of a picture are accepted. Every size, of whatever origin, goes through [`fits`].
+//! The accepted sizes of a picture. Every size, of whatever origin, goes through [`fits`].
 
 use snell_render::Settings;
 
-/// Longest side of a picture in pixels.
+/// Maximum side of a picture in pixels.
 const MAX_SIDE: u32 = 16384;
-/// Most pixels of a picture.
+/// Maximum number of pixels of a picture.
 const MAX_PIXELS: u64 = 1 << 26;
 
-/// Whether a picture of these settings can be made: by its size, and by the memory that can be had
-/// now. The error names what is possible.
+/// Checks that a picture with these settings can be made: its size, and the memory available now.
+/// The error says what is possible.
 pub fn fits(settings: &Settings) -> Result<(), String> {
     let [width, height] = settings.size;
     let pixels = u64::from(width) * u64::from(height);

@@ -1,4 +1,5 @@
-//! The WebSocket of a page: its messages one after another, and pictures as fast as it takes them.
+//! The WebSocket of a page: handles its messages in order, and sends pictures as fast as it takes
+//! them.
 
 use crate::explain::Question;
 use crate::protocol::{ToPage, ToServer};
@@ -14,18 +15,18 @@ use std::time::{Duration, Instant};
 use tokio::sync::{broadcast, watch};
 use tokio::time::{Interval, MissedTickBehavior, interval, timeout};
 
-/// Pages at once.
+/// Maximum number of pages.
 pub const MAX_PAGES: usize = 32;
-/// Bytes of a message from a page.
+/// Maximum number of bytes of a message from a page.
 const MAX_MESSAGE: usize = 1 << 20;
-/// Pictures on their way to a page at once: one that is shown, one that travels.
+/// Maximum number of pictures in transit to a page: one that is shown, one on its way.
 const MAX_UNDERWAY: u32 = 2;
-/// A page that takes longer than this for a message is gone.
+/// A page that takes longer than this for a message is disconnected.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// How often a page is asked whether it is still there, and how long it may be silent.
+/// Interval of keep-alive messages, and how long a page may be silent.
 const BEAT: Duration = Duration::from_secs(30);
 const SILENCE: Duration = Duration::from_secs(120);
-/// Letters of an error about a message, which may have much of the message in it.
+/// Maximum length of an error about a message, which may quote much of the message.
 const MAX_ERROR: usize = 500;
 
 /// Opens the WebSocket of a page.
@@ -38,7 +39,7 @@ pub async fn socket(
         return (StatusCode::SERVICE_UNAVAILABLE, "too many pages watch this scene\n")
             .into_response();
     };
-    // Browsers always say where a page comes from; without it, anything could be behind the socket.
+    // Browsers always send an origin; without it, the client could be anything.
     if !headers.contains_key(header::ORIGIN) && headers.contains_key(header::COOKIE) {
         return (StatusCode::FORBIDDEN, "a page must say where it comes from\n").into_response();
     }
@@ -50,7 +51,7 @@ pub async fn socket(
     )
 }
 
-/// A page that watches, until this is dropped.
+/// A connected page, until this is dropped.
 struct Watching {
     session: Arc<Session>,
     client: u32,
@@ -62,7 +63,7 @@ impl Drop for Watching {
     }
 }
 
-/// Talks to one page until it goes.
+/// Serves one page until it disconnects.
 async fn talk(mut socket: WebSocket, session: Arc<Session>) {
     let mut events = session.events.subscribe();
     let mut frames = session.frames.subscribe();
@@ -79,16 +80,16 @@ async fn talk(mut socket: WebSocket, session: Arc<Session>) {
 }
 
 struct Connection {
-    /// Pictures sent and not acknowledged.
+    /// Number of pictures sent and not acknowledged.
     underway: u32,
     newest: Option<u32>,
-    /// When the page last said anything.
+    /// When the page last sent anything.
     heard: Instant,
     beat: Interval,
 }
 
 impl Connection {
-    /// Waits for one thing and does it; false if the page is gone.
+    /// Waits for one event and handles it; false if the page is gone.
     async fn step(
         &mut self,
         socket: &mut WebSocket,
@@ -129,7 +130,7 @@ impl Connection {
                 if changed.is_err() {
                     return false;
                 }
-                // Only the newest: a slow page skips pictures and never makes a queue.
+                // Only the newest: a slow page skips pictures and never builds up a queue.
                 let frame = frames.borrow_and_update().clone();
                 let Some(frame) = frame.filter(|f| self.newest != Some(f.number)) else {
                     return true;
@@ -155,7 +156,7 @@ impl Connection {
         match message {
             ToServer::Ack { frame } => {
                 self.underway = self.underway.saturating_sub(1);
-                // Nobody has seen what was never sent.
+                // A picture that was never sent cannot have been seen.
                 if self.newest.is_some_and(|newest| !pace::is_before(newest, frame)) {
                     session.pace.show(frame);
                 }
@@ -226,7 +227,7 @@ async fn send(socket: &mut WebSocket, message: &ToPage) -> bool {
     }
 }
 
-/// A page that does not take its messages is given up, so that it holds nothing.
+/// A page that does not accept its messages is disconnected, so that it blocks nothing.
 async fn transmit(socket: &mut WebSocket, message: Message) -> bool {
     matches!(timeout(PATIENCE, socket.send(message)).await, Ok(Ok(())))
 }

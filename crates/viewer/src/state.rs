@@ -1,6 +1,6 @@
-//! What is looked at, and how: everything that decides what the picture is.
+//! The state of the view: everything that determines the picture.
 //!
-//! A message never changes a state: [`State::after`] gives the next one whole, or an error.
+//! A message never changes a state: [`State::after`] returns the complete next one, or an error.
 
 use crate::protocol::ToServer;
 use crate::size::fits;
@@ -15,64 +15,64 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Most samples per pixel.
+/// Maximum number of samples per pixel.
 const MAX_SPP: u32 = 1 << 20;
-/// Most changes of the scene that are kept, and bytes of all of them.
+/// Maximum number of kept changes of the scene, and of their total bytes.
 const MAX_EDITS: usize = 1000;
 const MAX_EDIT_BYTES: usize = 4 << 20;
-/// Farthest distance from the origin, and of the focus, that a camera may have: what is farther has
-/// squares that single precision does not hold.
+/// Maximum distance from the origin, and of the focus, for a camera: squares of larger ones
+/// overflow single precision.
 const FARTHEST: f64 = 1e18;
 
-/// Everything that decides what the picture is.
+/// Everything that determines the picture.
 #[derive(Clone)]
 pub struct State {
     opened: Arc<Opened>,
-    /// Changes of the scene that can be taken back, as `-D` takes them.
+    /// Changes of the scene that can be undone, in the form of `-D`.
     edits: Vec<String>,
-    /// How many of them count; the rest can be made again.
+    /// How many of them are applied; the rest can be redone.
     applied: usize,
     /// The scene with its edits.
     pub scene: Arc<Scene>,
-    /// Numbers of the nodes that are not shown.
+    /// Numbers of the hidden nodes.
     pub hidden: BTreeSet<u32>,
-    /// Counts up with the scene.
+    /// Increases with each change of the scene.
     pub generation: u32,
-    /// Counts up when more has changed than materials, lights and surroundings.
+    /// Increases when more than materials, lights and environment has changed.
     pub geometry: u32,
-    /// Where it is seen from.
+    /// The camera.
     pub camera: Camera,
     /// Number of the last camera message.
     pub seq: u32,
-    /// How it is rendered at rest.
+    /// The render settings at rest.
     pub settings: Settings,
-    /// How values are shown.
+    /// The display settings.
     pub display: Display,
-    /// Last change that makes another picture.
+    /// Time of the last change that requires another picture.
     pub moved: Instant,
 }
 
-/// What a message has changed.
+/// The effect of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// Nothing that can be seen.
+    /// No visible change.
     Nothing,
-    /// How a page shows the values that it has.
+    /// The conversion to display values.
     Display,
-    /// Where the scene is seen from.
+    /// The camera.
     Camera,
-    /// The scene, or how it is rendered.
+    /// The scene, or its render settings.
     Picture,
 }
 
 impl State {
-    /// A scene as it was opened. An error if its picture is too large.
+    /// The state of a newly opened scene. Fails if its picture is too large.
     pub fn new(opened: Opened) -> Result<Self, String> {
         let size = opened.settings.size;
         Self::with_size(opened, size)
     }
 
-    /// A scene as it was opened, but for the size of its picture.
+    /// The state of a newly opened scene, with another picture size.
     fn with_size(opened: Opened, size: [u32; 2]) -> Result<Self, String> {
         let settings = Settings { size, progressive: true, crop: None, ..opened.settings.clone() };
         fits(&settings)?;
@@ -92,8 +92,8 @@ impl State {
         })
     }
 
-    /// Another scene for the same pages; or the same one, read again (`is_same`), for which camera
-    /// and settings stay.
+    /// The state for another scene on the same pages; or the same one, read again (`is_same`),
+    /// which keeps camera and settings.
     pub fn reopened(&self, opened: Opened, is_same: bool) -> Result<Self, String> {
         let mut new = Self::with_size(opened, self.settings.size)?;
         (new.generation, new.geometry, new.seq) =
@@ -105,15 +105,15 @@ impl State {
         Ok(new)
     }
 
-    /// What was looked at before, after a state from which no picture could be made. Its numbers go
-    /// on from those of that state.
+    /// Restores the earlier state `before`, after this one could not be rendered. Its counters
+    /// continue from this state's.
     pub fn taken_back_to(&self, before: &Self) -> Self {
         let (generation, geometry) = (self.generation + 1, self.geometry + 1);
         Self { generation, geometry, seq: self.seq, moved: Instant::now(), ..before.clone() }
     }
 
-    /// The state after a message. Messages that are about pages and not about the picture change
-    /// nothing. The error is for people.
+    /// The state after a message. Messages that concern pages, not the picture, change nothing. The
+    /// error is a message for the user.
     pub fn after(&self, message: ToServer) -> Result<(Self, Change), String> {
         let mut next = self.clone();
         let change = next.apply(message)?;
@@ -126,7 +126,7 @@ impl State {
         Ok((next, change))
     }
 
-    /// Changes this state, half of it if there is an error: see [`Self::after`].
+    /// Applies a message to this state, perhaps partially if it fails: see [`Self::after`].
     fn apply(&mut self, message: ToServer) -> Result<Change, String> {
         match message {
             ToServer::Camera { seq, camera } => {
@@ -173,7 +173,7 @@ impl State {
         Ok(Change::Picture)
     }
 
-    /// Whether there is a change to take back, and one to make again.
+    /// Whether there is a change to undo, and one to redo.
     pub fn history(&self) -> [bool; 2] {
         [self.applied > 0, self.applied < self.edits.len()]
     }
@@ -183,7 +183,7 @@ impl State {
         &self.opened.scene
     }
 
-    /// All of it that messages change, to be compared.
+    /// Everything that messages can change, for comparison.
     #[cfg(test)]
     pub fn facts(&self) -> String {
         let Self {
@@ -207,7 +207,7 @@ impl State {
 
     fn edit(&mut self, edit: String) -> Result<(), String> {
         self.edits.truncate(self.applied);
-        // A slider that is dragged is one change.
+        // Dragging a slider counts as one change.
         let is_again = self.edits.last().is_some_and(|old| key(old) == key(&edit));
         if is_again && self.moved.elapsed() < Duration::from_secs(1) {
             self.edits.pop();
@@ -294,7 +294,7 @@ impl State {
         Ok(())
     }
 
-    /// What makes the picture at rest from a shell.
+    /// The shell command that renders the picture at rest.
     pub fn command(&self) -> String {
         let (settings, camera) = (&self.settings, &self.camera);
         let mut words: Vec<String> = self.opened.command.clone();
@@ -329,7 +329,7 @@ impl State {
     }
 }
 
-/// The integrator that shows light, and its bounces, in a scene that was opened with these
+/// The integrator that shows light, and its bounces, for a scene that was opened with these
 /// settings.
 fn light_of(settings: &Settings) -> (IntegratorKind, u32) {
     match settings.integrator {
@@ -338,12 +338,12 @@ fn light_of(settings: &Settings) -> (IntegratorKind, u32) {
     }
 }
 
-/// What an edit changes.
+/// The key of an edit.
 fn key(edit: &str) -> &str {
     edit.split_once('=').map_or(edit, |(key, _)| key)
 }
 
-/// The edits that count: of those of one key the last, and nothing is said of nodes that are shown.
+/// The effective edits: the last one per key, without those that show nodes.
 fn standing(edits: &[String]) -> impl Iterator<Item = &String> {
     let is_last = move |(i, edit): &(usize, &String)| {
         !edits[i + 1..].iter().any(|later| key(later) == key(edit))
@@ -357,7 +357,7 @@ fn hidden_node(edit: &str) -> Option<u32> {
     edit.strip_prefix("node.")?.strip_suffix(".visible=false")?.parse().ok()
 }
 
-/// A word as a shell wants it.
+/// A word quoted for a shell.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {
@@ -366,7 +366,7 @@ fn quoted(word: &str) -> String {
     format!("'{}'", word.replace('\'', "'\\''"))
 }
 
-/// A camera with which rays can be made, whatever a page sends.
+/// Parses a camera, and checks that rays can be generated with it.
 fn valid_camera(value: Value) -> Result<Camera, String> {
     let mut camera: Camera = serde_json::from_value(value).map_err(|e| format!("camera: {e}"))?;
     let all = serde_json::to_value(&camera).map_err(|e| format!("camera: {e}"))?;
@@ -385,7 +385,7 @@ fn valid_camera(value: Value) -> Result<Camera, String> {
     Ok(camera)
 }
 
-/// A number whose square single precision does not hold, if there is one.
+/// Finds a number whose square overflows single precision.
 fn too_large(value: &Value) -> Option<f64> {
     match value {
         Value::Number(number) => number.as_f64().filter(|x| x.abs() > FARTHEST),

@@ -1,46 +1,46 @@
-//! Moving pictures of four times as many pixels as are rendered: each picture has new samples at
-//! one of four places of every pixel, and the other three come from the picture before, from where
-//! their surface was seen then (temporal antialiasing and upsampling: Karis 2014, "High Quality
-//! Temporal Supersampling"; Yang, Liu and Salvi 2020, "A Survey of Temporal Antialiasing
-//! Techniques").
+//! Moving pictures with four times as many pixels as are rendered: each picture has new samples at
+//! one of four positions in every pixel, and the other three come from the previous picture,
+//! reprojected by the motion of their surface (temporal antialiasing and upsampling: Karis 2014,
+//! "High Quality Temporal Supersampling"; Yang, Liu and Salvi 2020, "A Survey of Temporal
+//! Antialiasing Techniques").
 
 use rayon::prelude::*;
 use snell_math::{DVec2, DVec3, Vec2};
 use snell_scene::{Camera, CameraSample};
 
-/// Where in its pixel the sample of a picture is, by quarters: one after the other.
+/// The position of a picture's sample within its pixel, by quarters, in turn.
 const PHASES: [[usize; 2]; 4] = [[0, 0], [1, 1], [1, 0], [0, 1]];
-/// Share of the old picture where a new sample is, if samples are noisy.
+/// Weight of the old picture at new samples, if samples are noisy.
 const MEMORY: f32 = 0.6;
-/// How far away nothing is.
+/// Distance of the background.
 const FAR: f64 = 1e12;
-/// Rows of pixels that are worked on at least by one thread.
+/// Minimum number of rows per thread.
 const ROWS: usize = 16;
 
-/// The four places, in turn.
+/// The four positions, in turn.
 pub fn phase(frame: u32) -> [usize; 2] {
     PHASES[frame as usize % 4]
 }
 
-/// A place in a pixel, from 0 to 1.
+/// A position in a pixel, from 0 to 1.
 pub fn pixel_position(phase: [usize; 2]) -> [f64; 2] {
     phase.map(|side| 0.25 + 0.5 * side as f64)
 }
 
-/// A picture that was shown, and from where.
+/// A picture that was shown, and its camera.
 pub struct History {
     camera: Camera,
     size: [usize; 2],
     rgb: Vec<f32>,
 }
 
-/// Where the surface that a pixel sees was before.
+/// The previous position of the surface that a pixel sees.
 #[derive(Clone, Copy)]
 struct Motion {
-    /// From the eye, squared.
+    /// Squared distance from the eye.
     distance: f64,
-    /// The place in the picture before of the middle of pixel `[0, 0]` of the new one, if all moved
-    /// as this surface did.
+    /// The position in the previous picture of the centre of pixel `[0, 0]` of the new one, if
+    /// everything moved as this surface did.
     place: Option<DVec2>,
 }
 
@@ -50,19 +50,19 @@ impl Motion {
     }
 }
 
-/// A picture of one sample a pixel.
+/// A picture with one sample per pixel.
 pub struct Fresh<'a> {
-    /// From where.
+    /// Its camera.
     pub camera: &'a Camera,
-    /// Pixels.
+    /// Its size in pixels.
     pub size: [u32; 2],
-    /// Where in each pixel its sample is.
+    /// Position of the sample in each pixel.
     pub phase: [usize; 2],
-    /// Linear, three a pixel.
+    /// Linear values, three per pixel.
     pub rgb: &'a [f32],
-    /// What the samples see, three numbers a pixel.
+    /// Hit points of the samples, three numbers per pixel.
     pub positions: &'a [f32],
-    /// Negative where they see nothing.
+    /// Ids of the hits; negative for misses.
     pub ids: &'a [f32],
     /// True if new samples are to be averaged with old ones.
     pub is_noisy: bool,
@@ -77,7 +77,7 @@ impl History {
         let rows = rgb.par_chunks_mut((2 * size[0] * 3).max(1)).enumerate();
         rows.with_min_len(ROWS).for_each(|(y, rows)| {
             for x in 0..size[0] / 2 {
-                // Edges move with what is in front.
+                // Edges move with the surface in front.
                 let place = |motions: &Vec<Motion>| {
                     fresh.around([x, y]).map(|i| motions[i]).reduce(Motion::nearer)
                 };
@@ -104,7 +104,7 @@ impl History {
         self.size.map(|side| side as u32)
     }
 
-    /// Linear values, three a pixel.
+    /// Linear values, three per pixel.
     pub fn rgb(&self) -> &[f32] {
         &self.rgb
     }
@@ -122,7 +122,7 @@ impl History {
             (2 * y + fresh.phase[1]) as f64 + 0.5,
         );
         let seen = if fresh.ids[i] < 0.0 {
-            // Far away.
+            // A miss: a point far away.
             let sample = CameraSample { film, lens: Vec2::splat(0.5) };
             let ray = fresh.camera.ray(&sample, size.map(|side| side as u32)).ray;
             self.camera.eye + ray.direction.as_dvec3() * FAR
@@ -136,12 +136,12 @@ impl History {
         Motion { distance: (seen - fresh.camera.eye).length_squared(), place }
     }
 
-    /// Pixels of this picture by pixels of another one.
+    /// Pixels of this picture per pixel of another one.
     fn scale(&self, size: [usize; 2]) -> DVec2 {
         DVec2::new(self.size[0] as f64 / size[0] as f64, self.size[1] as f64 / size[1] as f64)
     }
 
-    /// The colour between pixels, where `place` is that of a [`Motion`]. `None` outside.
+    /// The interpolated colour at `place`, which is that of a [`Motion`]. `None` outside.
     fn sample(&self, place: DVec2, at: [usize; 2], size: [usize; 2]) -> Option<[f32; 3]> {
         let p = place + DVec2::new(at[0] as f64, at[1] as f64) * self.scale(size) - 0.5;
         let [width, height] = self.size;
@@ -177,13 +177,13 @@ impl Fresh<'_> {
             return own;
         }
         let Some(Some(old)) = old else { return own };
-        // What no neighbour shows any more is not kept.
+        // Colours outside the range of the neighbours are clamped.
         let [low, high] = self.range(x, y);
         let old = [0, 1, 2].map(|c| old[c].clamp(low[c], high[c]));
         if is_new { [0, 1, 2].map(|c| own[c] + (old[c] - own[c]) * MEMORY) } else { old }
     }
 
-    /// A pixel and its neighbours, by number.
+    /// Indices of a pixel and its neighbours.
     fn around(&self, [x, y]: [usize; 2]) -> impl Iterator<Item = usize> {
         let [width, height] = self.size.map(|side| side as usize);
         let (rows, columns) =
@@ -196,7 +196,7 @@ impl Fresh<'_> {
         [self.rgb[i], self.rgb[i + 1], self.rgb[i + 2]]
     }
 
-    /// Least and greatest values of the pixels around one.
+    /// Minimum and maximum values of the pixels around one.
     fn range(&self, x: usize, y: usize) -> [[f32; 3]; 2] {
         let (mut low, mut high) = (self.color(x, y), self.color(x, y));
         for i in self.around([x, y]) {
@@ -221,7 +221,7 @@ mod tests {
         Camera::look_at(eye, Vec3::new(eye.x, eye.y, 0.0), Vec3::Y, 0.5)
     }
 
-    /// A wall at z = 0 of vertical stripes, as it is seen at a phase.
+    /// A wall of vertical stripes at z = 0, as seen at a phase.
     fn picture(camera: &Camera, phase: [usize; 2]) -> (Vec<f32>, Vec<f32>) {
         let (mut rgb, mut positions) = (Vec::new(), Vec::new());
         for y in 0..SIZE[1] {
@@ -278,7 +278,7 @@ mod tests {
 
     #[test]
     fn four_pictures_of_a_camera_at_rest_make_one_of_four_times_the_pixels() {
-        // Only what is brighter or darker than all neighbours is lost.
+        // Only pixels brighter or darker than all neighbours are lost.
         let (one, four) = (error_after(1, 0.0, false), error_after(4, 0.0, false));
         assert!(four < 0.1 * one, "{four} after {one}");
     }

@@ -8,10 +8,10 @@ use snell_render::{Aov, CompiledScene, Job, Settings, picture};
 
 /// Width and height in pixels.
 const SIZE: [u32; 2] = [288, 180];
-/// Samples of a pixel; what is left of the noise is smoothed away.
+/// Samples per pixel; the remaining noise is filtered out.
 const SPP: u32 = 16;
 
-/// A picture of a scene as its camera sees it. The error is for people.
+/// A picture of a scene as its camera sees it. The error is a message for the user.
 pub fn png(opened: &Opened) -> Result<Vec<u8>, String> {
     let settings = Settings {
         size: SIZE,

@@ -1,4 +1,4 @@
-//! Files that are dropped on the page, as they come in.
+//! Uploads: files that are dropped on the page.
 
 use axum::body::Body;
 use axum::http::{HeaderMap, StatusCode, header};
@@ -6,24 +6,24 @@ use http_body_util::BodyExt;
 use std::time::Duration;
 use tokio::time::timeout;
 
-/// Bytes of a file. Larger ones are opened by name, from which they are read in place.
+/// Maximum size of a file in bytes. Larger ones are opened by name and read in place.
 pub const MAX_BYTES: usize = 256 << 20;
-/// How long the next piece of a file may take.
+/// Time limit for the next piece of a file.
 const PIECE_TIME: Duration = Duration::from_secs(20);
-/// How long all of a file may take.
+/// Time limit for a whole file.
 const WHOLE_TIME: Duration = Duration::from_secs(10 * 60);
 
-/// Why a file was not taken: a status, and a line for people.
+/// Why an upload was refused: a status, and a line for the user.
 pub type Refusal = (StatusCode, String);
 
-/// The file in the body of a request. One that says that it is too large is refused before any of
-/// it is read, one that turns out to be as soon as it does.
+/// Receives the file in the body of a request. A file whose declared size is too large is refused
+/// before any of it is read; one that turns out to be too large, as soon as it does.
 pub async fn receive(headers: &HeaderMap, body: Body) -> Result<Vec<u8>, Refusal> {
     let length = headers.get(header::CONTENT_LENGTH).and_then(|l| l.to_str().ok());
     if length.is_some_and(|l| l.parse::<usize>().is_ok_and(|l| l > MAX_BYTES)) {
         return Err(too_large());
     }
-    let late = |_| (StatusCode::REQUEST_TIMEOUT, "the file came too slowly\n".to_string());
+    let late = |_| (StatusCode::REQUEST_TIMEOUT, "the upload was too slow\n".to_string());
     timeout(WHOLE_TIME, pieces(body)).await.map_err(late)?
 }
 
@@ -31,9 +31,9 @@ async fn pieces(mut body: Body) -> Result<Vec<u8>, Refusal> {
     let mut bytes = Vec::new();
     loop {
         let piece = timeout(PIECE_TIME, body.frame()).await;
-        let late = |_| (StatusCode::REQUEST_TIMEOUT, "the file stopped coming\n".to_string());
+        let late = |_| (StatusCode::REQUEST_TIMEOUT, "the upload stalled\n".to_string());
         let Some(piece) = piece.map_err(late)? else { return Ok(bytes) };
-        let broken = |e| (StatusCode::BAD_REQUEST, format!("the file broke off: {e}\n"));
+        let broken = |e| (StatusCode::BAD_REQUEST, format!("the upload was interrupted: {e}\n"));
         let Ok(piece) = piece.map_err(broken)?.into_data() else { continue };
         if bytes.len() + piece.len() > MAX_BYTES {
             return Err(too_large());

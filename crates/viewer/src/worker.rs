@@ -1,5 +1,4 @@
-//! The thread that renders: small pictures while something moves, the picture of `snell render`
-//! when it rests.
+//! The render thread: small pictures while something moves, the picture of `snell render` at rest.
 
 use crate::budget::Budget;
 use crate::encode::{Encoder, Picture};
@@ -15,16 +14,16 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Samples of the quick picture that is shown while paths learn.
+/// Samples per pixel of the quick picture that is shown during path-guiding training.
 const QUICK: u32 = 16;
 
-/// Pictures at rest are sent at most this often.
+/// Minimum interval between pictures at rest.
 const REST_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Moving pictures that nobody sees yet when the next one is begun: one on its way and one that is
+/// Number of moving pictures not yet shown when the next one is begun: one in transit and one being
 /// encoded.
 const UNSEEN: u32 = 2;
-/// How long the next one waits for a page that is slower.
+/// How long the next one waits for a slower page.
 const PATIENCE: Duration = Duration::from_millis(100);
 
 /// Renders for a session until it ends.
@@ -35,14 +34,13 @@ pub struct Worker<'a> {
     compiled: Option<Compiled>,
     encoder: Encoder,
     frame: u32,
-    /// The last picture, if it was of something that moves.
+    /// The number of the last picture, if something was moving.
     moving: Option<u32>,
-    /// In the place of indirect light while something moves; none for a scene that is not known
-    /// yet.
+    /// The constant for indirect light while something moves; `None` for a new scene.
     fill: Option<Rgb>,
-    /// The last moving picture, and the version of what it shows.
+    /// The last moving picture, and the version that it shows.
     last_preview: Option<(u64, Vec<f32>)>,
-    /// The last moving picture that the next one can go on from, and what else it depends on.
+    /// The last moving picture that the next one can reuse, and what else it depends on.
     history: Option<((u32, IntegratorKind), History)>,
     /// The picture at rest being made.
     refinement: Option<Refinement>,
@@ -59,7 +57,7 @@ struct Compiled {
 struct Refinement {
     version: u64,
     underway: Underway,
-    /// True for the picture that is shown while paths learn.
+    /// True for the picture that is shown during training.
     is_quick: bool,
     spent: Duration,
     sent: Option<Instant>,
@@ -67,7 +65,7 @@ struct Refinement {
 }
 
 impl<'a> Worker<'a> {
-    /// Renders for a session until it ends, with this many threads and frames a second.
+    /// Renders for a session until it ends, with this many threads and frames per second.
     pub fn run(session: &'a Session, threads: usize, frames_per_second: f64) {
         std::thread::scope(|scope| {
             Self::new(session, threads, frames_per_second, Encoder::new(scope, session)).work();
@@ -90,10 +88,10 @@ impl<'a> Worker<'a> {
         }
     }
 
-    /// A fault in a picture is told to the pages, and the next change is rendered again.
+    /// A fault in a picture is reported to the pages, and the next change is rendered again.
     fn work(mut self) {
-        // Nobody looks yet; who comes shall not wait for this. What fails here fails again, and is
-        // told, when somebody looks.
+        // No page is open yet; compiling now saves the first one the wait. A failure here repeats,
+        // and is reported, when a page is open.
         let _ = catch_unwind(AssertUnwindSafe(|| self.compile(&self.session.now())));
         let mut seen = 0;
         let mut due = None;
@@ -119,13 +117,13 @@ impl<'a> Worker<'a> {
         }
     }
 
-    /// Keeps nothing of what a fault may have left half done.
+    /// Discards everything that a fault may have left half done.
     fn forget(&mut self) {
         (self.compiled, self.refinement, self.history) = (None, None, None);
         (self.fill, self.last_preview, self.moving) = (None, None, None);
     }
 
-    /// What is to be rendered next, when it is time.
+    /// The next state to render, when it is time.
     fn next(&self, seen: u64, due: Option<Instant>) -> Option<Snapshot> {
         if let Some(last) = self.moving {
             self.session.pace.wait_for(last.wrapping_sub(UNSEEN), PATIENCE);
@@ -133,7 +131,8 @@ impl<'a> Worker<'a> {
         self.session.wait(seen, due)
     }
 
-    /// One frame while moving, or one step of refinement. Gives when to go on if nothing changes.
+    /// Renders one frame while moving, or one step of refinement. Returns when to continue if
+    /// nothing changes.
     fn step(&mut self, snapshot: &Snapshot, is_new: bool) -> Result<Option<Instant>, String> {
         let compiled = self.compile(snapshot)?;
         if is_new {
@@ -185,8 +184,8 @@ impl<'a> Worker<'a> {
     ) -> Result<(), String> {
         let start = Instant::now();
         let size = self.budget.size(snapshot.settings.size);
-        // One is left to what encodes and shows the picture before; it makes the next one late
-        // otherwise.
+        // One thread is left for encoding and showing the previous picture, which would otherwise
+        // delay the next one.
         let threads = (self.threads - 1).max(1);
         let guess = || preview::first_fill(&snapshot.settings, &snapshot.camera, compiled, threads);
         let fill = *self.fill.get_or_insert_with(guess);
@@ -210,12 +209,12 @@ impl<'a> Worker<'a> {
         self.last_preview = has_fill.then(|| (snapshot.version, rgb.clone()));
         let header = self.header(snapshot, shown, start.elapsed());
         self.encoder.send(Picture { header, rgb, display: Some(snapshot.display) })?;
-        // With the wait for the encoder, if it is what takes longest.
+        // Includes the wait for the encoder, if that is the bottleneck.
         self.budget.spent(size, start.elapsed().as_secs_f64());
         Ok(())
     }
 
-    /// One step of the picture at rest; true if there is more to do.
+    /// Renders one step of the picture at rest; true if there is more to do.
     fn refine(
         &mut self,
         snapshot: &Snapshot,
@@ -281,7 +280,7 @@ impl<'a> Worker<'a> {
         Ok(has_more)
     }
 
-    /// Shows the picture at rest as it is now.
+    /// Shows the current picture at rest.
     fn publish(
         &mut self,
         snapshot: &Snapshot,
@@ -337,7 +336,7 @@ fn next_pass(samples: u32) -> u32 {
     }
 }
 
-/// The root of the mean variance over the mean of the values, which are linear RGB.
+/// The square root of the mean variance over the mean of the values, which are linear RGB.
 fn noise_of(film: &Film, rgb: &[f32]) -> f32 {
     let variance = &film.variance().layers[0].values;
     let sum: f64 = variance.chunks_exact(4).map(|p| f64::from(p[0] + p[1] + p[2])).sum();

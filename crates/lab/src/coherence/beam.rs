@@ -1,4 +1,4 @@
-//! Beams: everything that is visible in a region, exactly.
+//! Beams: find exactly what is visible in a region.
 
 use super::fragments::{Fragment, Fragments};
 use super::polygon::{Affine, ConvexPolygon, Cut};
@@ -10,59 +10,60 @@ use snell_intersect::Hit;
 use snell_intersect::World;
 use snell_math::{DVec2, DVec3, Ray};
 
-/// A beam of more pieces than this is divided: the work in one grows with the square.
+/// A beam with more pieces is divided, because the work grows with their square.
 const MOST_PIECES: usize = 48;
 
-/// So few rays are traced one by one when their beam would have to be divided.
+/// If a beam has to be divided, rays up to this number are traced one by one instead.
 const FEW_RAYS: usize = 4;
 
-/// A beam of more rays than this is divided before it is traced.
+/// A beam with more rays is divided before it is traced.
 const MANY_RAYS: usize = 512;
 
-/// A region is not divided more often than this.
+/// Maximum number of divisions of a region.
 const MOST_DIVISIONS: u32 = 40;
 
-/// A part of a region, and what is seen in it.
+/// A part of a region, and the triangle that is visible in it.
 #[derive(Clone, Copy, Debug)]
 pub struct VisiblePiece {
-    /// The places where it is seen.
+    /// The places where it is visible.
     pub polygon: ConvexPolygon,
-    /// What is seen there; `None` where nothing is.
+    /// The visible primitive; `None` for the background.
     pub primitive: Option<PrimitiveId>,
     nearness: Affine,
 }
 
 impl VisiblePiece {
-    /// How near it is at a place: see [`View`].
+    /// The nearness at a place: see [`View`].
     pub fn nearness(&self, place: DVec2) -> f64 {
         self.nearness.at(place)
     }
 }
 
-/// Traces beams through a world. One for each thread.
+/// Traces beams through a world. Each thread needs its own.
 ///
-/// A beam starts as one piece, in which nothing is visible. The triangles in it come nearest box
-/// first, and each cuts from the pieces what it hides, until all pieces are nearer than the next
-/// box. A beam of many pieces is divided, and its parts go on where it stopped.
+/// A beam starts as one empty piece. The triangles in it are visited in the order of their boxes
+/// from near to far, and each cuts the part that it hides from the pieces, until all pieces are
+/// nearer than the next box. A beam with many pieces is divided, and its parts continue where it
+/// stopped.
 #[derive(Debug)]
 pub struct BeamTracer<'w> {
     walk: Walk<'w>,
 }
 
 impl<'w> BeamTracer<'w> {
-    /// For a world of triangles with a bounding volume hierarchy.
+    /// A tracer for a world of triangles with a bounding volume hierarchy.
     pub fn new(world: &'w World) -> Result<Self, CoherenceError> {
         Ok(Self { walk: Walk::new(world)? })
     }
 
-    /// What was done so far.
+    /// The work done so far.
     pub fn work(&self) -> RegionWork {
         self.walk.work
     }
 
-    /// Hands over all that is visible in a region of a view: pieces that do not overlap and cover
-    /// it. A coordinate of a piece is off by roundings of `f64` only. Where triangles are equally
-    /// near the one with the lowest ids is seen; one that is seen edge-on is not.
+    /// Reports everything visible in a region of a view: pieces that do not overlap and cover the
+    /// region. The coordinates of a piece are exact up to `f64` rounding. Of equally near triangles
+    /// the one with the lowest ids is visible; a triangle that is seen edge-on is not.
     pub fn visible(
         &mut self,
         view: &View,
@@ -83,10 +84,9 @@ impl<'w> BeamTracer<'w> {
         );
     }
 
-    /// The nearest hit of each ray, as from [`World::closest`]: the beams say which triangle it is,
-    /// and the rule that decides everywhere says where it is hit. Only within roundings of an edge
-    /// the answer may be another. Rays that do not come from the apex of the view are traced one by
-    /// one.
+    /// The closest hit of each ray, as [`World::closest`] finds it: the beams determine the
+    /// triangle, and the common intersection test the hit. Only within rounding of an edge may the
+    /// result differ. Rays that do not start at the apex of the view are traced one by one.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -107,8 +107,8 @@ impl<'w> BeamTracer<'w> {
         others.into_iter().for_each(|i| hits[i] = self.walk.closest(&rays[i]));
     }
 
-    /// For rays that end at a point (at their `t_max`), whether anything lies in their interval, by
-    /// beams from there. Others are traced one by one.
+    /// Tests rays that end at a common point (at their `t_max`) for occlusion within their
+    /// interval, by beams from that point. Other rays are traced one by one.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -132,7 +132,7 @@ impl<'w> BeamTracer<'w> {
         others.into_iter().for_each(|i| blocked[i] = self.walk.occluded(&rays[i]));
     }
 
-    /// Finds for each query the piece it is in: `None` if that takes a ray.
+    /// Finds the piece that contains each query; `None` if a ray must be traced.
     fn answer(
         &mut self,
         view: &View,
@@ -176,7 +176,7 @@ impl<'w> BeamTracer<'w> {
                 self.walk.recycle(fragments);
             }
             Outcome::Crowded(inside) => {
-                // In four, so that little is done in vain.
+                // Into four, so that little work is wasted.
                 let halves = queries::divide(queries).map(|(a, b)| [a, b]);
                 for half in halves.into_iter().flatten() {
                     let parts = if half.len() > FEW_RAYS { queries::divide(half) } else { None };
@@ -206,7 +206,7 @@ impl<'w> BeamTracer<'w> {
     }
 }
 
-/// Hands over the fragments of a region, divided where it is crowded. `near` and `floor` are those
+/// Reports the fragments of a region, dividing it where it is crowded. `near` and `floor` are those
 /// of a [`Window`].
 pub(super) fn see_all(
     walk: &mut Walk,
@@ -241,7 +241,7 @@ pub(super) fn see_all(
     }
 }
 
-/// Finds the fragment in which each query is; `None` for those that fell between two.
+/// Finds the fragment that contains each query; `None` for a query between two.
 fn locate(
     fragments: &Fragments,
     queries: &[Query],

@@ -1,4 +1,4 @@
-//! Cones: rays with a width, and the share of it that each thing covers.
+//! Cones: rays with a width. Each primitive covers a share of the cross-section.
 
 use super::beam::see_all;
 use super::polygon::{ConvexPolygon, DISK_AREA};
@@ -11,7 +11,7 @@ use snell_math::{DVec3, Ray};
 /// A round cone, or a cylinder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cone {
-    /// Where its axis starts.
+    /// The start of its axis.
     pub origin: DVec3,
     /// Unit vector along the axis.
     pub direction: DVec3,
@@ -21,24 +21,24 @@ pub struct Cone {
     pub spread: f64,
 }
 
-/// The ellipse in which a cone meets a surface: its two diameters.
+/// The elliptical intersection of a cone with a surface: its two diameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Footprint {
-    /// The longer one, along the surface.
+    /// The longer diameter, along the surface.
     pub major: DVec3,
-    /// The shorter one, across.
+    /// The shorter diameter, across.
     pub minor: DVec3,
 }
 
 impl Cone {
-    /// The cone around a ray with the given diameter and growth (as a camera gives them for a
+    /// The cone around a ray with the given diameter and spread (a camera provides both for a
     /// pixel). The ray's direction need not be of unit length.
     pub fn around(ray: &Ray, width: f64, spread: f64) -> Self {
         let direction = ray.direction.as_dvec3().normalize_or(DVec3::Z);
         Self { origin: ray.origin.as_dvec3(), direction, width, spread }
     }
 
-    /// The cone from a point to a ball: as a shading point sees a round light.
+    /// The cone from a point to a ball, such as from a shading point to a spherical light.
     pub fn towards_ball(origin: DVec3, center: DVec3, radius: f64) -> Self {
         let to = center - origin;
         let direction = to.normalize_or(DVec3::Z);
@@ -50,14 +50,14 @@ impl Cone {
         }
     }
 
-    /// The diameter at a distance from the origin: what a texture should be filtered over
-    /// (Amanatides 1984).
+    /// The diameter at a distance from the origin: the filter width for a texture (Amanatides
+    /// 1984).
     pub fn width_at(&self, distance: f64) -> f64 {
         self.width + self.spread * distance
     }
 
-    /// Where the cone meets a plane with this unit normal, at this distance: the diameters of the
-    /// ellipse, to first order in the spread. Flat angles are cut off at a stretch of 1000.
+    /// The footprint on a plane with this unit normal, at this distance: the diameters of the
+    /// ellipse, to first order in the spread. At grazing angles the stretch is limited to 1000.
     pub fn footprint(&self, distance: f64, normal: DVec3) -> Footprint {
         let width = self.width_at(distance);
         let across = self
@@ -69,7 +69,7 @@ impl Cone {
         Footprint { major: normal.cross(across) * (width / cosine), minor: across * width }
     }
 
-    /// The view in which its inside is the unit disk, and the depth of its origin there.
+    /// The view in which its interior is the unit disk, and the depth of its origin there.
     fn view(&self) -> Option<(View, f64)> {
         let (right, up) = self.direction.any_orthonormal_pair();
         if self.spread > 0.0 {
@@ -85,62 +85,62 @@ impl Cone {
     }
 }
 
-/// Something that a cone meets.
+/// A primitive in a cone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConeHit {
-    /// What it is.
+    /// The primitive.
     pub primitive: PrimitiveId,
-    /// The share of the cross-section that it covers and nothing before it does, from 0 to 1.
+    /// The share of the cross-section that it covers and no nearer primitive does, from 0 to 1.
     pub coverage: f64,
-    /// The share that it and all before it cover.
+    /// The share that it and all nearer ones cover.
     pub opacity: f64,
     /// Distance along the axis of its nearest visible piece.
     pub distance: f64,
 }
 
-/// All that a cone meets.
+/// All primitives in a cone.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ConeHits {
-    /// From near to far.
+    /// The hits from near to far.
     pub hits: Vec<ConeHit>,
 }
 
 impl ConeHits {
-    /// The share of the cross-section that anything covers.
+    /// The covered share of the cross-section.
     pub fn opacity(&self) -> f64 {
         self.hits.last().map_or(0.0, |hit| hit.opacity)
     }
 
-    /// What covers the largest share, if anything does.
+    /// The primitive that covers the largest share, if any.
     pub fn largest(&self) -> Option<&ConeHit> {
         self.hits.iter().max_by(|a, b| a.coverage.total_cmp(&b.coverage))
     }
 }
 
-/// Traces cones through a world. One for each thread.
+/// Traces cones through a world. Each thread needs its own.
 #[derive(Debug)]
 pub struct ConeTracer<'w> {
     walk: Walk<'w>,
 }
 
-/// The region of a cone is not divided more often than this.
+/// Maximum number of divisions of a cone's region.
 const MOST_DIVISIONS: u32 = 16;
 
 impl<'w> ConeTracer<'w> {
-    /// For a world of triangles with a bounding volume hierarchy.
+    /// A tracer for a world of triangles with a bounding volume hierarchy.
     pub fn new(world: &'w World) -> Result<Self, CoherenceError> {
         Ok(Self { walk: Walk::new(world)? })
     }
 
-    /// What was done so far.
+    /// The work done so far.
     pub fn work(&self) -> RegionWork {
         self.walk.work
     }
 
-    /// What the cone meets between two distances along its axis, each with the share of the
-    /// cross-section that it covers. Shares are areas of parts of triangles in the unit disk, seen
-    /// from the apex of the cone, each hidden exactly by what is nearer. A cone without inside (or
-    /// not finite) meets nothing.
+    /// Finds the primitives in a cone between two distances along its axis, each with the share of
+    /// the cross-section that it covers. Shares are areas of parts of triangles in the unit disk,
+    /// as seen from the apex of the cone; each is hidden exactly by nearer ones. A cone without
+    /// interior (or not finite) hits nothing.
     pub fn trace(&mut self, cone: &Cone, [start, end]: [f64; 2]) -> ConeHits {
         let Some((view, before)) = cone.view() else { return ConeHits::default() };
         let floor = if view.apex().is_some() { 1.0 / (before + end) } else { -end };
@@ -186,8 +186,8 @@ impl<'w> ConeTracer<'w> {
         ConeHits { hits }
     }
 
-    /// The share of a round light that a point sees: 1 if all of it. `start` is the distance from
-    /// which on things count.
+    /// The share of a spherical light that is visible from a point. Primitives nearer than the
+    /// distance `start` are ignored.
     pub fn visibility_of_ball(
         &mut self,
         origin: DVec3,

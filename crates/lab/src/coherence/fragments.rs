@@ -1,16 +1,16 @@
-//! What is visible in a region: convex pieces that do not overlap, each with what is seen there.
+//! The visible surfaces of a region: convex pieces that do not overlap, each with its triangle.
 
 use super::polygon::{Affine, ConvexPolygon, Cut};
 use super::view::{Facet, Window};
 use snell_math::DVec2;
 
-/// Which triangle: the frame ([`super::walk::Walk`]) of the occurrence of its group, and its number
-/// in the group. In order of ids.
+/// A triangle: the frame ([`super::walk::Walk`]) of its group's occurrence, and its number in the
+/// group. Sorted by ids.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Source {
     pub frame: u32,
     pub triangle: u32,
-    /// Occurrence number of the group: what decides first between equally near triangles.
+    /// Occurrence number of the group: the first criterion between equally near triangles.
     pub instance: u32,
 }
 
@@ -20,7 +20,7 @@ impl Source {
     }
 }
 
-/// A visible piece of a triangle, or of what is behind everything.
+/// A visible piece of a triangle, or of the background.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fragment {
     pub polygon: ConvexPolygon,
@@ -28,7 +28,7 @@ pub(super) struct Fragment {
     pub source: Option<Source>,
     low: DVec2,
     high: DVec2,
-    /// The least nearness on it.
+    /// The minimum nearness on it.
     farthest: f64,
 }
 
@@ -38,7 +38,7 @@ impl Fragment {
         Self { polygon, nearness, source, low, high, farthest: polygon.range(&nearness).0 }
     }
 
-    /// True for a place in it or less than about `tolerance` outside.
+    /// True for a place inside it, or less than about `tolerance` outside.
     pub fn contains(&self, p: DVec2, tolerance: f64) -> bool {
         let is_near = p.cmpge(self.low - tolerance).all() && p.cmple(self.high + tolerance).all();
         is_near && self.polygon.contains(p, tolerance)
@@ -50,20 +50,20 @@ impl Fragment {
     }
 }
 
-/// Differences of nearness that are this small, relative to the nearness, are none.
+/// Nearness values that differ by less, relatively, count as equal.
 const EQUAL: f64 = 1e-12;
 
-/// The pieces of a region. Each triangle that comes in cuts out of them what it hides; triangles
+/// The pieces of a region. Each inserted triangle cuts the part that it hides from them; triangles
 /// may intersect, and may come in any order.
 #[derive(Clone, Debug)]
 pub(super) struct Fragments {
     pub list: Vec<Fragment>,
-    /// Distances in the plane up to this are none.
+    /// Distances in the plane up to this count as zero.
     pub tolerance: f64,
 }
 
 impl Fragments {
-    /// A region with nothing in it.
+    /// An empty region.
     pub fn new(region: &ConvexPolygon, window: &Window, mut list: Vec<Fragment>) -> Self {
         list.clear();
         let size = window.low.abs().max(window.high.abs()).max_element();
@@ -72,13 +72,13 @@ impl Fragments {
         Self { list, tolerance: size * 1e-14 }
     }
 
-    /// The nearness beyond which all is hidden.
+    /// The nearness beyond which everything is hidden.
     pub fn farthest(&self) -> f64 {
         self.list.iter().map(|f| f.farthest).fold(f64::INFINITY, f64::min)
     }
 
-    /// Puts a facet where it is nearer than what was there. True if it is within the region, seen
-    /// or not.
+    /// Inserts a facet where it is nearer than the present pieces. True if it overlaps the region,
+    /// visible or not.
     pub fn insert(&mut self, facet: &Facet, source: Source) -> bool {
         let new = Fragment::new(facet.polygon, facet.nearness, Some(source));
         let nearest = new.polygon.range(&new.nearness).1;
@@ -100,7 +100,7 @@ impl Fragments {
             if new.low.cmpge(old.high).any() || new.high.cmple(old.low).any() {
                 continue;
             }
-            // Most are hidden, or beside it: no need to cut.
+            // Most facets are hidden or beside the piece: no need to cut.
             let beside = |edge: &Affine| {
                 old.polygon.vertices().iter().all(|p| edge.at(*p) <= self.tolerance)
             };
@@ -125,7 +125,8 @@ impl Fragments {
         touched
     }
 
-    /// Gives `new` the part of a piece where it is nearer; `common` is the part that both cover.
+    /// Assigns to `new` the part of a piece where it is nearer; `common` is the part that both
+    /// cover.
     fn hide(&mut self, index: usize, edges: &[Affine; 3], common: &ConvexPolygon, new: &Fragment) {
         let old = self.list[index];
         let ahead = new.nearness.minus(&old.nearness);

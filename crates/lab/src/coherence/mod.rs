@@ -1,25 +1,25 @@
-//! The coherence lab: beams, pencils and cones, three older ways to trace all rays of a region at
-//! once.
+//! The coherence lab: beams, pencils and cones, three older methods that trace all rays of a region
+//! at once.
 //!
-//! * A *beam* ([`BeamTracer`]) is a pyramid of rays that is cut into the pieces of what is visible
-//!   in it: exact areas, and from them every ray (Heckbert and Hanrahan, Beam Tracing Polygonal
-//!   Objects, SIGGRAPH 1984).
-//! * A *pencil* ([`Pencil`], [`PencilTracer`]) is an axial ray with a matrix that says what its
-//!   neighbours do, as long as they surely meet the same surface (Shinya, Takahashi and Naito,
-//!   Principles and Applications of Pencil Tracing, SIGGRAPH 1987).
-//! * A *cone* ([`Cone`], [`ConeTracer`]) is a ray with a width; what it meets covers a share of it
-//!   (Amanatides, Ray Tracing with Cones, SIGGRAPH 1984).
+//! * A *beam* ([`BeamTracer`]) is a pyramid of rays that is cut into the visible pieces of
+//!   surfaces: it yields exact areas, and from them every ray's hit (Heckbert and Hanrahan, Beam
+//!   Tracing Polygonal Objects, SIGGRAPH 1984).
+//! * A *pencil* ([`Pencil`], [`PencilTracer`]) is an axial ray with a matrix that describes
+//!   neighbouring rays, as long as they certainly hit the same surface (Shinya, Takahashi and
+//!   Naito, Principles and Applications of Pencil Tracing, SIGGRAPH 1987).
+//! * A *cone* ([`Cone`], [`ConeTracer`]) is a ray with a width; each primitive in it covers a share
+//!   of its cross-section (Amanatides, Ray Tracing with Cones, SIGGRAPH 1984).
 //!
-//! All three know a [`View`], in which rays are points and triangles are triangles, walk the 8-wide
-//! tree with the four planes around a region of it, and see triangles only, with every mask and
-//! without a filter. They are here to be compared with rays (`snell bench coherence`), and for what
-//! rays cannot do: exact coverage, and footprints. The renderer traces rays, which are faster.
+//! All three use a [`View`], in which rays are points and triangles are triangles, traverse the
+//! 8-wide tree with the four planes around a region of it, and support triangles only, with every
+//! mask and without a filter. They exist for comparison with rays (`snell bench coherence`), and
+//! for results that rays cannot give: exact coverage, and footprints. The renderer traces rays,
+//! which are faster.
 //!
 //! Differences from the papers: beams here are cut by a quadtree of regions and a bounding volume
 //! hierarchy instead of one sorted list of polygons, and triangles may intersect; pencils start
-//! from triangles instead of smooth patches, so that the tolerance is about the planes of
-//! triangles; cones do not guess how coverages of triangles combine but cut them exactly, like
-//! beams.
+//! from triangles instead of smooth patches, so the tolerance concerns the planes of triangles;
+//! cones do not estimate how the coverages of triangles combine but cut them exactly, like beams.
 
 mod beam;
 mod cone;
@@ -41,7 +41,7 @@ pub use polygon::ConvexPolygon;
 pub use view::View;
 pub use walk::RegionWork;
 
-/// Which triangle of a world: as in [`snell_intersect::Hit`].
+/// A triangle of a world: ids as in [`snell_intersect::Hit`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct PrimitiveId {
     /// See [`snell_intersect::Hit::instance`].
@@ -61,13 +61,13 @@ impl From<[u32; 3]> for PrimitiveId {
 /// Why regions of a world cannot be traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CoherenceError {
-    /// Built with another structure.
+    /// The world has another acceleration structure.
     #[error(
         "beams, pencils and cones walk the bounding volume hierarchy only; build the world with \
             the accelerator bvh"
     )]
     NotBvh,
-    /// Something is not a triangle, or moves.
+    /// There is geometry other than triangles, or it moves.
     #[error(
         "beams, pencils and cones see triangles that do not move, and nothing else; take a scene \
             of meshes"

@@ -1,12 +1,12 @@
-//! Pencils: a ray, and a matrix that says what its neighbours do.
+//! Pencils: a ray, and a matrix that describes its neighbours.
 
 use snell_math::glam::{DMat2, DMat4};
 use snell_math::{DMat3, DRay, DVec2, DVec3, DVec4};
 
-/// An axial ray on its way through mirrors and glass, with the 4 by 4 *system matrix* of its
-/// paraxial rays (Shinya, Takahashi and Naito 1987, section 3): how far they are beside the axis
-/// and how they slope now, to first order, given how they were at the start. (What Igehy, Tracing
-/// Ray Differentials, SIGGRAPH 1999, keeps for two of the four directions.)
+/// An axial ray on its path through mirrors and glass, with the 4 by 4 *system matrix* of its
+/// paraxial rays (Shinya, Takahashi and Naito 1987, section 3): it maps their offsets from the axis
+/// and their slopes at the start to those at the current point, to first order. (Igehy, Tracing Ray
+/// Differentials, SIGGRAPH 1999, keeps the same for two of the four dimensions.)
 ///
 /// A paraxial ray is `(x, y, slope of x, slope of y)` in the axes `right` and `up`, which are
 /// perpendicular to the axis.
@@ -24,7 +24,7 @@ pub struct Pencil {
 pub struct CurvedSurface {
     /// Unit normal, on either side.
     pub normal: DVec3,
-    /// How the normal changes with the point on the surface: 0 for a plane.
+    /// The derivative of the normal by the point on the surface: 0 for a plane.
     pub curvature: DMat3,
 }
 
@@ -40,14 +40,15 @@ impl CurvedSurface {
         Self { normal, curvature: (DMat3::IDENTITY - along) * (1.0 / radius) }
     }
 
-    /// A triangle with a normal at each corner, where the normal is interpolated with the
-    /// barycentrics `[b1, b2]`. `None` if it is degenerate.
+    /// A triangle with a normal at each corner, at the barycentrics `[b1, b2]`, by which the normal
+    /// is interpolated. `None` if it is degenerate.
     pub fn triangle(corners: [DVec3; 3], normals: [DVec3; 3], [b1, b2]: [f64; 2]) -> Option<Self> {
         let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
         let sum = normals[0] * (1.0 - b1 - b2) + normals[1] * b1 + normals[2] * b2;
         let normal = sum.try_normalize()?;
         let gradients = barycentric_gradients(e1, e2)?;
-        // Derivatives of the interpolated vector by the barycentrics, without their part along it.
+        // Derivatives of the interpolated vector by the barycentrics, without their component along
+        // it.
         let by = |k: usize| {
             let d = normals[k + 1] - normals[0];
             (d - normal * normal.dot(d)) / sum.length()
@@ -57,7 +58,7 @@ impl CurvedSurface {
     }
 }
 
-/// How the barycentrics `b1` and `b2` grow along the plane of a triangle with these edges.
+/// The gradients of the barycentrics `b1` and `b2` in the plane of a triangle with these edges.
 pub(super) fn barycentric_gradients(e1: DVec3, e2: DVec3) -> Option<[DVec3; 2]> {
     let metric =
         DMat2::from_cols(DVec2::new(e1.dot(e1), e1.dot(e2)), DVec2::new(e1.dot(e2), e2.dot(e2)));
@@ -77,7 +78,7 @@ impl Pencil {
         Self { origin, direction, right, up, system: DMat4::IDENTITY }
     }
 
-    /// Where the axis is now.
+    /// The current point on the axis.
     pub fn origin(&self) -> DVec3 {
         self.origin
     }
@@ -87,12 +88,13 @@ impl Pencil {
         self.direction
     }
 
-    /// The system matrix: from paraxial rays at the start to those here.
+    /// The system matrix: from paraxial rays at the start to those at the current point.
     pub fn system(&self) -> DMat4 {
         self.system
     }
 
-    /// The ray of this direction from the same origin, as a paraxial ray; `None` if it goes back.
+    /// The ray with this direction from the same origin, as a paraxial ray; `None` if it points
+    /// backwards.
     pub fn paraxial(&self, direction: DVec3) -> Option<DVec4> {
         let along = direction.dot(self.direction);
         (along > 0.0).then(|| {
@@ -100,13 +102,13 @@ impl Pencil {
         })
     }
 
-    /// The ray that a paraxial ray of the start has become; its direction is 1 along the axis.
+    /// The current ray for a paraxial ray at the start; its direction is 1 along the axis.
     pub fn ray(&self, start: DVec4) -> DRay {
         let (offset, slope) = self.now(start);
         DRay::new(self.origin + offset, self.direction + slope)
     }
 
-    /// Goes on along the axis. (Exact, also for rays far from it.)
+    /// Moves along the axis. (Exact, also for rays far from it.)
     pub fn transfer(&mut self, distance: f64) {
         self.origin += self.direction * distance;
         let step = DMat4::from_cols(
@@ -118,7 +120,8 @@ impl Pencil {
         self.system = step * self.system;
     }
 
-    /// Where on a surface at the origin a paraxial ray of the start arrives, from the origin.
+    /// The offset from the origin at which a paraxial ray of the start hits a surface at the
+    /// origin.
     pub fn offset_on(&self, normal: DVec3, start: DVec4) -> DVec3 {
         self.slid(self.now(start).0, normal)
     }
@@ -132,8 +135,8 @@ impl Pencil {
         });
     }
 
-    /// Refracts at a surface at the origin. `ratio` is the index of refraction before the surface
-    /// by that behind. False, and nothing done, if the axis is totally reflected.
+    /// Refracts at a surface at the origin. `ratio` is the index of refraction in front of the
+    /// surface over that behind. Returns false, and does nothing, if the axis is totally reflected.
     pub fn refract(&mut self, surface: &CurvedSurface, ratio: f64) -> bool {
         let against = if self.direction.dot(surface.normal) > 0.0 { -1.0 } else { 1.0 };
         let surface = CurvedSurface {
@@ -158,8 +161,8 @@ impl Pencil {
         true
     }
 
-    /// Turns the axis at a surface. `change` gives the change of the direction after it, from the
-    /// change before it and that of the normal.
+    /// Turns the axis at a surface. `change` maps the change of the incoming direction and that of
+    /// the normal to the change of the outgoing direction.
     fn turn(
         &mut self,
         surface: &CurvedSurface,
@@ -182,7 +185,7 @@ impl Pencil {
         *self = Self { origin: self.origin, direction, right, up, system: step * self.system };
     }
 
-    /// Offset and slope of a paraxial ray of the start.
+    /// The current offset and slope of a paraxial ray of the start.
     fn now(&self, start: DVec4) -> (DVec3, DVec3) {
         let now = self.system * start;
         (self.across(now.x, now.y), self.across(now.z, now.w))
@@ -198,12 +201,12 @@ impl Pencil {
     }
 }
 
-/// Bound of the distance between where rays from a point meet a plane and where their pencil says,
-/// by how far the plane is along the axis, the greatest slope of a ray, and the tangent of the
-/// angle between the axis and the normal of the plane.
+/// Bounds the distance between the points where rays from a common origin hit a plane and those
+/// that their pencil predicts, from the distance of the plane along the axis, the maximum slope of
+/// a ray, and the tangent of the angle between the axis and the plane's normal.
 ///
-/// With `q` the slope of the ray towards the plane, the ray meets it at `distance / (1 + q)` and
-/// the pencil says `distance (1 - q)`: what is left is of second order.
+/// With `q` the slope of the ray towards the plane, the ray hits it at `distance / (1 + q)` and the
+/// pencil predicts `distance (1 - q)`: the difference is of second order.
 pub(super) fn plane_error(distance: f64, slope: f64, tangent: f64) -> f64 {
     let q = slope * tangent;
     if q >= 0.5 {

@@ -1,4 +1,4 @@
-//! Pencils through a world: regions in which all rays surely meet one triangle, or none.
+//! Traces pencils through a world: regions in which all rays certainly hit one triangle, or none.
 
 use super::CoherenceError;
 use super::fragments::Source;
@@ -11,52 +11,52 @@ use snell_intersect::Hit;
 use snell_intersect::World;
 use snell_math::{DVec3, Ray, Vec2};
 
-/// A pencil that may meet more triangles than this is divided.
+/// A pencil that may hit more triangles is divided.
 const MOST_TRIANGLES: usize = 6;
 
-/// So few rays are traced one by one when their pencil would have to be divided.
+/// If a pencil has to be divided, rays up to this number are traced one by one instead.
 const FEW_RAYS: usize = 4;
 
-/// A pencil of more rays than this is divided before it is traced.
+/// A pencil with more rays is divided before it is traced.
 const MANY_RAYS: usize = 64;
 
-/// Traces pencils through a world. One for each thread.
+/// Traces pencils through a world. Each thread needs its own.
 #[derive(Debug)]
 pub struct PencilTracer<'w> {
     walk: Walk<'w>,
     tolerance: f64,
-    /// Rays that were answered by the matrix of a pencil.
+    /// Number of rays that the matrix of a pencil answered.
     linear: u64,
 }
 
-/// What a pencil surely meets.
+/// What a pencil certainly hits.
 enum Sure {
     Nothing,
     Triangle(Source),
 }
 
 impl<'w> PencilTracer<'w> {
-    /// For a world of triangles with a bounding volume hierarchy. Points that pencils find may be
-    /// off by `tolerance`, relative to the distance.
+    /// A tracer for a world of triangles with a bounding volume hierarchy. Hit points of pencils
+    /// may have an error of `tolerance`, relative to the distance.
     pub fn new(world: &'w World, tolerance: f64) -> Result<Self, CoherenceError> {
         Ok(Self { walk: Walk::new(world)?, tolerance, linear: 0 })
     }
 
-    /// What was done so far.
+    /// The work done so far.
     pub fn work(&self) -> RegionWork {
         self.walk.work
     }
 
-    /// How many rays were answered by the matrix of a pencil, or because theirs met nothing; all
-    /// others were traced.
+    /// The number of rays that were answered by the matrix of a pencil, or because their pencil
+    /// hits nothing; all others were traced.
     pub fn linear_rays(&self) -> u64 {
         self.linear
     }
 
-    /// The nearest hit of each ray. Where a pencil surely meets one triangle, its axial ray is hit
-    /// exactly and the others are where the pencil says, within the tolerance; where it surely
-    /// meets nothing they miss; the rest is traced one by one, also rays that do not come from the
-    /// apex of the view.
+    /// The closest hit of each ray. If a pencil certainly hits one triangle, its axial ray is exact
+    /// and the others follow from the matrix, within the tolerance; if it certainly hits nothing,
+    /// they miss. The rest is traced one by one, including rays that do not start at the apex of
+    /// the view.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -79,9 +79,9 @@ impl<'w> PencilTracer<'w> {
         others.into_iter().for_each(|i| hits[i] = self.walk.closest(&rays[i]));
     }
 
-    /// For rays that end at a point (at their `t_max`), whether anything lies in their interval: by
-    /// pencils from there that surely meet nothing, or surely one triangle. Others are traced one
-    /// by one.
+    /// Tests rays that end at a common point (at their `t_max`) for occlusion within their
+    /// interval, by pencils from that point that certainly hit nothing, or one triangle. Other rays
+    /// are traced one by one.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -107,7 +107,7 @@ impl<'w> PencilTracer<'w> {
         others.into_iter().for_each(|i| blocked[i] = self.walk.occluded(&rays[i]));
     }
 
-    /// Divides queries until each set surely meets the same thing (and `take` agrees), or is few.
+    /// Divides queries until each set has one certain result (and `take` agrees), or is small.
     fn divide(
         &mut self,
         view: &View,
@@ -142,8 +142,8 @@ impl<'w> PencilTracer<'w> {
         }
     }
 
-    /// What all rays of a window surely meet before anything else, if that is one thing; and where
-    /// walks through parts of it start.
+    /// The single result that all rays of a window certainly share, if there is one; and where
+    /// walks through parts of the window start.
     fn sure(
         &mut self,
         view: &View,
@@ -182,15 +182,15 @@ impl<'w> PencilTracer<'w> {
             let is_before = |(other, of, common): &(Facet, Source, ConvexPolygon)| {
                 of == source || common.range(&facet.nearness.minus(&other.nearness)).0 > 0.0
             };
-            // Nearer than the start of every ray, so that all of them meet it.
+            // In front of the start of every ray, so that all of them hit it.
             let is_ahead = region.range(&facet.nearness).0 > farthest_start;
             covers(facet, &region) && is_ahead && met.iter().all(is_before)
         };
         (met.iter().find(is_first).map(|(_, source, _)| Sure::Triangle(*source)), entries)
     }
 
-    /// Answers rays that all meet one triangle from the axial one. False if the pencil is too wide
-    /// for that.
+    /// Derives the hits of rays that all hit one triangle from the axial one. False if the pencil
+    /// is too wide for that.
     fn follow(
         &mut self,
         source: &Source,
@@ -237,12 +237,12 @@ impl<'w> PencilTracer<'w> {
     }
 }
 
-/// The part of a facet that is in a region.
+/// The overlap of a facet and a region.
 fn overlap(region: &ConvexPolygon, facet: &Facet) -> Option<ConvexPolygon> {
     edges(facet).iter().try_fold(*region, |p, edge| p.clipped(edge, 0.0))
 }
 
-/// True if all of a region is in the facet.
+/// True if the facet covers the whole region.
 fn covers(facet: &Facet, region: &ConvexPolygon) -> bool {
     edges(facet).iter().all(|edge| region.range(edge).0 > 0.0)
 }

@@ -3,21 +3,21 @@
 use snell_math::DVec2;
 use std::f64::consts::PI;
 
-/// Vertices that a polygon may have.
+/// Maximum number of vertices of a polygon.
 const CAPACITY: usize = 12;
 
-/// Polygons with more vertices are halved before they are cut by a facet: three edges and a line of
+/// Polygons with more vertices are halved before a facet cuts them: its three edges and a line of
 /// equal depth add a vertex each.
 const LARGE: usize = CAPACITY - 4;
 
-/// A convex polygon of few vertices, counter-clockwise.
+/// A convex polygon with few vertices, counter-clockwise.
 #[derive(Clone, Copy, Debug)]
 pub struct ConvexPolygon {
     vertices: [DVec2; CAPACITY],
     len: u8,
 }
 
-/// The line on which `normal . p + offset` is 0, or any affine function of the plane.
+/// A line, where `normal . p + offset` is 0, or any affine function of the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Affine {
     pub normal: DVec2,
@@ -33,7 +33,7 @@ impl Affine {
         Self { normal: self.normal - other.normal, offset: self.offset - other.offset }
     }
 
-    /// Distance to the left of the line from `a` to `b`: exactly the opposite number for the line
+    /// Distance to the left of the line from `a` to `b`: the exact negative of that for the line
     /// from `b` to `a`.
     pub fn left_of(a: DVec2, b: DVec2) -> Self {
         let scale = 1.0 / (b - a).length();
@@ -41,14 +41,14 @@ impl Affine {
     }
 }
 
-/// What a line does to a polygon.
-#[expect(clippy::large_enum_variant, reason = "taken apart at once, never stored")]
+/// The position of a polygon relative to a line.
+#[expect(clippy::large_enum_variant, reason = "matched at once, never stored")]
 pub(super) enum Cut {
     /// Nothing is on the negative side.
     Inside,
     /// Nothing is on the positive side.
     Outside,
-    /// The part on the positive side, and the other.
+    /// The parts on the positive and on the negative side.
     Both(ConvexPolygon, ConvexPolygon),
 }
 
@@ -58,7 +58,7 @@ impl ConvexPolygon {
         Self::of(&[low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)])
     }
 
-    /// The triangle of three points, in either order.
+    /// The triangle of three points, in either orientation.
     pub fn triangle(a: DVec2, b: DVec2, c: DVec2) -> Self {
         if (b - a).perp_dot(c - a) < 0.0 { Self::of(&[a, c, b]) } else { Self::of(&[a, b, c]) }
     }
@@ -86,12 +86,12 @@ impl ConvexPolygon {
         self.edges().map(|(a, b)| (a - first).perp_dot(b - first)).sum::<f64>() * 0.5
     }
 
-    /// The area that is in the circle of radius 1 around the origin.
+    /// The area inside the unit circle around the origin.
     pub fn area_in_unit_disk(&self) -> f64 {
         self.edges().map(|(a, b)| signed_area_in_disk(a, b)).sum()
     }
 
-    /// The area that is in the rectangle from one corner to the other.
+    /// The area inside the rectangle from one corner to the other.
     pub fn area_in_rectangle(&self, low: DVec2, high: DVec2) -> f64 {
         if let Some((a, b)) = self.halved() {
             return a.area_in_rectangle(low, high) + b.area_in_rectangle(low, high);
@@ -107,18 +107,18 @@ impl ConvexPolygon {
         inside.map_or(0.0, |polygon| polygon.area())
     }
 
-    /// The least and the greatest corner of the rectangle around it.
+    /// The minimum and maximum corner of its bounding rectangle.
     pub fn extent(&self) -> (DVec2, DVec2) {
         let start = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         self.vertices().iter().fold(start, |(low, high), &p| (low.min(p), high.max(p)))
     }
 
-    /// True if the point is inside or less than about `tolerance` outside.
+    /// True if the point is inside, or less than about `tolerance` outside.
     pub fn contains(&self, p: DVec2, tolerance: f64) -> bool {
         self.edges().all(|(a, b)| (b - a).perp_dot(p - a) >= -tolerance * (b - a).length())
     }
 
-    /// The least and the greatest value of a function.
+    /// The minimum and maximum of a function.
     pub(super) fn range(&self, of: &Affine) -> (f64, f64) {
         let start = (f64::INFINITY, f64::NEG_INFINITY);
         self.vertices()
@@ -166,8 +166,8 @@ impl ConvexPolygon {
         }
     }
 
-    /// Puts the value of each vertex into `values`, 0 up to `tolerance`. Whether any are positive,
-    /// and whether any are negative.
+    /// Writes the function's value at each vertex to `values`, with 0 up to `tolerance`. Returns
+    /// whether any are positive, and whether any are negative.
     fn values(&self, line: &Affine, tolerance: f64, values: &mut [f64; CAPACITY]) -> (bool, bool) {
         let (mut any_in, mut any_out) = (false, false);
         for (value, &p) in values.iter_mut().zip(self.vertices()) {
@@ -179,7 +179,7 @@ impl ConvexPolygon {
         (any_in, any_out)
     }
 
-    /// Hands over the vertices with their values, and between them where an edge crosses 0.
+    /// Visits the vertices with their values, and the zero crossings of edges between them.
     fn walk_around(&self, values: &[f64; CAPACITY], mut each: impl FnMut(DVec2, f64)) {
         let count = usize::from(self.len);
         for i in 0..count {
@@ -209,7 +209,7 @@ impl ConvexPolygon {
         Self::of(&std::array::from_fn::<_, 8, _>(|i| vertex(i as u8)))
     }
 
-    /// Two halves, if there are so many vertices that cutting might not leave room.
+    /// Two halves, if there are so many vertices that a cut might exceed the capacity.
     pub(super) fn halved(&self) -> Option<(Self, Self)> {
         let all = self.vertices();
         if all.len() <= LARGE {
@@ -222,8 +222,8 @@ impl ConvexPolygon {
     }
 }
 
-/// The signed area of what the triangle of the origin, `a` and `b` has in common with the unit
-/// disk: pieces of the edge inside of the circle make triangles, the others sectors.
+/// The signed area that the triangle of the origin, `a` and `b` shares with the unit disk: parts of
+/// the edge inside the circle make triangles, the others sectors.
 fn signed_area_in_disk(a: DVec2, b: DVec2) -> f64 {
     let along = b - a;
     let (qa, qb, qc) = (along.length_squared(), a.dot(along), a.length_squared() - 1.0);

@@ -1,4 +1,4 @@
-//! Rays as points of a view, and how sets of them are divided.
+//! Rays as points of a view, and the division of sets of them.
 
 use super::view::{Facet, View, Window};
 use snell_math::{DVec2, Ray};
@@ -7,13 +7,13 @@ use snell_math::{DVec2, Ray};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Query {
     pub place: DVec2,
-    /// Nothing at a lesser nearness matters to it.
+    /// Surfaces with less nearness do not affect it.
     pub floor: f64,
-    /// Its number in the batch.
+    /// Its index in the batch.
     pub index: usize,
 }
 
-/// The places of rays from the apex of a view, and the numbers of those that have none.
+/// The places of rays from the apex of a view, and the indices of the other rays.
 pub(super) fn from_apex(view: &View, rays: &[Ray]) -> (Vec<Query>, Vec<usize>) {
     let (mut queries, mut others) = (Vec::with_capacity(rays.len()), Vec::new());
     for (index, ray) in rays.iter().enumerate() {
@@ -28,11 +28,11 @@ pub(super) fn from_apex(view: &View, rays: &[Ray]) -> (Vec<Query>, Vec<usize>) {
     (queries, others)
 }
 
-/// Six views around a point, the queries of each, and the numbers of rays that have none.
+/// Six views around a point, the queries of each, and the indices of the other rays.
 pub(super) type Around = ([(View, Vec<Query>); 6], Vec<usize>);
 
-/// The places, around a point, of rays that end there: each in one of six views. Their floors are
-/// where they start.
+/// The places of rays that end at a point, each in one of six views around it. Their floors are the
+/// nearness of their starts.
 pub(super) fn towards_point(point: snell_math::DVec3, rays: &[Ray]) -> Around {
     let mut sides =
         std::array::from_fn(|i| (View::cube_side(point, i / 2, i % 2 == 1), Vec::new()));
@@ -52,8 +52,8 @@ pub(super) fn towards_point(point: snell_math::DVec3, rays: &[Ray]) -> Around {
             &mut sides[2 * axis + usize::from(from[axis] > 0.0)];
         match view.project(start) {
             Some((_, floor)) if is_near => {
-                // All of the ray counts, so its place is that of its start only if it ends at the
-                // very point; the difference is below rounding.
+                // The whole ray counts, so its place is that of its start only if it ends exactly
+                // at the point; the difference is below rounding.
                 let place = view.project(origin).map_or(DVec2::ZERO, |(place, _)| place);
                 queries.push(Query { place, floor, index });
             }
@@ -63,23 +63,23 @@ pub(super) fn towards_point(point: snell_math::DVec3, rays: &[Ray]) -> Around {
     (sides, others)
 }
 
-/// The window around some queries.
+/// The bounding window of some queries.
 pub(super) fn window(queries: &[Query]) -> Window {
     let start = (DVec2::INFINITY, DVec2::NEG_INFINITY, f64::INFINITY);
     let (low, high, floor) = queries.iter().fold(start, |(low, high, floor), q| {
         (low.min(q.place), high.max(q.place), floor.min(q.floor))
     });
-    // A little more, so that no query is on its edge, and that it has an inside.
+    // Slightly enlarged, so that no query is on its edge, and that it has an interior.
     let margin =
         (high - low).max_element() * 1e-6 + low.abs().max(high.abs()).max_element() * 1e-9 + 1e-12;
     Window { low: low - margin, high: high + margin, near: 0.0, floor }
 }
 
-/// True if a facet may be before the start of any of the rays. Those from an apex have no start:
-/// everything may matter to them.
+/// True if a facet may be in front of the start of any of the rays. For rays from an apex every
+/// facet matters.
 pub(super) fn matters(queries: &[Query], facet: &Facet) -> bool {
     let (low, high) = facet.polygon.extent();
-    // Far more than roundings.
+    // Far more than rounding errors.
     let margin =
         (high - low).max_element() * 1e-6 + low.abs().max(high.abs()).max_element() * 1e-12;
     let (near_low, near_high) = (low - margin, high + margin);
@@ -90,8 +90,8 @@ pub(super) fn matters(queries: &[Query], facet: &Facet) -> bool {
     })
 }
 
-/// Divides queries in the middle of their window, across its longer side. `None` if they are all in
-/// one place.
+/// Divides queries in the middle of their window, across its longer side. `None` if they all have
+/// the same place.
 pub(super) fn divide(queries: &mut [Query]) -> Option<(&mut [Query], &mut [Query])> {
     let Window { low, high, .. } = window(queries);
     let (size, middle) = (high - low, (low + high) * 0.5);

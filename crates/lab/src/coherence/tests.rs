@@ -1,4 +1,4 @@
-//! Beams, pencils and cones against rays, and against what is known.
+//! Tests of beams, pencils and cones against rays, and against known results.
 
 use super::*;
 use snell_intersect::AcceleratorKind;
@@ -64,7 +64,7 @@ fn soups() -> Vec<World> {
 
 const EYE: Vec3 = Vec3::new(0.4, 0.6, -1.5);
 
-/// The unit cube, from [`EYE`], as the unit square.
+/// The unit cube, seen from [`EYE`], as the unit square.
 fn view() -> View {
     let corner = DVec3::new(-0.6, 0.6, 1.3);
     View::perspective(EYE.as_dvec3(), corner, DVec3::X * 1.2, DVec3::NEG_Y * 1.2)
@@ -85,7 +85,7 @@ fn closest(world: &World, rays: &[Ray]) -> Vec<Hit> {
     hits
 }
 
-/// Rays from what primary rays hit to a light.
+/// Rays from the hit points of primary rays to a light.
 fn shadow_rays(world: &World, rays: &[Ray], light: Vec3) -> Vec<Ray> {
     let hits = closest(world, rays);
     let of = |(ray, hit): (&Ray, &Hit)| {
@@ -183,7 +183,7 @@ fn rectangle(low: [f32; 2], high: [f32; 2], z: f32) -> TriangleMesh {
 
 #[test]
 fn coverage_of_known_polygons_is_exact() {
-    // A quarter of the picture, of which the nearer one hides a half; another crosses both planes
+    // A quarter of the picture, half of which the nearer one hides; another intersects both planes
     // and is behind.
     let world = world_of(
         vec![
@@ -210,8 +210,8 @@ fn coverage_of_known_polygons_is_exact() {
 
 #[test]
 fn crowds_that_no_division_thins_out_are_seen() {
-    // Sixty times the same triangle, sixty that intersect in a line, and a fan of two hundred
-    // around a point.
+    // Sixty copies of one triangle, sixty that intersect in a line, and a fan of two hundred around
+    // a point.
     let mut mesh = TriangleMesh::default();
     let mut add = |corners: [Vec3; 3]| {
         let first = mesh.positions.len() as u32;
@@ -333,7 +333,7 @@ fn pencils_from_lights_give_the_shadows_of_rays() {
     }
 }
 
-/// A square that fills half of a cone, or what is left of it to the right of `x`.
+/// A square that fills half of a cone, or the rest of it to the right of `x`.
 #[test]
 fn cones_are_covered_by_the_share_of_their_section() {
     let world = world_of(
@@ -454,8 +454,8 @@ fn nothing_is_seen_in_an_empty_world_and_odd_rays_miss() {
     }
 }
 
-/// A ray of doubles reflected or refracted by a ball of radius 1 at the origin, from the plane
-/// where it starts to a plane beyond.
+/// A ray in double precision that is reflected or refracted by a ball of radius 1 at the origin,
+/// from its start plane to a plane beyond.
 fn through_ball(ray: snell_math::DRay, ratio: Option<f64>) -> (DVec3, DVec3) {
     let d = ray.direction.normalize();
     let b = ray.origin.dot(d);
@@ -488,7 +488,7 @@ fn the_system_matrix_follows_rays_to_second_order_through_mirrors_and_glass() {
             Some(ratio) => assert!(pencil.refract(&surface, ratio)),
         }
         pencil.transfer(0.7);
-        // The system keeps areas in phase space, times the ratio of the indices squared.
+        // The system preserves areas in phase space, times the squared ratio of the indices.
         let expected = ratio.map_or(1.0, |r| r * r);
         assert!(
             (pencil.system().determinant() - expected).abs() < 1e-9,
@@ -499,7 +499,7 @@ fn the_system_matrix_follows_rays_to_second_order_through_mirrors_and_glass() {
             let state = snell_math::DVec4::new(0.5, -0.3, 0.7, 0.4) * size;
             let (p, out) = through_ball(start.ray(state), ratio);
             let ray = pencil.ray(state);
-            // Where the real ray crosses the plane across the axis there.
+            // Where the actual ray crosses the plane across the axis there.
             let t = (pencil.origin() - p).dot(pencil.direction()) / out.dot(pencil.direction());
             let slope = out / out.dot(pencil.direction());
             (p + out * t - ray.origin).length() + (slope - ray.direction).length()

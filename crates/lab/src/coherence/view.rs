@@ -1,24 +1,24 @@
-//! How a region of rays becomes a region of a plane.
+//! Maps regions of rays to regions of a plane.
 
 use super::polygon::{Affine, ConvexPolygon};
 use snell_math::{DAffine3, DVec2, DVec3, DVec4};
 
-/// A projection in which rays are points: all rays from one point (*perspective*) or of one
+/// A projection in which rays are points: all rays from one point (*perspective*) or in one
 /// direction (*parallel*).
 ///
-/// A point in the world has a place `(x, y)` and a *nearness*, which is the same affine function of
-/// the place all over a plane, as in a z-buffer: the reciprocal of the depth in a perspective, the
-/// negative of it in a parallel projection.
+/// A point in the world has a place `(x, y)` and a *nearness*, which on every plane is an affine
+/// function of the place, as in a z-buffer: the reciprocal of the depth in a perspective
+/// projection, and the negative depth in a parallel one.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     rows: Rows,
-    /// The point that all rays come from.
+    /// The common origin of all rays.
     apex: Option<DVec3>,
-    /// Per place: directions of rays from the apex, or origins of parallel rays.
+    /// Coefficients of the place: directions of rays from the apex, or origins of parallel rays.
     corner: DVec3,
     across: DVec3,
     down: DVec3,
-    /// Of parallel rays.
+    /// The direction of parallel rays.
     direction: DVec3,
 }
 
@@ -33,8 +33,8 @@ pub(crate) struct Rows {
 }
 
 impl View {
-    /// Rays from `apex`: those of place `(x, y)` have the direction `corner + x across + y down`,
-    /// and their depth counts in units of it. `None` if the three vectors are not independent.
+    /// Rays from `apex`: the ray of place `(x, y)` has the direction `corner + x across + y down`,
+    /// and depth is in units of it. `None` if the three vectors are not independent.
     pub fn perspective(apex: DVec3, corner: DVec3, across: DVec3, down: DVec3) -> Option<Self> {
         let [x, y, depth] = inverse_rows(across, down, corner)?;
         let from = |row: DVec3| row.extend(-row.dot(apex));
@@ -48,8 +48,8 @@ impl View {
         Some(Self { rows, apex: Some(apex), corner, across, down, direction: DVec3::ZERO })
     }
 
-    /// Rays of one direction: those of place `(x, y)` start at `corner + x across + y down`, and
-    /// depth counts in units of `direction`.
+    /// Parallel rays: the ray of place `(x, y)` starts at `corner + x across + y down`, and depth
+    /// is in units of `direction`.
     pub fn parallel(direction: DVec3, corner: DVec3, across: DVec3, down: DVec3) -> Option<Self> {
         let [x, y, depth] = inverse_rows(across, down, direction)?;
         let from = |row: DVec3| row.extend(-row.dot(corner));
@@ -63,14 +63,14 @@ impl View {
         Some(Self { rows, apex: None, corner, across, down, direction })
     }
 
-    /// Rays from `apex` through a triangle, which is seen as the triangle of (0, 0), (1, 0) and (0,
+    /// Rays from `apex` through a triangle, which appears as the triangle of (0, 0), (1, 0) and (0,
     /// 1), at depth 1.
     pub fn through_triangle(apex: DVec3, [a, b, c]: [DVec3; 3]) -> Option<Self> {
         Self::perspective(apex, a - apex, b - a, c - a)
     }
 
-    /// One of six that see everything around a point: along axis 0, 1 or 2, up or down. Each sees
-    /// places from -1 to 1.
+    /// One of six views that cover all directions from a point: along axis 0, 1 or 2, up or down.
+    /// Each covers places from -1 to 1.
     pub fn cube_side(apex: DVec3, axis: usize, up: bool) -> Self {
         let axes = DVec3::AXES;
         let towards = if up { axes[axis] } else { -axes[axis] };
@@ -78,7 +78,7 @@ impl View {
         view.expect("axes are independent")
     }
 
-    /// Where the rays come from; `None` in a parallel projection.
+    /// The common origin of the rays; `None` in a parallel projection.
     pub fn apex(&self) -> Option<DVec3> {
         self.apex
     }
@@ -91,7 +91,7 @@ impl View {
         (depth > 0.0 && place.is_finite()).then(|| (place, self.rows.nearness.dot(p) / depth))
     }
 
-    /// The point in the world of this place and nearness.
+    /// The point in the world for a place and a nearness.
     pub fn point(&self, place: DVec2, nearness: f64) -> DVec3 {
         let at = self.corner + self.across * place.x + self.down * place.y;
         match self.apex {
@@ -100,7 +100,7 @@ impl View {
         }
     }
 
-    /// Direction of the ray of a place, of any length.
+    /// Direction of the ray of a place; its length is arbitrary.
     pub fn direction(&self, place: DVec2) -> DVec3 {
         match self.apex {
             Some(_) => self.corner + self.across * place.x + self.down * place.y,
@@ -108,18 +108,17 @@ impl View {
         }
     }
 
-    /// The place of the rays of this direction from the apex; `None` if the view does not look
-    /// there.
+    /// The place of the rays from the apex in this direction; `None` if the view does not cover it.
     pub fn place_of_direction(&self, direction: DVec3) -> Option<DVec2> {
         self.project(self.apex? + direction).map(|(place, _)| place)
     }
 
-    /// The nearness of what is infinitely far.
+    /// The nearness at infinity.
     pub(super) fn horizon(&self) -> f64 {
         if self.apex.is_some() { 0.0 } else { -1e300 }
     }
 
-    /// The same functions of points in other coordinates.
+    /// The same functions for points in other coordinates.
     pub(super) fn rows_in(&self, world_from_local: &DAffine3) -> Rows {
         let m = world_from_local;
         let row = |r: DVec4| {
@@ -135,33 +134,33 @@ impl View {
     }
 }
 
-/// The rows of the inverse of the matrix of these columns.
+/// The rows of the inverse of the matrix with these columns.
 fn inverse_rows(a: DVec3, b: DVec3, c: DVec3) -> Option<[DVec3; 3]> {
     let scale = 1.0 / a.dot(b.cross(c));
     let rows = [b.cross(c) * scale, c.cross(a) * scale, a.cross(b) * scale];
     rows.iter().all(|r| r.is_finite() && *r != DVec3::ZERO).then_some(rows)
 }
 
-/// A triangle as a view sees it, or a part of it: a triangle in the plane, with its nearness.
+/// A triangle, or a part of it, as a view sees it: a triangle in the plane, with its nearness.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facet {
     pub polygon: ConvexPolygon,
     pub nearness: Affine,
 }
 
-/// A rectangle of places, and depths and nearnesses from which on things count.
+/// A rectangle of places, with a minimum depth and nearness.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Window {
     pub low: DVec2,
     pub high: DVec2,
-    /// Nothing at a lesser depth counts. 0 or more.
+    /// The minimum depth; 0 or more.
     pub near: f64,
-    /// Nothing at a lesser nearness counts.
+    /// The minimum nearness.
     pub floor: f64,
 }
 
 impl Window {
-    /// Functions of points; where any is negative there is nothing of interest.
+    /// Functions of points; where any is negative the point is outside.
     pub fn sides(&self, rows: &Rows) -> [DVec4; 6] {
         [
             rows.x - rows.depth * self.low.x,
@@ -173,12 +172,12 @@ impl Window {
         ]
     }
 
-    /// How far beyond the near plane.
+    /// The distance beyond the near plane.
     fn beyond(&self, rows: &Rows) -> DVec4 {
         (if rows.is_parallel { -rows.nearness } else { rows.depth }) - DVec4::W * self.near
     }
 
-    /// Hands over what is seen of a triangle: one facet, or several if it crosses the near plane.
+    /// Reports the visible part of a triangle: one facet, or several if it crosses the near plane.
     pub fn facets(&self, rows: &Rows, corners: &[DVec3; 3], mut each: impl FnMut(Facet)) {
         let points = corners.map(|p| p.extend(1.0));
         // x, y, nearness (each times depth), depth.
@@ -215,8 +214,8 @@ impl Window {
         }
     }
 
-    /// The part of a triangle that is in the window, before the division by depth (Blinn and
-    /// Newell, Clipping Using Homogeneous Coordinates, SIGGRAPH 1978).
+    /// Clips a triangle to the window, before the division by depth (Blinn and Newell, Clipping
+    /// Using Homogeneous Coordinates, SIGGRAPH 1978).
     fn clipped(&self, h: &[DVec4; 3], beyond: &dyn Fn(&DVec4) -> f64) -> Vec<DVec4> {
         let sides: [&dyn Fn(&DVec4) -> f64; 5] = [
             beyond,
@@ -244,8 +243,8 @@ impl Window {
     }
 }
 
-/// Nearness on the plane through three projected points, as a function of the place; `None` if it
-/// is seen edge-on.
+/// Nearness on the plane through three projected points, as a function of the place; `None` if the
+/// plane is seen edge-on.
 fn plane(h: &[DVec4; 3]) -> Option<Affine> {
     let (u, v, w) = (h[0], h[1] - h[0], h[2] - h[0]);
     let minor = |pick: fn(DVec4) -> DVec3| pick(u).dot(pick(v).cross(pick(w)));
@@ -301,7 +300,7 @@ mod tests {
     fn a_triangle_behind_and_before_the_apex_is_clipped() {
         let view = View::cube_side(DVec3::ZERO, 2, true);
         let window = Window { low: DVec2::splat(-1.0), high: DVec2::ONE, near: 0.0, floor: 0.0 };
-        // The plane y = -1/2 from far behind to far ahead: seen below the horizon.
+        // The plane y = -1/2 from far behind to far ahead is visible below the horizon.
         let corners =
             [DVec3::new(-1e4, -0.5, -1e4), DVec3::new(1e4, -0.5, -1e4), DVec3::new(0.0, -0.5, 1e6)];
         let mut area = 0.0;

@@ -1,5 +1,5 @@
-//! The walk of a window of rays through the tree: nearest boxes first, and all triangles of the
-//! window handed over.
+//! Traverses the tree with a window of rays: nearest boxes first, reporting all triangles in the
+//! window.
 
 use super::CoherenceError;
 use super::fragments::{Fragment, Fragments, Source};
@@ -11,27 +11,27 @@ use snell_math::{Bounds3, DAffine3, DRay, DVec3, DVec4, Ray};
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap};
 
-/// What tracing regions cost.
+/// The cost of tracing regions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RegionWork {
-    /// Regions that were gone through, those that had to be divided included.
+    /// Number of regions, including those that had to be divided.
     pub regions: u64,
     /// Nodes of the tree whose eight boxes were tested.
     pub nodes: u64,
     /// Triangles projected.
     pub triangles: u64,
-    /// Rays that were traced one by one after all.
+    /// Rays that fell back to tracing one by one.
     pub rays: u64,
-    /// Rays that were tested with one triangle, which the region is known to see there.
+    /// Rays that were tested with the one triangle that the region is known to see there.
     pub confirmed: u64,
 }
 
-/// An occurrence of a group on the way of a walk.
+/// An occurrence of a group in a walk.
 #[derive(Clone, Debug)]
 struct Frame {
     group: usize,
     instance: u32,
-    /// The frame that holds it, and the map from there; none for the root.
+    /// The enclosing frame, and the transform from it; `None` for the root.
     outer: Option<(u32, DAffine3)>,
     world_from_group: DAffine3,
     is_root: bool,
@@ -47,7 +47,7 @@ pub(super) struct Entry {
     frame: u32,
 }
 
-/// An entry in the order of a walk.
+/// An entry in traversal order.
 #[derive(Clone, Copy, Debug)]
 struct Next {
     nearest: f32,
@@ -74,26 +74,25 @@ impl Ord for Next {
     }
 }
 
-/// What a region turned out to be.
+/// The result for a region.
 pub(super) enum Outcome {
-    /// All that is visible in it.
+    /// Everything visible in it.
     Seen(Fragments),
-    /// It has more pieces than were allowed; what is in it, as the start of walks through parts of
-    /// it.
+    /// It has more pieces than allowed; its contents, as the start of walks through parts of it.
     Crowded(Vec<Entry>),
 }
 
-/// Walks through a world of triangles. One for each thread.
+/// Walks through a world of triangles. Each thread needs its own.
 #[derive(Debug)]
 pub(super) struct Walk<'w> {
     pub world: &'w World,
     tree: TreeView<'w>,
     frames: Vec<Frame>,
-    /// The frame of each occurrence that was met.
+    /// The frame of each visited occurrence.
     frame_of: HashMap<u32, u32>,
     pub work: RegionWork,
     heap: BinaryHeap<Next>,
-    /// Memory of lists that are no longer used.
+    /// Memory of unused lists, for reuse.
     spare: Vec<Vec<Fragment>>,
 }
 
@@ -125,15 +124,15 @@ impl<'w> Walk<'w> {
         })
     }
 
-    /// Where walks start: the whole world.
+    /// The entries where walks start: the whole world.
     pub fn start(&self) -> Vec<Entry> {
         let entry = |child| Entry { bounds: Bounds3::INFINITE, child, frame: 0 };
         self.tree.root(0).map(entry).into_iter().collect()
     }
 
-    /// Finds all that is visible in a region of a window, unless that is more than so many pieces.
-    /// (What is hidden does not count: dividing the region would not help.) Facets that do not
-    /// matter are left out.
+    /// Finds everything visible in a region of a window, up to a maximum number of pieces. (Hidden
+    /// ones do not count: dividing the region would not help.) Facets that do not matter are
+    /// skipped.
     pub fn see(
         &mut self,
         view: &View,
@@ -164,14 +163,14 @@ impl<'w> Walk<'w> {
         Outcome::Crowded(done)
     }
 
-    /// Takes memory back.
+    /// Reclaims memory.
     pub fn recycle(&mut self, fragments: Fragments) {
         self.spare.push(fragments.list);
     }
 
     /// Visits the leaves that may be in the window, nearest first. `take` gets those with facets in
-    /// it, and answers which nearness is of interest from then on (infinite: none). Returns what
-    /// was not visited.
+    /// it, and returns the minimum nearness of interest from then on (infinite: none). Returns the
+    /// entries that were not visited.
     pub fn visit(
         &mut self,
         view: &View,
@@ -242,7 +241,7 @@ impl<'w> Walk<'w> {
         left
     }
 
-    /// Makes the window known in the coordinates of a frame.
+    /// Transforms the window to the coordinates of a frame.
     fn look(
         &self,
         view: &View,
@@ -257,7 +256,7 @@ impl<'w> Walk<'w> {
         }
     }
 
-    /// The root of the tree of an instance; `None` if it is empty or flattened.
+    /// The root of an instance's tree; `None` if it is empty or flattened.
     fn enter(&mut self, frame: u32, object: u32) -> Option<Entry> {
         let outer = &self.frames[frame as usize];
         let placed = self.tree.instance(outer.group, object)?;
@@ -307,14 +306,14 @@ impl<'w> Walk<'w> {
         }
     }
 
-    /// Tests a ray with one triangle, by the rule that decides in every structure.
+    /// Tests a ray with one triangle, by the test common to all structures.
     pub fn confirm(&mut self, ray: &Ray, source: &Source) -> Option<Hit> {
         self.work.confirmed += 1;
         let local = self.ray_in(source.frame, ray)?;
         self.tree.test_triangle(ray, &local, &self.local_corners(source), self.ids(source))
     }
 
-    /// A ray of the world as the instances map it, one after the other.
+    /// A ray of the world transformed into a frame, through one instance after the other.
     fn ray_in(&self, frame: u32, ray: &Ray) -> Option<DRay> {
         match &self.frames[frame as usize].outer {
             None => Some(DRay::from(ray)),
@@ -322,7 +321,7 @@ impl<'w> Walk<'w> {
                 let ray = self.ray_in(*outer, ray)?;
                 let (origin, direction) =
                     (map.transform_point3(ray.origin), map.transform_vector3(ray.direction));
-                // What overflows on the way hits nothing.
+                // A ray that overflows on the way hits nothing.
                 (origin.is_finite() && direction.is_finite()).then_some(DRay {
                     origin,
                     direction,
@@ -332,13 +331,13 @@ impl<'w> Walk<'w> {
         }
     }
 
-    /// Traces one ray as always.
+    /// Traces one ray by the normal traversal.
     pub fn closest(&mut self, ray: &Ray) -> Hit {
         self.work.rays += 1;
         self.world.closest_one(ray, &AcceptAll)
     }
 
-    /// Whether one ray is occluded, as always.
+    /// Tests one ray for occlusion by the normal traversal.
     pub fn occluded(&mut self, ray: &Ray) -> bool {
         self.work.rays += 1;
         self.world.occluded_one(ray, &AcceptAll)
@@ -348,7 +347,7 @@ impl<'w> Walk<'w> {
 /// The largest absolute coordinates in a group.
 fn extent(tree: &TreeView, group: usize) -> DVec3 {
     let Some(TreeChild::Node(root)) = tree.root(group) else {
-        // A single leaf: its triangles are always looked at.
+        // A single leaf: its triangles are always tested.
         return DVec3::INFINITY;
     };
     let node = tree.node(group, root);
@@ -368,7 +367,7 @@ struct Sight {
 #[derive(Clone, Copy)]
 struct Side {
     normal: [f32; 3],
-    /// Grown by all that rounding may do.
+    /// The offset, enlarged by a bound on rounding errors.
     offset: f32,
 }
 
@@ -381,7 +380,7 @@ impl Side {
         Self { normal: normal.as_vec3().to_array(), offset: (offset + margin) as f32 }
     }
 
-    /// The greatest value in a box; NaN where it is not known.
+    /// The maximum in a box; NaN if unknown.
     fn greatest(&self, b: &Bounds3) -> f32 {
         let (low, high) = (b.min.to_array(), b.max.to_array());
         (0..3).fold(self.offset, |sum, axis| {
@@ -390,7 +389,7 @@ impl Side {
         })
     }
 
-    /// The greatest value in each box of a node.
+    /// The maximum in each box of a node.
     #[inline(always)]
     fn greatest_of(&self, node: &TreeNode) -> [f32; 8] {
         let mut sums = [self.offset; 8];
@@ -412,24 +411,24 @@ impl Sight {
             rows,
             sides: window.sides(&rows).map(|row| Side::new(row, frame.extent)),
             nearness: Side::new(rows.nearness, frame.extent),
-            // The least depth is the greatest of its negative, negated.
+            // The minimum depth is the negated maximum of its negative.
             depth: Side::new(-rows.depth, frame.extent),
         }
     }
 
-    /// At least how near anything in the box may be; `None` if it is outside of the window.
+    /// A bound on the nearness of anything in the box; `None` if the box is outside of the window.
     fn nearest(&self, b: &Bounds3) -> Option<f32> {
         let outside = self.sides.iter().any(|side| side.greatest(b) < 0.0);
         (!outside).then(|| nearest(self.nearness.greatest(b), -self.depth.greatest(b)))
     }
 
-    /// Which boxes may be in the window, and how near they may be.
+    /// Which boxes may be in the window, and bounds on their nearness.
     fn boxes(&self, node: &TreeNode) -> (u32, [f32; 8]) {
         let mut inside = [true; 8];
         for side in &self.sides {
             let greatest = side.greatest_of(node);
             for (inside, value) in inside.iter_mut().zip(greatest) {
-                // What is not a number is not outside.
+                // NaN does not count as outside.
                 *inside &= value >= 0.0 || value.is_nan();
             }
         }
@@ -442,7 +441,7 @@ impl Sight {
     }
 }
 
-/// The greatest quotient of what is at most `nearness` and a depth of at least `depth`.
+/// The maximum quotient of a value of at most `nearness` and a depth of at least `depth`.
 fn nearest(nearness: f32, depth: f32) -> f32 {
     let quotient = if nearness < 0.0 {
         // Parallel rays: the depth is 1.

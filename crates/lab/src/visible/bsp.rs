@@ -1,16 +1,17 @@
-//! Priority by a tree of planes: once for the scene, then for any eye (Schumacker, Brand, Gilliland
-//! and Sharp, Study for Applying Computer-Generated Images to Visual Simulation, 1969; Fuchs, Kedem
-//! and Naylor, On Visible Surface Generation by A Priori Tree Structures, SIGGRAPH 1980).
+//! Priority by a tree of planes, built once for the scene and used for any eye (Schumacker, Brand,
+//! Gilliland and Sharp, Study for Applying Computer-Generated Images to Visual Simulation, 1969;
+//! Fuchs, Kedem and Naylor, On Visible Surface Generation by A Priori Tree Structures, SIGGRAPH
+//! 1980).
 //!
 //! Each node divides space by the plane of a polygon, which stays there with all others on the
-//! plane; polygons across it are cut. What is on the far side of the plane, as the eye sees it, can
-//! never hide what is on the plane, nor that what is on the near side. So a walk through the tree,
-//! far side first, gives an order to paint in, or near side first, to fill only what is still empty
-//! (Gordon and Chen, Front-to-Back Display of BSP Trees, IEEE Computer Graphics and Applications
-//! 1991).
+//! plane; polygons across it are cut. As seen from the eye, polygons on the far side of the plane
+//! can never hide those on the plane, nor can those hide polygons on the near side. So a traversal
+//! of the tree, far side first, gives a painting order; near side first, it allows filling only
+//! empty pixels (Gordon and Chen, Front-to-Back Display of BSP Trees, IEEE Computer Graphics and
+//! Applications 1991).
 //!
-//! Planes of polygons alone divide convex meshes badly, so large sets may also be divided by planes
-//! across an axis that hold no polygon, as Schumacker did between clusters of polygons.
+//! Planes of polygons alone divide convex meshes badly, so large sets may also be divided by
+//! axis-aligned planes without polygons, as Schumacker did between clusters of polygons.
 
 use super::canvas::{Canvas, Seen};
 use super::facet::{Facet, Nearness};
@@ -20,20 +21,21 @@ use super::{NOTHING, Screen, VisibleError};
 use snell_math::plane::{Plane, Side};
 use snell_math::{DVec2, DVec3, rng};
 
-/// Distances below this, relative to the coordinates of plane and polygon, are none.
+/// Distances below this, relative to the coordinates of plane and polygon, count as zero.
 const TOLERANCE: f64 = 1e-12;
 
-/// Polygons whose planes are tried, and polygons on which planes are tried.
+/// Number of polygons whose planes are tried, and of polygons on which planes are tried.
 const CANDIDATES: usize = 6;
 const SAMPLE: usize = 48;
 
-/// Sets larger than this may be divided across an axis.
+/// Larger sets may be divided across an axis.
 const LARGE: usize = 32;
 
-/// What a cut costs, in polygons that one side has more than the other.
+/// The cost of a cut, in units of polygons that one side has more than the other.
 const CUT_COST: f64 = 6.0;
 
-/// A tree may have this many parts for each triangle and this many besides, and this many in all.
+/// The maximum number of parts of a tree: this many per triangle, this many in addition, and this
+/// many in total.
 const MOST_PARTS: [u64; 3] = [40, 2_000_000, 16_000_000];
 
 /// No child.
@@ -43,7 +45,7 @@ const EMPTY: u32 = u32::MAX;
 #[derive(Clone, Debug)]
 struct Part {
     triangle: u32,
-    /// The last of its cuts.
+    /// Its last cut.
     cuts: u32,
     polygon: Vec<DVec3>,
 }
@@ -51,11 +53,11 @@ struct Part {
 #[derive(Debug)]
 struct Node {
     plane: Plane,
-    /// The triangle whose plane it is; [`NOTHING`] for one across an axis.
+    /// The triangle that defines the plane; [`NOTHING`] for one across an axis.
     triangle: u32,
-    /// Parts on the plane: first and end in [`Tree::on`], by ascending numbers of their triangles.
+    /// Parts on the plane: first and end in [`Tree::on`], in ascending order of their triangles.
     on: [u32; 2],
-    /// Behind and before the plane.
+    /// The subtrees behind and in front of the plane.
     children: [u32; 2],
 }
 
@@ -65,7 +67,7 @@ pub struct Tree {
     nodes: Vec<Node>,
     /// Triangle and last cut of each part.
     on: Vec<(u32, u32)>,
-    /// By the plane of a node; the side is `true` for what is before it.
+    /// Cuts by the plane of a node; the side is `true` in front of it.
     cuts: Vec<CutNode<u32>>,
     /// The origin of planes.
     centre: DVec3,
@@ -73,7 +75,7 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// Builds the tree of all triangles of the world, seen or not.
+    /// Builds the tree of all triangles of the world, visible or not.
     pub(super) fn build(screen: &Screen) -> Result<Self, VisibleError> {
         let centre = centre(&screen.triangles);
         let mut tree =
@@ -82,7 +84,7 @@ impl Tree {
             let polygon = t.corners.map(|c| c - centre).to_vec();
             Part { triangle: i as u32, cuts: WHOLE, polygon }
         };
-        // What has no plane is not seen from anywhere.
+        // Triangles without a plane are never visible.
         let parts: Vec<Part> = screen
             .triangles
             .iter()
@@ -91,7 +93,7 @@ impl Tree {
             .filter(|p| plane_of(&p.polygon).is_some())
             .collect();
         let most = (MOST_PARTS[0] * parts.len() as u64 + MOST_PARTS[1]).min(MOST_PARTS[2]);
-        // Sets that are still to be divided, where the node goes, and how deep.
+        // The sets still to be divided, where the node goes, and its depth.
         let mut todo = vec![(parts, None::<(usize, usize)>, 1)];
         while let Some((set, place, depth)) = todo.pop() {
             if set.is_empty() {
@@ -115,7 +117,7 @@ impl Tree {
         Ok(tree)
     }
 
-    /// Makes a node, and the sets behind and before its plane.
+    /// Makes a node, and returns the sets behind and in front of its plane.
     fn divide(&mut self, screen: &Screen, set: Vec<Part>) -> [Vec<Part>; 2] {
         let (plane, chosen) = choose(screen, self.centre, &set);
         let node = self.nodes.len() as u32;
@@ -124,7 +126,7 @@ impl Tree {
         for (i, part) in set.into_iter().enumerate() {
             let side = if chosen == Some(i) { Side::On } else { plane.side(&part.polygon) };
             match side {
-                // A plane across an axis has no place for polygons.
+                // A plane across an axis holds no polygons.
                 Side::On if chosen.is_some() => on.push((part.triangle, part.cuts)),
                 Side::On | Side::Front => sides[1].push(part),
                 Side::Back => sides[0].push(part),
@@ -153,7 +155,7 @@ impl Tree {
         sides
     }
 
-    /// Nodes, parts of polygons, cuts, and depth.
+    /// Numbers of nodes, parts and cuts, and the depth.
     pub fn statistics(&self) -> [u64; 4] {
         [
             self.nodes.len() as u64,
@@ -163,13 +165,13 @@ impl Tree {
         ]
     }
 
-    /// Bytes.
+    /// Size in bytes.
     pub fn memory(&self) -> usize {
         size_of_val(&self.nodes[..]) + size_of_val(&self.on[..]) + size_of_val(&self.cuts[..])
     }
 }
 
-/// A plane, and the triangle it is of.
+/// A plane, and its triangle.
 #[derive(Clone, Copy)]
 struct Candidate {
     plane: Plane,
@@ -186,15 +188,15 @@ impl Candidate {
     }
 }
 
-/// Where a polygon lies, up to roundings.
+/// The side on which a polygon lies, up to rounding.
 fn side_of(plane: &Plane, polygon: &[DVec3]) -> Side {
     let reach =
         polygon.iter().fold(plane.offset.abs(), |reach, p| reach.max(p.abs().max_element()));
     plane.side(polygon, reach * TOLERANCE)
 }
 
-/// A point in the middle of most of a scene: the median of corners by axis, which a few that are
-/// far away do not move.
+/// A point in the middle of most of the scene: the median of the corners per axis, which a few
+/// distant ones do not affect.
 fn centre(triangles: &[Triangle]) -> DVec3 {
     let median = |axis: usize| {
         let mut all: Vec<f64> = triangles.iter().map(|t| t.corners[0][axis]).collect();
@@ -204,20 +206,20 @@ fn centre(triangles: &[Triangle]) -> DVec3 {
     DVec3::new(median(0), median(1), median(2))
 }
 
-/// The plane of a polygon: of the triangle that its first corners make.
+/// The plane of a polygon, from its first corners.
 fn plane_of(corners: &[DVec3]) -> Option<Plane> {
     let (a, b, c) = (*corners.first()?, *corners.get(1)?, *corners.get(2)?);
     let normal = (b - a).cross(c - a).try_normalize()?;
     Some(Plane { normal, offset: normal.dot((a + b + c) / 3.0) })
 }
 
-/// The plane of a triangle of the world, which is that of all its parts.
+/// The plane of a triangle of the world, which all its parts share.
 fn plane_of_triangle(screen: &Screen, centre: DVec3, triangle: u32) -> Option<Plane> {
     plane_of(&screen.triangles[triangle as usize].corners.map(|c| c - centre))
 }
 
-/// A plane that divides a set well, and the part it is of, or `None` for one across an axis, which
-/// leaves fewer than all on either side.
+/// A plane that divides a set well, and the part that defines it; `None` for one across an axis,
+/// which leaves fewer than all on either side.
 fn choose(screen: &Screen, centre: DVec3, set: &[Part]) -> (Candidate, Option<usize>) {
     let count = set.len();
     let pick = |k: usize, of: usize| {
@@ -279,7 +281,7 @@ fn choose(screen: &Screen, centre: DVec3, set: &[Part]) -> (Candidate, Option<us
     (candidate, part)
 }
 
-/// How the eye sees the planes of the tree.
+/// The planes of the tree as seen from the eye.
 struct Sight<'a> {
     screen: &'a Screen,
     tree: &'a Tree,
@@ -287,19 +289,19 @@ struct Sight<'a> {
 }
 
 impl Sight<'_> {
-    /// True if the eye is before the plane of a node.
+    /// True if the eye is in front of the plane of a node.
     fn is_eye_before(&self, node: &Node) -> bool {
         node.plane.distance(&self.eye) > 0.0
     }
 
-    /// A cut at the plane of a node as it is seen: what is before the plane is nearer than it if
-    /// the eye is there too.
+    /// A cut at the plane of a node in the picture: the front side is nearer than the plane if the
+    /// eye is there too.
     fn cut(&self, node: u32, is_before: bool) -> (Divider, bool) {
         let (divider, true_is_before) = self.divider(node);
         (divider, is_before == true_is_before)
     }
 
-    /// What parts polygons at the plane of a node, and whether its `true` side is before the plane.
+    /// The divider at the plane of a node, and whether its `true` side is in front of the plane.
     fn divider(&self, node: u32) -> (Divider, bool) {
         let node = &self.tree.nodes[node as usize];
         if node.triangle != NOTHING
@@ -308,8 +310,8 @@ impl Sight<'_> {
             let item = self.screen.item(self.screen.triangles[node.triangle as usize].id);
             return (Divider::Plane(facet.nearness, item), self.is_eye_before(node));
         }
-        // On the ray of a place, the plane is where normal . direction / nearness is as far as the
-        // plane is from the eye.
+        // On the ray of a place, the plane is where normal . direction / nearness equals the
+        // distance of the plane from the eye.
         let middle = DVec2::new(self.screen.size[0].into(), self.screen.size[1].into()) * 0.5;
         let along = |p: DVec2| node.plane.normal.dot(self.screen.view.direction(p));
         let value = along(middle);
@@ -326,10 +328,10 @@ impl Sight<'_> {
     }
 }
 
-/// Rows in which what is filled is skipped.
+/// Rows in which filled pixels are skipped.
 struct Mask {
     width: usize,
-    /// Of each column, and one beyond, in each row: a column from here on before which nothing is
+    /// For each column, and one beyond, in each row: a column from there on before which nothing is
     /// empty.
     next: Vec<u32>,
 }
@@ -347,7 +349,7 @@ impl Mask {
         while row[end as usize] != end {
             end = row[end as usize];
         }
-        // What was walked is shortened for the next.
+        // Shortens the path for the next search.
         let mut at = x;
         while at != end {
             at = std::mem::replace(&mut row[at as usize], end);
@@ -359,7 +361,7 @@ impl Mask {
         self.next[y as usize * self.width + x as usize] = x + 1;
     }
 
-    /// Paints where nothing is yet. Gives the number of pixels.
+    /// Paints empty pixels only. Returns the number of pixels.
     fn paint(&mut self, screen: &Screen, canvas: &mut Canvas, part: &Drawn) -> u64 {
         let facet = &screen.facets[part.item as usize];
         let [columns, rows] = part.window(facet);
@@ -386,13 +388,13 @@ impl Mask {
     }
 }
 
-/// What is still to be done: a tree below a node, or what is on its plane.
+/// A remaining step: the tree below a node, or the polygons on its plane.
 enum Step {
     Below(u32),
     On(u32),
 }
 
-/// Walks through the tree and paints, from the back or from the front.
+/// Traverses the tree and paints, from back to front or from front to back.
 pub(super) fn run(screen: &Screen, tree: &Tree, from_front: bool, with_cost: bool) -> Seen {
     let mut canvas = Canvas::new(screen, with_cost);
     let mut mask = from_front.then(|| Mask::new(screen.size));
@@ -416,7 +418,7 @@ pub(super) fn run(screen: &Screen, tree: &Tree, from_front: bool, with_cost: boo
             Step::On(index) => {
                 let [first, end] = tree.nodes[index as usize].on.map(|i| i as usize);
                 for i in 0..end - first {
-                    // The lowest number is seen where they coincide.
+                    // Of coincident ones the lowest number is visible.
                     let (triangle, last) =
                         tree.on[if from_front { first + i } else { end - 1 - i }];
                     let Some(facet) = screen.facet_of(triangle).filter(|f| f.has_pixels()) else {
@@ -450,7 +452,7 @@ pub(super) fn run(screen: &Screen, tree: &Tree, from_front: bool, with_cost: boo
     canvas.seen(work, memory)
 }
 
-/// Where the pixels of a part are, at most; `None` if there are none.
+/// Bounds on the pixels of a part; `None` if there are none.
 fn extent(screen: &Screen, facet: &Facet, cuts: &[(Divider, bool)]) -> Option<(DVec2, DVec2)> {
     let size = DVec2::new(screen.size[0].into(), screen.size[1].into());
     let mut outline = pieces::whole(facet, size);

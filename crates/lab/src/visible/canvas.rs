@@ -1,4 +1,4 @@
-//! What methods fill in: an item for each pixel.
+//! The output of the methods: an item for each pixel.
 
 use super::facet::{centre, is_nearer};
 use super::{NOTHING, Screen};
@@ -10,35 +10,35 @@ pub(super) struct Canvas {
     cost: Option<Vec<u32>>,
 }
 
-/// What a method saw, and what that took.
+/// The result of a method, and its cost.
 #[derive(Clone, Debug)]
 pub struct Seen {
-    /// Of each pixel, in rows from the top, the number of the facet that is visible at its centre
+    /// For each pixel, in rows from the top, the number of the facet that is visible at its centre
     /// ([`Screen::primitive`]), or [`NOTHING`].
     pub items: Vec<u32>,
-    /// What was done, in the method's own terms, and how often.
+    /// Named counts of the method's own operations.
     pub work: Vec<(&'static str, u64)>,
     /// Bytes that the method needed besides the facets and the picture: its largest lists. `None`
-    /// if it cannot tell.
+    /// if unknown.
     pub memory: Option<usize>,
-    /// Work by pixel, if it was asked for and has places: see [`super::Characterization::cost`].
+    /// Work per pixel, if requested and defined: see [`super::Characterization::cost`].
     pub cost: Option<Vec<u32>>,
 }
 
 impl Canvas {
-    /// An empty picture; `with_cost` to count work by pixel.
+    /// An empty picture; `with_cost` to count work per pixel.
     pub fn new(screen: &Screen, with_cost: bool) -> Self {
         let [width, height] = screen.size;
         let count = width as usize * height as usize;
         Self { width, items: vec![NOTHING; count], cost: with_cost.then(|| vec![0; count]) }
     }
 
-    /// How many pixels there are.
+    /// The number of pixels.
     pub fn len(&self) -> usize {
         self.items.len()
     }
 
-    /// The number of a pixel.
+    /// The index of a pixel.
     #[inline(always)]
     pub fn pixel(&self, x: u32, y: u32) -> usize {
         y as usize * self.width as usize + x as usize
@@ -52,8 +52,8 @@ impl Canvas {
         }
     }
 
-    /// Keeps a facet in those pixels of a row where it is nearer than what is there; `depth` is of
-    /// the row. Gives how many pixels it was tested in, and how many it was written to.
+    /// Stores a facet in those pixels of a row where it is nearest so far; `depth` is the row's.
+    /// Returns the number of pixels tested and written.
     pub fn keep_nearest(
         &mut self,
         screen: &Screen,
@@ -76,7 +76,7 @@ impl Canvas {
         [u64::from(end.saturating_sub(low)), written]
     }
 
-    /// Counts work of this amount at a pixel.
+    /// Adds work at a pixel.
     pub fn charge_more(&mut self, x: u32, y: u32, amount: u32) {
         let pixel = self.pixel(x, y);
         if let Some(cost) = &mut self.cost {
@@ -106,7 +106,7 @@ impl Canvas {
         Seen { items: self.items, work, memory: Some(memory), cost: self.cost }
     }
 
-    /// The finished picture of a method whose work has no places.
+    /// The finished picture of a method without work per pixel.
     pub fn seen_without_cost(self, work: Vec<(&'static str, u64)>, memory: usize) -> Seen {
         Seen { items: self.items, work, memory: Some(memory), cost: None }
     }

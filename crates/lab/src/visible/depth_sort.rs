@@ -3,19 +3,19 @@
 //!
 //! Facets are sorted by their farthest point and painted from the back. Before the last of the list
 //! is painted, it is compared with those whose depths overlap its own; it may be painted before one
-//! of them if any of five tests says so:
+//! of them if any of five tests succeeds:
 //!
 //! 1. their extents in x do not overlap,
 //! 2. nor those in y,
 //! 3. it is behind the plane of the other,
-//! 4. the other is before its plane,
+//! 4. the other is in front of its plane,
 //! 5. their outlines do not overlap.
 //!
 //! If none does, the other is tried first. If that was tried before, they overlap in a cycle or
 //! intersect, and one is cut by the plane of the other. Where the planes do not cut them (a cycle
 //! of three or more, none of which reaches through the plane of its neighbour), it is cut along an
-//! edge of the other's outline. Cutting ends after so many cuts; what then is still undecided is
-//! painted as it comes, and counted.
+//! edge of the other's outline. The number of cuts is limited; pairs that are still undecided then
+//! are painted in list order, and counted.
 
 use super::canvas::{Canvas, Seen};
 use super::facet::Edge;
@@ -23,16 +23,16 @@ use super::pieces::{self, CutNode, Divider, Drawn, LEAST, LEAST_PIXELS, WHOLE};
 use super::{Screen, VisibleError};
 use snell_math::DVec2;
 
-/// Pairs that may be compared by their extents; to compare them by planes takes as long as so many
-/// pairs, and by outlines so many.
+/// Maximum number of pairs compared by their extents, and the costs of a comparison by planes and
+/// by outlines in such pairs.
 const MOST_PAIRS: u64 = 1_500_000_000;
 const PLANE_EFFORT: u64 = 12;
 const OUTLINE_EFFORT: u64 = 40;
 
-/// Cuts for each facet, on average.
+/// Maximum number of cuts per facet, on average.
 const MOST_CUTS: u64 = 16;
 
-/// As [`LEAST`], for lines: twice what outlines that do not overlap may have in common.
+/// As [`LEAST`], for lines: twice the overlap that disjoint outlines may have.
 const LEAST_ALONG_LINES: f64 = 160.0;
 
 /// A facet or a part of one.
@@ -45,9 +45,9 @@ struct Part {
     high: DVec2,
     farthest: f64,
     nearest: f64,
-    /// It is out of order, at the end of the list.
+    /// True if it was moved out of order, to the end of the list.
     is_moved: bool,
-    /// When it was moved last: how many parts had been painted.
+    /// The number of parts painted when it was last moved.
     moved_at: u64,
 }
 
@@ -67,17 +67,17 @@ struct Work {
 struct Sort<'a> {
     screen: &'a Screen,
     size: DVec2,
-    /// The nearest first; the last is painted next. Parts that were moved are at the end.
+    /// Sorted with the nearest first; the last is painted next. Moved parts are at the end.
     list: Vec<Part>,
     cuts: Vec<CutNode<Divider>>,
     work: Work,
     most_cuts: u64,
 }
 
-/// What is to be done with a part and one in its way.
+/// The action for a part and one in conflict with it.
 enum Verdict {
     Paint,
-    /// The one of this number in the list must be painted first.
+    /// The part with this index in the list must be painted first.
     After(usize),
 }
 
@@ -135,11 +135,11 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Result<Seen, VisibleError
     Ok(canvas.seen(work, memory))
 }
 
-/// How pairs were told apart: how many, by extents, by planes, by outlines.
+/// Numbers of separated pairs: in total, by extents, by planes, by outlines.
 type Tests = [u64; 4];
 
 impl Sort<'_> {
-    /// A part with this outline; `None` if nothing is in it.
+    /// A part with this outline; `None` if it is empty.
     fn part(&self, item: u32, cuts: u32, outline: Vec<DVec2>) -> Option<Part> {
         if outline.len() < 3 {
             return None;
@@ -208,7 +208,7 @@ impl Sort<'_> {
         p.outline.iter().all(is_nearer) || q.outline.iter().all(is_nearer)
     }
 
-    /// The last of the list is in conflict with part `i`.
+    /// Resolves a conflict of the last of the list with part `i`.
     fn conflict(&mut self, i: usize, canvas: &mut Canvas) {
         let was_tried = self.list[i].is_moved && self.list[i].moved_at == self.work.painted;
         if !was_tried {
@@ -232,7 +232,7 @@ impl Sort<'_> {
         }
     }
 
-    /// What parts two that are in each other's way, and whether it parts the first of them.
+    /// A divider that separates two parts in conflict, and whether it cuts the first of them.
     fn divider(&self, p: &Part, q: &Part) -> Option<(bool, Divider)> {
         let plane = |part: &Part| {
             Divider::Plane(self.screen.facets[part.item as usize].nearness, part.item)
@@ -283,14 +283,14 @@ impl Sort<'_> {
     }
 }
 
-/// The edges of an outline, without those that are hardly any.
+/// The edges of an outline, without degenerate ones.
 fn edges(outline: &[DVec2]) -> impl Iterator<Item = Edge> + '_ {
     let pairs = outline.iter().enumerate().map(|(i, &a)| (a, outline[(i + 1) % outline.len()]));
     pairs.filter(|(a, b)| a.distance(*b) > LEAST_PIXELS).map(|(a, b)| Edge::new(a, b))
 }
 
-/// The fifth test: an edge of one that has all of the other on its outer side (convex outlines need
-/// no other lines).
+/// The fifth test: one part has an edge with the whole other part on its outer side (convex
+/// outlines need no other lines).
 fn are_apart(p: &Part, q: &Part) -> bool {
     let parts = |a: &Part, b: &Part| {
         edges(&a.outline)

@@ -1,11 +1,11 @@
-//! A triangle as the picture sees it: a convex polygon of pixels, with its nearness.
+//! A triangle in the picture: a convex polygon in pixels, with its nearness.
 //!
-//! All methods ask the same two questions about a pixel, here and nowhere else: is its centre in
-//! the polygon ([`Facet::covers`]), and how near is the plane there ([`Nearness::at`])? Both are
-//! evaluated by the same operations in the same order, so that all methods get the same bits. And
-//! both are *monotonic* along rows and columns, roundings included: an offset is subtracted, a
-//! factor multiplied and a number added, none of which can turn an order round. So what is said of
-//! the corners of a rectangle of pixels holds for all of it, and a row of pixels meets a polygon in
+//! All methods use the same two functions of a pixel, which are defined only here: is its centre in
+//! the polygon ([`Facet::covers`]), and what is the nearness of the plane there ([`Nearness::at`])?
+//! Both are evaluated by the same operations in the same order, so that all methods get the same
+//! bits. And both are *monotonic* along rows and columns, rounding included: an offset is
+//! subtracted, a factor multiplied and a number added, which preserves order. So results at the
+//! corners of a rectangle of pixels hold for all of it, and a row of pixels intersects a polygon in
 //! one piece.
 
 use snell_math::{DVec2, DVec3};
@@ -16,11 +16,11 @@ pub(super) fn centre(x: u32, y: u32) -> DVec2 {
     DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)
 }
 
-/// A line, from the lesser of two points to the greater (by x, then y), with a polygon on one side
-/// of it.
+/// A directed line, from the smaller of two points to the greater (by x, then y), with a polygon on
+/// one side.
 ///
 /// Two polygons that share an edge have the same line with opposite sides, and a point on it
-/// belongs to the one on the left: as if all points were moved a little along y, and far less back
+/// belongs to the one on the left: as if all points were moved slightly along y, and far less back
 /// along x. So it belongs to exactly one, also where many edges meet.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Edge {
@@ -30,14 +30,14 @@ pub(super) struct Edge {
 }
 
 impl Edge {
-    /// The edge from `a` to `b` of a polygon that is on its left.
+    /// The edge from `a` to `b` of a polygon on its left.
     pub fn new(a: DVec2, b: DVec2) -> Self {
         let is_forward = (a.x, a.y) < (b.x, b.y);
         let (from, to) = if is_forward { (a, b) } else { (b, a) };
         Self { from, along: to - from, is_left: is_forward }
     }
 
-    /// Positive to the left of the line, in the order of its points: distance times its length.
+    /// Positive to the left of the directed line: the distance times the line's length.
     #[inline(always)]
     fn left(&self, p: DVec2) -> f64 {
         self.along.x * (p.y - self.from.y) - self.along.y * (p.x - self.from.x)
@@ -56,7 +56,7 @@ impl Edge {
     }
 
     /// The columns of `low..end` whose centres in this row are on the side of the polygon: one
-    /// piece, as the test is monotonic.
+    /// piece, because the test is monotonic.
     #[inline]
     fn clip(&self, row: f64, low: &mut u32, end: &mut u32) {
         // `left` falls with x where the line rises.
@@ -71,8 +71,8 @@ impl Edge {
         };
         let crossing = self.from.x + self.along.x * ((row - self.from.y) / self.along.y);
         let guess = (crossing - 0.5).ceil().clamp(f64::from(*low), f64::from(*end)) as u32;
-        // The first column that is on the other side than `low` is, if the guess is off: by one, or
-        // where numbers are huge by any amount.
+        // Searches for the first column that is on the other side than `low`, if the estimate is
+        // off: by one, or for huge numbers by any amount.
         let is_before = |x: u32| holds(x) != holds_later;
         let is_right = |x: u32| (x <= *low || is_before(x - 1)) && (x >= *end || !is_before(x));
         let first = match [guess, guess.saturating_sub(1), guess + 1]
@@ -98,48 +98,47 @@ impl Edge {
 pub(super) struct Nearness {
     pub anchor: DVec2,
     pub slope: DVec2,
-    /// At the anchor.
+    /// The value at the anchor.
     pub value: f64,
 }
 
 impl Nearness {
-    /// At a place.
+    /// The value at a place.
     #[inline(always)]
     pub fn at(&self, p: DVec2) -> f64 {
         self.slope.x * (p.x - self.anchor.x) + (self.slope.y * (p.y - self.anchor.y) + self.value)
     }
 
-    /// More than rounding may do to it anywhere in a picture of this size.
+    /// A bound on its rounding error in a picture of this size.
     pub fn slack(&self, size: DVec2) -> f64 {
         let reach = self.anchor.abs().max((size - self.anchor).abs()) + self.anchor.abs();
         (self.slope.abs().dot(reach) + self.value.abs()) * 8.0 * f64::EPSILON
     }
 }
 
-/// A triangle in the picture, or what the near plane leaves of it.
+/// A triangle in the picture, or the part of it behind the near plane.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facet {
-    /// Its number in [`super::Screen::triangles`], which are in the order of ids.
+    /// Its index in [`super::Screen::triangles`], which are sorted by ids.
     pub triangle: u32,
     corners: [DVec3; 4],
     edges: [Edge; 4],
     count: u8,
     pub nearness: Nearness,
-    /// More than rounding may do to the nearness.
+    /// A bound on the rounding error of the nearness.
     pub slack: f64,
     /// The columns and rows whose centres are within its extent, ends excluded. Empty for one that
-    /// falls between the centres.
+    /// lies between the centres.
     pub columns: [u32; 2],
     pub rows: [u32; 2],
-    /// The least and the greatest nearness.
+    /// The minimum and maximum nearness.
     pub farthest: f64,
     pub nearest: f64,
 }
 
 impl Facet {
-    /// The polygon of three or four corners (place and nearness, in either sense of rotation).
-    /// `None` if it has no area in the picture's plane, or is so thin that its plane cannot be
-    /// told.
+    /// The polygon of three or four corners (place and nearness, in either orientation). `None` if
+    /// it has no area in the picture's plane, or is so thin that its plane cannot be determined.
     pub fn new(
         triangle: u32,
         polygon: &[DVec3],
@@ -205,17 +204,17 @@ impl Facet {
         &self.corners[..usize::from(self.count)]
     }
 
-    /// The edges, each from the corner of the same number.
+    /// The edges, each starting at the corner of the same index.
     pub fn edges(&self) -> &[Edge] {
         &self.edges[..usize::from(self.count)]
     }
 
-    /// True if its extent has the centre of a pixel.
+    /// True if its extent contains a pixel centre.
     pub fn has_pixels(&self) -> bool {
         self.columns[0] < self.columns[1] && self.rows[0] < self.rows[1]
     }
 
-    /// True if the centre of a pixel is in it.
+    /// True if it contains the centre of the pixel.
     #[inline(always)]
     pub fn covers(&self, x: u32, y: u32) -> bool {
         let is_near = (self.columns[0]..self.columns[1]).contains(&x)
@@ -238,20 +237,21 @@ impl Facet {
         [low, end]
     }
 
-    /// How far the place is inside (positive) or outside, in pixels; the latter at least.
+    /// The distance by which the place is inside (positive) or outside, in pixels; outside it is a
+    /// lower bound.
     pub fn inside(&self, p: DVec2) -> f64 {
         self.edges().iter().map(|edge| edge.inside(p)).fold(f64::INFINITY, f64::min)
     }
 }
 
-/// The pixels whose centres are from `low` to `high`, of so many.
+/// The pixels whose centres are from `low` to `high`, of `count` pixels.
 fn centres_within(low: f64, high: f64, count: u32) -> [u32; 2] {
     let bound = |x: f64| x.clamp(0.0, f64::from(count)) as u32;
     [bound((low - 0.5).ceil()), bound((high - 0.5).floor() + 1.0)]
 }
 
-/// True if the plane of `a` is nearer at a place than that of `b`, by number where they are equally
-/// near: what decides everywhere.
+/// True if the plane of `a` is nearer at a place than that of `b`; equal nearness is decided by
+/// number. All methods use this comparison.
 #[inline(always)]
 pub(super) fn is_nearer((a, near_a): (u32, f64), (b, near_b): (u32, f64)) -> bool {
     near_a > near_b || (near_a == near_b && a < b)

@@ -2,20 +2,19 @@
 //! the Machine Rendering of Solids, ACM National Conference 1967).
 //!
 //! The *quantitative invisibility* of a point of an edge is the number of faces between it and the
-//! eye; it is seen if that is 0. Along an edge the number changes only where the edge passes behind
-//! a *contour* or through a face. (A contour is a border of the picture of a surface: both faces of
-//! the edge are on one side of it, or it has but one.) So all of an edge is known from one count
-//! and its crossings. Roberts (Machine Perception of Three-Dimensional Solids, 1963) tests edges
-//! with solids instead, Galimberti and Montanari (An Algorithm for Hidden Line Elimination, 1969)
-//! keep the set of hiding faces in place of its number, and Loutrel (A Solution to the Hidden-Line
-//! Problem for Computer-Drawn Polyhedra, 1970) carries the number as Appel does.
+//! eye; the point is visible if that is 0. Along an edge the number changes only where the edge
+//! passes behind a *contour* or through a face. (A contour is a silhouette edge: both of its faces
+//! are on one side of it in the picture, or it has only one face.) So one count and the crossings
+//! determine the whole edge. Roberts (Machine Perception of Three-Dimensional Solids, 1963) tests
+//! edges with solids instead, Galimberti and Montanari (An Algorithm for Hidden Line Elimination,
+//! 1969) keep the set of hiding faces in place of its number, and Loutrel (A Solution to the
+//! Hidden-Line Problem for Computer-Drawn Polyhedra, 1970) carries the number as Appel does.
 //!
 //! Appel carries the number through the vertices too, from edge to edge. Here each edge has a count
-//! of its own, at the middle of its first stretch, and another after it has touched the border of a
-//! face: a mistake then stays where it is, and surfaces need not be closed. Edges that are crossed
-//! at a vertex, or lie on each other in the picture, are told by the side of the line on which
-//! points are, so that each crossing counts once. Lines in which faces pierce each other are no
-//! edges, and are not drawn.
+//! of its own, at the middle of its first segment, and another after it has touched the border of a
+//! face: an error then stays local, and surfaces need not be closed. Edges that cross at a vertex,
+//! or coincide in the picture, are distinguished by the side of the line on which points are, so
+//! that each crossing counts once. Lines in which faces intersect are not edges, and are not drawn.
 
 use super::facet::{Edge, Facet};
 use super::{Characterization, NOTHING, Screen, Space, VisibleError};
@@ -24,73 +23,73 @@ use snell_intersect::World;
 use snell_math::{DVec2, DVec3, Ray};
 use std::collections::HashMap;
 
-/// What is nearer by less than this, relative to the nearness, is not in front.
+/// Points nearer by less than this, relative to the nearness, do not count as in front.
 const EQUAL: f64 = 1e-9;
 
-/// A line touches the border of a face if it is as near to it as this, relative to the nearness or
-/// in pixels.
+/// A line touches the border of a face if it is this close to it, relative to the nearness or in
+/// pixels.
 const TOUCH: f64 = 1e-6;
 
-/// Pieces of a line that are shorter than this part of a pixel are not drawn.
+/// Segments shorter than this, in pixels, are not drawn.
 const SHORTEST: f64 = 1e-6;
 
-/// The cosine of the angle between two faces up to which they count as one.
+/// Two faces count as coplanar if the cosine of their angle is at least this.
 const FLAT: f64 = 1.0 - 1e-9;
 
-/// Edges that may be compared with contours and faces.
+/// Maximum number of comparisons of edges with contours and faces.
 const MOST_WORK: u64 = 1_000_000_000;
 
 /// How the faces at a line lie in the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineKind {
-    /// A border of a surface's picture: its faces are on one side.
+    /// A silhouette edge: its faces are on one side.
     Contour,
-    /// Between two faces of different planes, both of which are seen from the same side.
+    /// An edge between two faces of different planes that are both seen from the same side.
     Crease,
-    /// Between two faces of one plane: not a line of the surface.
+    /// An edge between two coplanar faces: not a line of the surface.
     Flat,
 }
 
 /// A part of an edge along which nothing changes.
 #[derive(Clone, Copy, Debug)]
 pub struct Stretch {
-    /// Where it starts and ends in the picture, in pixels.
+    /// Its ends in the picture, in pixels.
     pub ends: [DVec2; 2],
     /// The reciprocal of the depth there.
     pub nearness: [f64; 2],
-    /// How many faces hide it; 0 if it is seen.
+    /// The number of faces that hide it; 0 if it is visible.
     pub invisibility: u32,
-    /// What kind of line it belongs to.
+    /// The kind of its line.
     pub kind: LineKind,
 }
 
-/// What was done.
+/// The operations of the algorithm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LineWork {
-    /// Edges in the picture.
+    /// Number of edges in the picture.
     pub edges: u64,
     /// Contours among them.
     pub contours: u64,
-    /// Edges compared with contours, where these are near in the picture.
+    /// Comparisons of edges with contours that are close in the picture.
     pub comparisons: u64,
     /// Crossings behind contours.
     pub crossings: u64,
-    /// Places where an edge goes through a face.
+    /// Intersections of edges with faces.
     pub piercings: u64,
-    /// Faces looked at, to find those that an edge goes through and to count those in front of a
+    /// Faces examined, to find those that an edge intersects and to count those in front of a
     /// point.
     pub faces: u64,
-    /// Stretches whose number was counted: the first of each edge, and those after it touched the
+    /// Segments whose number was counted: the first of each edge, and those after it touched the
     /// border of a face.
     pub counts: u64,
 }
 
-/// The edges of a scene in the picture, each in stretches that are seen or hidden.
+/// The edges of a scene in the picture, each in visible and hidden segments.
 #[derive(Clone, Debug)]
 pub struct HiddenLines {
-    /// In the order of the edges; along each from its first point.
+    /// Segments in the order of the edges; along each from its first point.
     pub stretches: Vec<Stretch>,
-    /// What that took.
+    /// The operations.
     pub work: LineWork,
 }
 
@@ -105,17 +104,18 @@ impl Stretch {
         self.ends[0].distance(self.ends[1])
     }
 
-    /// True if a ray from the eye to its middle meets something before it.
+    /// True if a ray from the eye hits something before its middle.
     pub fn is_occluded(&self, screen: &Screen, world: &World) -> bool {
         let (place, near) = self.middle();
         let eye = screen.view.apex().unwrap_or_default();
-        // In units of the ray's direction the depth of the point is the reciprocal of its nearness.
+        // In units of the ray's direction, the depth of the point is the reciprocal of its
+        // nearness.
         let ray = Ray::new(eye.as_vec3(), screen.view.direction(place).as_vec3());
         world.occluded_one(&Ray { t_max: (BEFORE / near) as f32, ..ray }, &AcceptAll)
     }
 
-    /// Whether some face surely hides its middle: more than `tolerance` pixels inside its outline,
-    /// and in front by more than a ray might take for the same place. Looks at all faces.
+    /// True if some face certainly hides its middle: the middle is more than `tolerance` pixels
+    /// inside the face's outline, and behind it by more than a ray's tolerance. Examines all faces.
     pub fn is_surely_hidden(&self, screen: &Screen, tolerance: f64) -> bool {
         let (place, near) = self.middle();
         screen
@@ -125,28 +125,28 @@ impl Stretch {
     }
 }
 
-/// A ray to a point of an edge ends at this part of the way.
+/// A ray to a point of an edge ends at this fraction of the distance.
 const BEFORE: f64 = 1.0 - 1e-4;
 
 /// An edge in the picture.
 struct Line {
     ends: [DVec3; 2],
-    /// Facets that have it.
+    /// Its facets.
     faces: Vec<u32>,
     kind: LineKind,
-    /// The part of it that is in the picture, from 0 to 1.
+    /// The part that is in the picture, from 0 to 1.
     range: [f64; 2],
-    /// How many faces are to the left of it less those to the right, from the lesser to the greater
-    /// end: what is hidden behind it changes by this.
+    /// The number of faces to the left of it minus those to the right, from the smaller to the
+    /// greater end: the invisibility behind it changes by this.
     change: i32,
 }
 
-/// A point of a line where its number changes.
+/// A point of a line where its invisibility changes.
 struct Event {
     at: f64,
     change: i32,
-    /// The line touches the border of a face here, so that rounding decides what it passes: the
-    /// number is to be counted anew.
+    /// True if the line touches the border of a face here, so that rounding decides what it passes:
+    /// the number must be counted again.
     is_touch: bool,
 }
 
@@ -154,7 +154,7 @@ impl HiddenLines {
     /// The name on the command line.
     pub const NAME: &str = "quantitative-invisibility";
 
-    /// What kind of method it is.
+    /// The characterization of the method.
     pub const CHARACTERIZATION: Characterization = Characterization {
         space: Space::Object,
         sorts: "x, y: cells of the picture; along each edge: crossings with contours; z: at each \
@@ -164,8 +164,8 @@ impl HiddenLines {
         cost: None,
     };
 
-    /// Finds what is seen of all edges. Takes time with the number of edges and of contours in the
-    /// same parts of the picture.
+    /// Finds the visible parts of all edges. The time grows with the numbers of edges and of
+    /// contours in the same parts of the picture.
     pub fn new(screen: &Screen) -> Result<Self, VisibleError> {
         let lines = lines(screen);
         let mut cells = Cells::new(screen, &lines);
@@ -188,7 +188,7 @@ impl HiddenLines {
     }
 }
 
-/// All edges with their faces. Edges of one place are one, whatever mesh they are of.
+/// All edges with their faces. Coincident edges are merged, whatever their mesh.
 fn lines(screen: &Screen) -> Vec<Line> {
     let mut number: HashMap<[u64; 6], usize> = HashMap::new();
     let mut lines: Vec<Line> = Vec::new();
@@ -197,7 +197,7 @@ fn lines(screen: &Screen) -> Vec<Line> {
         let corners = facet.corners();
         for (i, &a) in corners.iter().enumerate() {
             let b = corners[(i + 1) % corners.len()];
-            // One end is left of the other, so that both faces find the same line.
+            // Ordered ends, so that both faces find the same line.
             let (a, b) = if (a.x, a.y) < (b.x, b.y) { (a, b) } else { (b, a) };
             let key = [a.x, a.y, a.z, b.x, b.y, b.z].map(f64::to_bits);
             let found = *number.entry(key).or_insert_with(|| {
@@ -221,8 +221,8 @@ fn lines(screen: &Screen) -> Vec<Line> {
     lines
 }
 
-/// The part of a line that is in the picture (Liang and Barsky, A New Concept and Method for Line
-/// Clipping, 1984).
+/// The part of a line in the picture (Liang and Barsky, A New Concept and Method for Line Clipping,
+/// 1984).
 fn range_within(line: &Line, size: DVec2) -> [f64; 2] {
     let [a, b] = line.ends.map(|p| p.truncate());
     let mut range = [0.0f64, 1.0f64];
@@ -284,7 +284,7 @@ impl Line {
     }
 }
 
-/// Where a line passes behind contours.
+/// The points where a line passes behind contours.
 fn crossings(line: &Line, lines: &[Line], met: &[u32], work: &mut LineWork) -> Vec<Event> {
     let mut events = Vec::new();
     let own = line.edge();
@@ -300,7 +300,7 @@ fn crossings(line: &Line, lines: &[Line], met: &[u32], work: &mut LineWork) -> V
         if is_a == is_b {
             continue;
         }
-        // Along the line, distance from the contour falls to 0 and beyond.
+        // Along the line, the distance from the contour changes sign.
         let across = ends[1] - ends[0];
         let (at_from, at_to) = (across.perp_dot(from - ends[0]), across.perp_dot(to - ends[0]));
         let at = at_from / (at_from - at_to);
@@ -314,7 +314,7 @@ fn crossings(line: &Line, lines: &[Line], met: &[u32], work: &mut LineWork) -> V
             continue;
         }
         work.crossings += 1;
-        // From right to left of the contour it passes behind what is on the left.
+        // From right to left of the contour it passes behind the surface on the left.
         let goes_left = at_from < at_to;
         let change = if goes_left { contour.change } else { -contour.change };
         events.push(Event { at, change, is_touch: near < own_near * (1.0 + TOUCH) });
@@ -322,7 +322,7 @@ fn crossings(line: &Line, lines: &[Line], met: &[u32], work: &mut LineWork) -> V
     events
 }
 
-/// Where a line goes through faces.
+/// The points where a line intersects faces.
 fn piercings(
     screen: &Screen,
     line: &Line,
@@ -358,12 +358,13 @@ fn piercings(
     }
 }
 
-/// True if a face has the line as its edge or one of its ends as a corner: it cannot hide it there.
+/// True if a face has the line as its edge or one of its ends as a corner: then it cannot hide it
+/// there.
 fn touches(facet: &Facet, line: &Line) -> bool {
     facet.corners().iter().any(|c| line.ends.contains(c))
 }
 
-/// Makes stretches of a line.
+/// Divides a line into segments.
 fn divide(
     screen: &Screen,
     line: &Line,
@@ -419,18 +420,18 @@ fn count(screen: &Screen, line: &Line, at: f64, faces: &[u32], work: &mut LineWo
 /// Side of a cell, in pixels.
 const CELL: f64 = 16.0;
 
-/// Contours and faces by the parts of the picture in which they are.
+/// Contours and faces by the cells of the picture that they overlap.
 struct Cells {
     columns: usize,
     rows: usize,
     contours: u64,
     lines: Vec<Vec<u32>>,
     faces: Vec<Vec<u32>>,
-    /// When a contour or face was met last, so that each is met once.
+    /// The last line that visited a contour or face, so that each is visited once per line.
     line_seen: Vec<u32>,
     face_seen: Vec<u32>,
     turn: u32,
-    /// What is in the cells of the last line that was asked about.
+    /// The contents of the cells of the last line.
     lines_met: Vec<u32>,
     faces_met: Vec<u32>,
 }
@@ -465,7 +466,7 @@ impl Cells {
         cells
     }
 
-    /// The cells of a rectangle that are wanted.
+    /// The cells of a rectangle that satisfy a condition.
     fn within(
         &self,
         low: DVec2,
@@ -486,7 +487,7 @@ impl Cells {
         all
     }
 
-    /// The cells that a line passes. Cells at the border stand for all beyond it.
+    /// The cells that a line crosses. Cells at the border stand for everything beyond.
     fn of_line(&self, line: &Line) -> Vec<usize> {
         let [a, b] = line.ends.map(|p| p.truncate());
         let edge = line.edge();
@@ -503,7 +504,7 @@ impl Cells {
         })
     }
 
-    /// Collects contours and faces that a line may meet.
+    /// Collects contours and faces that a line may cross.
     fn near(&mut self, line: &Line) {
         self.lines_met.clear();
         self.faces_met.clear();

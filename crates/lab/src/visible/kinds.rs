@@ -1,4 +1,5 @@
-//! The list of methods, and what Sutherland, Sproull and Schumacker (1974) would say of each.
+//! The list of methods, each characterized in the terms of Sutherland, Sproull and Schumacker
+//! (1974).
 
 /// A method that finds visible surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -7,7 +8,7 @@ pub enum Method {
     RayCastingAll,
     /// The same through the bounding volume hierarchy.
     RayCasting,
-    /// The nearest so far, by pixel.
+    /// The nearest so far, per pixel.
     ZBuffer,
     /// The same with a buffer of one row.
     ScanLineZ,
@@ -17,23 +18,22 @@ pub enum Method {
     DepthSort,
     /// Painting from the back, in the order of a tree of planes.
     Bsp,
-    /// Filling from the front, in the order of the same tree.
+    /// Filling from front to back, in the order of the same tree.
     BspFrontToBack,
-    /// Windows divided until they are easy.
+    /// Windows divided until they are simple.
     Warnock,
     /// Polygons cut by polygons.
     WeilerAtherton,
 }
 
-/// Where a method decides what is visible.
+/// Where a method decides visibility.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Space {
-    /// In the space of the objects, to the precision of numbers.
+    /// In object space, to the precision of numbers.
     Object,
-    /// In the picture, to the precision of pixels.
+    /// In image space, to the precision of pixels.
     Image,
-    /// What hides what is decided among objects, and what is hidden by painting over it (*list
-    /// priority*).
+    /// Priority is decided in object space, and visibility by overpainting (*list / priority*).
     ListPriority,
 }
 
@@ -48,18 +48,18 @@ impl Space {
     }
 }
 
-/// A method in the terms of the paper of 1974.
+/// A method in the terms of the 1974 paper.
 #[derive(Clone, Copy, Debug)]
 pub struct Characterization {
-    /// Where it decides.
+    /// The space of the decision.
     pub space: Space,
-    /// What is sorted, in this order, and how.
+    /// What is sorted, in which order, and how.
     pub sorts: &'static str,
-    /// What it makes of the likeness of neighbours.
+    /// The kind of coherence that it exploits.
     pub coherence: &'static str,
-    /// Who, and when.
+    /// Authors and years.
     pub source: &'static str,
-    /// What work by pixel is; `None` if its work has no places.
+    /// The meaning of work per pixel; `None` if it is undefined.
     pub cost: Option<&'static str>,
 }
 
@@ -94,7 +94,7 @@ impl Method {
         }
     }
 
-    /// What kind of method it is.
+    /// The characterization of the method.
     pub fn characterization(self) -> Characterization {
         match self {
             Self::RayCastingAll => Characterization {

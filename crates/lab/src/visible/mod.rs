@@ -1,20 +1,20 @@
-//! The lab of hidden-surface algorithms: which triangle is seen at each pixel, by every classical
-//! method.
+//! The lab of hidden-surface algorithms: finds the visible triangle at each pixel by every
+//! classical method.
 //!
 //! Sutherland, Sproull and Schumacker compared ten methods (A Characterization of Ten
 //! Hidden-Surface Algorithms, ACM Computing Surveys 6(1), 1974) by what they sort, in which order,
-//! and by the coherence they use. [`Method`] has these kinds of methods as they are taught today,
-//! each a file that reads like its paper, and [`Method::characterization`] says the same about each
-//! of them. They are here to be compared (`snell bench hidden-surfaces`); the renderer traces rays.
+//! and by the coherence they exploit. [`Method`] has these kinds of methods as they are taught
+//! today, each in a file that follows its paper, and [`Method::characterization`] gives the paper's
+//! criteria for each. They exist for comparison (`snell bench hidden-surfaces`); the renderer
+//! traces rays.
 //!
-//! All see the same: [`Screen`] projects the triangles of a world as a pinhole sees them, and what
-//! is asked about a pixel is answered in one place (`facet.rs`), so that all methods but the two
-//! that trace rays give the same picture, bit for bit. (A painter's order may differ where two
-//! triangles are equally near up to rounding.) Both sides of triangles are seen; at equal nearness
-//! the lowest ids win.
+//! All have the same input: [`Screen`] projects the triangles of a world as seen by a pinhole, and
+//! `facet.rs` has the only tests of a pixel, so that all methods but the two that trace rays give
+//! the same picture, bit for bit. (A painter's order may differ where two triangles are equally
+//! near up to rounding.) Triangles are double-sided; at equal nearness the lowest ids win.
 //!
-//! [`HiddenLines`] draws lines instead of surfaces: Appel's quantitative invisibility, from which
-//! all this began.
+//! [`HiddenLines`] draws lines instead of surfaces, by the oldest of these algorithms: Appel's
+//! quantitative invisibility.
 
 mod areas;
 mod bsp;
@@ -42,71 +42,71 @@ pub use screen::Screen;
 
 use snell_intersect::World;
 
-/// The item of a pixel where nothing is seen.
+/// The item of a background pixel.
 pub const NOTHING: u32 = u32::MAX;
 
 /// The item of a pixel where a ray hit a triangle that is seen edge-on, which has no number. Only
-/// methods that trace rays give it.
+/// methods that trace rays produce it.
 pub const EDGE_ON: u32 = u32::MAX - 1;
 
-/// Why a world cannot be seen by a method.
+/// Why a method does not support a world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum VisibleError {
-    /// Rays do not come from one point.
+    /// Rays do not start at one point.
     #[error("hidden surfaces are found for a pinhole camera with a flat picture")]
     NotPinhole,
-    /// Something is not a triangle, or moves.
+    /// There is geometry other than triangles, or it moves.
     #[error(
         "hidden surfaces are found among triangles that do not move, and nothing else; take a \
             scene of meshes"
     )]
     NotTriangles,
-    /// Built with another structure.
+    /// The world has another acceleration structure.
     #[error(
         "areas are found with the bounding volume hierarchy; build the world with the accelerator \
             bvh"
     )]
     NotBvh,
-    /// There are too many.
+    /// There are too many triangles.
     #[error(
         "the scene has {count} triangles, and {most} is the most for hidden surfaces; take a \
             smaller one"
     )]
     TooManyTriangles {
-        /// Instances counted each time.
+        /// Number of triangles; each instance counts.
         count: u64,
         /// The limit.
         most: u64,
     },
-    /// A method would take far too long or too much memory for this scene.
+    /// A method would take far too much time or memory for this scene.
     #[error("more than {limit} {what}: too many for this method; take a smaller scene or picture")]
     TooMuchWork {
-        /// What there is too much of.
+        /// The operation or data that exceeds the limit.
         what: &'static str,
         /// The limit.
         limit: u64,
     },
 }
 
-/// A method, with what it makes of a scene before it knows the picture.
+/// A method with its view-independent data for a scene.
 #[derive(Debug)]
 pub struct Prepared<'w> {
     method: Method,
     world: &'w World,
-    /// Of methods that sort by planes; empty otherwise.
+    /// The tree of methods that sort by planes; empty otherwise.
     tree: Tree,
 }
 
 impl<'w> Prepared<'w> {
-    /// Prepares a method. `world` is what the screen was made of, built with the accelerator `bvh`.
+    /// Prepares a method. `world` is the screen's world, built with the accelerator `bvh`.
     pub fn new(method: Method, screen: &Screen, world: &'w World) -> Result<Self, VisibleError> {
         let is_tree = matches!(method, Method::Bsp | Method::BspFrontToBack);
         let tree = if is_tree { Tree::build(screen)? } else { Tree::default() };
         Ok(Self { method, world, tree })
     }
 
-    /// Finds what is visible at the centre of each pixel; `with_cost` also counts work by pixel, if
-    /// that has places.
+    /// Finds the visible item at the centre of each pixel; `with_cost` also counts work per pixel,
+    /// if that is defined.
     pub fn run(&self, screen: &Screen, with_cost: bool) -> Result<Seen, VisibleError> {
         Ok(match self.method {
             Method::RayCastingAll => ray_casting::run_all(screen)?,
@@ -123,8 +123,8 @@ impl<'w> Prepared<'w> {
     }
 }
 
-/// What rays through the hierarchy cost for this picture: nodes whose eight boxes were tested, and
-/// triangles.
+/// The cost of rays through the hierarchy for this picture: nodes whose eight boxes were tested,
+/// and triangles.
 pub fn ray_work(screen: &Screen, world: &World) -> [u64; 2] {
     ray_casting::work(screen, world)
 }

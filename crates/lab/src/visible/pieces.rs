@@ -1,10 +1,9 @@
 //! Parts of facets, for methods that cut them.
 //!
-//! A part is known in two ways. What decides about a pixel are the *cuts* it went through: each
-//! says on which side of a plane the centre of the pixel is, by the comparison of nearness that
-//! decides everywhere, so that the two parts have each pixel once between them. And its *outline*
-//! is a polygon around these pixels, a little too large, which tells where to look and how it lies
-//! to others.
+//! A part has two descriptions. Its *cuts* decide about pixels: each states the side of a plane on
+//! which the pixel centre is, by the common comparison of nearness, so that each pixel is in
+//! exactly one of two parts. And its *outline* is a slightly enlarged polygon around these pixels,
+//! which bounds the search and gives the position relative to other parts.
 
 use super::Screen;
 use super::canvas::Canvas;
@@ -14,21 +13,21 @@ use snell_math::DVec2;
 /// The end of a list of cuts.
 pub(super) const WHOLE: u32 = u32::MAX;
 
-/// What parts a facet in two.
+/// A divider between two parts.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Divider {
-    /// A plane, and its number where it is equally near: the part before it is `true`.
+    /// A plane, and its number for ties: the part in front of it is `true`.
     Plane(Nearness, u32),
-    /// A plane through the eye, seen as a line: `true` where the function is positive.
+    /// A plane through the eye, which appears as a line: `true` where the function is positive.
     EdgeOn(Nearness, f64),
     /// A line: `true` inside.
     Line(Edge),
 }
 
-/// Outlines are this much too large, in units of what rounding may do to nearness.
+/// Enlargement of outlines, in units of the rounding error of nearness.
 const MARGIN: f64 = 8.0;
 
-/// What is less than this is not worth a cut.
+/// Smaller values are not worth a cut.
 pub(super) const LEAST: f64 = 16.0;
 
 /// The same in pixels, for lines.
@@ -36,7 +35,7 @@ const LINE_MARGIN: f64 = 1e-9;
 pub(super) const LEAST_PIXELS: f64 = 1e-8;
 
 impl Divider {
-    /// On which side a pixel of a facet is.
+    /// The side of a pixel of a facet.
     #[inline]
     fn side(&self, item: u32, facet: &Facet, place: DVec2) -> bool {
         match self {
@@ -48,7 +47,7 @@ impl Divider {
         }
     }
 
-    /// Positive on the side that is `true`, and how much of it is nothing.
+    /// A function that is positive on the side that is `true`, and its tolerance around zero.
     pub fn value(&self, facet: &Facet, place: DVec2, size: DVec2) -> (f64, f64) {
         match self {
             Self::Plane(plane, _) => {
@@ -60,7 +59,7 @@ impl Divider {
     }
 }
 
-/// A cut, and those before it.
+/// A cut, and its predecessors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CutNode<D> {
     pub before: u32,
@@ -68,8 +67,8 @@ pub(super) struct CutNode<D> {
     pub side: bool,
 }
 
-/// The part of a convex outline on one side of a divider, grown a little; in the same sense of
-/// rotation.
+/// The part of a convex outline on one side of a divider, slightly enlarged; with the same
+/// orientation.
 pub(super) fn clipped(
     outline: &[DVec2],
     facet: &Facet,
@@ -103,12 +102,12 @@ pub(super) fn clipped(
     part
 }
 
-/// Corners may be this many pictures away, so that rounding does not matter where an edge enters
-/// the picture.
+/// Maximum distance of corners in units of the picture's size, so that rounding does not matter
+/// where an edge enters the picture.
 const FAR: f64 = 1e5;
 
-/// The outline of a facet within the picture; all of the picture for one whose corners are too far
-/// away.
+/// The outline of a facet within the picture; the whole picture for a facet whose corners are too
+/// far away.
 pub(super) fn whole(facet: &Facet, size: DVec2) -> Vec<DVec2> {
     let mut outline: Vec<DVec2> = facet.corners().iter().map(|c| c.truncate()).collect();
     if outline.iter().any(|p| p.abs().max_element() > FAR * size.max_element()) {
@@ -133,13 +132,13 @@ pub(super) fn whole(facet: &Facet, size: DVec2) -> Vec<DVec2> {
     outline
 }
 
-/// The least rectangle around an outline.
+/// The bounding rectangle of an outline.
 pub(super) fn extent(outline: &[DVec2]) -> (DVec2, DVec2) {
     let start = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     outline.iter().fold(start, |(low, high), &p| (low.min(p), high.max(p)))
 }
 
-/// A cut and those before it.
+/// A cut and its predecessors.
 pub(super) fn chain<D: Copy>(
     all: &[CutNode<D>],
     last: u32,
@@ -159,7 +158,7 @@ pub(super) struct Drawn<'a> {
 impl Drawn<'_> {
     /// The rows and columns where its pixels are.
     pub fn window(&self, facet: &Facet) -> [std::ops::Range<u32>; 2] {
-        // Far more than roundings of places.
+        // Far more than rounding errors of places.
         let pad = 1e-6;
         let (low, high) = (self.extent.0 - pad - 0.5, self.extent.1 + pad - 0.5);
         let bound = |low: f64, high: f64, [first, end]: [u32; 2]| {
@@ -168,14 +167,14 @@ impl Drawn<'_> {
         [bound(low.x, high.x, facet.columns), bound(low.y, high.y, facet.rows)]
     }
 
-    /// True if a pixel of the facet is on its side of all cuts.
+    /// True if a pixel of the facet is on the part's side of all cuts.
     #[inline]
     pub fn holds(&self, facet: &Facet, x: u32, y: u32) -> bool {
         let place = centre(x, y);
         self.cuts.iter().all(|(divider, side)| divider.side(self.item, facet, place) == *side)
     }
 
-    /// Paints over what was there. Gives the number of pixels.
+    /// Overpaints its pixels. Returns their number.
     pub fn paint(&self, screen: &Screen, canvas: &mut Canvas) -> u64 {
         let facet = &screen.facets[self.item as usize];
         let [columns, rows] = self.window(facet);

@@ -11,18 +11,17 @@ use snell_intersect::World;
 use snell_intersect::{AcceptAll, Grouping};
 use snell_math::{DVec3, Ray};
 
-/// Pairs of rays and triangles that may be tested.
+/// Maximum number of ray/triangle tests.
 const MOST_TESTS: u64 = 5_000_000_000;
 
-/// Rays of so many pixels a side are traced together.
+/// Blocks of this many pixels per side are traced together.
 const BLOCK: u32 = 16;
 
-/// Tests every ray with every triangle in `f64`, in the coordinates of the world: nothing is
-/// projected.
+/// Tests every ray with every triangle in `f64`, in world coordinates, without projection.
 ///
-/// The test is that of Möller and Trumbore (Fast, Minimum Storage Ray/Triangle Intersection, 1997),
-/// of which all that does not depend on the ray is worked out once, as all rays have the same
-/// origin.
+/// The test is that of Möller and Trumbore (Fast, Minimum Storage Ray/Triangle Intersection, 1997);
+/// all terms that do not depend on the ray's direction are computed once, because all rays have the
+/// same origin.
 pub(super) fn run_all(screen: &Screen) -> Result<Seen, VisibleError> {
     let mut canvas = Canvas::new(screen, false);
     let tests = canvas.len() as u64 * screen.triangles.len() as u64;
@@ -41,7 +40,7 @@ pub(super) fn run_all(screen: &Screen) -> Result<Seen, VisibleError> {
             let direction = screen.view.direction(centre(x, y));
             let (mut best, mut nearest) = (NOTHING, 0.0);
             for (i, triangle) in prepared.iter().enumerate() {
-                // At equal distance the first stays.
+                // At equal distance the first one stays.
                 if let Some(near) = triangle.nearness(direction) {
                     hits += 1;
                     if near > nearest {
@@ -86,7 +85,7 @@ pub(super) fn run(screen: &Screen, world: &World) -> Seen {
     canvas.seen_without_cost(work, world.memory_bytes() as usize)
 }
 
-/// Nodes and triangles that the rays are tested with.
+/// The numbers of nodes and triangles that the rays are tested with.
 pub(super) fn work(screen: &Screen, world: &World) -> [u64; 2] {
     let [width, height] = screen.size;
     let mut total = [0; 2];
@@ -116,7 +115,7 @@ fn block(left: u32, top: u32, [width, height]: [u32; 2]) -> impl Iterator<Item =
     (0..BLOCK * BLOCK).map(pixel).filter(move |&(x, y)| x < width && y < height)
 }
 
-/// A triangle that is hit but seen edge-on has no facet: there is something, but no item for it.
+/// A triangle that is hit but seen edge-on has no facet, and therefore no item.
 fn item_or_edge_on(screen: &Screen, id: PrimitiveId) -> u32 {
     match screen.item(id) {
         NOTHING => super::EDGE_ON,
@@ -124,8 +123,8 @@ fn item_or_edge_on(screen: &Screen, id: PrimitiveId) -> u32 {
     }
 }
 
-/// What a ray from the eye asks of a triangle: the volumes it spans with each edge, and with the
-/// plane.
+/// The terms of a triangle for rays from the eye: the volumes that the eye spans with each edge,
+/// and with the plane.
 struct Prepared {
     volume: DVec3,
     u: DVec3,
@@ -140,7 +139,7 @@ impl Prepared {
         Self { volume: e2.cross(e1), u: e2.cross(s), v: q, distance: e2.dot(q) }
     }
 
-    /// The reciprocal of the ray's parameter at the hit, if there is one before the eye.
+    /// The reciprocal of the ray's parameter at the hit, if there is one in front of the eye.
     fn nearness(&self, direction: DVec3) -> Option<f64> {
         let volume = self.volume.dot(direction);
         let sign = if volume < 0.0 { -1.0 } else { 1.0 };

@@ -1,16 +1,17 @@
-//! Which facets a row of pixels may meet: sorted into buckets by first row, kept while they last.
+//! The facets that a row of pixels may intersect: bucket-sorted by first row, active while they
+//! last.
 
 use super::Screen;
 
-/// Facets in the order in which rows from the top meet them.
+/// Facets in the order in which rows from the top reach them.
 pub(super) struct ActiveRows<'a> {
     screen: &'a Screen,
-    /// By first row; within a row by number.
+    /// Sorted by first row; within a row by number.
     sorted: Vec<u32>,
-    /// Of each row, and after the last, where it starts in `sorted`.
+    /// For each row, and after the last, its start in `sorted`.
     starts: Vec<u32>,
     active: Vec<u32>,
-    /// The greatest number that was active at once.
+    /// The maximum number of active facets.
     pub most: usize,
 }
 
@@ -33,7 +34,7 @@ impl<'a> ActiveRows<'a> {
         Self { screen, sorted, starts, active: Vec::new(), most: 0 }
     }
 
-    /// The facets whose extent has this row. Rows must come one after the other from 0.
+    /// The facets whose extent includes this row. Rows must be requested in order from 0.
     pub fn advance(&mut self, row: u32) -> &[u32] {
         let facets = &self.screen.facets;
         self.active.retain(|item| facets[*item as usize].rows[1] > row);
@@ -43,7 +44,7 @@ impl<'a> ActiveRows<'a> {
         &self.active
     }
 
-    /// Bytes of its lists.
+    /// Size of its lists in bytes.
     pub fn memory(&self) -> usize {
         size_of_val(&self.sorted[..]) + size_of_val(&self.starts[..]) + self.most * size_of::<u32>()
     }

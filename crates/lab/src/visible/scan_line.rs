@@ -2,12 +2,12 @@
 //! 1970; Sutherland, Sproull and Schumacker, A Characterization of Ten Hidden-Surface Algorithms,
 //! Computing Surveys 1974, section on Watkins).
 //!
-//! A row of pixels meets each facet in a *segment*. Segments are sorted by their left ends,
+//! A row of pixels intersects each facet in a *segment*. Segments are sorted by their left ends,
 //! starting from the order of the row above, so that few have to move. From left to right, a
-//! *sample span* reaches from where segments begin or end to where they do so next. In a span the
-//! same segments cross all pixels; one that is in front at both ends is visible all along. Where
-//! none is surely so, because segments cross or nearly meet, the span is halved. The one that was
-//! visible on the row above is tried first.
+//! *sample span* reaches from one begin or end of a segment to the next. The same segments cross
+//! all pixels of a span; a segment that is in front at both ends is visible all along. If no
+//! segment certainly is, because segments cross or nearly meet, the span is halved. The segment
+//! that was visible on the row above is tried first.
 
 use super::canvas::{Canvas, Seen};
 use super::facet::{centre, is_nearer};
@@ -31,10 +31,10 @@ impl Segment {
 #[derive(Default)]
 struct Work {
     segments: u64,
-    /// Places that segments moved in the order kept from the row above.
+    /// Number of places that segments moved in the order kept from the row above.
     moves: u64,
     spans: u64,
-    /// Spans in which the facet seen above was in front.
+    /// Number of spans in which the facet visible above was in front.
     guessed: u64,
     halvings: u64,
     comparisons: u64,
@@ -46,9 +46,9 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
     let mut active = ActiveRows::new(screen);
     let mut work = Work::default();
     let (mut segments, mut open): (Vec<Segment>, Vec<Segment>) = (Vec::new(), Vec::new());
-    // Of each facet the last row that met it.
+    // For each facet the last row that intersected it.
     let mut met = vec![u32::MAX; screen.facets.len()];
-    // Facets in the order in which the row above met them, and active ones that it did not meet.
+    // Facets in the order in which the row above intersected them, and active ones that it did not.
     let (mut order, mut waiting, mut fresh): (Vec<u32>, Vec<u32>, Vec<Segment>) =
         Default::default();
     for y in 0..screen.size[1] {
@@ -65,7 +65,7 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
                 }
             }
         }
-        // What begins here is sorted by itself, and merged into the rest.
+        // New segments are sorted separately, and merged into the rest.
         fresh.sort_by_key(Segment::key);
         work.moves += sort_from_left(&mut segments);
         merge(&mut segments, &fresh);
@@ -95,8 +95,8 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
     canvas.seen(done, memory)
 }
 
-/// Sorts by insertion, which is quick for what is nearly sorted; if that takes too many moves, in
-/// one go. Gives the places that segments moved.
+/// Insertion sort, which is fast for nearly sorted segments; if that takes too many moves, a full
+/// sort. Returns the number of places that segments moved.
 fn sort_from_left(segments: &mut [Segment]) -> u64 {
     let (mut moves, most) = (0, 16 * segments.len() as u64);
     for i in 1..segments.len() {
@@ -114,7 +114,7 @@ fn sort_from_left(segments: &mut [Segment]) -> u64 {
     moves
 }
 
-/// Puts sorted segments among others that are sorted, from the right.
+/// Merges sorted segments into others that are sorted, from the right.
 fn merge(segments: &mut Vec<Segment>, fresh: &[Segment]) {
     let (mut old, mut new) = (segments.len(), fresh.len());
     segments.extend_from_slice(fresh);
@@ -137,7 +137,7 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// Goes from the left end of one segment to the next event, and resolves the span between.
+    /// Advances from the left end of one segment to the next event, and resolves the span between.
     fn sweep(&mut self, segments: &[Segment], open: &mut Vec<Segment>) {
         open.clear();
         let mut next = 0;
@@ -187,7 +187,7 @@ impl Row<'_> {
         self.divide(open, middle, end);
     }
 
-    /// The nearest at a pixel.
+    /// The nearest item at a pixel.
     fn nearest(&mut self, open: &[Segment], x: u32) -> u32 {
         self.charge(x, open.len());
         let near = |s: &Segment| (s.item, self.screen.nearness(s.item, x, self.y));
@@ -199,8 +199,8 @@ impl Row<'_> {
             .0
     }
 
-    /// True if an item is in front of all others at both ends of a span, by so much that rounding
-    /// cannot have it otherwise between them; or if the span is one pixel and it is in front there.
+    /// True if an item is certainly in front of all others at both ends of a span, whatever the
+    /// rounding between them; or if the span is one pixel and it is in front there.
     fn is_in_front(&mut self, item: u32, open: &[Segment], low: u32, last: u32) -> bool {
         let facets = &self.screen.facets;
         let me = &facets[item as usize];
@@ -210,7 +210,7 @@ impl Row<'_> {
         let all = open.iter().all(|s| {
             let other = &facets[s.item as usize];
             compared += 1;
-            // The same plane, to the bit: the number decides everywhere.
+            // Exactly the same plane: the number decides, as everywhere.
             let is_same = me.nearness == other.nearness;
             let surely = || {
                 (0..2)

@@ -1,4 +1,4 @@
-//! The front end that all methods share: from a world to facets in the plane of the picture.
+//! The front end shared by all methods: converts a world to facets in the picture's plane.
 
 use super::facet::{Facet, Nearness, centre};
 use super::{VisibleError, facet};
@@ -6,35 +6,36 @@ use crate::coherence::{PrimitiveId, View};
 use snell_intersect::{Geometry, GroupId, World};
 use snell_math::{DVec2, DVec3};
 
-/// Worlds of more triangles than this are refused: a facet takes some four hundred bytes.
+/// Worlds with more triangles are refused: a facet takes about four hundred bytes.
 const MOST_TRIANGLES: u64 = 8_000_000;
 
-/// What is nearer than this, relative to the greatest depth, is not seen.
+/// The near plane, relative to the maximum depth.
 const NEAR: f64 = 1e-8;
 
-/// A triangle of the world, in its coordinates.
+/// A triangle in world coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Triangle {
     pub id: PrimitiveId,
     pub corners: [DVec3; 3],
 }
 
-/// A world of triangles seen through a picture: what all methods start from.
+/// A world of triangles seen through a picture: the input of all methods.
 ///
-/// Triangles are brought to the world, cut at a near plane just before the eye, and projected to
-/// places of the picture (in pixels, the corner of the picture at 0) with the reciprocal of their
-/// depth. There, planes are planes again, and all rays are parallel: nearer is greater.
+/// Triangles are transformed to the world, clipped at a near plane just in front of the eye, and
+/// projected to places of the picture (in pixels, with a corner of the picture at 0) with the
+/// reciprocal of their depth. There, planes remain planes, and all rays are parallel: nearer is
+/// greater.
 #[derive(Debug)]
 pub struct Screen {
     pub(super) size: [u32; 2],
     pub(super) view: View,
-    /// All triangles that can be hit, by ascending ids.
+    /// All triangles that can be hit, in ascending order of ids.
     pub(super) triangles: Vec<Triangle>,
-    /// Those that overlap the picture, by ascending ids.
+    /// Those that overlap the picture, in ascending order of ids.
     pub(super) facets: Vec<Facet>,
-    /// The facets that may cover the centre of a pixel.
+    /// The facets that may cover a pixel centre.
     pub(super) sampled: Vec<u32>,
-    /// Of each triangle its facet, or [`super::NOTHING`].
+    /// The facet of each triangle, or [`super::NOTHING`].
     facet_of: Vec<u32>,
     /// Triangles within the picture that are seen edge-on.
     edge_on: u64,
@@ -47,8 +48,8 @@ fn homogeneous(view: &View, p: DVec3) -> DVec3 {
 }
 
 impl Screen {
-    /// Projects a world as a view sees it: its places from (0, 0) to `size` are the picture, each
-    /// pixel a square of side 1.
+    /// Projects a world as a view sees it: places from (0, 0) to `size` are the picture, each pixel
+    /// a square of side 1.
     pub fn new(world: &World, view: &View, size: [u32; 2]) -> Result<Self, VisibleError> {
         if view.apex().is_none() {
             return Err(VisibleError::NotPinhole);
@@ -126,8 +127,8 @@ impl Screen {
         self.facets.push(facet);
     }
 
-    /// The corner nearest to the middle of the picture is the best to count nearness from; the same
-    /// in any order of corners.
+    /// Orders corners by distance from the middle of the picture. Nearness is best measured from
+    /// the nearest; the result does not depend on the order of corners.
     fn nearest_first(&self, a: &DVec3, b: &DVec3) -> std::cmp::Ordering {
         let middle = DVec2::new(self.size[0].into(), self.size[1].into()) * 0.5;
         let key = |p: &DVec3| [(p.truncate() - middle).abs().max_element(), p.x, p.y];
@@ -140,35 +141,33 @@ impl Screen {
         self.size
     }
 
-    /// How many triangles the world has that can be hit.
+    /// The number of triangles in the world that can be hit.
     pub fn triangle_count(&self) -> usize {
         self.triangles.len()
     }
 
-    /// How many of them are facets: in the picture, and not seen edge-on.
+    /// The number of facets: triangles in the picture that are not seen edge-on.
     pub fn facet_count(&self) -> usize {
         self.facets.len()
     }
 
-    /// How many facets have the centre of a pixel within their extent; the others cannot be seen in
-    /// samples.
+    /// The number of facets whose extent contains a pixel centre; the others cannot be sampled.
     pub fn sampled_count(&self) -> usize {
         self.sampled.len()
     }
 
-    /// How many triangles in the picture are seen edge-on and therefore not at all.
+    /// The number of triangles in the picture that are seen edge-on and therefore invisible.
     pub fn edge_on_count(&self) -> u64 {
         self.edge_on
     }
 
-    /// The triangle of an item of a picture; `None` where nothing is seen.
+    /// The triangle of an item of a picture; `None` for the background.
     pub fn primitive(&self, item: u32) -> Option<PrimitiveId> {
         let facet = self.facets.get(item as usize)?;
         Some(self.triangles[facet.triangle as usize].id)
     }
 
-    /// The item that stands for a triangle of the world; [`super::NOTHING`] if it is not in the
-    /// picture.
+    /// The item of a triangle of the world; [`super::NOTHING`] if it is not in the picture.
     pub(super) fn item(&self, id: PrimitiveId) -> u32 {
         match self.triangles.binary_search_by(|t| t.id.cmp(&id)) {
             Ok(triangle) => self.facet_of[triangle],
@@ -181,13 +180,13 @@ impl Screen {
         self.facets.get(self.facet_of[triangle as usize] as usize)
     }
 
-    /// How near a facet is at the centre of a pixel.
+    /// The nearness of a facet at the centre of a pixel.
     #[inline(always)]
     pub(super) fn nearness(&self, item: u32, x: u32, y: u32) -> f64 {
         self.facets[item as usize].nearness.at(centre(x, y))
     }
 
-    /// The visible facet at a pixel among some, by looking at each.
+    /// The visible facet among some at a pixel, by comparing all.
     pub(super) fn nearest_of(&self, items: impl Iterator<Item = u32>, x: u32, y: u32) -> u32 {
         let mut best = (super::NOTHING, 0.0);
         for item in items {
@@ -202,9 +201,9 @@ impl Screen {
         best.0
     }
 
-    /// Why two methods may see different items at a pixel: its centre is within `tolerance` pixels
-    /// of an edge of one of them, or both are equally near there, or one is seen edge-on. `false`
-    /// if there is no such reason.
+    /// True if two methods may legitimately see different items at a pixel: its centre is within
+    /// `tolerance` pixels of an edge of one of them, or both are equally near there, or one is seen
+    /// edge-on.
     pub fn is_borderline(&self, x: u32, y: u32, a: u32, b: u32, tolerance: f64) -> bool {
         let place = centre(x, y);
         let facet = |item: u32| self.facets.get(item as usize);
@@ -227,8 +226,8 @@ impl Screen {
     }
 }
 
-/// How nearness grows with the place on the plane of three homogeneous places; the same in any
-/// order. `None` for one that holds the eye.
+/// The gradient of nearness on the plane of three homogeneous places; the same in any order. `None`
+/// if the plane contains the eye.
 fn plane(corners: &[DVec3; 3]) -> Option<DVec2> {
     let mut c = *corners;
     c.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
@@ -239,7 +238,7 @@ fn plane(corners: &[DVec3; 3]) -> Option<DVec2> {
     (volume != 0.0 && slope.is_finite()).then_some(slope)
 }
 
-/// All triangles that can be hit, by ascending ids.
+/// All triangles that can be hit, in ascending order of ids.
 fn triangles(world: &World) -> Result<Vec<Triangle>, VisibleError> {
     let count = world.instanced_triangle_count();
     if count > MOST_TRIANGLES {
@@ -247,7 +246,7 @@ fn triangles(world: &World) -> Result<Vec<Triangle>, VisibleError> {
     }
     let mut all = Vec::with_capacity(count as usize);
     let mut instance = 0;
-    // Occurrences are numbered depth first, a group before what is in it.
+    // Occurrences are numbered depth first, a group before its contents.
     let mut stack = vec![(GroupId(0), snell_math::Transform::IDENTITY)];
     while let Some((group, placed)) = stack.pop() {
         let contents = world.group(group);

@@ -1,4 +1,4 @@
-//! All methods against each other, against rays, and on what is hostile to them.
+//! Tests of all methods against each other, against rays, and on hostile input.
 
 use super::facet::centre;
 use super::*;
@@ -54,31 +54,31 @@ fn screen(world: &World, size: [u32; 2]) -> Screen {
     Screen::new(world, &view(size), size).expect("triangles")
 }
 
-/// What is visible by looking at all facets at each pixel.
+/// The visible items, found by comparing all facets at each pixel.
 fn looked_up(screen: &Screen) -> Vec<u32> {
     let [width, height] = screen.size();
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
     pixels.map(|(x, y)| screen.nearest_of(0..screen.facets.len() as u32, x, y)).collect()
 }
 
-/// Methods that trace rays round otherwise, all others must not.
+/// Methods that trace rays round differently; all others must agree exactly.
 fn is_exact(method: Method) -> bool {
     !matches!(method, Method::RayCasting | Method::RayCastingAll)
 }
 
-/// What is asked of methods.
+/// The required agreement of the methods.
 #[derive(Clone, Copy, PartialEq)]
 enum Demand {
-    /// The same picture; from rays all but a few borderline pixels of it.
+    /// The same picture; for rays except for a few borderline pixels.
     Same,
     /// The same picture; centres are on edges or triangles coincide, so that rays may see others in
-    /// many pixels, but only in such.
+    /// many pixels, but only in borderline ones.
     SameDespiteTies,
     /// Differences in borderline pixels only.
     SameUpToTies,
 }
 
-/// Runs all methods, and gives the picture.
+/// Runs all methods, and returns the picture.
 fn check(world: &World, screen: &Screen, demand: Demand, what: &str) -> Vec<u32> {
     let expected = looked_up(screen);
     let width = screen.size()[0];
@@ -162,7 +162,7 @@ fn instances_are_seen_like_any_other_triangles() {
     assert!(seen.len() >= 4, "{seen:?}");
 }
 
-/// Three beams, each over the next: no order paints them right.
+/// Three beams, each over the next: no order paints them correctly.
 fn cycle() -> TriangleMesh {
     let corner = |i: u32, r: f64, z: f64, turn: f64| {
         let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 3.0 + turn).sin_cos();
@@ -178,7 +178,7 @@ fn a_cycle_of_three_is_cut() {
     let world = world_of(vec![cycle()]);
     let screen = screen(&world, [128, 128]);
     let items = check(&world, &screen, Demand::Same, "cycle");
-    // Each is seen over another, and each is hidden by another.
+    // Each hides another, and each is hidden by another.
     for (a, b) in [(0, 1), (1, 2), (2, 0)] {
         let both = |i: &usize| {
             [a, b]
@@ -229,7 +229,7 @@ fn lattice(low: DVec2, step: DVec2, cells: [u32; 2], z: f64) -> TriangleMesh {
 
 #[test]
 fn a_centre_on_shared_edges_and_corners_belongs_to_one_triangle() {
-    // Vertices and diagonals go through the centres of pixels: one cell is two pixels.
+    // Vertices and diagonals pass through pixel centres: one cell is two pixels.
     let view = View::perspective(DVec3::ZERO, DVec3::Z, DVec3::X, DVec3::Y).expect("independent");
     let world = world_of(vec![lattice(DVec2::splat(0.5), DVec2::splat(2.0), [6, 6], 1.0)]);
     let screen = Screen::new(&world, &view, [16, 16]).expect("triangles");
@@ -239,7 +239,7 @@ fn a_centre_on_shared_edges_and_corners_belongs_to_one_triangle() {
         assert!(count <= 1, "{x} {y}: {count}");
         covered += count;
     }
-    // Of the border, two sides belong to the lattice.
+    // Two sides of the border belong to the lattice.
     assert_eq!(covered, 12 * 12);
     check(&world, &screen, Demand::SameDespiteTies, "lattice");
 }
@@ -288,7 +288,7 @@ fn hostile_triangles_end_well() {
     let z = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
     let eye = EYE;
     let hostile = vec![
-        // Not numbers, infinite, in one place, on a line.
+        // NaN, infinite, a single point, collinear.
         [z(f32::NAN, 0.0, 0.0), z(1.0, 0.0, 0.0), z(0.0, 1.0, 0.0)],
         [z(f32::INFINITY, 0.0, 0.0), z(1.0, 0.0, 0.0), z(0.0, 1.0, 0.0)],
         [z(0.5, 0.5, 0.5); 3],
@@ -320,8 +320,7 @@ fn hostile_triangles_end_well() {
                         Prepared::new(method, &screen, &world).and_then(|p| p.run(&screen, true));
                     let seen = seen.unwrap_or_else(|e| panic!("{i} {}: {e}", method.name()));
                     assert_eq!(seen.items.len(), (size[0] * size[1]) as usize);
-                    // In space, nothing is left of small triangles beside coordinates beyond all
-                    // bounds.
+                    // In object space, small triangles vanish beside coordinates beyond all bounds.
                     let is_huge = i == 10 || i == hostile.len();
                     let is_in_space = matches!(
                         method,
@@ -392,7 +391,7 @@ fn cube(low: Vec3, high: Vec3) -> TriangleMesh {
 fn of_the_edges_of_a_box_nine_are_seen() {
     let world = world_of(vec![cube(Vec3::new(0.55, 0.7, 0.0), Vec3::new(0.8, 0.9, 0.3))]);
     let found = HiddenLines::new(&screen(&world, [256, 256])).expect("few edges");
-    // Three faces are seen from a corner: nine of twelve edges, six of them contours.
+    // Three faces are visible from a corner: nine of twelve edges, six of them contours.
     let count = |is_seen: bool, kind: LineKind| {
         found
             .stretches
@@ -402,7 +401,7 @@ fn of_the_edges_of_a_box_nine_are_seen() {
     };
     assert_eq!((count(true, LineKind::Contour), count(true, LineKind::Crease)), (6, 3));
     assert_eq!((count(false, LineKind::Contour), count(false, LineKind::Crease)), (0, 3));
-    // Behind a closed box two faces are in the way of a ray, but an edge in the back has one before
+    // A ray behind a closed box passes two faces, but an edge at the back has only one in front of
     // it.
     assert!(found.stretches.iter().all(|s| s.invisibility <= 1));
     assert_eq!((found.work.edges, found.work.counts), (18, 18));

@@ -1,14 +1,14 @@
 //! Area subdivision (Warnock, A Hidden Surface Algorithm for Computer Generated Halftone Pictures,
 //! University of Utah 1969).
 //!
-//! A window of pixels that is easy is drawn; another is divided into four. The facets of a window
-//! are those of the window around it, each of which is now *disjoint* and forgotten, *surrounding*,
-//! or *contained* in the window or *intersecting* it. A window is easy if nothing is in it, if a
-//! single facet is, or if a surrounding one is in front of all others; at the latest when it is a
-//! pixel. What lies behind a surrounding facet is forgotten too.
+//! A simple window of pixels is drawn; any other is divided into four. The facets of a window are
+//! those of its parent window, each of which is now *disjoint* and dropped, *surrounding*, or
+//! *contained* in the window or *intersecting* it. A window is simple if it is empty, if it has a
+//! single facet, or if a surrounding facet is in front of all others; and in any case when it is a
+//! pixel. Facets behind a surrounding facet are dropped too.
 //!
-//! A window is its pixels' centres, so the corners that decide are the centres of its corner
-//! pixels, and the decisions are exact.
+//! A window consists of its pixels' centres, so it is tested at the centres of its corner pixels,
+//! and the decisions are exact.
 
 use super::canvas::{Canvas, Seen};
 use super::facet::{Facet, centre};
@@ -21,7 +21,7 @@ struct Window {
     end: [u32; 2],
 }
 
-/// What a facet is to a window; disjoint ones are none.
+/// The relation of a facet to a window; disjoint ones are not stored.
 #[derive(Clone, Copy)]
 struct Guest {
     item: u32,
@@ -42,8 +42,7 @@ struct Work {
 pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
     let mut canvas = Canvas::new(screen, with_cost);
     let mut work = Work::default();
-    // The guests of the windows around the present one, each list after that of the window around
-    // it.
+    // The guests of the enclosing windows, each list after that of its parent window.
     let mut guests: Vec<Guest> =
         screen.sampled.iter().map(|&item| Guest { item, is_surrounding: false }).collect();
     let mut most = guests.len();
@@ -79,8 +78,8 @@ struct Subdivision<'a> {
 }
 
 impl Subdivision<'_> {
-    /// Draws a window whose candidates are `guests[from..to]`. It is divided at most 14 times or
-    /// so, once for each bit of the picture's side.
+    /// Draws a window whose candidates are `guests[from..to]`. Its depth is at most about 14, one
+    /// for each bit of the picture's side.
     fn window(&mut self, w: Window, from: usize, to: usize) {
         self.work.windows += 1;
         self.canvas.charge_window(w.low, w.end);
@@ -109,8 +108,8 @@ impl Subdivision<'_> {
         self.guests.truncate(start);
     }
 
-    /// Appends the facets of a window, without those that are surely hidden by a surrounding one.
-    /// Gives the surrounding facet that surely hides all others, if there is one.
+    /// Appends the facets of a window, except those certainly hidden by a surrounding one. Returns
+    /// the surrounding facet that certainly hides all others, if there is one.
     fn classify(&mut self, w: &Window, from: usize, to: usize) -> u32 {
         let corners = [
             [w.low[0], w.low[1]],
@@ -119,7 +118,7 @@ impl Subdivision<'_> {
             [w.end[0] - 1, w.end[1] - 1],
         ];
         let start = self.guests.len();
-        // Among the surrounding ones, that with the greatest least nearness.
+        // Of the surrounding ones, that with the greatest minimum nearness.
         let (mut front, mut floor) = (NOTHING, f64::NEG_INFINITY);
         for i in from..to {
             let guest = self.guests[i];
@@ -144,7 +143,7 @@ impl Subdivision<'_> {
             return NOTHING;
         }
         let surrounding = &self.screen.facets[front as usize];
-        // Those from before it was met.
+        // Those that were added before it.
         let (screen, mut kept) = (self.screen, start);
         let mut hides_all = true;
         for i in start..self.guests.len() {
@@ -164,7 +163,7 @@ impl Subdivision<'_> {
         if hides_all { front } else { NOTHING }
     }
 
-    /// The only facet in a window.
+    /// Draws the only facet of a window.
     fn draw_facet(&mut self, w: &Window, item: u32) {
         let facet = &self.screen.facets[item as usize];
         for y in w.low[1].max(facet.rows[0])..w.end[1].min(facet.rows[1]) {
@@ -190,11 +189,11 @@ fn quarters(w: &Window) -> [Option<Window>; 4] {
 enum Relation {
     Disjoint,
     Surrounding,
-    /// Contained or intersecting: both are looked at more closely only when the window is divided.
+    /// Contained or intersecting: they are distinguished only when the window is divided.
     Other,
 }
 
-/// What a facet is to a window of these corner pixels.
+/// The relation of a facet to a window with these corner pixels.
 fn relation(facet: &Facet, w: &Window, corners: &[[u32; 2]; 4]) -> Relation {
     let extent = [facet.columns, facet.rows];
     if (0..2).any(|axis| extent[axis][1] <= w.low[axis] || extent[axis][0] >= w.end[axis]) {
@@ -212,8 +211,8 @@ fn relation(facet: &Facet, w: &Window, corners: &[[u32; 2]; 4]) -> Relation {
     if is_surrounding { Relation::Surrounding } else { Relation::Other }
 }
 
-/// The least and the greatest nearness of a facet's plane at the corners, not beyond what the facet
-/// itself has.
+/// The minimum and maximum nearness of a facet's plane at the corners, limited to the facet's own
+/// range.
 fn range(facet: &Facet, corners: &[[u32; 2]; 4]) -> (f64, f64) {
     let start = (f64::INFINITY, f64::NEG_INFINITY);
     let near = corners.iter().map(|c| facet.nearness.at(centre(c[0], c[1])));
@@ -221,8 +220,8 @@ fn range(facet: &Facet, corners: &[[u32; 2]; 4]) -> (f64, f64) {
     (low.max(facet.farthest), high.min(facet.nearest))
 }
 
-/// True if the plane of `a` is nearer than that of `b` at all corners, by more than rounding may do
-/// anywhere between.
+/// True if the plane of `a` is certainly nearer than that of `b` at all corners and anywhere
+/// between, whatever the rounding.
 fn is_surely_before(a: &Facet, b: &Facet, corners: &[[u32; 2]; 4]) -> bool {
     let slack = 3.0 * (a.slack + b.slack);
     corners

@@ -1,4 +1,4 @@
-//! Colours as authors give them: red, green and blue, times a spectrum if there is one.
+//! Authored colours: red, green and blue, times an optional spectrum.
 
 use super::response::{luminance_of_light, rgb_of_light, rgb_of_reflectance, white_light};
 use super::{ColorMode, Metal, Rgb, SampledSpectrum, table};
@@ -14,13 +14,13 @@ const KELVIN_OF_A: f64 = 2848.0 * SECOND_CONSTANT / 1.435e7;
 static LUMINANCE_OF_A: LazyLock<f64> =
     LazyLock::new(|| luminance(|lambda| planck(lambda.into(), KELVIN_OF_A)));
 
-/// A spectrum: of light, where it is emitted, or of a factor on light.
+/// An authored spectrum, of emitted light or of a factor on light.
 ///
-/// Written as text, `"blackbody:3000"`, `"illuminant:A"` or `"metal:Au"`, or as a table of pairs of
-/// a wavelength in nm and a value.
+/// As text it is `"blackbody:3000"`, `"illuminant:A"` or `"metal:Au"`, or a table of pairs of a
+/// wavelength in nm and a value.
 ///
-/// Small to copy, because every colour may have one: what it is lives as long as the program. There
-/// are as many as authors write.
+/// It is small and `Copy`, because every colour may have one: definitions live as long as the
+/// program, and there are only as many as authors write.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub struct Spectrum(&'static Definition);
@@ -28,7 +28,7 @@ pub struct Spectrum(&'static Definition);
 #[derive(Debug, PartialEq)]
 struct Definition {
     kind: Kind,
-    /// Its colour as light, and in white light: what it is in RGB mode.
+    /// Its colour as light, and as a reflectance in white light: its values in RGB mode.
     light: Rgb,
     reflectance: Rgb,
 }
@@ -54,7 +54,7 @@ enum Illuminant {
     A,
     /// Daylight: white.
     D65,
-    /// The same at all wavelengths.
+    /// Constant at all wavelengths.
     E,
 }
 
@@ -64,7 +64,7 @@ impl Illuminant {
 
 impl Spectrum {
     /// Light of a black body of this temperature in kelvin, at least 100, with luminance 1. `None`
-    /// for what is no temperature.
+    /// if the temperature is invalid.
     pub fn blackbody(kelvin: f32) -> Option<Self> {
         if !(100.0..=1e9).contains(&kelvin) {
             return None;
@@ -78,8 +78,8 @@ impl Spectrum {
         Self::new(Kind::Metal(metal))
     }
 
-    /// Values at wavelengths in nm, linear between them and constant beyond. As light, a table of
-    /// ones has luminance 1.
+    /// Values at wavelengths in nm, interpolated linearly and constant beyond the ends. As light, a
+    /// table of ones has luminance 1.
     pub fn table(pairs: &[[f32; 2]]) -> Result<Self, String> {
         let ascends = pairs.windows(2).all(|w| w[0][0] < w[1][0]);
         let is_sound = pairs.iter().flatten().all(|x| x.is_finite() && *x >= 0.0);
@@ -104,7 +104,7 @@ impl Spectrum {
         self.0.light
     }
 
-    /// The colour of a surface that reflects this share of white light.
+    /// The colour of a surface with this reflectance in white light.
     pub fn reflectance_rgb(&self) -> Rgb {
         self.0.reflectance
     }
@@ -133,7 +133,7 @@ impl Kind {
     }
 }
 
-/// Luminance of light of this radiance: 1 for a radiance of 1 at all wavelengths.
+/// Luminance of light of this radiance; a radiance of 1 at all wavelengths has luminance 1.
 fn luminance(radiance: impl Fn(f32) -> f64) -> f64 {
     luminance_of_light(radiance).max(f64::MIN_POSITIVE)
 }
@@ -147,12 +147,12 @@ fn planck(lambda: f64, kelvin: f64) -> f64 {
     ratio * ((x(560.0) - x(lambda)).exp() * -(-x(560.0)).exp_m1() / -(-x(lambda)).exp_m1())
 }
 
-/// A colour: red, green and blue, times a spectrum if there is one.
+/// A colour: red, green and blue, times an optional spectrum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Color {
-    /// Linear Rec. 709, or factor on the spectrum.
+    /// Linear Rec. 709, or a factor on the spectrum.
     pub rgb: Rgb,
-    /// What is multiplied by it.
+    /// The spectrum that it multiplies.
     pub spectrum: Option<Spectrum>,
 }
 
@@ -194,12 +194,12 @@ impl ColorMode {
 
     /// The lanes of light with a spectrum.
     pub(super) fn spectral_illuminant(self, rgb: Rgb, spectrum: &Spectrum) -> SampledSpectrum {
-        // White light is in the spectrum already.
+        // The spectrum includes the white light already.
         self.reflectance(rgb) * self.lanes(spectrum.0.light, |lambda| spectrum.at(lambda))
     }
 }
 
-/// How a spectrum is written.
+/// The serialised form of a spectrum.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
 enum Written {

@@ -11,8 +11,8 @@ pub const LAMBDA_MAX: f32 = 830.0;
 /// Number of wavelengths of the observer: one per nm.
 pub const LAMBDA_COUNT: usize = 471;
 
-/// Colour-matching functions x, y, z of the 2 degree observer of 1931, from 360 nm to 830 nm by 1
-/// nm.
+/// Colour-matching functions x, y, z of the 1931 2-degree observer, from 360 nm to 830 nm in steps
+/// of 1 nm.
 #[rustfmt::skip]
 pub const OBSERVER_1931: [[f64; 3]; LAMBDA_COUNT] = [
     [0.0001299, 3.917e-06, 0.0006061], [0.000145847, 4.393581e-06, 0.0006808792],
@@ -229,7 +229,8 @@ pub const OBSERVER_1931: [[f64; 3]; LAMBDA_COUNT] = [
     [1.251141e-06, 4.5181e-07, 0.0],
 ];
 
-/// Relative power of CIE illuminant D65 (daylight of 6504 K), from 360 nm to 830 nm by 5 nm.
+/// Relative power of CIE illuminant D65 (daylight of 6504 K), from 360 nm to 830 nm in steps of 5
+/// nm.
 #[rustfmt::skip]
 pub const D65: [f64; 95] = [
     46.6383, 49.3637, 52.0891, 51.0323, 49.9755, 52.3118, 54.6482, 68.7015, 82.7549, 87.1204,

@@ -2,15 +2,15 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Fraunhofer's lines, nm: d is where a single index of refraction is measured, F and C are where
-/// dispersion is.
+/// Fraunhofer lines in nm: a single index of refraction is measured at d, and dispersion between F
+/// and C.
 pub const LINE_D: f32 = 587.561_8;
 const LINE_F: f32 = 486.132_7;
 const LINE_C: f32 = 656.272_5;
 
 /// An index of refraction.
 ///
-/// Written as a number, or as text: the name of a glass (`"BK7"`), `"abbe:1.5,30"` for index 1.5
+/// Serialised as a number, or as text: the name of a glass (`"BK7"`), `"abbe:1.5,30"` for index 1.5
 /// and Abbe number 30, or `"cauchy:1.5,0.004"` for `1.5 + 0.004 / lambda^2`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
@@ -19,7 +19,7 @@ pub enum RefractiveIndex {
     Constant(f32),
     /// Cauchy's formula `a + b / lambda^2` with the wavelength in micrometres.
     Cauchy {
-        /// The limit for long waves.
+        /// The limit for long wavelengths.
         a: f32,
         /// Dispersion, square micrometres.
         b: f32,
@@ -29,8 +29,9 @@ pub enum RefractiveIndex {
 }
 
 impl RefractiveIndex {
-    /// The index `n` at the d-line with Abbe number `abbe = (n - 1) / (n_F - n_C)`, by Cauchy's
-    /// formula. A smaller number disperses more; one that is not positive and finite not at all.
+    /// The index `n` at the d line with Abbe number `abbe = (n - 1) / (n_F - n_C)`, by Cauchy's
+    /// formula. A smaller number means more dispersion; one that is not positive and finite means
+    /// none.
     pub fn from_abbe(n: f32, abbe: f32) -> Self {
         if abbe.is_nan() || abbe <= 0.0 || abbe.is_infinite() {
             return Self::Constant(n);
@@ -49,7 +50,7 @@ impl RefractiveIndex {
         }
     }
 
-    /// The index at the d-line, 587.6 nm.
+    /// The index at the d line, 587.6 nm.
     pub fn at_line_d(self) -> f32 {
         self.at(LINE_D)
     }
@@ -81,7 +82,7 @@ impl From<f32> for RefractiveIndex {
     }
 }
 
-/// How an index of refraction is written.
+/// The serialised form of an index of refraction.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
 enum Written {
@@ -128,8 +129,8 @@ impl TryFrom<Written> for RefractiveIndex {
     }
 }
 
-/// A glass or another clear substance whose dispersion has been measured, by Sellmeier's formula
-/// `n^2 = 1 + sum of B lambda^2 / (lambda^2 - C)` with the wavelength in micrometres.
+/// A glass or another clear substance with measured dispersion, by Sellmeier's formula `n^2 = 1 +
+/// sum of B lambda^2 / (lambda^2 - C)` with the wavelength in micrometres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Glass(usize);
 
@@ -142,7 +143,7 @@ struct Entry {
 impl Glass {
     /// Schott's borosilicate crown, the glass of most lenses.
     pub const BK7: Self = Self(0);
-    /// A dense flint of Schott's: heavy, and more dispersive than most.
+    /// A dense flint of Schott's: heavy, and more dispersive than most glasses.
     pub const SF11: Self = Self(1);
 
     /// All glasses.
@@ -150,7 +151,7 @@ impl Glass {
         (0..GLASSES.len()).map(Self)
     }
 
-    /// The glass of this name, in whatever case.
+    /// The glass of this name, in any case.
     pub fn named(name: &str) -> Option<Self> {
         GLASSES.iter().position(|g| g.name.eq_ignore_ascii_case(name)).map(Self)
     }

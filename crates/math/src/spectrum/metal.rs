@@ -1,21 +1,21 @@
-//! Metals by name: complex indices of refraction, measured.
+//! Metals by name, with measured complex indices of refraction.
 //!
-//! The tables are those of refractiveindex.info (M. N. Polyanskiy, Sci. Data 11, 94, 2024; CC0), of
-//! the papers named with each, from the last entry below 360 nm to the first above 830 nm. For
-//! platinum and tungsten they are there as `Rakic-LD`, a fit to optical measurements (the tables of
-//! Werner et al. come from electrons and not from light), here at fewer wavelengths.
+//! The tables are those of refractiveindex.info (M. N. Polyanskiy, Sci. Data 11, 94, 2024; CC0),
+//! from the papers named with each, from the last entry below 360 nm to the first above 830 nm. For
+//! platinum and tungsten they are `Rakic-LD`, a fit to optical measurements (the tables of Werner
+//! et al. come from electrons, not from light), here at fewer wavelengths.
 
 use super::response::rgb_of_reflectance;
 use super::{ColorMode, Rgb, SampledSpectrum, table};
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
 
-/// A metal whose index of refraction `n + i k` has been measured.
+/// A metal with a measured index of refraction `n + i k`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Metal(usize);
 
-/// What is known of a metal.
+/// The data of a metal.
 struct Entry {
     symbol: &'static str,
     name: &'static str,
@@ -33,7 +33,7 @@ impl Metal {
         (0..METALS.len()).map(Self)
     }
 
-    /// The metal of this chemical symbol or English name, in whatever case.
+    /// The metal of this chemical symbol or English name, in any case.
     pub fn named(name: &str) -> Option<Self> {
         let is = |other: &str| other.eq_ignore_ascii_case(name);
         METALS.iter().position(|m| is(m.symbol) || is(m.name)).map(Self)
@@ -54,7 +54,7 @@ impl Metal {
         table::lookup(METALS[self.0].rows, lambda)
     }
 
-    /// Real and imaginary part of the index of refraction as a path sees them.
+    /// Real and imaginary part of the index of refraction for a colour mode.
     pub fn indices(self, mode: ColorMode) -> [SampledSpectrum; 2] {
         match mode {
             ColorMode::Rgb => RGB[self.0].map(|rgb| mode.lanes(rgb, |_| 0.0)),
@@ -71,8 +71,8 @@ impl Metal {
         ((n - 1.0) * (n - 1.0) + k * k) / ((n + 1.0) * (n + 1.0) + k * k)
     }
 
-    /// Indices for red, green and blue: the mean n of each channel, and the k with which the
-    /// reflectance at normal incidence has the colour of the measured one.
+    /// Indices for red, green and blue: the mean n of each channel, and the k that reproduces the
+    /// colour of the measured reflectance at normal incidence.
     fn rgb_indices(self) -> [Rgb; 2] {
         let smallest = METALS[self.0].rows.iter().map(|row| row[1]).fold(f32::INFINITY, f32::min);
         let n = rgb_of_reflectance(|lambda| self.index(lambda)[0].into()).map(|n| n.max(smallest));

@@ -1,9 +1,9 @@
-//! Radiometric quantities along a path: four lanes, whatever they stand for.
+//! Radiometric quantities along a path: four lanes whose meaning depends on the mode.
 //!
 //! In RGB mode (linear Rec. 709) the lanes hold red, green, blue and 0; in spectral mode they hold
-//! four wavelengths. Code that transports light works on all four lanes alike and never asks which
-//! mode it runs in: only where colours enter ([`ColorMode::reflectance`],
-//! [`ColorMode::illuminant`]) and leave ([`ColorMode::to_rgb`]) does the mode matter.
+//! four wavelengths. Light transport treats all four lanes equally and never asks for the mode,
+//! which matters only where colours enter ([`ColorMode::reflectance`], [`ColorMode::illuminant`])
+//! and leave ([`ColorMode::to_rgb`]).
 
 mod authored;
 pub mod cie;
@@ -47,14 +47,14 @@ impl SampledSpectrum {
         Self([x; LANES])
     }
 
-    /// Lane by lane.
+    /// Applies a function to each lane.
     #[inline(always)]
     pub fn map(self, f: impl Fn(f32) -> f32) -> Self {
         let [a, b, c, d] = self.0;
         Self([f(a), f(b), f(c), f(d)])
     }
 
-    /// Lane by lane with another.
+    /// Applies a function to each lane and that of another.
     #[inline(always)]
     pub fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
         let ([a, b, c, d], [e, g, h, i]) = (self.0, other.0);
@@ -88,7 +88,7 @@ impl SampledSpectrum {
         a.is_finite() & b.is_finite() & c.is_finite() & d.is_finite()
     }
 
-    /// Square roots, of 0 for negative lanes.
+    /// Square roots; negative lanes count as 0.
     #[inline]
     pub fn sqrt(self) -> Self {
         self.map(|x| x.max(0.0).sqrt())

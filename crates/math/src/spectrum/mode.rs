@@ -1,16 +1,16 @@
-//! Where colours become spectra and spectra colours.
+//! Conversions between colours and spectra.
 
 use super::response::{rgb_of_samples, white_light};
 use super::uplift::RgbSpectrum;
 use super::{Color, LANES, Rgb, SampledSpectrum, SampledWavelengths};
 
-/// How a render computes with colours.
+/// The colour model of a render.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColorModel {
     /// Three values: linear Rec. 709.
     #[default]
     Rgb,
-    /// Four wavelengths for each path, drawn anew for each sample.
+    /// Four wavelengths per path, sampled for each sample.
     Spectral,
 }
 
@@ -26,8 +26,8 @@ impl ColorModel {
         }
     }
 
-    /// The mode of a path. `u` in `[0, 1)` draws its wavelengths; it is asked for only if there are
-    /// any.
+    /// The mode of a path. `u` returns a number in `[0, 1)` that samples its wavelengths; it is
+    /// called only in spectral mode.
     #[inline]
     pub fn mode(self, u: impl FnOnce() -> f32) -> ColorMode {
         match self {
@@ -37,7 +37,7 @@ impl ColorModel {
     }
 }
 
-/// What the lanes of a path stand for. A value that travels with the path; there is no global mode.
+/// The meaning of a path's lanes. It travels with the path; there is no global mode.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum ColorMode {
     /// Linear Rec. 709 red, green, blue; the fourth lane is 0.
@@ -48,8 +48,8 @@ pub enum ColorMode {
 }
 
 impl ColorMode {
-    /// The lanes of a reflectance, albedo or other factor, or of a coefficient that is not bounded
-    /// by 1.
+    /// The lanes of a reflectance, albedo or other factor, or of a coefficient without an upper
+    /// bound.
     #[inline]
     pub fn reflectance(self, color: impl Into<Color>) -> SampledSpectrum {
         let Color { rgb: color, spectrum } = color.into();
@@ -72,7 +72,7 @@ impl ColorMode {
         self.rgb_illuminant(color)
     }
 
-    /// [`Self::illuminant`] of a radiance that has no spectrum of its own.
+    /// [`Self::illuminant`] of a radiance without a spectrum of its own.
     #[inline(always)]
     pub fn rgb_illuminant(self, color: Rgb) -> SampledSpectrum {
         match self {
@@ -83,14 +83,14 @@ impl ColorMode {
         }
     }
 
-    /// [`Self::rgb_illuminant`] in spectral mode, by what [`RgbSpectrum::of_light`] gives: that
-    /// takes longest, and many colours are always the same.
+    /// [`Self::rgb_illuminant`] in spectral mode, from a precomputed [`RgbSpectrum::of_light`]:
+    /// that is the expensive part, and many colours never change.
     #[inline(always)]
     pub fn light_at(wavelengths: &SampledWavelengths, spectrum: &RgbSpectrum) -> SampledSpectrum {
         spectrum.at(wavelengths) * SampledSpectrum(wavelengths.lambda().map(white_light))
     }
 
-    /// What a surface of these lanes of reflectance shows in white light of radiance 1.
+    /// The radiance of a surface with these lanes of reflectance in white light of radiance 1.
     #[inline]
     pub fn in_white_light(self, reflectance: SampledSpectrum) -> SampledSpectrum {
         match self {
@@ -101,7 +101,7 @@ impl ColorMode {
         }
     }
 
-    /// The throughput a path starts with: 1 in every lane that is in use.
+    /// The initial throughput of a path: 1 in every lane that is in use.
     #[inline]
     pub fn unit(self) -> SampledSpectrum {
         match self {
@@ -110,8 +110,8 @@ impl ColorMode {
         }
     }
 
-    /// The colour that a sensor sees: linear Rec. 709. In spectral mode the estimate from these
-    /// wavelengths, which may be negative.
+    /// The colour that a sensor sees, in linear Rec. 709. In spectral mode it is the estimate from
+    /// these wavelengths, which may be negative.
     #[inline]
     pub fn to_rgb(self, s: SampledSpectrum) -> Rgb {
         match self {
@@ -120,8 +120,8 @@ impl ColorMode {
         }
     }
 
-    /// Lane by lane, a quantity that depends on the wavelength (nm in vacuum); in RGB mode red,
-    /// green and blue as they are given.
+    /// The lanes of a quantity that depends on the wavelength (nm in vacuum); in RGB mode, the
+    /// given red, green and blue.
     #[inline]
     pub fn lanes(self, rgb: Rgb, at: impl Fn(f32) -> f32) -> SampledSpectrum {
         match self {
@@ -130,8 +130,8 @@ impl ColorMode {
         }
     }
 
-    /// The wavelength in nm by which a path goes where each has a way of its own: the hero's, or in
-    /// RGB mode `otherwise`.
+    /// The wavelength in nm that determines the path where wavelengths separate: the hero's, or
+    /// `otherwise` in RGB mode.
     #[inline]
     pub fn hero(self, otherwise: f32) -> f32 {
         match self {
@@ -140,9 +140,9 @@ impl ColorMode {
         }
     }
 
-    /// Factor on a path's throughput where its wavelengths part and only the hero's is followed: it
-    /// stands for the others from there on. 1 in RGB mode, where all go together, and in the hero's
-    /// lane where the others are gone already.
+    /// The factor on a path's throughput where its wavelengths separate and only the hero's is
+    /// followed: it represents the others from there on. It is 1 in RGB mode, where they do not
+    /// separate, and in the hero's lane if the others are gone already.
     #[inline]
     pub fn hero_factor(self) -> SampledSpectrum {
         match self {

@@ -1,8 +1,8 @@
-//! What a sensor sees of a spectrum: CIE 1931 tristimulus values, and linear Rec. 709 with a white
-//! that is exactly (1, 1, 1).
+//! The response of a sensor to a spectrum: CIE 1931 tristimulus values, and linear Rec. 709 with a
+//! white that is exactly (1, 1, 1).
 //!
-//! The white is that of illuminant D65 by our own tables, so that the colour of the illuminant
-//! comes out without a tint of rounding.
+//! The white is that of illuminant D65 in our own tables, so that rounding does not tint the colour
+//! of the illuminant.
 
 use super::cie::{D65, LAMBDA_COUNT, LAMBDA_MAX, LAMBDA_MIN, OBSERVER_1931};
 use super::{LANES, Rgb, SampledSpectrum, SampledWavelengths};
@@ -10,22 +10,22 @@ use super::{LANES, Rgb, SampledSpectrum, SampledWavelengths};
 /// Chromaticities of red, green and blue (ITU-R BT.709).
 const PRIMARIES: [[f64; 2]; 3] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]];
 
-/// D65 at the wavelengths of the observer, scaled so that it is as luminous as a light of 1 at all
+/// D65 at the wavelengths of the observer, scaled to the luminance of a light of 1 at all
 /// wavelengths.
 static WHITE: [f32; LAMBDA_COUNT] = white();
 
-/// What a nm of radiance adds to red, green and blue; a radiance of 1 at all wavelengths has
-/// luminance 1.
+/// The contribution of 1 nm of radiance to red, green and blue; a radiance of 1 at all wavelengths
+/// has luminance 1.
 static RESPONSE: [[f32; 3]; LAMBDA_COUNT] = response();
 
-/// D65 at a wavelength of the observer: linear between the entries.
+/// D65 at a wavelength of the observer: interpolated linearly.
 const fn d65(i: usize) -> f64 {
     let (node, t) = (i / 5, (i % 5) as f64 / 5.0);
     let next = if node + 1 < D65.len() { node + 1 } else { node };
     D65[node] * (1.0 - t) + D65[next] * t
 }
 
-/// Y of a light of 1 at all wavelengths, in the units of the table of the observer.
+/// Y of a light of 1 at all wavelengths, in units of the observer's table.
 const OBSERVED: f64 = observed();
 
 const fn observed() -> f64 {
@@ -82,7 +82,7 @@ const fn response() -> [[f32; 3]; LAMBDA_COUNT] {
 pub const RGB_FROM_XYZ: [[f64; 3]; 3] = rgb_from_xyz();
 
 const fn rgb_from_xyz() -> [[f64; 3]; 3] {
-    // Columns: X, Y, Z of each primary with Y = 1. Its inverse, scaled row by row so that white
+    // Columns: X, Y, Z of each primary with Y = 1. Its inverse is scaled row by row so that white
     // becomes (1, 1, 1).
     let mut m = [[0.0; 3]; 3];
     let mut c = 0;
@@ -130,7 +130,7 @@ const fn inverse(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     cofactors
 }
 
-/// Entry below a wavelength, and the way to the next.
+/// The entry below a wavelength, and the fraction to the next.
 #[inline]
 fn place(lambda: f32) -> (usize, f32) {
     let x = (lambda - LAMBDA_MIN).clamp(0.0, LAMBDA_MAX - LAMBDA_MIN);
@@ -138,29 +138,29 @@ fn place(lambda: f32) -> (usize, f32) {
     (i, x - i as f32)
 }
 
-/// Spectral radiance of white light (D65) whose colour is (1, 1, 1), in units of the light of
-/// luminance 1 that is the same at all wavelengths.
+/// Spectral radiance of white light (D65) whose colour is (1, 1, 1), relative to the equal-energy
+/// light of luminance 1.
 #[inline]
 pub fn white_light(lambda: f32) -> f32 {
     let (i, t) = place(lambda);
     WHITE[i] * (1.0 - t) + WHITE[i + 1] * t
 }
 
-/// What a nm of radiance 1 at a wavelength adds to linear red, green and blue. Single wavelengths
-/// lie outside of the triangle of the primaries: some entries are negative.
+/// The contribution of 1 nm of radiance 1 at a wavelength to linear red, green and blue. Single
+/// wavelengths lie outside of the triangle of the primaries, so some entries are negative.
 #[inline]
 pub fn rgb_response(lambda: f32) -> [f32; 3] {
     let (i, t) = place(lambda);
     response_at(i, t)
 }
 
-/// The same a part of a nm above a whole number of them from [`LAMBDA_MIN`] on.
+/// The same for the fraction `t` of a nm above the whole number `i` of nm from [`LAMBDA_MIN`].
 #[inline(always)]
 fn response_at(i: usize, t: f32) -> [f32; 3] {
     std::array::from_fn(|c| RESPONSE[i][c] * (1.0 - t) + RESPONSE[i + 1][c] * t)
 }
 
-/// The estimate of the colour of a spectrum that is known at sampled wavelengths.
+/// The estimated colour of a spectrum that is known at sampled wavelengths.
 pub fn rgb_of_samples(spectrum: SampledSpectrum, wavelengths: &SampledWavelengths) -> Rgb {
     let mut rgb = [0.0; 3];
     for (value, lambda) in spectrum.0.into_iter().zip(wavelengths.lambda()) {
@@ -173,7 +173,8 @@ pub fn rgb_of_samples(spectrum: SampledSpectrum, wavelengths: &SampledWavelength
     rgb.into()
 }
 
-/// The colour of a light of this spectral radiance, by summing over the visible range nm by nm.
+/// The colour of a light of this spectral radiance, by a sum over the visible range in steps of 1
+/// nm.
 pub fn rgb_of_light(radiance: impl Fn(f32) -> f64) -> Rgb {
     let mut sum = [0.0; 3];
     for (i, response) in RESPONSE.iter().enumerate() {
@@ -184,7 +185,8 @@ pub fn rgb_of_light(radiance: impl Fn(f32) -> f64) -> Rgb {
     sum.map(|x| x as f32).into()
 }
 
-/// The luminance of a light of this spectral radiance: 1 for a radiance of 1 at all wavelengths.
+/// The luminance of a light of this spectral radiance; a radiance of 1 at all wavelengths has
+/// luminance 1.
 pub fn luminance_of_light(radiance: impl Fn(f32) -> f64) -> f64 {
     let value = |i: usize| {
         let weight = if i == 0 || i == LAMBDA_COUNT - 1 { 0.5 } else { 1.0 };
@@ -233,8 +235,7 @@ mod tests {
         );
     }
 
-    /// The rows of a file of comma-separated values, without its head; `None` where the shared data
-    /// are not there.
+    /// The rows of a CSV file without its header; `None` if the shared data is absent.
     fn csv(name: &str) -> Option<Vec<Vec<String>>> {
         let path =
             format!("{}/../../../shared/data/spectra/cie/{name}", env!("CARGO_MANIFEST_DIR"));
@@ -250,8 +251,8 @@ mod tests {
         )
     }
 
-    /// Spectra of the 24 patches of the ColorChecker against colours computed elsewhere, and there
-    /// and back from the colours.
+    /// The spectra of the 24 patches of the ColorChecker yield the colours computed elsewhere, and
+    /// spectra from these colours yield them again.
     #[test]
     fn a_colour_checker_has_its_colours_and_they_come_back() {
         let (Some(spectra), Some(colors)) = (
@@ -274,7 +275,7 @@ mod tests {
             for c in 0..3 {
                 let [seen, expected, back] = [seen, expected, back].map(|rgb| rgb.to_array()[c]);
                 assert!((seen - expected).abs() < 2e-3, "{}: {seen} instead of {expected}", row[0]);
-                // One patch, cyan, is outside of what a screen shows.
+                // One patch, cyan, is outside of the display gamut.
                 assert!(
                     (back - expected.max(0.0)).abs() < 2e-3,
                     "{}: {expected} comes back as {back}",

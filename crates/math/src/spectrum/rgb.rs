@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 use std::ops::{Add, Mul, Sub};
 
-/// A colour in linear Rec. 709 (the primaries of sRGB, without its curve). Not bounded: lights may
-/// be far above 1.
+/// A colour in linear Rec. 709 (the primaries of sRGB, without its curve). It has no upper bound:
+/// lights may be far above 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(from = "[f32; 3]", into = "[f32; 3]")]
 pub struct Rgb {
@@ -64,7 +64,7 @@ impl Rgb {
         self.r.is_finite() && self.g.is_finite() && self.b.is_finite()
     }
 
-    /// Channel by channel.
+    /// Applies a function to each channel.
     #[inline]
     pub fn map(self, f: impl Fn(f32) -> f32) -> Self {
         Self::new(f(self.r), f(self.g), f(self.b))

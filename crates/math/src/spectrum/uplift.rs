@@ -1,15 +1,14 @@
-//! From colours to spectra: smooth reflectances that look like a given colour in white light (Jakob
-//! and Hanika, A Low-Dimensional Function Space for Efficient Spectral Upsampling, Eurographics
-//! 2019).
+//! Spectral upsampling: smooth reflectances that have a given colour in white light (Jakob and
+//! Hanika, A Low-Dimensional Function Space for Efficient Spectral Upsampling, Eurographics 2019).
 //!
 //! A reflectance is `S(c0 t^2 + c1 t + c2)` with the sigmoid `S(x) = 1/2 + x / (2 sqrt(1 + x^2))`
-//! and `t` from 0 to 1 over the visible range: between 0 and 1 whatever the coefficients are.
-//! Coefficients are found by Newton's method on a grid of colours when the first colour is asked
-//! for, and interpolated.
+//! and `t` from 0 to 1 over the visible range: it is between 0 and 1 for any coefficients.
+//! Coefficients are found by Newton's method on a grid of colours when the first colour is
+//! requested, and interpolated.
 //!
 //! Only colours whose largest channel is at least one half need a place in the grid: a darker one
-//! is the scaled spectrum of a brighter one, which is as smooth, and gives the colour as exactly.
-//! The same goes for lights, which have no upper bound.
+//! is the scaled spectrum of a brighter one, which is as smooth, and reproduces the colour as
+//! exactly. The same holds for lights, which have no upper bound.
 
 use super::cie::{LAMBDA_MAX, LAMBDA_MIN};
 use super::response::{rgb_response, white_light};
@@ -24,12 +23,12 @@ const RATIOS: usize = 40;
 const VALUES: usize = 20;
 /// The largest channel of the darkest colours of the grid.
 const DARKEST: f32 = 0.5;
-/// The smallest channel of the palest colours that are looked up in the grid.
+/// The smallest channel of the palest colours in the grid.
 const PALEST: f32 = 0.75;
-/// How much closer the ratios of the grid are towards 0 and 1, in `[0, 1]`.
+/// How much denser the ratios of the grid are near 0 and 1, in `[0, 1]`.
 const CROWDING: f32 = 0.7;
 
-/// The spectrum that stands for a colour: a scaled smooth reflectance.
+/// The spectrum for a colour: a scaled smooth reflectance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RgbSpectrum {
     coefficients: [f32; 3],
@@ -38,11 +37,11 @@ pub struct RgbSpectrum {
 }
 
 impl RgbSpectrum {
-    /// Nothing.
+    /// The zero spectrum.
     const BLACK: Self = Self { coefficients: [0.0; 3], scale: 0.0, offset: 0.0 };
 
-    /// The spectrum of a factor. Those of colours within `[0, 1]` are within `[0, 1]` too, those of
-    /// greys are constant. Channels below 0 count as 0; what exceeds 1 scales the spectrum.
+    /// The spectrum of a factor. Colours within `[0, 1]` give spectra within `[0, 1]`, and greys
+    /// constant ones. Channels below 0 count as 0; values above 1 scale the spectrum.
     pub fn of_factor(color: Rgb) -> Self {
         let bits = color.to_array().map(f32::to_bits);
         let place = bits.iter().fold(0u32, |hash, bits| (hash ^ bits).wrapping_mul(0x9e37_79b1))
@@ -59,13 +58,13 @@ impl RgbSpectrum {
         })
     }
 
-    /// The spectrum by which white light is multiplied to give light of this colour, of whatever
-    /// brightness.
+    /// The factor by which the spectrum of white light is multiplied to give light of this colour,
+    /// at any brightness.
     pub fn of_light(color: Rgb) -> Self {
         Self::new(color, DARKEST)
     }
 
-    /// The spectrum of a colour by one whose largest channel is `value`.
+    /// The spectrum of a colour, from the one whose largest channel is `value`.
     fn new(color: Rgb, value: f32) -> Self {
         let [r, g, b] = color.to_array().map(|x| if x > 0.0 { x } else { 0.0 });
         let largest = r.max(g).max(b);
@@ -76,7 +75,7 @@ impl RgbSpectrum {
         if r == g && g == b {
             return Self { coefficients: [0.0; 3], scale: 0.0, offset: largest };
         }
-        // Near white the coefficients run away: such a colour is a mixture of white and a colour
+        // Near white the coefficients diverge: such a colour is a mixture of white and a colour
         // farther away.
         let smallest = r.min(g).min(b) / scale;
         let white = ((smallest - PALEST) / (1.0 - PALEST)).max(0.0);
@@ -113,8 +112,8 @@ fn sigmoid(x: f32) -> f32 {
     0.5 + 0.5 * x / (1.0 + x * x).sqrt()
 }
 
-/// Coefficients of colours on a grid: which channel is largest, its value, the ratios of the next
-/// two channels (in the order red, green, blue, red) to it.
+/// Coefficients of colours on a grid: the index of the largest channel, its value, and the ratios
+/// of the next two channels (in the order red, green, blue, red) to it.
 struct Grid {
     ratios: [f32; RATIOS],
     nodes: Vec<[f32; 3]>,
@@ -122,13 +121,13 @@ struct Grid {
 
 static GRID: LazyLock<Grid> = LazyLock::new(Grid::new);
 
-/// Binary logarithm of the number of factors that are kept: scenes have few, which are asked for at
+/// Binary logarithm of the size of the cache of factors: scenes have few, which are requested at
 /// every vertex.
 const RECENT_BITS: u32 = 6;
 
 thread_local! {
-    /// The last factors by the bits of their colours, each at a place that follows from these. At
-    /// first, black is everywhere.
+    /// A cache of the latest factors, indexed by the bits of their colours. Initially it holds
+    /// black everywhere.
     static RECENT: [Cell<([u32; 3], RgbSpectrum)>; 1 << RECENT_BITS] =
         const { [const { Cell::new(([0; 3], RgbSpectrum::BLACK)) }; 1 << RECENT_BITS] };
 }
@@ -139,7 +138,7 @@ fn node_value(i: usize) -> f32 {
     1.0 - (1.0 - DARKEST) * s * s
 }
 
-/// The node below a value, and the way to the next.
+/// The node below a value, and the fraction to the next.
 fn value_place(value: f32) -> (usize, f32) {
     let x = (1.0 - ((1.0 - value) / (1.0 - DARKEST)).max(0.0).sqrt()) * (VALUES - 1) as f32;
     let i = (x as usize).min(VALUES - 2);
@@ -163,7 +162,8 @@ impl Grid {
         for channel in 0..3 {
             for third in (0..RATIOS).rev() {
                 for second in (0..RATIOS).rev() {
-                    // From the neighbour that was solved before, starting at grey.
+                    // The start value comes from the neighbour that was solved before, beginning at
+                    // grey.
                     let mut start = match (second + 1 < RATIOS, third + 1 < RATIOS) {
                         (true, _) => nodes[index(channel, 0, second + 1, third)],
                         (false, true) => nodes[index(channel, 0, second, third + 1)],
@@ -176,7 +176,8 @@ impl Grid {
                         color[(channel + 2) % 3] = node_value(value) * node_ratio(third);
                         let found = solver.solve(color, start);
                         nodes[index(channel, value, second, third)] = found;
-                        // The next one is about as far from this one as this one from the last.
+                        // Extrapolation: the next one is about as far from this one as this one is
+                        // from the last.
                         let last = if value == 0 {
                             found
                         } else {
@@ -191,7 +192,7 @@ impl Grid {
         Self { ratios: std::array::from_fn(node_ratio), nodes }
     }
 
-    /// The node below a ratio, and the way to the next.
+    /// The node below a ratio, and the fraction to the next.
     fn ratio_place(&self, ratio: f32) -> (usize, f32) {
         let nodes = &self.ratios;
         let i = nodes[1..RATIOS - 1].partition_point(|&node| node <= ratio);
@@ -226,19 +227,19 @@ impl Grid {
     }
 }
 
-/// Distance of the nodes of the quadrature in nm, and their number.
+/// Distance of the quadrature nodes in nm, and their number.
 const STEP: usize = 5;
 const NODES: usize = (LAMBDA_MAX - LAMBDA_MIN) as usize / STEP + 1;
-/// Nodes that are summed side by side; the last bundle is filled up with nodes of no weight.
+/// Number of nodes that are summed side by side; the last group is padded with nodes of weight 0.
 const SIDE_BY_SIDE: usize = 8;
 const BUNDLES: usize = NODES.div_ceil(SIDE_BY_SIDE);
 
-/// Numbers of nodes that are summed side by side.
+/// Values for nodes that are summed side by side.
 type Bundle = [f32; SIDE_BY_SIDE];
 
-/// Finds coefficients.
+/// Solves for coefficients.
 struct Solver {
-    /// What a reflectance of 1 at each node adds to red, green and blue in white light.
+    /// The contribution of a reflectance of 1 at each node to red, green and blue in white light.
     weights: Vec<[Bundle; 3]>,
 }
 
@@ -268,7 +269,7 @@ impl Solver {
         Self { weights }
     }
 
-    /// The colour of coefficients and its derivatives by them.
+    /// The colour for some coefficients and its derivatives by them.
     fn evaluate(&self, c: [f32; 3]) -> ([f32; 3], [[f32; 3]; 3]) {
         let mut colors = [[0.0; SIDE_BY_SIDE]; 3];
         let mut slopes = [[[0.0; SIDE_BY_SIDE]; 3]; 3];
@@ -291,7 +292,7 @@ impl Solver {
         (colors.map(sum), slopes.map(|row| row.map(sum)))
     }
 
-    /// Coefficients whose colour is nearest, from a start: the method of Levenberg and Marquardt.
+    /// Coefficients with the closest colour, from a start value: the Levenberg-Marquardt method.
     fn solve(&self, target: [f32; 3], start: [f32; 3]) -> [f32; 3] {
         let error =
             |color: &[f32; 3]| -> [f32; 3] { std::array::from_fn(|k| target[k] - color[k]) };

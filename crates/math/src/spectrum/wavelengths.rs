@@ -1,29 +1,29 @@
-//! Which wavelengths a path carries.
+//! The wavelengths that a path carries.
 
 use super::LANES;
 use super::cie::{LAMBDA_COUNT, LAMBDA_MAX, LAMBDA_MIN};
 use crate::exponentials::{exp, ln};
 use crate::simd::{least, most};
 
-/// The wavelengths of the lanes of a path: a *hero* and three that follow it at equal distances in
-/// the distribution, so that together they cover the visible range (Wilkie et al., Hero Wavelength
+/// The wavelengths of a path's lanes: a *hero* and three that follow it at equal distances in the
+/// distribution, so that together they cover the visible range (Wilkie et al., Hero Wavelength
 /// Spectral Sampling, EGSR 2014).
 ///
-/// They are drawn about in proportion to how much the eye sees of them, from the density of
+/// They are sampled roughly in proportion to the sensitivity of the eye, from the density of
 /// Radziszewski et al. (An improved technique for full spectral rendering, 2009) with the
 /// parameters of pbrt-v4: `sech^2(0.0072 (lambda - 538 nm))`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampledWavelengths {
-    /// Wavelengths in vacuum, nm; the first is the hero's.
+    /// Wavelengths in vacuum in nm; the first is the hero's.
     lambda: [f32; LANES],
-    /// True if the path went where only the hero could follow.
+    /// True if only the hero could follow the path.
     hero_only: bool,
 }
 
-/// Steepness of the density, 1/nm, and where it is highest, nm.
+/// Steepness of the density in 1/nm, and its maximum in nm.
 const STEEPNESS: f32 = 0.0072;
 const PEAK: f32 = 538.0;
-/// `tanh(STEEPNESS (PEAK - LAMBDA_MIN))`, and the same of `LAMBDA_MAX` added.
+/// `tanh(STEEPNESS (PEAK - LAMBDA_MIN))`, and the sum of it and the same for `LAMBDA_MAX`.
 const TANH_MIN: f32 = 0.856_910_6;
 const TANH_RANGE: f32 = 1.827_495;
 
@@ -39,7 +39,7 @@ static EXPONENTIALS: [[f64; 2]; LAMBDA_COUNT] = {
     all
 };
 
-/// `e^x` for small numbers, by Taylor's series of a fraction of them.
+/// `e^x` for small numbers, by the Taylor series of a fraction of them.
 const fn series(x: f64) -> f64 {
     let (x, mut sum, mut term, mut n) = (x / 16.0, 1.0, 1.0, 1);
     while n < 20 {
@@ -56,7 +56,7 @@ const fn series(x: f64) -> f64 {
 }
 
 impl SampledWavelengths {
-    /// The wavelengths that a number in `[0, 1)` stands for.
+    /// The wavelengths for a number in `[0, 1)`.
     #[inline(always)]
     pub fn sample(u: f32) -> Self {
         let mut lambda = [0.0; LANES];
@@ -73,7 +73,7 @@ impl SampledWavelengths {
         self.lambda
     }
 
-    /// Density per nm with which [`Self::sample`] gives a wavelength.
+    /// Density per nm of the wavelengths of [`Self::sample`].
     #[inline(always)]
     pub fn pdf(lambda: f32) -> f32 {
         // The square of twice the hyperbolic cosine.
@@ -81,13 +81,13 @@ impl SampledWavelengths {
         (4.0 * f64::from(STEEPNESS) / (f64::from(TANH_RANGE) * (e + 2.0 + 1.0 / e))) as f32
     }
 
-    /// One over [`Self::pdf`] of a wavelength that is so much above a whole number of nm from
-    /// [`LAMBDA_MIN`] on, without an exponential.
+    /// The reciprocal of [`Self::pdf`] at a wavelength that is `rest` above `whole` nm from
+    /// [`LAMBDA_MIN`], without an exponential.
     #[inline(always)]
     pub(super) fn inverse_pdf(whole: usize, rest: f32) -> f32 {
         const FACTOR: f64 = TANH_RANGE as f64 / (4.0 * STEEPNESS as f64);
         let x = 2.0 * f64::from(STEEPNESS) * f64::from(rest);
-        // Taylor's series; the argument is below 0.0145, and what is left out below 1e-14.
+        // Taylor series; the argument is below 0.0145, and the remainder below 1e-14.
         let (even, odd) = (
             1.0 + x * x * (0.5 + x * x * (1.0 / 24.0)),
             x * (1.0 + x * x * (1.0 / 6.0 + x * x * (1.0 / 120.0))),
@@ -102,14 +102,14 @@ impl SampledWavelengths {
         self.hero_only
     }
 
-    /// The same wavelengths after an event in which they part.
+    /// The same wavelengths after an event that separates them.
     #[inline]
     pub fn hero_only(self) -> Self {
         Self { hero_only: true, ..self }
     }
 }
 
-/// The wavelength below which this share of the distribution is.
+/// The wavelength at this value of the distribution function.
 #[inline(always)]
 fn wavelength(u: f32) -> f32 {
     let tanh = f64::from(TANH_MIN) - f64::from(TANH_RANGE) * f64::from(u);

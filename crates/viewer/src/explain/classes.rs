@@ -1,15 +1,15 @@
-//! The light of a pixel by the way that it took (Heckbert, Adaptive radiosity textures for
-//! bidirectional ray tracing, 1990).
+//! Classifies the light of a pixel by path, in Heckbert's notation (Heckbert, Adaptive radiosity
+//! textures for bidirectional ray tracing, 1990).
 
 use super::PathClass;
 use snell_render::explain::{PathTree, Scattering};
 use snell_render::integrator::light_part::Lobe;
 use std::collections::BTreeMap;
 
-/// Ways longer than this are one class.
+/// Longer paths are one class.
 const LONGEST: usize = 6;
 
-/// Sums of all additions to a pixel's samples by their ways.
+/// Sums of all contributions to a pixel's samples by path class.
 #[derive(Default)]
 pub struct Classes {
     sums: BTreeMap<String, [f64; 3]>,
@@ -32,7 +32,7 @@ impl Classes {
         }
     }
 
-    /// What each way adds to the pixel, the brightest first.
+    /// The contribution of each class to the pixel, the brightest first.
     pub fn finish(self) -> Vec<PathClass> {
         let divisor = if self.weights > 0.0 { self.weights } else { 1.0 };
         let luminance = |v: &[f64; 3]| 0.2126 * v[0] + 0.7152 * v[1] + 0.0722 * v[2];
@@ -51,7 +51,7 @@ impl Classes {
     }
 }
 
-/// From the eye to the light.
+/// The path from the eye to the light.
 fn way(tree: &PathTree, vertex: usize, light_ray: Option<usize>) -> String {
     let mut letters = Vec::new();
     if let Some(light) = light_ray.and_then(|i| tree.vertices[vertex].light_rays.get(i)) {

@@ -1,8 +1,8 @@
-//! Why a pixel looks as it does, in words and numbers for people: [`Report`]. The same for
-//! `snell explain`, the page and Python.
+//! Explains the colour of a pixel in words and numbers: [`Report`]. `snell explain`, the page and
+//! Python share it.
 //!
-//! What happened is told by [`snell_render::explain`] and [`snell_intersect::World::journey`]; here
-//! it gets names, and becomes text ([`text`]), a drawing ([`svg`]) or JSON (it is `Serialize`).
+//! [`snell_render::explain`] and [`snell_intersect::World::journey`] record what happens; here it
+//! gets names, and becomes text ([`text`]), a drawing ([`svg`]) or JSON (it is `Serialize`).
 
 mod classes;
 mod report;
@@ -24,32 +24,33 @@ use snell_render::{CompiledScene, IntegratorKind, Job, Settings};
 use snell_scene::{Camera, CameraSample, Scene};
 use std::sync::Arc;
 
-/// Points of the convergence plot at most.
+/// Maximum number of points of the convergence plot.
 const MAX_POINTS: usize = 160;
-/// Stops of a journey that are told at most.
+/// Maximum number of traversal steps in a report.
 const MAX_STOPS: usize = 1500;
-/// Points that show roughly where the scene is: columns and rows.
+/// Columns and rows of the points that sketch the scene.
 const CLOUD: [u32; 2] = [56, 32];
 
-/// What is asked.
+/// A question about a pixel.
 #[derive(Clone, Debug)]
 pub struct Question {
     /// The pixel, from the upper left corner.
     pub pixel: [u32; 2],
-    /// The sample whose tree is told; none for the one whose colour is nearest to the pixel's.
+    /// The sample whose tree is reported; `None` for the one whose colour is closest to the
+    /// pixel's.
     pub sample: Option<u32>,
 }
 
-/// A scene with everything that makes a picture of it.
+/// A scene with everything that is needed to render it.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
     /// The scene graph, for names.
     pub scene: &'a Scene,
-    /// What is rendered.
+    /// The compiled scene.
     pub compiled: &'a CompiledScene,
-    /// From where.
+    /// The camera.
     pub camera: &'a Camera,
-    /// How.
+    /// The render settings.
     pub settings: &'a Settings,
 }
 
@@ -70,7 +71,7 @@ pub fn structures(
     kinds.iter().map(build).collect()
 }
 
-/// Answers the question. The errors are for people.
+/// Answers the question. Errors are messages for the user.
 pub fn report(
     subject: Subject,
     question: &Question,
@@ -130,8 +131,7 @@ pub fn report(
     })
 }
 
-/// The sample that was asked for, else the one whose colour is nearest to that of the pixel among
-/// those that are kept.
+/// The requested sample, or else the kept one whose colour is closest to that of the pixel.
 fn chosen(explanation: &Explanation, sample: Option<u32>) -> Option<&PathTree> {
     if let Some(number) = sample {
         return explanation.samples.iter().find(|tree| tree.number == number);
@@ -143,7 +143,7 @@ fn chosen(explanation: &Explanation, sample: Option<u32>) -> Option<&PathTree> {
     explanation.samples.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-/// The colour of a sample, if all before it are kept, too.
+/// The colour of a sample, if all samples before it are kept, too.
 fn in_order((number, tree): (u32, &PathTree)) -> Option<[f32; 3]> {
     (tree.number == number).then(|| tree.color.to_array())
 }
@@ -153,7 +153,7 @@ fn middle_ray(camera: &Camera, settings: &Settings, pixel: [u32; 2]) -> Ray {
     camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, settings.size).ray
 }
 
-/// Where the plot has points: evenly spread over the logarithm of the number of samples.
+/// The points of the plot: evenly spaced in the logarithm of the number of samples.
 fn looks(spp: u32) -> Vec<u32> {
     let last = f64::from(spp.max(1));
     let mut numbers: Vec<u32> = (0..MAX_POINTS)
@@ -177,7 +177,7 @@ fn bounds(compiled: &CompiledScene) -> [[f32; 3]; 2] {
     [(center - radius).to_array(), (center + radius).to_array()]
 }
 
-/// Where the camera sees something: a few points that show what the scene is like.
+/// A few points that the camera sees, as a sketch of the scene.
 fn cloud(compiled: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<[f32; 3]> {
     let filter = snell_render::job::hit_filter(compiled);
     let at = |i: u32| {
@@ -322,7 +322,7 @@ fn source_name(scene: &Scene, compiled: &CompiledScene, source: LightSource) -> 
     }
 }
 
-/// What a lobe is called.
+/// The name of a lobe.
 fn lobe_name(lobe: Lobe, is_delta: bool) -> &'static str {
     match (lobe, is_delta) {
         (Lobe::Diffuse, _) => "diffuse",
@@ -370,7 +370,7 @@ mod tests {
         assert!(
             !first.material.is_empty() && first.parent.is_none() && first.throughput == [1.0; 3]
         );
-        // All structures find the same, each in its way.
+        // All structures find the same hit, each in its own way.
         assert_eq!(report.journeys.len(), AcceleratorKind::ALL.len());
         assert!(
             report

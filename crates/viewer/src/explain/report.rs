@@ -1,8 +1,8 @@
-//! What is told about a pixel. All colours are linear Rec. 709.
+//! The report on a pixel. All colours are linear Rec. 709.
 
 use serde::Serialize;
 
-/// Why a pixel looks as it does.
+/// The explanation of a pixel's colour.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Report {
@@ -20,27 +20,27 @@ pub struct Report {
     pub error: [f32; 3],
     /// Samples of the pixel.
     pub spp: u32,
-    /// The pixel as the samples come in.
+    /// The mean after increasing numbers of samples.
     pub convergence: Vec<Point>,
-    /// Its light, by the way that it took; the brightest first.
+    /// Its light by path class, the brightest first.
     pub classes: Vec<PathClass>,
     /// The colours of the samples, by number.
     pub samples: Vec<[f32; 3]>,
-    /// One sample in all detail.
+    /// One sample in full detail.
     pub tree: SampleReport,
-    /// The way of that sample's camera ray through acceleration structures.
+    /// The traversal of that sample's camera ray through acceleration structures.
     pub journeys: Vec<JourneyReport>,
-    /// Corners of the box around the scene.
+    /// Minimum and maximum corner of the scene's bounding box.
     pub bounds: [[f32; 3]; 2],
     /// Some points that the camera sees.
     pub cloud: Vec<[f32; 3]>,
 }
 
-/// The pixel after some samples.
+/// The pixel after a number of samples.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Point {
-    /// How many.
+    /// Number of samples.
     pub samples: u32,
     /// Their mean.
     pub value: [f32; 3],
@@ -48,14 +48,14 @@ pub struct Point {
     pub error: [f32; 3],
 }
 
-/// Light that took the same kind of way.
+/// Light of one path class.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct PathClass {
-    /// In Heckbert's letters, from the eye to the light: E, then D (diffuse), G (glossy), S
-    /// (mirror), T (through), V (medium), L.
+    /// The path in Heckbert's letters, from the eye to the light: E, then D (diffuse), G (glossy),
+    /// S (mirror), T (transmitted), V (medium), L.
     pub way: String,
-    /// What it adds to the pixel.
+    /// Its contribution to the pixel.
     pub value: [f32; 3],
     /// Its share of the pixel's luminance.
     pub share: f32,
@@ -69,25 +69,25 @@ pub struct SampleReport {
     pub number: u32,
     /// Its colour.
     pub color: [f32; 3],
-    /// The sum of all contributions of its vertices, in the renderer's order: the same.
+    /// The sum of all contributions of its vertices, in the renderer's order: equal to the colour.
     pub sum: [f32; 3],
     /// The filter's weight.
     pub weight: f32,
-    /// Where its rays ended, parents first.
+    /// Its path vertices, parents first.
     pub vertices: Vec<VertexReport>,
 }
 
-/// Where a ray ended.
+/// A path vertex: the end of a ray.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct VertexReport {
-    /// The vertex that the ray came from; none for the camera.
+    /// The previous vertex of the path; `None` for the camera's.
     pub parent: Option<u32>,
-    /// Bounces before.
+    /// Number of bounces before.
     pub depth: u32,
     /// `surface`, `medium`, `escaped` or `absorbed`.
     pub what: String,
-    /// Names of the nodes down to the surface.
+    /// Names of the nodes from the root to the surface.
     pub object: String,
     /// The material's name.
     pub material: String,
@@ -95,25 +95,25 @@ pub struct VertexReport {
     pub primitive: Option<u32>,
     /// Where the ray begins.
     pub origin: [f32; 3],
-    /// Its direction.
+    /// The ray's direction.
     pub direction: [f32; 3],
-    /// Where it ended.
+    /// Where the ray ended.
     pub position: Option<[f32; 3]>,
     /// Shading normal.
     pub normal: Option<[f32; 3]>,
     /// Length of the ray.
     pub distance: Option<f32>,
-    /// What the path carried on arrival.
+    /// Throughput of the path on arrival.
     pub throughput: [f32; 3],
-    /// The lobe that sent the ray; none for the camera's.
+    /// The lobe that was sampled for the ray; `None` for the camera's.
     pub lobe: Option<String>,
-    /// Density per steradian with which it was sent; none for mirrors and clear glass.
+    /// Probability density of its direction per steradian; `None` for mirrors and clear glass.
     pub pdf: Option<f32>,
-    /// Light of media on the way, times throughput.
+    /// Emission of media along the ray, times throughput.
     pub glow: [f32; 3],
-    /// Light found here, times throughput and weight.
+    /// Emission found here, times throughput and weight.
     pub found: [f32; 3],
-    /// Weight of what was found, by multiple importance sampling.
+    /// Its weight in multiple importance sampling.
     pub found_weight: f32,
     /// Light samples.
     pub lights: Vec<LightReport>,
@@ -125,25 +125,25 @@ pub struct VertexReport {
 pub struct LightReport {
     /// The light.
     pub source: String,
-    /// What scatters its light.
+    /// The lobe that scatters its light.
     pub lobe: String,
-    /// Where the ray to it begins.
+    /// Start of the shadow ray.
     pub origin: [f32; 3],
     /// Its direction.
     pub direction: [f32; 3],
-    /// Where it ends; none for lights at infinity.
+    /// End of the shadow ray; `None` for lights at infinity.
     pub end: Option<[f32; 3]>,
-    /// What it would bring.
+    /// Its contribution if it is unoccluded.
     pub value: [f32; 3],
-    /// What it brings.
+    /// Its actual contribution.
     pub brought: [f32; 3],
-    /// True if something is in the way.
+    /// True if it is occluded.
     pub is_blocked: bool,
-    /// Its weight by multiple importance sampling; it is in the values.
+    /// Its weight in multiple importance sampling, which is included in the values.
     pub weight: f32,
 }
 
-/// The way of a ray through an acceleration structure.
+/// The traversal of an acceleration structure by a ray.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct JourneyReport {
@@ -151,35 +151,35 @@ pub struct JourneyReport {
     pub accelerator: String,
     /// Nodes visited.
     pub nodes: u32,
-    /// Cells gone through.
+    /// Cells visited.
     pub cells: u32,
     /// Primitives tested.
     pub primitives: u32,
-    /// Nodes and cells that there are.
+    /// Total number of nodes and cells.
     #[cfg_attr(test, ts(type = "number"))]
     pub built_nodes: u64,
-    /// How far the hit is; none if there is none.
+    /// Distance of the hit; `None` for a miss.
     pub distance: Option<f32>,
-    /// Where it looked, in order.
+    /// The traversal steps, in order.
     pub stops: Vec<StopReport>,
-    /// Stops that are not told.
+    /// Number of steps left out.
     #[cfg_attr(test, ts(type = "number"))]
     pub left_out: u64,
 }
 
-/// A place where a structure looked.
+/// A region that the traversal visited.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct StopReport {
-    /// `box`, `ball`, `plane` or `stretch` (of the ray itself).
+    /// `box`, `ball`, `plane` or `stretch` (an interval of the ray).
     pub kind: String,
-    /// Its middle.
+    /// Its centre.
     pub center: [f32; 3],
-    /// From the middle to its sides.
+    /// Vectors from the centre to its sides.
     pub axes: [[f32; 3]; 3],
     /// True if it holds primitives.
     pub is_leaf: bool,
-    /// How many instances it is within.
+    /// Nesting depth of instances.
     pub level: u32,
     /// Primitives tested there.
     pub tested: u32,

@@ -1,19 +1,19 @@
-//! A report as a drawing: the path tree, how the pixel came about, and what each acceleration
-//! structure had to do.
+//! A report as a drawing: the path tree, the convergence of the pixel, and the work of each
+//! acceleration structure.
 
 use super::text::{short, title};
 use super::{JourneyReport, Point, Report, VertexReport};
 use std::fmt::Write;
 
 const WIDTH: f32 = 1120.0;
-/// Where the right column begins.
+/// Left edge of the right column.
 const RIGHT: f32 = 640.0;
 const LINE: f32 = 20.0;
 const MARGIN: f32 = 24.0;
-/// Vertices that are drawn.
+/// Maximum number of vertices drawn.
 const MOST_VERTICES: usize = 40;
 
-/// The drawing.
+/// Draws a report.
 pub fn svg(report: &Report) -> String {
     let mut body = String::new();
     let tree = tree(&mut body, report);
@@ -30,7 +30,7 @@ pub fn svg(report: &Report) -> String {
     )
 }
 
-/// Text that means nothing to XML.
+/// Text with XML's special characters escaped.
 fn escaped(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {
@@ -51,7 +51,7 @@ fn text_at(out: &mut String, x: f32, y: f32, class: &str, text: &str) {
         writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" class=\"{class}\">{}</text>", escaped(text));
 }
 
-/// A linear colour as screens show it, bright ones pulled down to 1.
+/// A linear colour as a CSS colour; bright ones are scaled down to 1.
 fn css(color: [f32; 3], scale: f32) -> String {
     let display = |c: f32| {
         let c = (c * scale).clamp(0.0, 1.0);
@@ -75,7 +75,7 @@ fn rgb(color: &[f32]) -> String {
     color.iter().map(|&c| short(c)).collect::<Vec<_>>().join("  ")
 }
 
-/// The path tree; gives where it ends.
+/// Draws the path tree; returns its lower edge.
 fn tree(out: &mut String, report: &Report) -> f32 {
     let Report { pixel: [px, py], value, scene, tree, .. } = report;
     let mut y = MARGIN + 14.0;
@@ -153,7 +153,7 @@ fn contributions(out: &mut String, vertex: &VertexReport, x: f32, mut y: f32) ->
     y
 }
 
-/// Ways of light, convergence, structures; gives where it ends.
+/// Draws path classes, convergence and structures; returns the lower edge.
 fn right_column(out: &mut String, report: &Report) -> f32 {
     let mut y = MARGIN + 14.0;
     text_at(out, RIGHT, y, "h", "Where its light comes from");
@@ -183,13 +183,13 @@ fn right_column(out: &mut String, report: &Report) -> f32 {
     y = plot(out, &report.convergence, y + 14.0);
     if !report.journeys.is_empty() {
         y += LINE * 2.0;
-        text_at(out, RIGHT, y, "h", "The camera ray's way through each structure");
+        text_at(out, RIGHT, y, "h", "Traversal of each structure by the camera ray");
         y = journeys(out, &report.journeys, y + 6.0);
     }
     y
 }
 
-/// Mean and error against the number of samples, on a logarithmic axis.
+/// Plots mean and error against the number of samples, on a logarithmic axis.
 fn plot(out: &mut String, points: &[Point], top: f32) -> f32 {
     let (left, width, height) = (RIGHT + 44.0, 400.0, 170.0);
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return top };
@@ -233,7 +233,7 @@ fn plot(out: &mut String, points: &[Point], top: f32) -> f32 {
     bottom
 }
 
-/// Bars of work; the longest is that of most work, by the logarithm.
+/// Draws bars of work on a logarithmic scale; the longest is that of the most work.
 fn journeys(out: &mut String, journeys: &[JourneyReport], mut y: f32) -> f32 {
     let work =
         |j: &JourneyReport| f64::from(j.nodes) + f64::from(j.cells) + f64::from(j.primitives);

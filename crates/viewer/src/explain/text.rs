@@ -1,9 +1,9 @@
-//! A report for a terminal.
+//! A report as text for a terminal.
 
 use super::{Report, SampleReport, VertexReport};
 use std::fmt::Write;
 
-/// Ways of light that are shown.
+/// Maximum number of path classes shown.
 const MOST_CLASSES: usize = 8;
 
 /// The report as lines of text.
@@ -27,7 +27,7 @@ fn write(out: &mut String, report: &Report) -> std::fmt::Result {
         writeln!(out, "  error  ±  {}", rgb(error))?;
     }
     if !report.classes.is_empty() {
-        writeln!(out, "\nIts light, by the way from the eye (E) to the light (L):")?;
+        writeln!(out, "\nIts light, by the path from the eye (E) to the light (L):")?;
         writeln!(out, "D diffuse, G glossy, S mirror, T through a surface, V in a medium")?;
         for class in report.classes.iter().take(MOST_CLASSES) {
             writeln!(
@@ -46,7 +46,7 @@ fn write(out: &mut String, report: &Report) -> std::fmt::Result {
     }
     write_tree(out, &report.tree)?;
     if !report.journeys.is_empty() {
-        writeln!(out, "\nThe way of the camera ray through each acceleration structure:")?;
+        writeln!(out, "\nTraversal of each acceleration structure by the camera ray:")?;
         writeln!(out, "  {:<20} {:>8} {:>8} {:>10}", "", "nodes", "cells", "primitives")?;
         for j in &report.journeys {
             writeln!(
@@ -60,7 +60,7 @@ fn write(out: &mut String, report: &Report) -> std::fmt::Result {
 }
 
 fn write_tree(out: &mut String, tree: &SampleReport) -> std::fmt::Result {
-    writeln!(out, "\nSample {} and what adds to it:", tree.number)?;
+    writeln!(out, "\nSample {} and its contributions:", tree.number)?;
     for (number, vertex) in tree.vertices.iter().enumerate() {
         let indent = "  ".repeat(vertex.depth as usize + 1);
         writeln!(out, "{indent}{}", title(number, vertex))?;
@@ -90,7 +90,7 @@ fn write_tree(out: &mut String, tree: &SampleReport) -> std::fmt::Result {
     writeln!(out, "  = {}", rgb(&tree.sum))
 }
 
-/// What a vertex is, in one line.
+/// A vertex in one line.
 pub(super) fn title(number: usize, vertex: &VertexReport) -> String {
     let how = match &vertex.lobe {
         None => "camera".to_string(),

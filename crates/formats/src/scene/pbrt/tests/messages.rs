@@ -139,8 +139,8 @@ fn bytes_that_are_not_text_are_errors() {
         ),
         (
             &b"\n\xff\xfe"[..],
-            "a.pbrt:2:1: \"\u{fffd}\u{fffd}\" is not a directive of pbrt; correct it; is this a \
-                value without brackets, or not a pbrt file?",
+            "a.pbrt:2:1: \"\u{fffd}\u{fffd}\" is not a directive of pbrt; correct it; perhaps a \
+                value lacks brackets, or this is not a pbrt file",
         ),
     ] {
         let error = crate::read_scene_bytes(
