@@ -11,7 +11,7 @@ type Tests = (&'static str, &'static [&'static str]);
 /// and of C++.
 const ADDRESS: [Tests; 3] = [
     ("snell-math", &["simd::"]),
-    ("snell-intersect", &["kernel::", "accel::bvh::"]),
+    ("snell-intersect", &["kernel::", "exact::", "tree::", "build::"]),
     ("snell-formats", &["meshopt", "compression"]),
 ];
 
@@ -19,7 +19,7 @@ const ADDRESS: [Tests; 3] = [
 /// has only the baseline instructions, and supports neither C++ nor large worlds.
 const MIRI: [Tests; 2] = [
     ("snell-math", &["simd::"]),
-    ("snell-intersect", &["kernel::compact", "accel::bvh::storage", "a_tree_stays_as_it_was_read"]),
+    ("snell-intersect", &["tree::compact", "tree::storage", "a_tree_stays_as_it_was_read"]),
 ];
 
 /// A run of tests, which counts them; `None` if its tools are missing.

@@ -23,11 +23,12 @@ impl GroupTree {
     /// Triangles that no longer can be hit are taken out, until a later refit brings them back.
     pub fn refit(&self, list: &GroupList, bounds: &[Bounds3d]) -> Option<Self> {
         let mut first = 0;
-        let same = |((_, mesh), m): (&(u32, std::sync::Arc<crate::TriangleMesh>), &(u32, u32))| {
-            let start = first;
-            first += mesh.indices.len() as u32;
-            m.0 == start
-        };
+        let same =
+            |((_, mesh), m): (&(u32, std::sync::Arc<crate::mesh::TriangleMesh>), &(u32, u32))| {
+                let start = first;
+                first += mesh.indices.len() as u32;
+                m.0 == start
+            };
         let triangles: usize = list.meshes.iter().map(|(_, mesh)| mesh.indices.len()).sum();
         let alike = list.meshes.len() == self.meshes.len()
             && list.meshes.iter().zip(&self.meshes).all(same)

@@ -1,10 +1,10 @@
 //! A read-only view of the tree of a world, for programs that traverse it in a way of their own.
 
 use super::{Structure, World};
-use crate::AcceptAll;
 use crate::exact::ray::LocalRay;
 use crate::group::{Object, Placement, test_triangle};
 use crate::hit::Hit;
+use crate::search::AcceptAll;
 use crate::search::{Closest, Context, Search};
 use crate::tree::node::{ChildRef, WideNode};
 use crate::tree::{Forest, GroupTree};

@@ -1,0 +1,91 @@
+//! The rooms of the sources: which may use which, as ARCHITECTURE.md shows them.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Each room of `src/` and the rooms that it may use, all of them earlier ones.
+const ROOMS: [(&str, &str); 15] = [
+    ("morton", ""),
+    ("prefetch", ""),
+    ("shape", ""),
+    ("mesh", ""),
+    ("hit", ""),
+    ("geometry", "prefetch shape mesh hit"),
+    ("precision", "prefetch mesh hit geometry"),
+    ("search", "prefetch hit precision"),
+    ("exact", "hit precision search"),
+    ("group", "shape mesh geometry precision search exact"),
+    ("tree", "shape group exact"),
+    ("build", "morton prefetch mesh exact group tree"),
+    ("lecture", "precision search exact group"),
+    ("kernel", "prefetch hit precision search exact group tree"),
+    ("world", "shape mesh hit geometry precision search exact group tree build lecture"),
+];
+
+/// The last room, which uses all others.
+const LAST: &str = "query";
+
+#[test]
+fn no_room_uses_one_that_it_may_not() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut earlier = BTreeSet::new();
+    for (room, may_use) in ROOMS {
+        let may_use: BTreeSet<&str> = may_use.split_whitespace().collect();
+        assert!(may_use.is_subset(&earlier), "{room} may only use rooms above it");
+        earlier.insert(room);
+        let files = sources(&src, room);
+        assert!(!files.is_empty(), "there is no room {room}");
+        for file in files {
+            let text = std::fs::read_to_string(&file).expect("a source");
+            for used in used_rooms(&text, depth(&src, &file)) {
+                assert!(
+                    used == room || may_use.contains(used.as_str()),
+                    "{} uses `{used}`, which `{room}` may not",
+                    file.display()
+                );
+            }
+        }
+    }
+    earlier.extend([LAST, "lib"]);
+    let folder = std::fs::read_dir(&src).expect("the sources");
+    let found = folder.map(|entry| entry.expect("an entry").path());
+    let found: BTreeSet<_> = found
+        .map(|path| path.file_stem().expect("a name").to_string_lossy().into_owned())
+        .collect();
+    let known: BTreeSet<_> = earlier.into_iter().map(String::from).collect();
+    assert_eq!(found, known, "a room that is not in the table");
+}
+
+/// The files of a room, without its tests, which may use all of the crate.
+fn sources(src: &Path, room: &str) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    let mut left = vec![src.join(room), src.join(format!("{room}.rs"))];
+    while let Some(path) = left.pop() {
+        let name = path.file_stem().unwrap_or_default();
+        if name == "tests" {
+        } else if let Ok(entries) = std::fs::read_dir(&path) {
+            left.extend(entries.map(|entry| entry.expect("an entry").path()));
+        } else if path.extension().is_some_and(|e| e == "rs") && path.exists() {
+            files.push(path);
+        }
+    }
+    files
+}
+
+/// How many modules a file is within, itself included.
+fn depth(src: &Path, file: &Path) -> usize {
+    let within = file.strip_prefix(src).expect("within").components().count();
+    if file.ends_with("mod.rs") { within - 1 } else { within }
+}
+
+/// The rooms that a file names as `crate::room`. Comments and tests at its end do not count.
+fn used_rooms(text: &str, depth: usize) -> Vec<String> {
+    let text = text.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
+    let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+    let code = code.collect::<Vec<_>>().join("\n");
+    assert!(!code.contains(&"super::".repeat(depth)), "a path of `super` leads out of a room");
+    let paths = code.split("crate::").skip(1);
+    paths
+        .map(|path| path.chars().take_while(|&c| c.is_alphanumeric() || c == '_').collect())
+        .collect()
+}
