@@ -3,10 +3,11 @@
 use super::twins::{assert_alike_at_every_level, every_second_node};
 use crate::compile::Moving;
 use crate::integrator::aov::Aov;
-use crate::integrator::light_part::LightSource;
+use crate::integrator::light_part::{LightPart, LightSource};
 use crate::settings::LightGroup;
 use crate::{IntegratorKind, Settings};
 use snell_math::{ColorModel, Rgb};
+use snell_scene::MaterialId;
 use snell_scene::builtin::builtin;
 use snell_scene::material::Diffuse;
 use snell_scene::medium::Homogeneous;

@@ -1,7 +1,11 @@
 //! Ambient occlusion.
 
-use super::{Context, Outputs, Vertex, dimension};
+use super::{Context, Family, Integrator, Outputs, Vertex, dimension};
 use snell_math::{Frame, Ray, SampledSpectrum, sampling};
+
+/// The integrator `ao`.
+pub(crate) const AO: Integrator =
+    Integrator { name: "ao", shade, family: Family::Other, max_depth: 1, spp: 32 };
 
 /// Vertex function of `ao`: white where the cosine-weighted hemisphere is free within the distance.
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {

@@ -77,7 +77,7 @@ pub(crate) fn path_of(camera_ray: &CameraRay, mode: ColorMode, time: f32) -> Pat
 }
 
 /// The camera at a time from 0 to 1.
-pub(super) fn camera_at(first: &Camera, later: &[Camera], time: f32) -> Camera {
+pub(crate) fn camera_at(first: &Camera, later: &[Camera], time: f32) -> Camera {
     let x = f64::from(time) * later.len() as f64;
     let key = (x as usize).min(later.len() - 1);
     let before = if key == 0 { first } else { &later[key - 1] };

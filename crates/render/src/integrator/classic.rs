@@ -5,13 +5,22 @@
 
 use super::estimators::{Arrival, background, continued, environment, sample_whole_light};
 use super::{
-    Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing,
+    Context, Family, Integrator, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex,
+    dimension, outgoing,
 };
 use crate::sampler::Random;
 use crate::settings::Shadows;
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, rng};
 use snell_scene::material::ShadingBsdf;
 use std::f32::consts::FRAC_1_PI;
+
+/// The integrator `raycast`.
+pub(crate) const RAYCAST: Integrator =
+    Integrator { name: "raycast", shade, family: Family::Classic, max_depth: 1, spp: 16 };
+
+/// The integrator `whitted`.
+pub(crate) const WHITTED: Integrator =
+    Integrator { name: "whitted", shade, family: Family::Classic, max_depth: 8, spp: 16 };
 
 /// Branches that carry less than this share are not followed.
 const LEAST_THROUGHPUT: f32 = 1e-4;

@@ -1,10 +1,14 @@
 //! No illumination: every surface shows its colour.
 
 use super::estimators::{background, environment};
-use super::{Context, Outputs, Vertex, outgoing};
+use super::{Context, Family, Integrator, Outputs, Vertex, outgoing};
 use snell_math::ColorMode;
 use snell_scene::bsdf::Lobes;
 use snell_scene::material::ShadingPoint;
+
+/// The integrator `flat`.
+pub(crate) const FLAT: Integrator =
+    Integrator { name: "flat", shade, family: Family::Other, max_depth: 1, spp: 16 };
 
 /// Vertex function of `flat`.
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {

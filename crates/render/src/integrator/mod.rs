@@ -12,8 +12,8 @@ pub(crate) mod estimators;
 pub mod first_surface;
 mod flat;
 pub(crate) mod guided;
+mod kinds;
 pub mod light_part;
-mod motion;
 pub(crate) mod path;
 pub(crate) mod scattering;
 #[cfg(test)]
@@ -25,92 +25,14 @@ use crate::light_sampler::{LightSampler, Receiver};
 use crate::sampler::Random;
 use crate::settings::Settings;
 use carried::Expected;
+pub use kinds::IntegratorKind;
+pub(crate) use kinds::{Family, Integrator};
 use light_part::{LightSource, LobeShares};
 use snell_intersect::{Hit, SurfaceInteraction};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
 use snell_scene::material::{Prepared, ShadingPoint};
 use snell_scene::medium::HenyeyGreenstein;
 use snell_scene::{Material, MediumId};
-
-/// Which integrator.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum IntegratorKind {
-    /// Surface colours without illumination.
-    Flat,
-    /// The lecture's ray casting: local illumination at the first hit.
-    Raycast,
-    /// Local illumination with recursive mirror reflection and refraction (Whitted, 1980).
-    Whitted,
-    /// Light that reaches the first hit directly from lights.
-    Direct,
-    /// Ambient occlusion: the cosine-weighted share of the hemisphere that is free of near
-    /// occluders.
-    Ao,
-    /// Path tracing with next-event estimation, multiple importance sampling and Russian roulette
-    /// (Kajiya, 1986; Veach, 1997).
-    #[default]
-    Path,
-    /// No light: the first of the chosen AOVs as a picture.
-    Aov,
-}
-
-impl IntegratorKind {
-    /// All integrators.
-    pub const ALL: [Self; 7] =
-        [Self::Flat, Self::Raycast, Self::Whitted, Self::Direct, Self::Ao, Self::Path, Self::Aov];
-
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Flat => "flat",
-            Self::Raycast => "raycast",
-            Self::Whitted => "whitted",
-            Self::Direct => "direct",
-            Self::Ao => "ao",
-            Self::Path => "path",
-            Self::Aov => "aov",
-        }
-    }
-
-    /// Bounces followed if the user and the scene say nothing.
-    pub fn default_max_depth(self) -> u32 {
-        match self {
-            Self::Path => Settings::MAX_DEPTH,
-            Self::Whitted => 8,
-            _ => 1,
-        }
-    }
-
-    /// Samples per pixel if the user and the scene say nothing.
-    pub fn default_spp(self) -> u32 {
-        match self {
-            Self::Path | Self::Direct => 64,
-            Self::Ao => 32,
-            _ => 16,
-        }
-    }
-
-    /// True for `path` and `direct`: media count, and parts of the light can be layers.
-    pub(crate) fn is_path(self) -> bool {
-        matches!(self, Self::Direct | Self::Path)
-    }
-
-    /// True for `raycast` and `whitted`.
-    pub(crate) fn is_classic(self) -> bool {
-        matches!(self, Self::Raycast | Self::Whitted)
-    }
-
-    /// The vertex function.
-    pub(crate) fn vertex_function(self) -> VertexFunction {
-        match self {
-            Self::Flat => flat::shade,
-            Self::Raycast | Self::Whitted => classic::shade,
-            Self::Direct | Self::Path => path::shade,
-            Self::Ao => ao::shade,
-            Self::Aov => |_, _, _| {},
-        }
-    }
-}
 
 /// What a vertex function may look at.
 #[derive(Debug)]

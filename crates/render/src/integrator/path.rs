@@ -8,14 +8,29 @@ use super::estimators::{
 use super::guided::GuidedBsdf;
 use super::light_part::{LightSource, LobeShares};
 use super::scattering::scatter;
-use super::{Context, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
+use super::{
+    Context, Family, Integrator, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing,
+};
 use crate::compile::CompiledLight;
 use crate::light_sampler::{ChosenLight, Receiver};
-use crate::settings::LightStrategy;
+use crate::settings::{LightStrategy, Settings};
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, sampling};
 use snell_scene::light::environment::{EnvironmentLight, SkySample};
 use snell_scene::material::{Prepared, ShadingBsdf, ShadingPoint};
 use snell_scene::{Background, MediumId};
+
+/// The integrator `path`.
+pub(crate) const PATH: Integrator = Integrator {
+    name: "path",
+    shade,
+    family: Family::Path,
+    max_depth: Settings::MAX_DEPTH,
+    spp: 64,
+};
+
+/// The integrator `direct`.
+pub(crate) const DIRECT: Integrator =
+    Integrator { name: "direct", shade, family: Family::Path, max_depth: 1, spp: 64 };
 
 /// Growth of the ray cone after a bounce that scatters.
 pub(crate) const SCATTERED_SPREAD: f32 = 0.2;

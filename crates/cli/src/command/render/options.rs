@@ -72,8 +72,14 @@ pub struct Options {
     /// the scene's name with .png
     #[arg(short, long, value_name = "FILE", help_heading = "The picture")]
     pub output: Option<PathBuf>,
-    /// flat, raycast, whitted, direct, ao, path or aov. Default: the scene's, else path
-    #[arg(short, long, value_name = "NAME", help_heading = "How light is computed")]
+    /// Which integrator computes light
+    #[arg(
+        short,
+        long,
+        value_name = "NAME",
+        help = integrators_help(),
+        help_heading = "How light is computed",
+    )]
     pub integrator: Option<String>,
     /// Colours in light transport: rgb, or spectral (four wavelengths per sample)
     #[arg(
@@ -111,8 +117,8 @@ pub struct Options {
         help_heading = "How light is computed",
     )]
     pub time: Option<Duration>,
-    /// Maximum number of bounces after the first hit. Default: 1000 for path, 8 for whitted
-    #[arg(long, value_name = "N", help_heading = "How light is computed")]
+    /// Bounces after the first hit at most
+    #[arg(long, value_name = "N", help = max_depth_help(), help_heading = "How light is computed")]
     pub max_depth: Option<u32>,
     /// Size of the picture in pixels
     #[arg(short, long, value_name = "WxH", value_parser = parse_size, help_heading = "The picture")]
@@ -372,6 +378,29 @@ pub struct Options {
     /// The record of the files that are read, if there is one.
     #[arg(skip)]
     pub sources: Option<Sources>,
+}
+
+/// What `--integrator` is, with all integrators.
+fn integrators_help() -> String {
+    let names = IntegratorKind::ALL.map(IntegratorKind::name);
+    let default = IntegratorKind::default().name();
+    format!("{}. Default: what the scene says, else {default}", one_of(&names))
+}
+
+/// What `--max-depth` is, with the defaults of all integrators that follow more than one bounce.
+fn max_depth_help() -> String {
+    let follows = |kind: &IntegratorKind| kind.default_max_depth() > 1;
+    let of = |kind: IntegratorKind| format!("{} for {}", kind.default_max_depth(), kind.name());
+    let defaults: Vec<_> = IntegratorKind::ALL.into_iter().filter(follows).map(of).collect();
+    format!("Bounces after the first hit at most. Default: {}, else 1", defaults.join(", "))
+}
+
+/// "a, b or c".
+fn one_of(names: &[&str]) -> String {
+    match names {
+        [first @ .., last] if !first.is_empty() => format!("{} or {last}", first.join(", ")),
+        _ => names.concat(),
+    }
 }
 
 fn parse_spp(text: &str) -> Result<u32, String> {

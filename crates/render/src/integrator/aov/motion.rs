@@ -1,17 +1,35 @@
 //! How far what a pixel shows moves over the picture while the shutter is open.
 
-use super::aov::FirstHit;
-use super::{Context, camera_path::camera_at};
+use super::colors::value;
+use super::{AovKind, Declared, FirstHit, Needs};
+use crate::integrator::Context;
+use crate::integrator::camera_path::camera_at;
 use snell_intersect::{Geometry, GeometryId, Hit};
-use snell_math::{DVec2, DVec3, Ray};
+use snell_math::{DVec2, DVec3, Ray, Rgb};
 use snell_scene::Camera;
+
+/// The way over the picture.
+pub const MOTION: Declared = Declared {
+    name: "motion",
+    channels: &["X", "Y"],
+    kind: AovKind::Averaged,
+    needs: Needs::Motion,
+    values: |context, first, camera, values| {
+        values.extend(on_the_picture(context, camera, first));
+    },
+    // As normal maps are seen: grey where nothing moves; 64 pixels are as much as is shown.
+    preview: |values, _| {
+        let f = |i| (value(values, i) / 128.0 + 0.5).clamp(0.0, 1.0);
+        Rgb::new(f(0), f(1), 0.5)
+    },
+};
 
 /// Distance of what is seen behind the scene, in radii of the scene.
 const FAR: f64 = 1e5;
 
 /// The way over the picture from where the shutter opens to where it closes, in pixels, to the
 /// right and down. Zero where nothing moves or a part of the way is out of the camera's sight.
-pub fn on_the_picture(context: &Context, camera: &Camera, first: &FirstHit) -> [f32; 2] {
+fn on_the_picture(context: &Context, camera: &Camera, first: &FirstHit) -> [f32; 2] {
     if !is_any(context) {
         return [0.0; 2];
     }

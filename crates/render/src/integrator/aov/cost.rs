@@ -1,0 +1,24 @@
+//! What the camera ray cost.
+
+use super::colors;
+use super::{AovKind, Declared, Needs};
+
+/// Nodes of acceleration structures.
+pub const NODES_VISITED: Declared = Declared {
+    name: "nodes-visited",
+    channels: &["V"],
+    kind: AovKind::Averaged,
+    needs: Needs::Counters,
+    values: |_, first, _, values| values.push(first.counters[0] as f32),
+    preview: |values, _| colors::count(values, 8.0),
+};
+
+/// Triangles and shapes.
+pub const PRIMITIVES_TESTED: Declared = Declared {
+    name: "primitives-tested",
+    channels: &["V"],
+    kind: AovKind::Averaged,
+    needs: Needs::Counters,
+    values: |_, first, _, values| values.push(first.counters[1] as f32),
+    preview: |values, _| colors::count(values, 8.0),
+};

@@ -1,0 +1,24 @@
+//! What the film knows of a pixel.
+
+use super::colors;
+use super::{AovKind, Declared, Needs};
+
+/// Its error.
+pub const NOISE: Declared = Declared {
+    name: "noise",
+    channels: &["V"],
+    kind: AovKind::OfFilm,
+    needs: Needs::Nothing,
+    values: |_, _, _, _| {},
+    preview: |values, _| colors::heat((colors::value(values, 0) * 10.0).clamp(0.0, 1.0)),
+};
+
+/// Its samples.
+pub const SAMPLES: Declared = Declared {
+    name: "samples",
+    channels: &["V"],
+    kind: AovKind::OfFilm,
+    needs: Needs::Nothing,
+    values: |_, _, _, _| {},
+    preview: |values, _| colors::count(values, 14.0),
+};

@@ -1,0 +1,102 @@
+//! The list of integrators. Each is a line here, and declared in the file of its vertex function:
+//! all else that knows integrators reads this list.
+
+use super::{VertexFunction, ao, aov, classic, flat, path};
+
+/// What the file of an integrator declares.
+pub(crate) struct Integrator {
+    /// The name on the command line.
+    pub name: &'static str,
+    /// The vertex function.
+    pub shade: VertexFunction,
+    /// What it has in common with others.
+    pub family: Family,
+    /// Bounces followed if the user and the scene say nothing.
+    pub max_depth: u32,
+    /// Samples per pixel if the user and the scene say nothing.
+    pub spp: u32,
+}
+
+/// Integrators that batch shaders and media know.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Family {
+    /// Media count, and parts of the light can be layers.
+    Path,
+    /// Local illumination.
+    Classic,
+    /// None of these.
+    Other,
+}
+
+macro_rules! integrators {
+    ($($(#[$doc:meta])* $kind:ident: $declared:path,)*) => {
+        /// Which integrator.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+        pub enum IntegratorKind {
+            $($(#[$doc])* $kind,)*
+        }
+
+        impl IntegratorKind {
+            /// All integrators.
+            pub const ALL: [Self; [$(stringify!($kind)),*].len()] = [$(Self::$kind),*];
+
+            fn declared(self) -> &'static Integrator {
+                match self {
+                    $(Self::$kind => &$declared,)*
+                }
+            }
+        }
+    };
+}
+
+integrators! {
+    /// Surface colours without illumination.
+    Flat: flat::FLAT,
+    /// The lecture's ray casting: local illumination at the first hit.
+    Raycast: classic::RAYCAST,
+    /// Local illumination with recursive mirror reflection and refraction (Whitted, 1980).
+    Whitted: classic::WHITTED,
+    /// Light that reaches the first hit directly from lights.
+    Direct: path::DIRECT,
+    /// Ambient occlusion: the cosine-weighted share of the hemisphere that is free of near
+    /// occluders.
+    Ao: ao::AO,
+    /// Path tracing with next-event estimation, multiple importance sampling and Russian roulette
+    /// (Kajiya, 1986; Veach, 1997).
+    #[default]
+    Path: path::PATH,
+    /// No light: the first of the chosen AOVs as a picture.
+    Aov: aov::AOV,
+}
+
+impl IntegratorKind {
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        self.declared().name
+    }
+
+    /// Bounces followed if the user and the scene say nothing.
+    pub fn default_max_depth(self) -> u32 {
+        self.declared().max_depth
+    }
+
+    /// Samples per pixel if the user and the scene say nothing.
+    pub fn default_spp(self) -> u32 {
+        self.declared().spp
+    }
+
+    /// True for `path` and `direct`: media count, and parts of the light can be layers.
+    pub(crate) fn is_path(self) -> bool {
+        self.declared().family == Family::Path
+    }
+
+    /// True for `raycast` and `whitted`.
+    pub(crate) fn is_classic(self) -> bool {
+        self.declared().family == Family::Classic
+    }
+
+    /// The vertex function.
+    pub(crate) fn vertex_function(self) -> VertexFunction {
+        self.declared().shade
+    }
+}
