@@ -44,6 +44,7 @@ __all__ = [
     "MEDIA",
     "LIGHTS",
     "PROJECTIONS",
+    "describe",
 ]
 
 INVALID_ID: int
@@ -53,6 +54,9 @@ PATTERNS: dict[str, tuple[str, ...]]
 MEDIA: dict[str, tuple[str, ...]]
 LIGHTS: dict[str, tuple[str, ...]]
 PROJECTIONS: dict[str, tuple[str, ...]]
+
+def describe(family: str, kind: str) -> dict[str, dict[str, Any]]: ...
+
 __version__: str
 
 # Anything that converts to an array: also what has ``__array_interface__`` or ``__dlpack__``.

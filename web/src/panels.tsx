@@ -3,7 +3,7 @@
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren, JSX } from "preact";
 import { fieldOfView, withFieldOfView, type Camera } from "./camera";
-import { Field } from "./form";
+import { Field, inside } from "./form";
 import { choices, costs, exposure, focusing, picked, pickedPixel, scene, steers, tonemap, view, type Store } from "./store";
 import type { NodeInfo } from "./protocol.gen";
 import { sunDirection, sunPosition, type SunPosition } from "./sun";
@@ -226,6 +226,7 @@ function Things(props: { family: string; title: string; list: Parameters[]; chos
   const thing = list[index]!;
   const nameOf = (t: Parameters, i: number): string => (t.name as string) || `${family} ${i}`;
   const change = (path: string, value: unknown): void => store.edit(`${family}.${index}${path}`, value);
+  const form = choices.value?.forms[family];
   return (
     <Section title={`${props.title} (${list.length})`} open={props.chosen !== null}>
       <Select
@@ -237,7 +238,14 @@ function Things(props: { family: string; title: string; list: Parameters[]; chos
       {Object.keys(thing)
         .filter((key) => key !== "name")
         .map((key) => (
-          <Field key={`${index}.${key}`} label={key} value={thing[key] as never} path={`.${key}`} change={change} />
+          <Field
+            key={`${index}.${key}`}
+            label={key}
+            value={thing[key] as never}
+            path={`.${key}`}
+            change={change}
+            form={inside(form, thing as never, key)}
+          />
         ))}
     </Section>
   );
