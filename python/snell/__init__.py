@@ -38,6 +38,7 @@ from snell._snell import (
     Texture,
     View,
     __version__,
+    describe,
 )
 from snell._view import explain, view
 
@@ -67,6 +68,7 @@ __all__ = [
     "__version__",
     "compare",
     "create_rays_pinhole",
+    "describe",
     "explain",
     "load",
     "render",

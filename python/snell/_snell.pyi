@@ -40,8 +40,8 @@ __all__ = [
     "_restore_material",
     "_restore_medium",
     "_restore_pattern",
-    "_restore_texture",
     "_view",
+    "describe",
     "load",
 ]
 
@@ -52,6 +52,9 @@ PATTERNS: dict[str, tuple[str, ...]]
 MEDIA: dict[str, tuple[str, ...]]
 LIGHTS: dict[str, tuple[str, ...]]
 PROJECTIONS: dict[str, tuple[str, ...]]
+
+def describe(family: str, kind: str) -> dict[str, dict[str, Any]]: ...
+
 __version__: str
 
 # Anything that converts to an array: also what has ``__array_interface__`` or ``__dlpack__``.

@@ -1,6 +1,7 @@
-// Forms made from the parameters themselves: every declared parameter of a material or light can be changed.
+// Forms made from declarations: whatever a material or light declares can be changed.
 
 import type { JSX } from "preact";
+import type { Form } from "./protocol.gen";
 import { linearToSrgb } from "./tonemap";
 
 type Json = null | boolean | number | string | Json[] | { [key: string]: Json };
@@ -8,6 +9,8 @@ type Json = null | boolean | number | string | Json[] | { [key: string]: Json };
 interface FieldProps {
   label: string;
   value: Json;
+  /** What the parameter is declared to be; none for what stands inside of measured data. */
+  form?: Form | undefined;
   /** Path of the parameter, without the family. */
   path: string;
   change(path: string, value: Json): void;
@@ -15,11 +18,39 @@ interface FieldProps {
 
 const readable = (name: string): string => name.replaceAll("_", " ");
 
-const isColor = (value: Json): value is number[] =>
-  Array.isArray(value) && value.length === 3 && value.every((v) => typeof v === "number");
+/** The words before a field, with its unit. */
+const caption = (label: string, form?: Form): string =>
+  form?.unit ? `${readable(label)} (${form.unit})` : readable(label);
 
-/** Names of parameters that are vectors, not colours. */
-const VECTORS = /position|direction|axes|center|lengths|eye|up|towards/;
+const isColor = (value: Json, form?: Form): value is number[] =>
+  form?.kind === "color" &&
+  Array.isArray(value) &&
+  value.length === 3 &&
+  value.every((v) => typeof v === "number");
+
+/** The form of what stands inside of a parameter: in a group, or in the variant that the value is. */
+export function inside(
+  form: Form | undefined,
+  value: { [key: string]: Json },
+  key: string,
+): Form | undefined {
+  if (!form) return undefined;
+  const named = (fields: Form[] | undefined): Form | undefined =>
+    fields?.find((field) => field.name === key);
+  const kind = form.tag ? value[form.tag] : undefined;
+  const found =
+    named(form.fields) ?? (typeof kind === "string" ? named(form.kinds[kind]) : undefined);
+  if (found || form.tag !== "" || !(key in form.kinds)) return found;
+  // The name of the variant stands around its parameters.
+  return (
+    form.kinds[key]!.find((field) => field.name === "") ?? {
+      ...form,
+      kind: "other",
+      fields: form.kinds[key]!,
+      kinds: {},
+    }
+  );
+}
 
 const toHex = (rgb: number[]): string => {
   const most = Math.max(1, ...rgb);
@@ -44,21 +75,27 @@ const fromHex = (hex: string, before: number[]): number[] => {
   });
 };
 
-function NumberField({ label, value, path, change }: FieldProps & { value: number }): JSX.Element {
-  const unit = value >= 0 && value <= 1;
+function NumberField({
+  label,
+  value,
+  path,
+  change,
+  form,
+}: FieldProps & { value: number }): JSX.Element {
+  const range = form?.range;
   const set = (event: JSX.TargetedEvent<HTMLInputElement>): void => {
     const next = Number(event.currentTarget.value);
     if (event.currentTarget.value !== "" && Number.isFinite(next)) change(path, next);
   };
   return (
-    <label class="field">
-      <span>{readable(label)}</span>
-      {unit && (
+    <label class="field" title={form?.doc}>
+      <span>{caption(label, form)}</span>
+      {range && (
         <input
           type="range"
-          min="0"
-          max="1"
-          step="0.005"
+          min={range[0]}
+          max={range[1]}
+          step={(range[1]! - range[0]!) / 200}
           value={value}
           onInput={set}
           aria-label={readable(label)}
@@ -69,10 +106,16 @@ function NumberField({ label, value, path, change }: FieldProps & { value: numbe
   );
 }
 
-function ColorField({ label, value, path, change }: FieldProps & { value: number[] }): JSX.Element {
+function ColorField({
+  label,
+  value,
+  path,
+  change,
+  form,
+}: FieldProps & { value: number[] }): JSX.Element {
   return (
-    <div class="field">
-      <span>{readable(label)}</span>
+    <div class="field" title={form?.doc}>
+      <span>{caption(label, form)}</span>
       <input
         type="color"
         value={toHex(value)}
@@ -100,11 +143,11 @@ function ColorField({ label, value, path, change }: FieldProps & { value: number
 
 /** A field for one parameter, or a group of fields. */
 export function Field(props: FieldProps): JSX.Element | null {
-  const { label, value, path, change } = props;
+  const { label, value, path, change, form } = props;
   if (typeof value === "number") return <NumberField {...props} value={value} />;
   if (typeof value === "boolean") {
     return (
-      <label class="field">
+      <label class="field" title={form?.doc}>
         <span>{readable(label)}</span>
         <input
           type="checkbox"
@@ -114,11 +157,11 @@ export function Field(props: FieldProps): JSX.Element | null {
       </label>
     );
   }
-  if (isColor(value) && !VECTORS.test(label)) return <ColorField {...props} value={value} />;
+  if (isColor(value, form)) return <ColorField {...props} value={value} />;
   if (Array.isArray(value)) {
     return (
-      <div class="field">
-        <span>{readable(label)}</span>
+      <div class="field" title={form?.doc}>
+        <span>{caption(label, form)}</span>
         {value.map((v, i) =>
           typeof v === "number" ? (
             <input
@@ -145,15 +188,46 @@ export function Field(props: FieldProps): JSX.Element | null {
     // A factor without a texture is shown as the parameter itself.
     const keys = Object.keys(value);
     if ("factor" in value && keys.every((key) => key === "factor" || value[key] === null)) {
-      return <Field label={label} value={value.factor!} path={`${path}.factor`} change={change} />;
+      return (
+        <Field
+          label={label}
+          value={value.factor!}
+          path={`${path}.factor`}
+          change={change}
+          form={form}
+        />
+      );
     }
     return (
-      <fieldset>
+      <fieldset title={form?.doc}>
         <legend>{readable(label)}</legend>
         {keys.map((key) => (
-          <Field key={key} label={key} value={value[key]} path={`${path}.${key}`} change={change} />
+          <Field
+            key={key}
+            label={key}
+            value={value[key]!}
+            path={`${path}.${key}`}
+            change={change}
+            form={key === "factor" ? form : inside(form, value, key)}
+          />
         ))}
       </fieldset>
+    );
+  }
+  if (typeof value === "string" && form?.kind === "choice") {
+    return (
+      <label class="field" title={form.doc}>
+        <span>{readable(label)}</span>
+        <select
+          value={value}
+          aria-label={readable(label)}
+          onChange={(e) => change(path, e.currentTarget.value)}
+        >
+          {form.options.map((option) => (
+            <option value={option}>{option}</option>
+          ))}
+        </select>
+      </label>
     );
   }
   if (typeof value === "string") {

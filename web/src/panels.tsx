@@ -3,7 +3,7 @@
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren, JSX } from "preact";
 import { type Camera, fieldOfView, withFieldOfView } from "./camera";
-import { Field } from "./form";
+import { Field, inside } from "./form";
 import type { NodeInfo } from "./protocol.gen";
 import {
   choices,
@@ -386,6 +386,7 @@ function Things(props: {
   const nameOf = (t: Parameters, i: number): string => (t.name as string) || `${family} ${i}`;
   const change = (path: string, value: unknown): void =>
     store.edit(`${family}.${index}${path}`, value);
+  const form = choices.value?.forms[family];
   return (
     <Section title={`${props.title} (${list.length})`} open={props.chosen !== null}>
       <Select
@@ -403,6 +404,7 @@ function Things(props: {
             value={thing[key] as never}
             path={`.${key}`}
             change={change}
+            form={inside(form, thing as never, key)}
           />
         ))}
     </Section>

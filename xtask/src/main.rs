@@ -27,6 +27,7 @@ const HELP: &str = "cargo xtask COMMAND
   fuzz-smoke  give damaged files to the program, for two minutes or --seconds N; --seed N, --only \
   render|commands, --release
   how-tested  write the figures of docs/how-it-is-tested.md; lint says when they are out of date
+  parameters  write docs/user/parameters.md; a test says when it is out of date
   golden make the pictures of golden scenes that changed the new references; look at them before \
   you commit
 ";
@@ -42,6 +43,7 @@ fn main() -> ExitCode {
         "fmt" => lint::format(),
         "docs" => run("documentation", cargo(&["doc", "--workspace", "--no-deps"])),
         "golden" => golden(),
+        "parameters" => parameters(),
         "sanitize" => sanitize::run(std::env::args().nth(2).as_deref()),
         "fuzz-smoke" => fuzz_smoke::fuzz_smoke(std::env::args().skip(2)),
         "how-tested" => {
@@ -122,6 +124,14 @@ fn golden() -> bool {
         );
     }
     succeeded
+}
+
+/// The page of parameters is written anew, from their declarations.
+fn parameters() -> bool {
+    let mut command =
+        cargo(&["test", "--package", "snell-scene", "--lib", "families::reference::"]);
+    command.env("SNELL_PARAMETERS", "write");
+    run("parameters", command)
 }
 
 /// Numbers of a run of the test harness.

@@ -412,8 +412,6 @@ fn the_command_line_page_has_every_name() {
     names.extend(Terminator::ALL.map(Terminator::name));
     names.extend(AcceleratorKind::ALL.iter().map(|a| a.name()));
     names.extend(snell_formats::image::Tonemap::ALL.map(|t| t.name()));
-    names.extend(snell_scene::material::MaterialKind::NAMES);
-    names.extend(snell_scene::Light::NAMES);
     for name in names {
         assert!(page.contains(&format!("`{name}`")), "`{name}` is not on the page");
     }

@@ -134,7 +134,8 @@ impl<T: Schema> Declared<T> {
         Ok((declared, given_arrays))
     }
 
-    /// Refuses numbers of these parameters that mean nothing. (Those of files are warned of and kept.)
+    /// Refuses numbers of these parameters that mean nothing. (Those of files are warned of and
+    /// kept.)
     fn check(self, kind: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         for key in given.into_iter().flatten().map(|(key, _)| key) {
             let key: String = key.extract()?;

@@ -21,16 +21,15 @@ declared_class! {
     /// **parameters
     ///     Those of the kind. Coefficients are per unit of length of the scene.
     ///
-    /// Notes
-    /// -----
-    /// A `"grid"` has a `density`, an array of the shape (z, y, x) whose numbers stand at the middles
-    /// of their cells, are joined by straight lines, and multiply `sigma_a` and `sigma_s`. Cells fill
-    /// the box between two corners, `bounds`, or the unit cube mapped by the matrix `world_from_grid`.
-    /// `sigma_a_tint`, `sigma_s_tint` and `emission_tint`, of the shape (z, y, x, 3) or (z, y, x), are
-    /// factors of each colour. What shines is `emission`, times the `density` or, if it is there,
-    /// `emission_scale`, in the colour of a black body where there is a `temperature` (kelvin). Arrays
-    /// may be of different sizes; what is negative or not a number counts as 0. Media lie in the
-    /// scene's coordinates: they do not move with the surface around them.
+    /// Notes ----- A `"grid"` has a `density`, an array of the shape (z, y, x) whose numbers stand
+    /// at the middles of their cells, are joined by straight lines, and multiply `sigma_a` and
+    /// `sigma_s`. Cells fill the box between two corners, `bounds`, or the unit cube mapped by the
+    /// matrix `world_from_grid`. `sigma_a_tint`, `sigma_s_tint` and `emission_tint`, of the shape
+    /// (z, y, x, 3) or (z, y, x), are factors of each colour. What shines is `emission`, times the
+    /// `density` or, if it is there, `emission_scale`, in the colour of a black body where there is
+    /// a `temperature` (kelvin). Arrays may be of different sizes; what is negative or not a number
+    /// counts as 0. Media lie in the scene's coordinates: they do not move with the surface around
+    /// them.
     ///
     /// Examples
     /// --------

@@ -220,25 +220,7 @@ fn textured_variant(kind: Kind) -> Option<(&'static str, Kind)> {
 
 /// What stands under a name inside of a parameter.
 fn inside(kind: Kind, key: &str) -> Kind {
-    let named = |parameters: &[Parameter]| {
-        parameters.iter().find(|parameter| parameter.name == key).map(|parameter| parameter.kind)
-    };
-    let found = match kind {
-        Kind::Group(parameters) => named(parameters),
-        Kind::OneOf("", variants) => {
-            let variant = variants.iter().find(|variant| variant.name == key);
-            variant.map(|variant| match variant.parameters {
-                [Parameter { name: "", kind, .. }] => *kind,
-                parameters => Kind::Group(parameters),
-            })
-        }
-        Kind::OneOf(_, variants) => variants.iter().find_map(|variant| named(variant.fields())),
-        Kind::TexturedNumber if key == "factor" => Some(Kind::Number),
-        Kind::TexturedColor if key == "factor" => Some(Kind::Color),
-        Kind::TexturedColor if key == "texture" => Some(Kind::Reference("texture")),
-        _ => None,
-    };
-    found.unwrap_or(ANYTHING).required()
+    kind.inside(key).unwrap_or(ANYTHING).required()
 }
 
 /// True for a factor that changes nothing.

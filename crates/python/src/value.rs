@@ -1,8 +1,8 @@
 //! Values of declared parameters, of any type.
 //!
-//! A [`Value`] is what `serde` writes of a part of the scene graph, and keeps what JSON loses: which
-//! numbers are ids of which table, and which are in single precision. So the parameters of every
-//! material, light and camera can be shown and moved between tables without a list of them.
+//! A [`Value`] is what `serde` writes of a part of the scene graph, and keeps what JSON loses:
+//! which numbers are ids of which table, and which are in single precision. So the parameters of
+//! every material, light and camera can be shown and moved between tables without a list of them.
 
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyTuple};

@@ -2,6 +2,10 @@
 //! documents, Python and the viewer go through, so that a new kind or parameter is there as soon as
 //! it is declared.
 
+mod reference;
+
+pub use reference::reference;
+
 use crate::material::{Diffuse, Material, MaterialKind};
 use crate::texture::Pattern;
 use crate::{Camera, Light, Medium, Projection};
@@ -17,6 +21,8 @@ use snell_math::{DVec3, Rgb};
 pub struct Family {
     /// What one of them is called.
     pub name: &'static str,
+    /// What many of them are called.
+    pub title: &'static str,
     /// The field that says which kind a thing is.
     pub tag: &'static str,
     /// The kinds.
@@ -35,6 +41,7 @@ pub struct Family {
 pub const FAMILIES: &[Family] = &[
     Family {
         name: "material",
+        title: "Materials",
         tag: MaterialKind::TAG,
         kinds: MaterialKind::DECLARATIONS,
         common: Material::PARAMETERS,
@@ -44,6 +51,7 @@ pub const FAMILIES: &[Family] = &[
     },
     Family {
         name: "pattern",
+        title: "Patterns",
         tag: Pattern::TAG,
         kinds: Pattern::DECLARATIONS,
         common: &[],
@@ -53,6 +61,7 @@ pub const FAMILIES: &[Family] = &[
     },
     Family {
         name: "medium",
+        title: "Media",
         tag: Medium::TAG,
         kinds: Medium::DECLARATIONS,
         common: &[],
@@ -62,6 +71,7 @@ pub const FAMILIES: &[Family] = &[
     },
     Family {
         name: "light",
+        title: "Lights",
         tag: Light::TAG,
         kinds: Light::DECLARATIONS,
         common: &[],
@@ -71,6 +81,7 @@ pub const FAMILIES: &[Family] = &[
     },
     Family {
         name: "shape",
+        title: "Shapes",
         tag: AnyShape::TAG,
         kinds: AnyShape::DECLARATIONS,
         common: &[],
@@ -80,6 +91,7 @@ pub const FAMILIES: &[Family] = &[
     },
     Family {
         name: "projection",
+        title: "Cameras",
         tag: "projection",
         kinds: Projection::DECLARATIONS,
         common: Camera::PARAMETERS,
@@ -144,7 +156,9 @@ impl Family {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use snell_math::parameters::Kind;
+    use crate::Scene;
+    use snell_intersect::Shape;
+    use snell_math::parameters::{Kind, Leaf, Range, Step, find, place_of};
 
     /// Asserts that what is written has the names that are declared, and the form.
     fn agree(kind: Kind, written: &Value, place: &str) {
@@ -224,6 +238,96 @@ mod tests {
             }
             if !family.common.is_empty() {
                 agree(Kind::Group(family.common), &(family.plain)(), family.name);
+            }
+        }
+    }
+
+    /// A number just outside of a range; `None` where any is possible.
+    fn outside(range: Range) -> Option<f64> {
+        match range {
+            Range::Any | Range::Direction => None,
+            Range::Within(_, most) if most < 1e20 => Some(most + most.abs().max(1.0)),
+            Range::Within(least, _) => Some(least - 1.0),
+            Range::Between(_, most) => Some(most),
+            Range::Positive => Some(0.0),
+        }
+    }
+
+    /// The thing with a number outside of its range in each of its places: the key of the place,
+    /// the number, and the thing.
+    fn spoilt<T>(thing: &T) -> Vec<(String, f64, T)>
+    where
+        T: snell_math::parameters::Value + Serialize + DeserializeOwned,
+    {
+        let mut places = Vec::new();
+        find(thing, &mut |found| {
+            let index = match found.leaf {
+                Leaf::Numbers(all) => all.iter().position(Option::is_some).map(Step::Index),
+                Leaf::Number(_) => None,
+                Leaf::Reference(..) => return,
+            };
+            let steps: Vec<Step> = found.place.iter().copied().chain(index).collect();
+            places.extend(outside(found.range).map(|x| (steps, x)));
+        });
+        let spoil = |(steps, x): (Vec<Step>, f64)| {
+            let mut written = one(thing);
+            let pointer: String = steps.iter().map(|step| format!("/{step}")).collect();
+            let is_whole = written.pointer(&pointer).expect(&pointer).is_u64();
+            *written.pointer_mut(&pointer).expect(&pointer) =
+                if is_whole { Value::from(x as u64) } else { Value::from(x) };
+            let spoilt = serde_json::from_value(written).expect("numbers of any size are read");
+            (place_of(&steps), x, spoilt)
+        };
+        places.into_iter().map(spoil).collect()
+    }
+
+    /// Asserts that each number outside of its range is an error for `-D`, and a warning when a
+    /// scene with it is read.
+    fn ranges_hold<T>(thing: &T, key: &str, add: fn(&mut Scene, T))
+    where
+        T: snell_math::parameters::Value + Serialize + DeserializeOwned + Clone,
+    {
+        for (place, x, spoilt) in spoilt(thing) {
+            let mut scene = Scene::new("");
+            add(&mut scene, thing.clone());
+            let definition = format!("{key}.0.{place}={x}");
+            let error = crate::overrides::apply(&mut scene, &definition).expect_err(&definition);
+            assert!(error.to_string().contains("is not possible"), "{error}");
+            let mut scene = Scene::new("");
+            add(&mut scene, spoilt);
+            scene.check_ranges();
+            let warned = scene.warnings.iter().any(|w| w.message.contains("is not possible"));
+            assert!(warned, "{definition}: no warning");
+        }
+    }
+
+    #[test]
+    fn every_range_is_enforced_by_readers_and_by_changes_on_the_command_line() {
+        for kind in MaterialKind::examples() {
+            let add = |scene: &mut Scene, material| drop(scene.add_material(material));
+            ranges_hold(&Material::new("", kind), "material", add);
+        }
+        for light in Light::examples() {
+            ranges_hold(&light, "light", |scene, light| scene.add_light(light));
+        }
+        for medium in Medium::examples() {
+            ranges_hold(&medium, "medium", |scene, medium| drop(scene.add_medium(medium)));
+        }
+        for projection in Projection::examples() {
+            let camera = Camera::from_direction(DVec3::ONE, DVec3::X, DVec3::Y, projection);
+            ranges_hold(&camera, "camera", |scene, camera| scene.cameras.push(camera));
+        }
+        for pattern in Pattern::examples() {
+            for (place, x, spoilt) in spoilt(&pattern) {
+                let mut scene = Scene::new("");
+                scene.add_texture(spoilt);
+                scene.check_ranges();
+                assert_eq!(scene.warnings.len(), 1, "{place} is {x}");
+            }
+        }
+        for shape in AnyShape::examples() {
+            for (place, x, spoilt) in spoilt(&shape) {
+                assert!(spoilt.validate().is_err(), "{place} is {x}");
             }
         }
     }

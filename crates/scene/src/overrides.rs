@@ -12,7 +12,7 @@ use crate::{Environment, Material, Scene};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
-use snell_math::parameters::{Value as Parameters, problem_at};
+use snell_math::parameters::{Kind, Value as Parameters, problem_at};
 use snell_math::{DAffine3, DVec3, Rgb};
 
 /// Why a change is not possible: what was asked for, what there is instead.
@@ -270,7 +270,7 @@ fn find<'a>(
     Err(error(key, format!("there is no {what} \"{first}\" ({list})")))
 }
 
-fn edit<T: Serialize + DeserializeOwned>(
+fn edit<T: Serialize + DeserializeOwned + Parameters>(
     target: &mut T,
     key: &str,
     path: &str,
@@ -312,7 +312,7 @@ fn too_large(value: &Value) -> Option<f64> {
     }
 }
 
-fn edited<T: Serialize + DeserializeOwned>(
+fn edited<T: Serialize + DeserializeOwned + Parameters>(
     target: &T,
     key: &str,
     path: &str,
@@ -326,35 +326,49 @@ fn edited<T: Serialize + DeserializeOwned>(
     let before = std::mem::replace(place, value);
     serde_json::from_value(tree).map_err(|e| {
         let now = if before.is_null() { "nothing".into() } else { before.to_string() };
-        error(key, format!("{}; now it is {now}", in_words(&e.to_string(), &before)))
+        let kind = path.split('.').try_fold(T::KIND, |kind, step| kind.inside(step));
+        error(key, format!("{}; now it is {now}", in_words(&e.to_string(), kind)))
     })
 }
 
-/// What `serde` says of a value that does not fit, without the names of Rust's types.
-fn in_words(message: &str, before: &Value) -> String {
-    let (found, expected) = message.split_once(", expected ").unwrap_or((message, ""));
-    let of_numbers =
-        |n: usize| format!("a list of {n} numbers, such as [{}]", vec!["1"; n].join(","));
-    let expected = match (expected, before) {
-        ("", _) => return message.to_string(),
-        (_, Value::Array(items)) if items.iter().all(Value::is_number) => of_numbers(items.len()),
-        (e, _) if e.starts_with("an array of length 3") => of_numbers(3),
-        ("struct ColorParam", _) => {
-            "a colour, such as [1,0.5,0], or {\"factor\":[1,1,1],\"texture\":0}".into()
-        }
-        (e, _)
-            if e.starts_with("struct ")
-                || e.starts_with("internally tagged enum ")
-                || e == "string or map" =>
-        {
-            match before {
-                Value::Null => "null, or an object with its parameters".into(),
-                _ => "something of the form that it has now".into(),
-            }
-        }
-        (e, _) => e.to_string(),
-    };
+/// What `serde` says of a value that does not fit, without the names of Rust's types: what was
+/// found, and what the declaration expects.
+fn in_words(message: &str, kind: Option<Kind>) -> String {
+    let Some((found, own)) = message.split_once(", expected ") else { return message.to_string() };
+    let expected = kind.and_then(expected).unwrap_or_else(|| own.to_string());
     format!("{}, expected {expected}", found.strip_prefix("invalid type: ").unwrap_or(found))
+}
+
+/// How a value is written, in words; `None` where what reads it knows better.
+fn expected(kind: Kind) -> Option<String> {
+    let names = |names: &mut dyn Iterator<Item = &str>| names.collect::<Vec<_>>().join(", ");
+    Some(match kind {
+        Kind::Flag => "true or false".into(),
+        Kind::Number => "a number".into(),
+        Kind::Whole => "a whole number".into(),
+        Kind::TexturedNumber => "a number, or {\"factor\": number, \"texture\": …}".into(),
+        Kind::Color => of_numbers(3),
+        Kind::Vector(n) | Kind::Numbers(n) => of_numbers(n),
+        Kind::TexturedColor => "{\"factor\":[1,1,1],\"texture\":null}".into(),
+        Kind::Reference(table) => format!("the number of a {table}"),
+        Kind::OneOf("", kinds) if kinds.iter().all(|kind| kind.parameters.is_empty()) => {
+            format!("one of {}", names(&mut kinds.iter().map(|kind| kind.name)))
+        }
+        Kind::OneOf("", _) => return None,
+        Kind::OneOf(tag, kinds) => {
+            let names = names(&mut kinds.iter().map(|kind| kind.name));
+            format!("an object with its parameters, whose \"{tag}\" is one of {names}")
+        }
+        Kind::Group(parameters) => {
+            format!("an object with {}", names(&mut parameters.iter().map(|p| p.name)))
+        }
+        Kind::Optional(kind) => format!("null, or {}", expected(*kind)?),
+        _ => return None,
+    })
+}
+
+fn of_numbers(n: usize) -> String {
+    format!("a list of {n} numbers, such as [{}]", vec!["1"; n].join(","))
 }
 
 /// One step into a tree. Materials hold their parameters one level down (`kind`), which keys may
@@ -389,8 +403,11 @@ fn descend<'a>(tree: &'a mut Value, key: &str, step: &str) -> Result<&'a mut Val
     Err(error(key, format!("there is no parameter \"{step}\"{hint} (known: {})", names.join(", "))))
 }
 
-fn from_value<T: DeserializeOwned>(key: &str, value: Value) -> Result<T, OverrideError> {
-    serde_json::from_value(value).map_err(|e| error(key, in_words(&e.to_string(), &Value::Null)))
+fn from_value<T: DeserializeOwned + Parameters>(
+    key: &str,
+    value: Value,
+) -> Result<T, OverrideError> {
+    serde_json::from_value(value).map_err(|e| error(key, in_words(&e.to_string(), Some(T::KIND))))
 }
 
 /// Light of three colours.
@@ -548,7 +565,11 @@ mod tests {
             ("material.red.reflectance.texture=7", "there is no texture 7: the scene has 0"),
             ("material.red=1", "Give material.red.PARAMETER=VALUE"),
             ("material.red.interior.medium=0", "now it is null; give all of it at once"),
-            ("material.red.kind=5", "integer `5`, expected something of the form that it has now"),
+            (
+                "material.red.kind=5",
+                "expected an object with its parameters, whose \"material\" is one of",
+            ),
+            ("material.red.double_sided=1", "integer `1`, expected true or false; now it is true"),
             ("ambient=[0,-1,0]", "expected three numbers from 0 to 1e24"),
             ("camera.0.towards=[0,0,0]", "expected a direction, not all zeros"),
             ("camera.0.focus_distance=-5", "-5 is not possible, expected more than 0"),

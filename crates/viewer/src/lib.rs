@@ -13,6 +13,7 @@ mod denoise;
 mod describe;
 mod encode;
 pub mod explain;
+mod forms;
 mod memory;
 mod pace;
 mod page;

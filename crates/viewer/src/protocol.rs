@@ -3,8 +3,10 @@
 //! from these; a test checks that they are up to date.
 
 use crate::explain::Report;
+use crate::forms::Form;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::collections::BTreeMap;
 
 /// Changes when old pages become incompatible with new servers.
 pub const VERSION: u32 = 1;
@@ -182,6 +184,8 @@ pub struct Choices {
     pub accelerators: Vec<String>,
     /// Built-in scenes.
     pub scenes: Vec<SceneChoice>,
+    /// The parameters of materials and lights, by the name of their family.
+    pub forms: BTreeMap<String, Form>,
 }
 
 /// A built-in scene.
@@ -370,6 +374,7 @@ mod tests {
             ToServer::decl(&config),
             ToPage::decl(&config),
             Choices::decl(&config),
+            Form::decl(&config),
             SceneChoice::decl(&config),
             SceneInfo::decl(&config),
             NodeInfo::decl(&config),

@@ -466,6 +466,7 @@ fn choices() -> Choices {
         tonemaps: names(&Tonemap::ALL, Tonemap::name),
         accelerators: names(&AcceleratorKind::ALL, AcceleratorKind::name),
         scenes: BUILTINS.iter().map(scene_choice).collect(),
+        forms: crate::forms::forms(),
     }
 }
 

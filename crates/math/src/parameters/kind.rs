@@ -105,6 +105,34 @@ impl Parameter {
 }
 
 impl Kind {
+    /// What stands under a name, or at a position, inside of it. The field `kind`, in which the
+    /// parameters of a kind stand beside those of all kinds, may be left out.
+    pub fn inside(self, step: &str) -> Option<Self> {
+        let named = |parameters: &'static [Parameter]| {
+            parameters.iter().find(|parameter| parameter.name == step).map(|p| p.kind)
+        };
+        match self.required() {
+            Self::Group(parameters) => named(parameters).or_else(|| {
+                let kind = parameters.iter().find(|parameter| parameter.name == "kind")?;
+                kind.kind.inside(step)
+            }),
+            Self::OneOf("", variants) => {
+                let variant = variants.iter().find(|variant| variant.name == step)?;
+                Some(match variant.parameters {
+                    [Parameter { name: "", kind, .. }] => *kind,
+                    parameters => Self::Group(parameters),
+                })
+            }
+            Self::OneOf(_, variants) => variants.iter().find_map(|variant| named(variant.fields())),
+            Self::TexturedNumber if step == "factor" => Some(Self::Number),
+            Self::TexturedColor if step == "factor" => Some(Self::Color),
+            Self::TexturedColor if step == "texture" => Some(Self::Reference("texture")),
+            Self::Color | Self::Vector(_) | Self::Numbers(_) => Some(Self::Number),
+            Self::List(kind) => Some(*kind),
+            _ => None,
+        }
+    }
+
     /// The same if it is there.
     pub fn required(self) -> Self {
         match self {

@@ -36,8 +36,8 @@ pub struct VertexLanes {
     others: Vec<(usize, OtherPoint)>,
     /// Direction to where the path comes from.
     pub wo: HitVectors,
-    /// As [`crate::integrator::estimators::Skin::lift`], once they are placed; all zero while `has_lifts` is
-    /// false.
+    /// As [`crate::integrator::estimators::Skin::lift`], once they are placed; all zero while
+    /// `has_lifts` is false.
     pub lift: HitVectors,
     has_lifts: bool,
     pub carried: CarriedLanes,

@@ -128,8 +128,8 @@ struct Meeting<W> {
 }
 
 impl<D: Doubles16> Bundle<D> {
-    /// The rays that may meet a box, or come within the width of [`crate::lecture::box_ray::BoxRay`]
-    /// of it; only ordinary ones count.
+    /// The rays that may meet a box, or come within the width of
+    /// [`crate::lecture::box_ray::BoxRay`] of it; only ordinary ones count.
     ///
     /// The line misses it if an axis across it and an edge of the box tells them apart (Gottschalk,
     /// Lin and Manocha, OBBTree, 1996), the ray if it starts beyond a side and goes away.

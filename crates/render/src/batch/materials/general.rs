@@ -1,6 +1,6 @@
-//! What `path` and `direct` do at surfaces of any kind ([`crate::integrator::path`]). Lights, random
-//! numbers, roulette and rays are worked on in loops that become vector code; how the surface
-//! scatters is asked for many vertices of one material at once where its BSDF can
+//! What `path` and `direct` do at surfaces of any kind ([`crate::integrator::path`]). Lights,
+//! random numbers, roulette and rays are worked on in loops that become vector code; how the
+//! surface scatters is asked for many vertices of one material at once where its BSDF can
 //! ([`super::bsdf_batch`]), else one by one.
 
 use super::bsdf_batch::{Seen, Together};

@@ -1,4 +1,5 @@
-//! What [`crate::integrator::guided`] does at Lambertian surfaces, at many vertices at once, bit for bit.
+//! What [`crate::integrator::guided`] does at Lambertian surfaces, at many vertices at once, bit
+//! for bit.
 
 use crate::batch::lights::{LightArrivals, Scatterers, Surfaces};
 use crate::batch::vertices::CarriedLanes;

@@ -60,8 +60,8 @@ impl PlainSurface<'_> {
 }
 
 impl<'a> MatteSurfaces<'a> {
-    /// `None` if there are none, or the level is that of portable code, at which the vertex function
-    /// shades them.
+    /// `None` if there are none, or the level is that of portable code, at which the vertex
+    /// function shades them.
     pub fn new(context: &Context<'a>) -> Option<Rc<Self>> {
         let scene = context.scene;
         scene.world.simd().wide()?;
@@ -118,7 +118,8 @@ fn is_matte(context: &Context, material: &Material) -> bool {
         && material.as_matte().is_some()
 }
 
-/// Vertices on matte surfaces. Arrays are by lane; those of lanes that are not in use hold anything.
+/// Vertices on matte surfaces. Arrays are by lane; those of lanes that are not in use hold
+/// anything.
 #[derive(Debug)]
 pub struct MatteVertices<'a> {
     pub lanes: VertexLanes,
@@ -141,8 +142,8 @@ impl<'a> MatteVertices<'a> {
         paths.iter().take(LANES).take_while(is_matte).count()
     }
 
-    /// Puts the vertices of the paths with these numbers into the lanes: at most [`LANES`], of which
-    /// the dead are left out.
+    /// Puts the vertices of the paths with these numbers into the lanes: at most [`LANES`], of
+    /// which the dead are left out.
     pub fn gather(&mut self, batch: &Batch, paths: &[u32]) {
         let from = batch.paths;
         self.lanes.start(batch, paths);

@@ -1,5 +1,5 @@
-//! What `path` and `direct` do at smooth glass and mirrors ([`crate::integrator::path`]). Delta lobes
-//! need no light samples, so there is little else to do but to go on.
+//! What `path` and `direct` do at smooth glass and mirrors ([`crate::integrator::path`]). Delta
+//! lobes need no light samples, so there is little else to do but to go on.
 
 use crate::batch::vertices::{
     CarriedColumns, CarriedLanes, MarkLanes, OtherPoint, RayColumns, Roulette, UNMARKED,

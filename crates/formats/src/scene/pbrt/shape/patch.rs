@@ -54,7 +54,8 @@ impl Builder<'_> {
             add_patch(&mut mesh, p, n, uv, pieces);
         }
         if normals.is_empty() {
-            // A mesh of flat patches needs no normals; if any patch is bent, smooth ones are computed.
+            // A mesh of flat patches needs no normals; if any patch is bent, smooth ones are
+            // computed.
             let bent = mesh.indices.len() > indices.len() * 2;
             if bent {
                 mesh.normals = mesh.computed_normals();

@@ -1,0 +1,112 @@
+//! The forms of the page: what it is told about parameters, from their declarations.
+
+use serde::Serialize;
+use snell_math::parameters::{Declaration, Kind, Parameter};
+use snell_scene::families::Family;
+use std::collections::BTreeMap;
+
+/// One parameter.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub struct Form {
+    /// Its name.
+    pub name: String,
+    /// What it looks like: `flag`, `number`, `color`, `vector`, `choice`, or `other`.
+    pub kind: String,
+    /// Between which numbers it usually is, if there are two.
+    pub range: Option<[f64; 2]>,
+    /// What it is measured in; empty for plain numbers.
+    pub unit: String,
+    /// What it is, in words.
+    pub doc: String,
+    /// The names of a choice.
+    pub options: Vec<String>,
+    /// The parameters inside.
+    pub fields: Vec<Form>,
+    /// The field inside that says which of `kinds` it is; empty if its name stands around it.
+    pub tag: String,
+    /// The parameters inside, by kind.
+    pub kinds: BTreeMap<String, Vec<Form>>,
+}
+
+/// The forms of all materials and lights, each as if it were one parameter.
+pub fn forms() -> BTreeMap<String, Form> {
+    let families = ["material", "light"].into_iter().filter_map(Family::named);
+    families.map(|family| (family.name.to_string(), of_family(family))).collect()
+}
+
+fn of_family(family: &Family) -> Form {
+    let kinds = of_kind(Kind::OneOf(family.tag, family.kinds));
+    let fields = family.common.iter().map(of_parameter).collect();
+    Form { name: family.name.into(), fields, ..kinds }
+}
+
+fn of_parameter(parameter: &Parameter) -> Form {
+    Form {
+        name: parameter.name.into(),
+        range: parameter.usual.ends(),
+        unit: parameter.unit.into(),
+        doc: parameter.text(),
+        ..of_kind(parameter.kind)
+    }
+}
+
+fn of_kind(kind: Kind) -> Form {
+    let kind = kind.required();
+    let name = match kind {
+        Kind::Flag => "flag",
+        Kind::Number | Kind::Whole | Kind::TexturedNumber | Kind::RefractiveIndex => "number",
+        Kind::Color | Kind::TexturedColor => "color",
+        Kind::Vector(_) | Kind::Numbers(_) => "vector",
+        Kind::OneOf("", kinds) if kinds.iter().all(|kind| kind.parameters.is_empty()) => "choice",
+        _ => "other",
+    };
+    let mut form = Form {
+        name: String::new(),
+        kind: name.into(),
+        range: None,
+        unit: String::new(),
+        doc: String::new(),
+        options: Vec::new(),
+        fields: Vec::new(),
+        tag: String::new(),
+        kinds: BTreeMap::new(),
+    };
+    let inner = |kind: &Declaration| kind.fields().iter().map(of_parameter).collect();
+    match kind {
+        Kind::Group(parameters) => form.fields = parameters.iter().map(of_parameter).collect(),
+        Kind::List(of) => form = Form { kind: of_kind(*of).kind, ..form },
+        Kind::OneOf(tag, kinds) => {
+            form.tag = tag.into();
+            form.options = kinds.iter().map(|kind| kind.name.to_string()).collect();
+            form.kinds = kinds.iter().map(|kind| (kind.name.to_string(), inner(kind))).collect();
+        }
+        _ => {}
+    }
+    form
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn forms_have_every_material_and_light_with_ranges_choices_and_words() {
+        let forms = forms();
+        for name in snell_scene::material::MaterialKind::NAMES {
+            assert!(forms["material"].kinds.contains_key(*name), "{name}");
+        }
+        for name in snell_scene::Light::NAMES {
+            assert!(forms["light"].kinds.contains_key(*name), "{name}");
+        }
+        let glass = &forms["material"].kinds["dielectric"];
+        let field = |name: &str| glass.iter().find(|form| form.name == name).expect(name);
+        assert_eq!((&*field("ior").kind, field("ior").range), ("number", Some([0.2, 6.0])));
+        assert_eq!(field("microfacets").options, ["ggx", "beckmann"]);
+        assert!(field("roughness").doc.starts_with("Roughness"));
+        let axes = &forms["light"].kinds["rectangle"];
+        assert!(axes.iter().any(|form| form.name == "axes" && form.kind == "vector"));
+        let spot = forms["light"].kinds["spot"].iter().find(|form| form.name == "falloff");
+        assert_eq!(spot.expect("spots fall off").kinds["power"][0].unit, "radians");
+    }
+}
