@@ -1,7 +1,7 @@
 //! The scene graph: a directed acyclic graph of nodes, and the tables that nodes refer to.
 //!
-//! Ids instead of pointers: a node used under two parents is stored once. Transforms compose in
-//! double precision.
+//! It uses ids instead of pointers: a node used under two parents is stored once. Transforms
+//! compose in double precision.
 
 use crate::camera::Camera;
 use crate::image::Image;
@@ -52,7 +52,7 @@ id!(
     MediumId
 );
 
-/// What a surface is made of geometrically. Shared by reference: a mesh used twice is stored once.
+/// The geometry of a surface. Shared by reference: a mesh used twice is stored once.
 #[derive(Clone, Debug)]
 pub enum Geometry {
     /// A triangle mesh.
@@ -74,7 +74,7 @@ impl Geometry {
         }
     }
 
-    /// What it is, for people: "sphere", "mesh of 12 triangles".
+    /// A description for users: "sphere", "mesh of 12 triangles".
     pub fn describe(&self) -> String {
         match self {
             Self::Shape(shape) => shape.name().to_string(),

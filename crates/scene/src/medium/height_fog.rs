@@ -5,7 +5,7 @@ use super::{MediumProperties, Segment};
 use serde::{Deserialize, Serialize};
 use snell_math::{ColorMode, DVec3, Rgb, Vec3};
 
-/// Largest exponent of the density: beyond, fog is opaque, or not there.
+/// Limit on the exponent of the density: beyond it, fog is opaque or absent.
 const MAX_EXPONENT: f64 = 60.0;
 
 /// Fog, haze, or air whose density falls exponentially with height: `exp(-height / scale_height)`.
@@ -55,7 +55,7 @@ impl HeightFog {
         if height.is_nan() { 0.0 } else { (-height).clamp(-MAX_EXPONENT, MAX_EXPONENT).exp() }
     }
 
-    /// What the fog does at height 0.
+    /// The properties of the fog at height 0.
     pub(super) fn at_base(&self, mode: ColorMode) -> MediumProperties {
         MediumProperties::from_colors(self.sigma_a, self.sigma_s, Rgb::BLACK, self.g, mode)
     }
@@ -68,7 +68,7 @@ impl HeightFog {
         }
     }
 
-    /// What the fog does at a point of the world.
+    /// The properties of the fog at a point of the world.
     pub fn properties(&self, p: Vec3, mode: ColorMode) -> MediumProperties {
         let density = self.density(p) as f32;
         MediumProperties::from_colors(
