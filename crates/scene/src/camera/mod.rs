@@ -214,10 +214,10 @@ impl Camera {
         }
     }
 
-    /// The position of a point of the world in a picture of `size` pixels (through the centre of
-    /// the lens), in the coordinates of [`CameraSample::film`]: the inverse of [`Self::ray`]. It
-    /// may be outside of the picture. `None` for points that are not in front of a flat view, or
-    /// not in a fisheye's circle.
+    /// Where a point in the world is seen in a picture of `size` pixels (through the centre of the
+    /// lens), in the coordinates of [`CameraSample::film`]: the inverse of [`Self::ray`]. May lie
+    /// outside the picture. `None` for points that are not in front of a flat view, or not in a
+    /// fisheye's circle.
     pub fn project(&self, point: DVec3, size: [u32; 2]) -> Option<DVec2> {
         let [w, h] = size.map(|s| f64::from(s.max(1)));
         let d = point - self.eye;

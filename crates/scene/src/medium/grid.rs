@@ -254,7 +254,7 @@ impl Grid {
         self.sigma_a_tint.is_some() || self.sigma_s_tint.is_some()
     }
 
-    /// Absorption and scattering coefficients at a point of the unit cube, for density 1.
+    /// Coefficients of absorption and scattering at a point of the unit cube, for a density of 1.
     pub(super) fn tinted(&self, p: Vec3) -> [Rgb; 2] {
         match (&self.sigma_a_tint, &self.sigma_s_tint) {
             // One lookup of the cells serves both.
