@@ -198,7 +198,7 @@ impl Place {
                 (part(name, 0..first), part(name, last + 1..name.len()), marks.len())
             }
             (Some(_), Some(_)) => {
-                let problem = "the # that stand for the number must be next to each other";
+                let problem = "the # in place of the number must be next to each other";
                 return Err(Failure::Usage(format!("{}: {problem}", path.display())));
             }
             _ => {
