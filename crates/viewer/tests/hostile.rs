@@ -1,5 +1,5 @@
-//! A server among hostile programs and pages: their requests are refused, cost little, and lock
-//! nobody else out.
+//! A server among hostile programs and pages: their requests are refused, cost little, and lock out
+//! no other client.
 
 use serde_json::{Value, json};
 use snell_formats::ReadOptions;

@@ -51,7 +51,7 @@ fn an_environment_of_one_colour_does_not_fill_the_memory() {
 
 #[test]
 fn an_image_whose_decoder_panics_is_one_line() {
-    // Its palette has four bytes, which is not a whole number of colours.
+    // Its palette has four bytes, which is no number of colours.
     let hex = "89504e470d0a1a0a0000000d49484452000000020000000208030000004568fd1600000004504c5445ff0000011da1981d0000000174524e5380ad5e5b460000000b49444154789c636000010000060001fe8c67c80000000049454e44ae426082";
     let image = (0..hex.len())
         .step_by(2)
