@@ -451,7 +451,7 @@ impl Totals {
 
     fn line(&self, rendered: usize) -> String {
         if rendered == 0 {
-            return "all of which were there".into();
+            return "all of which existed already".into();
         }
         format!(
             "{} a frame ({:.1} % posing, {:.1} % building and refitting, {:.1} % rendering)",
