@@ -1,24 +1,24 @@
-//! Travel through media that are the same everywhere and do not shine, in linear RGB: as
+//! Travel through homogeneous media that do not emit, in linear RGB: as
 //! [`super::MediumProperties::travel`], bit for bit, but without branches, so that loops over it
-//! become vector code.
+//! are vectorised.
 
 use super::analytic::transmittance_of;
 use snell_math::Vec2;
 use snell_math::exponentials::ln;
 use snell_math::simd::least;
 
-/// What became of a path that set out.
+/// The result of travelling along a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AlikeTravel {
     /// As [`super::Travel::throughput`].
     pub throughput: [f32; 3],
-    /// Where it was scattered. Means nothing elsewhere.
+    /// The distance of the scattering; undefined if there was none.
     pub distance: f32,
-    /// It did not come to the end.
+    /// True if the path was scattered before the end.
     pub is_scattered: bool,
 }
 
-/// Sends a path through so much of a medium of this extinction and scattering. `u` as of
+/// Sends a path through a length of a medium with this extinction and scattering. `u` as in
 /// [`super::MediumProperties::travel`].
 #[inline(always)]
 pub fn travel_alike(
@@ -29,7 +29,7 @@ pub fn travel_alike(
     u: Vec2,
 ) -> AlikeTravel {
     let sum = throughput[0] + throughput[1] + throughput[2];
-    // The channel, in proportion to the throughput.
+    // The channel, chosen in proportion to the throughput.
     let (mut rest, mut sigma, mut is_chosen) = (u.y * sum, sigma_t[0], false);
     for channel in 0..3 {
         let share = throughput[channel];
@@ -61,7 +61,7 @@ pub fn travel_alike(
     AlikeTravel { throughput: left, distance: least(column as f32, length), is_scattered }
 }
 
-/// What is left of the value of a light ray after so much of a medium of this extinction.
+/// The remaining value of a light ray after a length of a medium with this extinction.
 #[inline(always)]
 pub fn attenuate_alike(sigma_t: [f32; 3], length: f32, value: [f32; 3]) -> [f32; 3] {
     let mut left = [0.0; 3];
