@@ -20,11 +20,8 @@ macro_rules! println {
 
 /// A warning as one line, with the number of times if there are several.
 pub fn counted(warning: &Warning) -> String {
-    let message = one_line(&warning.message);
-    match warning.count {
-        1 => message.to_string(),
-        count => format!("{message} ({count} times)"),
-    }
+    let message = one_line(&warning.message).to_string();
+    Warning { message, ..warning.clone() }.to_string()
 }
 
 /// Warnings as `--json` and `--stats` have them.

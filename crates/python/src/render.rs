@@ -215,23 +215,13 @@ impl Plan {
         let (start, compiled) = (Instant::now(), &prepared.compiled);
         let job = Job::new(compiled, camera, settings).with_cancel(cancel);
         let keep_going = |progress: &Progress| {
-            if let Some(training) = progress.training {
-                // A pass takes as long as all before it.
-                let share = goal
-                    .time
-                    .filter(|_| request.is_training_timed())
-                    .map(|limit| limit.mul_f64(Guiding::SHARE));
-                let is_late =
-                    training.begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
-                return !is_late && watch.cancel.check().is_ok();
-            }
-            if let Ok(mut last) = watch.progress.try_lock() {
+            if progress.training.is_none()
+                && let Ok(mut last) = watch.progress.try_lock()
+            {
                 *last = *progress;
             }
-            // A picture with holes is of no use: the time limit waits for the first pass.
-            let is_late =
-                progress.passes > 0 && goal.time.is_some_and(|limit| start.elapsed() >= limit);
-            !is_late && watch.cancel.check().is_ok()
+            let is_timed = request.is_training_timed();
+            !progress.is_late(start.elapsed(), goal.time, is_timed) && watch.cancel.check().is_ok()
         };
         let threads = self.threads.count();
         let (mut underway, mut seconds) = match begun {

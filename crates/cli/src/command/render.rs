@@ -354,21 +354,13 @@ fn render(
     let limit: Option<Duration> = options.time;
     let start = Instant::now();
     let result = job.run(threads, &|progress| {
-        if let Some(training) = progress.training {
-            reporter.update_training(&training);
-            // A pass takes as long as all before it. Where passes are counted, the clock has no
-            // say: bits must repeat.
-            let share = limit
-                .filter(|_| options.guiding == Some(GuidingPasses::Auto))
-                .map(|l| l.mul_f64(Guiding::SHARE));
-            let late =
-                training.begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
-            return !late && !interrupt::is_requested();
+        match &progress.training {
+            Some(training) => reporter.update_training(training),
+            None => reporter.update(progress, limit),
         }
-        reporter.update(progress, limit);
-        // A picture with holes is of no use: the time limit waits for the first pass.
-        let late = progress.passes > 0 && limit.is_some_and(|l| start.elapsed() >= l);
-        !late && !interrupt::is_requested()
+        // Where passes are counted, the clock has no say: bits must repeat.
+        let is_training_timed = options.guiding == Some(GuidingPasses::Auto);
+        !progress.is_late(start.elapsed(), limit, is_training_timed) && !interrupt::is_requested()
     });
     reporter.finish();
     result
