@@ -168,7 +168,49 @@ accelerators: Array<string>,
 /**
  * Built-in scenes.
  */
-scenes: Array<SceneChoice>, };
+scenes: Array<SceneChoice>, 
+/**
+ * The parameters of materials and lights, by the name of their family.
+ */
+forms: { [key in string]: Form }, };
+
+export type Form = { 
+/**
+ * Its name.
+ */
+name: string, 
+/**
+ * What it looks like: `flag`, `number`, `color`, `vector`, `choice`, or `other`.
+ */
+kind: string, 
+/**
+ * Between which numbers it usually is, if there are two.
+ */
+range: [number, number] | null, 
+/**
+ * What it is measured in; empty for plain numbers.
+ */
+unit: string, 
+/**
+ * What it is, in words.
+ */
+doc: string, 
+/**
+ * The names of a choice.
+ */
+options: Array<string>, 
+/**
+ * The parameters inside.
+ */
+fields: Array<Form>, 
+/**
+ * The field inside that says which of `kinds` it is; empty if its name stands around it.
+ */
+tag: string, 
+/**
+ * The parameters inside, by kind.
+ */
+kinds: { [key in string]: Array<Form> }, };
 
 export type SceneChoice = { 
 /**

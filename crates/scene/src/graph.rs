@@ -215,6 +215,16 @@ pub struct Warning {
     pub kind: WarningKind,
 }
 
+/// The message, with the number of times if there are several.
+impl std::fmt::Display for Warning {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.count {
+            1 => f.write_str(&self.message),
+            count => write!(f, "{} ({count} times)", self.message),
+        }
+    }
+}
+
 impl Warning {
     /// Maximum number of different warnings in one list.
     const MAX_DIFFERENT: usize = 1000;

@@ -20,8 +20,10 @@ snell_math::declare! {
         /// Complex index of refraction `eta + i k` relative to air.
         "measured" => Measured {
             /// Real part, at least 0.
+            #[range(Range::AMOUNT)]
             eta: Rgb,
             /// Imaginary part (absorption), at least 0.
+            #[range(Range::AMOUNT)]
             k: Rgb,
         },
         /// Colour at normal incidence, `[0, 1]`; white at grazing angles (Schlick).
