@@ -104,7 +104,7 @@ fn plain_surface<'p, 'a>(
 mod tests {
     use super::*;
     use crate::Settings;
-    use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::batch::twins::{assert_same_at_every_level, every_second_node};
     use crate::compile::Moving;
     use snell_math::ColorModel;
     use snell_scene::builtin::builtin;
@@ -146,7 +146,7 @@ mod tests {
                     ..Settings::default()
                 };
                 for moving in [Moving::default(), every_second_node(&scene)] {
-                    assert_alike_at_every_level(&scene, &moving, &settings);
+                    assert_same_at_every_level(&scene, &moving, &settings);
                 }
             }
         }

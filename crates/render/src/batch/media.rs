@@ -7,7 +7,7 @@ use super::{Batch, BatchShader, Shaded};
 use crate::integrator::estimators::Arrival;
 use crate::integrator::guided::unknown_survival;
 use crate::integrator::light_part::LobeShares;
-use crate::integrator::path::weighted_sample;
+use crate::integrator::light_sample::weighted_sample;
 use crate::integrator::{Context, MediumVertex, dimension};
 use crate::lanes::{ENDLESS, HitColors, LANES, ZERO, at, at_level_by_color, color_at, put};
 use crate::light_sampler::Receivers;
@@ -212,7 +212,7 @@ fn bounce_off(
 
 #[cfg(test)]
 mod tests {
-    use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::batch::twins::{assert_same_at_every_level, every_second_node};
     use crate::compile::Moving;
     use crate::sampler::SamplerKind;
     use crate::{IntegratorKind, LightStrategy, Settings};
@@ -274,9 +274,9 @@ mod tests {
                     ..Settings::default()
                 };
                 let settings = Settings { size: [36, 24], spp: 4, color, ..how };
-                assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+                assert_same_at_every_level(&scene, &Moving::default(), &settings);
                 if sampler == SamplerKind::Independent {
-                    assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
+                    assert_same_at_every_level(&scene, &every_second_node(&scene), &settings);
                 }
             }
         }

@@ -8,13 +8,13 @@ use snell_math::Vec3;
 
 /// Optical depth behind which nothing is looked for.
 const DEEP: f64 = 30.0;
-/// Optical depth between a segment and beacons that matter. Of those further away, the medium hides
+/// Optical depth between a segment and equiangular_lights that matter. Of those further away, the medium hides
 /// more than distance does.
 const NEAR: f64 = 2.0;
 
 /// Where light comes from that a medium may scatter.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Beacon {
+pub struct EquiangularLight {
     /// The middle of the light.
     pub center: Vec3,
     /// About how far it reaches around that: nearer by, light does not grow with the inverse square
@@ -22,10 +22,10 @@ pub struct Beacon {
     pub radius: f32,
 }
 
-/// Distances whose density is in proportion to the inverse square of that to a beacon.
+/// Distances whose density is in proportion to the inverse square of that to a equiangular_light.
 #[derive(Clone, Copy, Debug)]
 pub struct Equiangular {
-    /// Of the foot of the perpendicular from the beacon.
+    /// Of the foot of the perpendicular from the equiangular_light.
     foot: f64,
     /// Length of the perpendicular.
     height: f64,
@@ -37,18 +37,22 @@ pub struct Equiangular {
 
 impl Equiangular {
     /// For a segment through a medium of this least extinction; `None` if there is nothing to be
-    /// shared out, or if the beacon is far.
-    pub fn new(segment: &Segment, beacon: &Beacon, sigma: f64) -> Option<Self> {
-        let (direction, to_beacon) =
-            (segment.direction.as_dvec3(), (beacon.center - segment.origin).as_dvec3());
-        let foot = to_beacon.dot(direction);
-        let height = (to_beacon - direction * foot).length().hypot(beacon.radius.into());
+    /// shared out, or if the equiangular_light is far.
+    pub fn new(
+        segment: &Segment,
+        equiangular_light: &EquiangularLight,
+        sigma: f64,
+    ) -> Option<Self> {
+        let (direction, to_light) =
+            (segment.direction.as_dvec3(), (equiangular_light.center - segment.origin).as_dvec3());
+        let foot = to_light.dot(direction);
+        let height = (to_light - direction * foot).length().hypot(equiangular_light.radius.into());
         let end = f64::from(segment.length).min(DEEP / sigma);
         // The difference of two arcus tangents, also where they are nearly the same.
         let angle = (height * end).atan2(height * height - foot * (end - foot));
         let nearest = height.hypot(foot - foot.clamp(0.0, end));
         let is_sound =
-            height > 1e-6 * to_beacon.length() && angle > 1e-9 && end < f64::from(f32::MAX);
+            height > 1e-6 * to_light.length() && angle > 1e-9 && end < f64::from(f32::MAX);
         (is_sound && nearest * sigma < NEAR && height.is_finite() && angle.is_finite())
             .then_some(Self { foot, height, angle, end })
     }
@@ -77,12 +81,14 @@ mod tests {
     #[test]
     fn distances_are_spread_by_their_density() {
         let segments = [0.5, 3.0, 1e3, f32::INFINITY];
-        let beacons = [(0.0, 1.0), (1.5, 0.01), (-2.0, 0.3), (5.0, 2.0)];
+        let equiangular_lights = [(0.0, 1.0), (1.5, 0.01), (-2.0, 0.3), (5.0, 2.0)];
         for length in segments {
-            for (along, across) in beacons {
+            for (along, across) in equiangular_lights {
                 let segment = Segment { origin: Vec3::ZERO, direction: Vec3::Z, length };
-                let beacon = Beacon { center: Vec3::new(across, 0.0, along), radius: 0.0 };
-                let spread = Equiangular::new(&segment, &beacon, 0.3).expect("there is an angle");
+                let equiangular_light =
+                    EquiangularLight { center: Vec3::new(across, 0.0, along), radius: 0.0 };
+                let spread =
+                    Equiangular::new(&segment, &equiangular_light, 0.3).expect("there is an angle");
                 // The integral of the density up to the distance of a number is that number.
                 let mut sum = 0.0;
                 let mut before = 0.0;
@@ -108,15 +114,28 @@ mod tests {
     #[test]
     fn nothing_is_shared_out_where_there_is_no_angle() {
         let segment = |length| Segment { origin: Vec3::ZERO, direction: Vec3::Z, length };
-        let beacon = |center, radius| Beacon { center, radius };
-        assert!(Equiangular::new(&segment(1.0), &beacon(Vec3::Z * 0.5, 0.0), 1.0).is_none());
-        assert!(Equiangular::new(&segment(0.0), &beacon(Vec3::X, 0.0), 1.0).is_none());
+        let equiangular_light = |center, radius| EquiangularLight { center, radius };
         assert!(
-            Equiangular::new(&segment(1.0), &beacon(Vec3::splat(f32::INFINITY), 0.0), 1.0)
+            Equiangular::new(&segment(1.0), &equiangular_light(Vec3::Z * 0.5, 0.0), 1.0).is_none()
+        );
+        assert!(Equiangular::new(&segment(0.0), &equiangular_light(Vec3::X, 0.0), 1.0).is_none());
+        assert!(
+            Equiangular::new(
+                &segment(1.0),
+                &equiangular_light(Vec3::splat(f32::INFINITY), 0.0),
+                1.0
+            )
+            .is_none()
+        );
+        assert!(
+            Equiangular::new(&segment(f32::INFINITY), &equiangular_light(Vec3::X, 0.0), 0.0)
                 .is_none()
         );
-        assert!(Equiangular::new(&segment(f32::INFINITY), &beacon(Vec3::X, 0.0), 0.0).is_none());
-        assert!(Equiangular::new(&segment(1.0), &beacon(Vec3::Z * 0.5, 0.1), 1.0).is_some());
-        assert!(Equiangular::new(&segment(1.0), &beacon(Vec3::X * 3.0, 0.1), 1.0).is_none());
+        assert!(
+            Equiangular::new(&segment(1.0), &equiangular_light(Vec3::Z * 0.5, 0.1), 1.0).is_some()
+        );
+        assert!(
+            Equiangular::new(&segment(1.0), &equiangular_light(Vec3::X * 3.0, 0.1), 1.0).is_none()
+        );
     }
 }

@@ -10,7 +10,7 @@ use crate::batch::{Batch, BatchShader, Shaded};
 use crate::guiding::Choice;
 use crate::integrator::carried::{Expected, Rest};
 use crate::integrator::light_part::{LightSource, LobeShares};
-use crate::integrator::path::weighted_sample;
+use crate::integrator::light_sample::weighted_sample;
 use crate::integrator::{Context, Outputs, dimension};
 use crate::lanes::{BLACK, ENDLESS, HitColors, LANES, ZERO, at, at_level_by_color, color_at};
 use crate::light_sampler::Receivers;
@@ -338,7 +338,7 @@ fn bounce(
 
 #[cfg(test)]
 mod tests {
-    use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::batch::twins::{assert_same_at_every_level, every_second_node};
     use crate::compile::Moving;
     use crate::sampler::SamplerKind;
     use crate::settings::Shadows;
@@ -421,9 +421,9 @@ mod tests {
                     ..Settings::default()
                 };
                 let settings = Settings { size: [36, 24], spp: 4, guiding, ..how };
-                assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+                assert_same_at_every_level(&scene, &Moving::default(), &settings);
                 if sampler == SamplerKind::Independent || integrator == IntegratorKind::Whitted {
-                    assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
+                    assert_same_at_every_level(&scene, &every_second_node(&scene), &settings);
                 }
             }
         }
