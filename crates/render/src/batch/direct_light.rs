@@ -1,5 +1,5 @@
-//! What lights bring to vertices that are worked on together, and where their paths go on: the same
-//! for surfaces and points of media.
+//! Direct light at the vertices of a batch, and where their paths go on: the same for surfaces and
+//! points of media.
 
 use super::lights::{ALONE, LightArrivals, LightSamples};
 use super::vertices::{

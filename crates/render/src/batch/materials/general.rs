@@ -57,7 +57,7 @@ pub struct GeneralShader<'a> {
     /// How the surfaces scatter light from where it comes from.
     scattered: Scattered,
     bounces: Bounces,
-    lit: DirectLight,
+    direct: DirectLight,
     /// Light samples of lanes that are shaded together.
     alone: Vec<Alone>,
 }
@@ -143,7 +143,7 @@ impl<'a> GeneralShader<'a> {
                 is_delta: [0; LANES],
                 exists: [0; LANES],
             },
-            lit: DirectLight {
+            direct: DirectLight {
                 lights: LightSamples::new(settings.color),
                 ..DirectLight::default()
             },
@@ -327,18 +327,25 @@ impl<'a> GeneralShader<'a> {
             normal: &self.facing,
             transmits: &self.transmits,
         };
-        self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
-        self.lit.glowing = [None; LANES];
-        for (lane, how) in self.lit.lights.how.iter_mut().enumerate().take(count) {
+        self.direct.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
+        self.direct.glowing = [None; LANES];
+        for (lane, how) in self.direct.lights.how.iter_mut().enumerate().take(count) {
             let scatterer = self.scatterers.get(self.scatterer_of[lane] as usize);
             let may_be_lit = scatterer.is_some_and(|scatterer| !scatterer.shading.is_delta());
             *how = if may_be_lit | self.bsdfs.has(lane) { *how } else { DARK };
         }
-        let light = self.lit.lights.numbers(&self.lanes.randoms, count, wide);
+        let light = self.direct.lights.numbers(&self.lanes.randoms, count, wide);
         let skins = Skins { points: &self.lanes.points, lift: &self.lanes.lift };
         let to = (&skins, &self.lanes.modes);
-        self.lit.lights.arrivals(context.scene, to, &light, count, wide, &mut self.lit.arrivals);
-        self.lit.lights.shine(context.scene, &self.lit.arrivals, &self.lanes.modes, count);
+        self.direct.lights.arrivals(
+            context.scene,
+            to,
+            &light,
+            count,
+            wide,
+            &mut self.direct.arrivals,
+        );
+        self.direct.lights.shine(context.scene, &self.direct.arrivals, &self.lanes.modes, count);
         for lane in 0..count {
             if !self.bsdfs.has(lane) {
                 self.scatter(
@@ -351,7 +358,7 @@ impl<'a> GeneralShader<'a> {
             }
         }
         self.draw_alone(context, &light, count);
-        let (frames, wi) = (&self.frames, self.lit.arrivals.directions());
+        let (frames, wi) = (&self.frames, self.direct.arrivals.directions());
         self.bsdfs.evaluate(frames, wi, (&choice, &bounce), wide);
         let to = (&mut self.scattered, &mut self.bounces);
         self.bsdfs.write((frames, wi), &self.lanes.carried, to, wide);
@@ -360,7 +367,7 @@ impl<'a> GeneralShader<'a> {
             skins: Skins { points: &self.lanes.points, lift: &self.lanes.lift },
             transmits: &self.transmits,
             scattered: &self.scattered,
-            radiance: &self.lit.lights.radiance,
+            radiance: &self.direct.lights.radiance,
             is_guided: context.field.is_some(),
             roulette: &roulette,
         };
@@ -370,13 +377,13 @@ impl<'a> GeneralShader<'a> {
             give,
             (
                 known: &Known<'_> = &known,
-                arrivals: &mut LightArrivals = &mut self.lit.arrivals,
+                arrivals: &mut LightArrivals = &mut self.direct.arrivals,
                 bounces: &mut Bounces = &mut self.bounces,
-                to: &mut VertexOutputs = &mut self.lit.outputs,
+                to: &mut VertexOutputs = &mut self.direct.outputs,
             )
         );
-        let Self { lanes, scatterers, scatterer_of, lit, .. } = self;
-        lit.sample_alone(count, &light, |lane, chosen, u| {
+        let Self { lanes, scatterers, scatterer_of, direct, .. } = self;
+        direct.sample_alone(count, &light, |lane, chosen, u| {
             let Scatterer { shading, at: arrival, receiver } =
                 scatterers.get(scatterer_of[lane] as usize)?;
             let (guided, wo) =
@@ -393,13 +400,13 @@ impl<'a> GeneralShader<'a> {
     fn draw_alone(&mut self, context: &Context, u: &[HitLanes; 2], count: usize) {
         self.alone.clear();
         for lane in 0..count {
-            if self.lit.lights.how[lane] != ALONE || !self.bsdfs.has(lane) {
+            if self.direct.lights.how[lane] != ALONE || !self.bsdfs.has(lane) {
                 continue;
             }
             let (at, u) = (self.lanes.arrival(lane), Vec2::new(u[0][lane], u[1][lane]));
-            let Some(chosen) = self.lit.lights.chosen.get(lane) else { continue };
+            let Some(chosen) = self.direct.lights.chosen.get(lane) else { continue };
             let Some(light) = DrawnLight::of(context, &at, &chosen, u) else { continue };
-            self.lit.arrivals.aim(lane, light.direction());
+            self.direct.arrivals.aim(lane, light.direction());
             self.alone.push(Alone { lane, at, probability: chosen.probability, light });
         }
     }
@@ -409,7 +416,7 @@ impl<'a> GeneralShader<'a> {
         for Alone { lane, at, probability, light } in self.alone.drain(..) {
             let scattered = (color_at(&self.scattered.value, lane), self.scattered.pdf[lane]);
             let throughput = color_at(&self.lanes.carried.throughput, lane);
-            self.lit
+            self.direct
                 .put_alone(lane, light.weighted(context, throughput, &at, probability, scattered));
         }
     }
@@ -421,13 +428,13 @@ impl<'a> GeneralShader<'a> {
     /// Asks the surface of a lane how it scatters the light that arrives, and where the path goes
     /// on.
     fn scatter(&mut self, context: &Context, lane: usize, u_lobe: f32, u: Vec2, u_quad: f32) {
-        let Self { lanes, scatterers, scatterer_of, scattered, bounces, lit, .. } = self;
+        let Self { lanes, scatterers, scatterer_of, scattered, bounces, direct, .. } = self;
         bounces.exists[lane] = 0;
         let scatterer = scatterers.get(scatterer_of[lane] as usize);
         let Some(Scatterer { shading, receiver, .. }) = scatterer else { return };
         let (guided, wo) = (GuidedBsdf::new(context.field, shading, receiver), at(&lanes.wo, lane));
-        if lit.arrivals.exists[lane] != 0 {
-            let (value, pdf) = guided.eval_and_pdf(wo, at(lit.arrivals.directions(), lane));
+        if direct.arrivals.exists[lane] != 0 {
+            let (value, pdf) = guided.eval_and_pdf(wo, at(direct.arrivals.directions(), lane));
             put_color(&mut scattered.value, lane, value);
             scattered.pdf[lane] = pdf;
         }
@@ -467,19 +474,19 @@ impl<'a> BatchShader<'a> for GeneralShader<'a> {
     }
 
     fn shaded(&self) -> Shaded<'_> {
-        let Self { lanes, lit, bounces, facing, .. } = self;
+        let Self { lanes, direct, bounces, facing, .. } = self;
         Shaded {
             found: &self.found,
             paths: lanes.paths(),
             is_sound: &lanes.points.is_sound,
-            light: Some(lit),
-            goes_on: &lit.outputs.goes_on,
+            light: Some(direct),
+            goes_on: &direct.outputs.goes_on,
             next_rays: RayColumns {
                 origin: &bounces.origin,
                 direction: &bounces.wi,
                 end: &ENDLESS,
             },
-            carried: lit.carried(lanes, &bounces.eta_scale, &bounces.pdf, facing),
+            carried: direct.carried(lanes, &bounces.eta_scale, &bounces.pdf, facing),
         }
     }
 }
