@@ -1,5 +1,5 @@
-//! What lights bring to vertices that are worked on together, and where their paths go on: the same
-//! for surfaces and points of media.
+//! Direct light at the vertices of a batch, and where their paths go on: the same for surfaces and
+//! points of media.
 
 use super::lights::{ALONE, LightArrivals, LightSamples};
 use super::vertices::{
@@ -7,7 +7,8 @@ use super::vertices::{
 };
 use crate::integrator::carried::{Expected, Marks};
 use crate::integrator::guided::unknown_survival;
-use crate::integrator::path::{SCATTERED_SPREAD, WeightedLight};
+use crate::integrator::light_sample::WeightedLight;
+use crate::integrator::path::SCATTERED_SPREAD;
 use crate::lanes::{BLACK, HitColors, LANES, NOUGHTS, color_at, put_color};
 use crate::light_sampler::ChosenLight;
 use snell_intersect::triangles::{HitLanes, HitVectors};

@@ -7,9 +7,9 @@
 //! by spheres, directions by cones. Lights without a place (the environment, the sun) stand beside
 //! the tree in a table.
 
+use super::batch::{BATCH, ChosenLights, Receivers, sample_batch};
 use super::build;
 use super::cone::{cos_of_difference, sin_from_cos, sin_of_difference};
-use super::many::{ChosenLights, MANY, Receivers, sample_many};
 use super::table::LightTable;
 use super::{ChosenLight, LightSummary, Receiver};
 use snell_math::rng::ONE_MINUS_EPSILON;
@@ -151,20 +151,20 @@ impl LightBvh {
     }
 
     /// A light for each of the first receivers, so many.
-    pub fn sample_many(
+    pub fn sample_batch(
         &self,
         receivers: &Receivers,
-        u: &[f32; MANY],
+        u: &[f32; BATCH],
         count: usize,
         chosen: &mut ChosenLights,
     ) {
         at_level!(
             self.wide,
-            sample_many,
+            sample_batch,
             (
                 tree: &LightBvh = self,
                 receivers: &Receivers = receivers,
-                u: &[f32; MANY] = u,
+                u: &[f32; BATCH] = u,
                 count: usize = count,
                 chosen: &mut ChosenLights = chosen,
             )

@@ -5,6 +5,7 @@
 //! gathered (the camera), `wi` to where it comes from. Opaque BSDFs reflect on both sides;
 //! dielectrics are outside where `z > 0`.
 
+mod batch;
 mod beckmann;
 mod black;
 mod coat;
@@ -20,7 +21,6 @@ mod fuzz;
 mod ggx;
 mod glossy;
 mod hair;
-mod many;
 mod microfacets;
 mod mirror;
 mod open_pbr;
@@ -30,6 +30,7 @@ mod sheet;
 mod tests;
 mod widths;
 
+pub use batch::{BATCH, BatchBsdf, BatchInputs, BatchOutputs, BatchPoint, LobeSpectra};
 pub use beckmann::Beckmann;
 pub use black::BlackBsdf;
 pub use coat::Coat;
@@ -40,7 +41,6 @@ pub use film::ThinFilm;
 pub use ggx::Ggx;
 pub use glossy::{Body, Gloss, GlossyBsdf, GlossySeen};
 pub use hair::{HairBsdf, HairFiber, HairSeen};
-pub use many::{MANY, ManyAnswers, ManyBsdf, ManyPoint, ManyQuestions, Palette};
 pub use microfacets::{MicrofacetShape, Microfacets};
 pub use mirror::MirrorBsdf;
 pub use open_pbr::{Fuzz, OpenPbrBsdf, OpenPbrSeen, Slabs, Translucent, TranslucentSeen};

@@ -6,7 +6,7 @@
 //! 2019, section 5.2), with the history of the path in the choice (Wilkie et al., Hero Wavelength
 //! Spectral Sampling, EGSR 2014). The sum of the lanes of the throughput then never grows.
 
-use super::equiangular::{Beacon, Equiangular};
+use super::equiangular::{Equiangular, EquiangularLight};
 use super::{MediumProperties, Scattering, Segment, Travel};
 use snell_math::exponentials::{exp, ln};
 use snell_math::{SampledSpectrum, Vec2};
@@ -125,7 +125,7 @@ pub fn travel(
 /// balance heuristic, so no weight is more than doubled.
 pub fn travel_near(
     medium: &MediumProperties,
-    beacon: &Beacon,
+    equiangular_light: &EquiangularLight,
     segment: &Segment,
     throughput: SampledSpectrum,
     u: Vec2,
@@ -137,7 +137,9 @@ pub fn travel_near(
     let sigma_t = medium.sigma_t();
     let (length, sum) = (f64::from(segment.length), throughput.0.iter().sum::<f32>());
     let thinnest = sigma_t.0.into_iter().filter(|&sigma| sigma > 0.0).fold(f32::INFINITY, f32::min);
-    let Some(near) = Equiangular::new(segment, beacon, thinnest.into()) else { return alone };
+    let Some(near) = Equiangular::new(segment, equiangular_light, thinnest.into()) else {
+        return alone;
+    };
     let scattered_share =
         |sigma: f32| if sigma == 0.0 { 0.0 } else { -(-f64::from(sigma) * length).exp_m1() };
     let sigma = sigma_t[chosen_lane(throughput, sum, u.y)];
@@ -262,12 +264,14 @@ mod tests {
         for (key, (along, across)) in
             [(2.0, 0.05), (0.5, 0.3), (-0.5, 0.2), (6.0, 0.5)].into_iter().enumerate()
         {
-            let beacon = Beacon { center: Vec3::new(across, 0.0, along), radius: 0.0 };
+            let equiangular_light =
+                EquiangularLight { center: Vec3::new(across, 0.0, along), radius: 0.0 };
             for length in [4.0, f32::INFINITY] {
                 // The contribution of a light there, and the transmitted part.
                 let brought = |travel: Travel| {
                     let light = travel.scattered.map(|s| {
-                        1.0 / (segment(length).at(s.distance) - beacon.center).length_squared()
+                        1.0 / (segment(length).at(s.distance) - equiangular_light.center)
+                            .length_squared()
                     });
                     travel.throughput.0.map(|beta| f64::from(beta * light.unwrap_or(1e-3)))
                 };
@@ -287,8 +291,9 @@ mod tests {
                 };
                 let alone =
                     statistics(&|u| travel(&medium, Profile::CONSTANT, &segment(length), beta, u));
-                let near =
-                    statistics(&|u| travel_near(&medium, &beacon, &segment(length), beta, u));
+                let near = statistics(&|u| {
+                    travel_near(&medium, &equiangular_light, &segment(length), beta, u)
+                });
                 for c in 0..3 {
                     let ((a, noise_a), (b, noise_b)) = (alone[c], near[c]);
                     let error = ((noise_a + noise_b) / f64::from(n)).sqrt();
@@ -309,11 +314,11 @@ mod tests {
     #[test]
     fn weights_near_a_light_are_at_most_doubled_and_what_passes_is_the_same() {
         let medium = medium([0.1, 0.0, 0.6], [0.3, 2.0, 0.2]);
-        let beacon = Beacon { center: Vec3::new(0.1, 0.2, 0.7), radius: 0.05 };
+        let equiangular_light = EquiangularLight { center: Vec3::new(0.1, 0.2, 0.7), radius: 0.05 };
         let beta = SampledSpectrum([1.0, 0.2, 0.6, 0.0]);
         for i in 0..5000 {
             let u = rng::uniform2([i, 3, 0, 5]);
-            let near = travel_near(&medium, &beacon, &segment(1.5), beta, u);
+            let near = travel_near(&medium, &equiangular_light, &segment(1.5), beta, u);
             assert!(
                 near.throughput.0.iter().sum::<f32>() <= 2.0 * 1.8 * 1.0001,
                 "{:?}",

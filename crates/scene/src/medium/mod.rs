@@ -4,7 +4,6 @@
 //! no shape of its own: it fills the inside of closed surfaces ([`crate::material::Interior`]) or
 //! the whole scene ([`crate::Scene::medium`]).
 
-mod alike;
 mod analytic;
 mod blackbody;
 mod cloud;
@@ -13,20 +12,21 @@ mod glow;
 mod grid;
 mod height_fog;
 mod homogeneous;
+mod homogeneous_travel;
 mod majorant;
 mod phase;
 mod prepared;
 mod segment;
 mod tracking;
 
-pub use alike::{AlikeTravel, attenuate_alike, travel_alike};
 pub use blackbody::{blackbody, blackbody_luminance};
 pub use cloud::Cloud;
-pub use equiangular::Beacon;
+pub use equiangular::EquiangularLight;
 pub use glow::Glow;
 pub use grid::{CellGrid, CellValue, ColorGrid, Grid, ScalarGrid};
 pub use height_fog::HeightFog;
 pub use homogeneous::Homogeneous;
+pub use homogeneous_travel::{HomogeneousTravel, attenuate_homogeneous, travel_homogeneous};
 pub use phase::HenyeyGreenstein;
 pub use prepared::PreparedMedium;
 pub use segment::{Scattering, Segment, Travel};

@@ -2,7 +2,9 @@
 
 use super::analytic::{self, Profile};
 use super::tracking::TrackedGrid;
-use super::{Beacon, Glow, HeightFog, Homogeneous, Medium, MediumProperties, Segment, Travel};
+use super::{
+    EquiangularLight, Glow, HeightFog, Homogeneous, Medium, MediumProperties, Segment, Travel,
+};
 use snell_math::{ColorMode, SampledSpectrum, Vec2};
 
 /// A medium with precomputed tables.
@@ -123,12 +125,12 @@ impl MediumProperties {
     /// once.
     pub fn travel_near(
         &self,
-        beacon: &Beacon,
+        equiangular_light: &EquiangularLight,
         segment: &Segment,
         throughput: SampledSpectrum,
         u: Vec2,
     ) -> Travel {
-        analytic::travel_near(self, beacon, segment, throughput, u)
+        analytic::travel_near(self, equiangular_light, segment, throughput, u)
     }
 
     /// Like [`PreparedMedium::attenuate`], for a segment of this length.

@@ -220,7 +220,7 @@ pub fn arrive_from_delta<S: Scatterers>(
 
 #[cfg(test)]
 mod tests {
-    use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::batch::twins::{assert_same_at_every_level, every_second_node};
     use crate::compile::Moving;
     use crate::{Guiding, Settings};
     use snell_math::{ColorModel, Rgb};
@@ -270,11 +270,11 @@ mod tests {
                     guiding,
                     ..Settings::default()
                 };
-                let picture = assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+                let picture = assert_same_at_every_level(&scene, &Moving::default(), &settings);
                 assert!(picture.iter().any(|&x| x > 0.0), "{number} {:?}", scene.lights);
             }
             let settings = Settings { size: [32, 24], spp: 4, ..Settings::default() };
-            assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
+            assert_same_at_every_level(&scene, &every_second_node(&scene), &settings);
         }
     }
 }

@@ -365,7 +365,7 @@ fn bounce<const CHANNELS: usize>(known: &Known, to: &mut Bounces) {
 
 #[cfg(test)]
 mod tests {
-    use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::batch::twins::{assert_same_at_every_level, every_second_node};
     use crate::compile::Moving;
     use crate::sampler::SamplerKind;
     use crate::{Guiding, IntegratorKind, Settings};
@@ -434,9 +434,9 @@ mod tests {
                 let how =
                     Settings { max_depth: 9, sampler, integrator, clamp, ..Settings::default() };
                 let settings = Settings { size: [36, 24], spp: 4, guiding, color, ..how };
-                assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+                assert_same_at_every_level(&scene, &Moving::default(), &settings);
                 if sampler == SamplerKind::Independent && guiding.is_none() {
-                    assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
+                    assert_same_at_every_level(&scene, &every_second_node(&scene), &settings);
                 }
             }
         }

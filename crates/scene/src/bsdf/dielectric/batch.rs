@@ -1,7 +1,7 @@
-//! Rough glass, for many directions at once.
+//! Rough glass, for batches of directions.
 
+use super::super::batch::{BatchDrawn, BatchLobes, LobeSpectra};
 use super::super::energy::{BouncedLobe, DielectricLossLines};
-use super::super::many::{ManyDrawn, ManyLobes, Palette};
 use super::super::{Ggx, fresnel, lift, lower_like};
 use super::{DielectricBsdf, Split};
 use snell_math::simd::choose;
@@ -10,7 +10,7 @@ use std::f32::consts::FRAC_1_PI;
 
 /// A rough interface of [`Ggx`] without a film, to a medium that absorbs nothing.
 #[derive(Clone, Debug)]
-pub struct ManyGlass {
+pub struct BatchGlass {
     ggx: Ggx,
     lobe: BouncedLobe,
     /// Of all that follows, as seen from the outer side and from the inner one.
@@ -32,7 +32,8 @@ pub struct Colors {
 
 impl Colors {
     #[inline(always)]
-    fn new(&[tint, outer, inner]: &Palette, eta: [f32; 2]) -> Self {
+    fn new(spectra: &LobeSpectra, eta: [f32; 2]) -> Self {
+        let &LobeSpectra { base: tint, specular: outer, other: inner } = spectra;
         // (Where nothing is refracted, both sides are the outer one.)
         let inner = outer.zip(inner, |outer, inner| if eta[1] == eta[0] { outer } else { inner });
         Self {
@@ -54,7 +55,7 @@ pub struct Seen {
     transmitted: f32,
 }
 
-impl ManyGlass {
+impl BatchGlass {
     /// `None` if it is no such interface.
     pub fn of(bsdf: &DielectricBsdf) -> Option<Self> {
         let (losses, ggx) = (bsdf.losses.as_ref()?, bsdf.microfacets.ggx()?);
@@ -66,7 +67,7 @@ impl ManyGlass {
             lobe: losses.lobe,
             losses: DielectricLossLines::new(&outer.loss, &inner.loss),
             eta,
-            own: Colors::new(&bsdf.palette(), eta),
+            own: Colors::new(&bsdf.spectra(), eta),
             average: [outer.average, inner.average],
             transmitted: [outer.transmitted, inner.transmitted],
         })
@@ -113,7 +114,7 @@ fn of_side(of: &[SampledSpectrum; 2], seen: &Seen) -> SampledSpectrum {
     of[0].zip(of[1], |outer, inner| if seen.is_inside { inner } else { outer })
 }
 
-impl ManyLobes for ManyGlass {
+impl BatchLobes for BatchGlass {
     type Seen = Seen;
     type Colors = Colors;
 
@@ -123,8 +124,8 @@ impl ManyLobes for ManyGlass {
     }
 
     #[inline(always)]
-    fn colors_of(&self, palette: &Palette) -> Colors {
-        Colors::new(palette, self.eta)
+    fn colors_of(&self, spectra: &LobeSpectra) -> Colors {
+        Colors::new(spectra, self.eta)
     }
 
     #[inline(always)]
@@ -168,7 +169,7 @@ impl ManyLobes for ManyGlass {
     }
 
     #[inline(always)]
-    fn draw_from(&self, seen: &Seen, u_lobe: f32, u: Vec2) -> ManyDrawn {
+    fn draw_from(&self, seen: &Seen, u_lobe: f32, u: Vec2) -> BatchDrawn {
         let &Seen { wo, eta, lost, transmitted, .. } = seen;
         let up = lift(wo);
         let is_bounced = u_lobe < lost;
@@ -186,7 +187,7 @@ impl ManyLobes for ManyGlass {
             (is_partial | !is_refracted) & (facet.z != 0.0) & ((facet.z < 0.0) == is_refracted);
         let wi = choose(is_bounced, bounced, facet);
         let is_transmission = wi.z < 0.0;
-        ManyDrawn {
+        BatchDrawn {
             wi: lower_like(wi, wo),
             exists: (is_bounced | is_sound) & (wo.z != 0.0),
             is_delta: false,
