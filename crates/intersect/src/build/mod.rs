@@ -5,7 +5,6 @@
 //! and all threads write it in place. The tree depends neither on the threads nor on the
 //! instructions.
 
-mod apart;
 mod binary;
 mod binning;
 mod bins;
@@ -14,6 +13,7 @@ mod clip;
 mod fast;
 mod high;
 mod medium;
+mod outliers;
 mod partition;
 mod primitive;
 mod quality;
@@ -192,7 +192,7 @@ fn build_wide(
     if all == 0 {
         return Ok((nothing(), 0));
     }
-    let (rest, extent) = apart::divide(&mut primitives[..all], list);
+    let (rest, extent) = outliers::divide(&mut primitives[..all], list);
     let mut large = primitives[rest..all].to_vec();
     let splits =
         options.quality == Quality::High || waste::is_large(&primitives[..rest], triangles);
@@ -206,7 +206,7 @@ fn build_wide(
     } else {
         medium.build_within(&mut primitives[..rest], &extent)
     };
-    let tree = apart::join(tree, &mut large, medium);
+    let tree = outliers::join(tree, &mut large, medium);
     Ok((write(&tree, triangles, None)?, count))
 }
 

@@ -3,25 +3,23 @@
 use super::all::AllHits;
 use super::order;
 use crate::hit::Hit;
-use crate::kernel::packet;
 use crate::kernel::single::traverse::search_forest;
 use crate::kernel::stream::interleave;
-use crate::kernel::{Goal, Kernels};
+use crate::kernel::{Goal, Kernels, packet};
 use crate::lecture::brute_force::search_all;
-use crate::precision::Facts;
-use crate::precision::{Double, Precision, Single};
-use crate::search::Grouping;
+use crate::precision::{Double, Facts, Precision, Single};
 use crate::search::answers::{Answers, Part, Slice};
 use crate::search::rays::{RayQuery, Rays};
-use crate::search::{Any, Closest, Context, Counted, RayOf, Search};
-use crate::search::{TraversalCounters, TraversalWork};
+use crate::search::{
+    Any, Closest, Context, Counted, Grouping, RayOf, Search, TraversalCounters, TraversalWork,
+};
 use crate::tree::Forest;
 use crate::world::{Structure, World};
 use std::sync::atomic::AtomicBool;
 
 type HitOf<P> = <P as Precision>::Hit;
 
-/// Rays that are asked about what stands apart before those that go on are searched for in the
+/// Rays that are tested against outliers before those that go on are searched for in the
 /// tree, if they are not sorted: as many as stay in the caches.
 const RAYS_AT_ONCE: usize = 1 << 12;
 
@@ -153,7 +151,7 @@ impl<P: Kernels> Searcher<'_, P> {
         let mut done = 0;
         if G::WANTS_ONE
             && let Structure::Bvh(forest) = &self.world.structure
-            && (forest.list.is_some() || forest.apart.is_some() && grouping == Grouping::None)
+            && (forest.list.is_some() || forest.outliers.is_some() && grouping == Grouping::None)
         {
             done = self.search_lists(forest, rays, &start, &mut answers);
         }
@@ -163,8 +161,8 @@ impl<P: Kernels> Searcher<'_, P> {
         }
     }
 
-    /// [`Self::search_into`] by the list of the world, or by that of what stands apart and the tree
-    /// of the rest. Returns how many of the rays are done.
+    /// [`Self::search_into`] by the list of the world, or by that of its outliers and the tree of the
+    /// rest. Returns how many of the rays are done.
     fn search_lists<G: Goal<Precision = P>>(
         &self,
         forest: &Forest,
@@ -175,10 +173,10 @@ impl<P: Kernels> Searcher<'_, P> {
         let (level, mut begun) = (self.world.simd, Vec::new());
         let mut sorter = order::Sorter::new(
             rays.len(),
-            forest.apart.is_some() && interleave::pays_to_sort::<G>(forest, level),
+            forest.outliers.is_some() && interleave::pays_to_sort::<G>(forest, level),
         );
         let at_once =
-            if forest.apart.is_some() { sorter.at_once(RAYS_AT_ONCE) } else { rays.len() };
+            if forest.outliers.is_some() { sorter.at_once(RAYS_AT_ONCE) } else { rays.len() };
         let mut first = 0;
         while first < rays.len() {
             let part = rays.slice(first..(first + at_once).min(rays.len()));

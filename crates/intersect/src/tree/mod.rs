@@ -12,7 +12,7 @@ pub(crate) use blocks::Blocks;
 use crate::exact::quick::is_ordinary;
 use crate::exact::triangle::TriangleBlock;
 use crate::group::{Object, Objects};
-use list::{Apart, List};
+use list::{List, Outliers};
 use node::{ChildRef, WideNode};
 use std::sync::Arc;
 use storage::{Plain, Storage};
@@ -43,8 +43,8 @@ pub(crate) struct GroupTree {
     pub blocks: Blocks,
     /// Where the walk starts; [`ChildRef::NONE`] for a group without bounded contents.
     pub root: ChildRef,
-    /// Where the walk starts among all that does not stand apart ([`apart`]): the first child of
-    /// the root, or the root itself.
+    /// Where the walk starts among all that is no [outlier](Outliers): the first child of the root,
+    /// or the root itself.
     pub rest: ChildRef,
     /// Shapes, instances and primitives of sets, as the leaves number them.
     pub objects: Objects,
@@ -144,8 +144,8 @@ pub(crate) struct Forest {
     pub simple: bool,
     /// The root's contents without a tree, if they are few.
     pub list: Option<Box<List>>,
-    /// What stands apart from the rest of the root.
-    pub apart: Option<Apart>,
+    /// The outliers of the root.
+    pub outliers: Option<Outliers>,
 }
 
 impl Forest {
@@ -166,9 +166,9 @@ impl Forest {
         let simple = ordinary && trees[0].unbounded.is_empty() && sizes[0] <= SMALL_STACK;
         let list = trees.first().and_then(|root| List::of(root));
         let mut forest =
-            Self { stack_size: sizes[0], trees, extents, ordinary, simple, list, apart: None };
+            Self { stack_size: sizes[0], trees, extents, ordinary, simple, list, outliers: None };
         if forest.list.is_none() && may_search(&forest) {
-            forest.apart = Apart::of(&forest.trees[0]);
+            forest.outliers = Outliers::of(&forest.trees[0]);
         }
         forest
     }

@@ -31,8 +31,7 @@ pub use reuse::Reuse;
 use crate::build::Quality;
 use crate::geometry::motion::transform_at;
 use crate::geometry::{MovingMesh, PrimitiveSet, QuadMesh};
-use crate::group::GroupList;
-use crate::group::{BulkContents, Object, Placement};
+use crate::group::{BulkContents, GroupList, Object, Placement};
 use crate::lecture::AcceleratorOptions;
 use crate::lecture::walk::Structures;
 use crate::mesh::TriangleMesh;
@@ -334,9 +333,9 @@ impl WorldBuilder {
     ) -> Result<(Occurrences, Parts), WorldError> {
         let occurrences = Occurrences::count(&self.groups)?;
         let summaries = self.summaries(previous);
-        let alike = Self::alike(options, previous);
-        let bounds = self.measure(&occurrences, &summaries, alike);
-        let parts = self.structures(options, &occurrences, summaries, bounds, alike)?;
+        let same_build = Self::same_build(options, previous);
+        let bounds = self.measure(&occurrences, &summaries, same_build);
+        let parts = self.structures(options, &occurrences, summaries, bounds, same_build)?;
         Ok((occurrences, parts))
     }
 
@@ -614,7 +613,7 @@ pub struct World {
     stats: BuildStats,
     /// Made when it is first asked for.
     pub(crate) winding: OnceLock<Winding>,
-    /// Whether the structure may offer a crossing several times; found out when it is first asked
+    /// Whether the structure may offer a hit several times; found out when it is first asked
     /// for.
     pub(crate) repeats: OnceLock<bool>,
 }

@@ -1,11 +1,10 @@
 //! What a build takes over from the world before: all that comes from contents that did not change.
 
-use super::AcceleratorKind;
-use super::cover;
 use super::cover::Cover;
 use super::occurrence::Occurrences;
 use super::{
-    BuildOptions, Geometry, GroupBounds, Parts, Structure, World, WorldBuilder, WorldError,
+    AcceleratorKind, BuildOptions, Geometry, GroupBounds, Parts, Structure, World, WorldBuilder,
+    WorldError, cover,
 };
 use crate::build::BvhOptions;
 use crate::group::GroupList;
@@ -180,8 +179,8 @@ impl WorldBuilder {
             })
     }
 
-    /// The parts of `previous` that may be taken over: trees of the same kind.
-    pub(super) fn alike<'a>(
+    /// The previous world if it is of the same build: then its trees may be taken over.
+    pub(super) fn same_build<'a>(
         options: &BuildOptions,
         previous: Option<&'a World>,
     ) -> Option<&'a World> {
@@ -199,13 +198,13 @@ impl WorldBuilder {
         &self,
         occurrences: &Occurrences,
         summaries: &[Summary],
-        alike: Option<&World>,
+        same_build: Option<&World>,
     ) -> (GroupBounds, Vec<bool>) {
         let n = self.groups.len();
         let mut bounds = GroupBounds::empty(n);
         let mut unchanged = vec![false; n];
         for &group in &occurrences.order {
-            match alike.filter(|p| self.is_unchanged(group, occurrences, &bounds, p)) {
+            match same_build.filter(|p| self.is_unchanged(group, occurrences, &bounds, p)) {
                 Some(p) => {
                     unchanged[group] = true;
                     bounds.exact[group] = p.inventory.exact[group];
@@ -225,7 +224,7 @@ impl WorldBuilder {
         occurrences: &Occurrences,
         summaries: Vec<Summary>,
         (bounds, unchanged): (GroupBounds, Vec<bool>),
-        alike: Option<&World>,
+        same_build: Option<&World>,
     ) -> Result<Parts, WorldError> {
         let lists = self.group_lists(occurrences)?;
         let n = self.groups.len();
@@ -259,7 +258,7 @@ impl WorldBuilder {
                 Structure::None(lists)
             }
             (None, _) => {
-                let old = alike.and_then(|p| match &p.structure {
+                let old = same_build.and_then(|p| match &p.structure {
                     Structure::Bvh(forest) => Some((forest, &p.inventory)),
                     Structure::None(_) | Structure::Walked(_) => None,
                 });

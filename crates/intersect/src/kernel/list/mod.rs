@@ -9,15 +9,15 @@
 //! shapes are tested sixteen rays at a time ([`shapes`]), others ray by ray; all but flat ones with
 //! a look at their boxes before.
 
-mod apart;
 mod bundle;
 mod exact;
+mod outliers;
 mod precision;
 mod shapes;
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub(crate) use apart::Begun;
+pub(crate) use outliers::Begun;
 pub(crate) use precision::ListSearch;
 
 use super::single::traverse::{Entry, Stack, Walk, search_forest, test_object};
@@ -28,7 +28,7 @@ use crate::precision::Facts;
 use crate::precision::Single;
 use crate::search::{Search, Verdict};
 use crate::tree::Forest;
-use crate::tree::list::{Apart, FIRST_OBJECT, List, ListShape, MAX_OBJECTS};
+use crate::tree::list::{FIRST_OBJECT, List, ListShape, MAX_OBJECTS, Outliers};
 use bundle::{Blocked, Bundle, Nearest, PerRay, RAYS};
 use exact::Found;
 use snell_math::simd::{Doubles16, Lanes16, Level};
@@ -51,7 +51,7 @@ const FACES_PER_HIT: usize = 80;
 
 /// True if a list answers queries of so many rays that want one hit each, or some of them.
 pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
-    rays >= MIN_RAYS && forest.list.is_some() || rays >= MIN_RAYS_APART && forest.apart.is_some()
+    rays >= MIN_RAYS && forest.list.is_some() || rays >= MIN_RAYS_APART && forest.outliers.is_some()
 }
 
 /// Searches for the rays of a batch; `finish` gets the number of a ray and what was found.
@@ -66,7 +66,7 @@ pub(crate) fn search_list<G: Goal<Precision = Single>>(
     start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
 ) -> usize {
-    let (list, apart) = match (&forest.list, &forest.apart) {
+    let (list, apart) = match (&forest.list, &forest.outliers) {
         (Some(list), _) => (list, None),
         (None, Some(apart)) => (&apart.list, Some(apart)),
         (None, None) => return 0,
@@ -100,7 +100,7 @@ struct Scene<'a> {
     forest: &'a Forest,
     list: &'a List,
     /// Where the rest is, if that is not all.
-    apart: Option<&'a Apart>,
+    apart: Option<&'a Outliers>,
     level: Level,
     batch: &'a Batch<'a, Single>,
     /// The nearest hit within the interval of a ray is always what it hits, as far as things are

@@ -8,7 +8,7 @@ use crate::exact::TriangleTest;
 use crate::group::test_triangle;
 use crate::kernel::Goal;
 use crate::search::Search;
-use crate::search::trace::Place;
+use crate::search::region::Region;
 use crate::tree::node::{ChildRef, box_distances};
 use crate::tree::{Forest, GroupTree};
 use snell_math::DRay;
@@ -81,7 +81,7 @@ unsafe fn walk<L: Lanes8, G: Goal>(
         while current.is_node() {
             search.goal.count_node();
             let node = &tree.nodes[current.index()];
-            search.goal.visit(false, || Place::of_bounds(&node.bounds()));
+            search.goal.visit(false, || Region::of_bounds(&node.bounds()));
             // SAFETY: as promised by the caller.
             let (enters, limits) = unsafe { box_distances::<L>(node, &local, t_min, cull) };
             let met = enters.le(limits);
@@ -100,7 +100,7 @@ unsafe fn walk<L: Lanes8, G: Goal>(
         if current.is_triangles() {
             let mut room = MaybeUninit::uninit();
             let block = tree.blocks.get(current.block(), &mut room);
-            search.goal.visit(true, || Place::of_bounds(&block.bounds(current.count())));
+            search.goal.visit(true, || Region::of_bounds(&block.bounds(current.count())));
             search.goal.count_primitives(current.count());
             // SAFETY: as promised by the caller.
             let mut lanes = unsafe { G::Precision::candidates::<L>(block, &local, t_min, cull) };

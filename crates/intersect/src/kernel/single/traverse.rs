@@ -9,7 +9,7 @@ use crate::group::{Object, Placement, offer_triangle};
 use crate::kernel::Goal;
 use crate::precision::Facts;
 use crate::search::Search;
-use crate::search::trace;
+use crate::search::region::Region;
 use crate::tree::SMALL_STACK;
 use crate::tree::node::{ChildRef, QuickBoxes};
 use crate::tree::{Forest, GroupTree};
@@ -309,7 +309,7 @@ impl<G: Goal> Place<'_, G> {
                     let (enters, limits) = boxes.distances(node, t_min, L::splat(cull));
                     (node, enters, enters.le(limits))
                 };
-                search.goal.visit(false, || trace::Place::of_bounds(&node.bounds()));
+                search.goal.visit(false, || Region::of_bounds(&node.bounds()));
                 if !G::NARROWS && met != 0 {
                     // SAFETY: as above.
                     current = unsafe {
@@ -370,7 +370,7 @@ impl<G: Goal> Place<'_, G> {
                             & ((2 << (current.count() - 1)) - 1),
                     )
                 };
-                search.goal.visit(true, || trace::Place::of_bounds(&block.bounds(current.count())));
+                search.goal.visit(true, || Region::of_bounds(&block.bounds(current.count())));
                 search.goal.count_primitives(current.count());
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize & 7;
