@@ -226,7 +226,7 @@ impl WideLanes for Avx8 {
     }
 
     #[inline(always)]
-    fn least(self) -> f32 {
+    fn reduce_min(self) -> f32 {
         // SAFETY: a value of this type exists, so the machine has AVX.
         unsafe {
             let four =
@@ -237,7 +237,7 @@ impl WideLanes for Avx8 {
     }
 
     #[inline(always)]
-    fn greatest(self) -> f32 {
+    fn reduce_max(self) -> f32 {
         // SAFETY: a value of this type exists, so the machine has AVX.
         unsafe {
             let four =

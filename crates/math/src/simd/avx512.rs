@@ -39,7 +39,7 @@ impl Lanes16 for Avx16 {
     }
 
     #[inline(always)]
-    unsafe fn pick(values: &[f32; 16], lanes: &[u32; 8]) -> Avx8 {
+    unsafe fn gather(values: &[f32; 16], lanes: &[u32; 8]) -> Avx8 {
         // SAFETY: the caller guarantees AVX-512; the references cover 64 and 32 readable bytes. The
         // lowest four bits of each lane are read.
         unsafe {
@@ -194,14 +194,14 @@ impl Lanes16 for Avx16 {
     }
 
     #[inline(always)]
-    fn least(self) -> f32 {
+    fn reduce_min(self) -> f32 {
         let [low, high] = self.halves();
-        Lanes8::min(low, high).least()
+        Lanes8::min(low, high).reduce_min()
     }
 
     #[inline(always)]
-    fn greatest(self) -> f32 {
+    fn reduce_max(self) -> f32 {
         let [low, high] = self.halves();
-        Lanes8::max(low, high).greatest()
+        Lanes8::max(low, high).reduce_max()
     }
 }

@@ -199,7 +199,7 @@ impl DoublesOf<Avx8> for Avx8Doubles {
     }
 
     #[inline(always)]
-    unsafe fn pick(values: &[f64; 16], lanes: &[u32; 8], _first: usize) -> Self {
+    unsafe fn gather(values: &[f64; 16], lanes: &[u32; 8], _first: usize) -> Self {
         let (eights, _) = values.as_chunks::<8>();
         // SAFETY: the caller guarantees AVX-512; the references cover 64, 64 and 32 readable bytes.
         // The lowest four bits of each lane are read.

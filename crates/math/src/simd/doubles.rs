@@ -57,7 +57,7 @@ pub trait DoublesOf<S>: DoubleLanes {
     ///
     /// # Safety
     /// The machine must have the instructions of the implementation.
-    unsafe fn pick(values: &[f64; 16], lanes: &[u32; 8], first: usize) -> Self;
+    unsafe fn gather(values: &[f64; 16], lanes: &[u32; 8], first: usize) -> Self;
 
     /// Writes them where they belong, rounded to nearest.
     fn store_rounded_from(self, to: &mut [f32; 8], first: usize);
@@ -107,7 +107,7 @@ impl<S: WideLanes<Doubles = D>, D: Lanes4> DoublesOf<S> for D {
     }
 
     #[inline(always)]
-    unsafe fn pick(values: &[f64; 16], lanes: &[u32; 8], first: usize) -> Self {
+    unsafe fn gather(values: &[f64; 16], lanes: &[u32; 8], first: usize) -> Self {
         let lane = |i: usize| values[lanes[first + i] as usize & 15];
         // SAFETY: passed on to the caller.
         unsafe { Self::load(&[lane(0), lane(1), lane(2), lane(3)]) }
@@ -148,10 +148,10 @@ pub trait WideLanes: Lanes8 {
     fn div(self, other: Self) -> Self;
 
     /// The least of the eight numbers; if any is NaN, any.
-    fn least(self) -> f32;
+    fn reduce_min(self) -> f32;
 
     /// The greatest of the eight numbers; if any is NaN, any.
-    fn greatest(self) -> f32;
+    fn reduce_max(self) -> f32;
 
     /// The first four lanes, exactly.
     fn first_doubles(self) -> Self::Doubles;
@@ -320,14 +320,14 @@ impl WideLanes for Portable8 {
     }
 
     #[inline(always)]
-    fn least(self) -> f32 {
+    fn reduce_min(self) -> f32 {
         let mut values = [0.0; 8];
         self.store(&mut values);
         values.into_iter().fold(values[0], |a, b| if a < b { a } else { b })
     }
 
     #[inline(always)]
-    fn greatest(self) -> f32 {
+    fn reduce_max(self) -> f32 {
         let mut values = [0.0; 8];
         self.store(&mut values);
         values.into_iter().fold(values[0], |a, b| if a > b { a } else { b })
@@ -419,8 +419,8 @@ mod tests {
         };
         let mut all = columns.map(stored).to_vec();
         all.push(stored(columns[1].div(columns[2])));
-        all.push(columns.map(L::least));
-        all.push(columns.map(L::greatest));
+        all.push(columns.map(L::reduce_min));
+        all.push(columns.map(L::reduce_max));
         all
     }
 

@@ -30,4 +30,4 @@ pub use level::Level;
 pub use portable::Portable8;
 pub use sixteen::{Lanes16, Pair};
 pub use sixteen_doubles::{Doubles16, PairDoubles};
-pub use wide::{Bits, Wide, choose, least, marked, marked_vector, most};
+pub use wide::{Bits, Wide, mask_select, mask_select_vector, max, min, select};

@@ -39,7 +39,7 @@ pub trait Lanes16: Copy {
     ///
     /// # Safety
     /// The machine must have the instructions of the implementation.
-    unsafe fn pick(values: &[f32; 16], lanes: &[u32; 8]) -> Self::Half;
+    unsafe fn gather(values: &[f32; 16], lanes: &[u32; 8]) -> Self::Half;
 
     /// Of two halves.
     ///
@@ -117,10 +117,10 @@ pub trait Lanes16: Copy {
     unsafe fn places_of(value: u32, values: &[u32; 16]) -> u32;
 
     /// The least of the sixteen numbers; if any is NaN, any.
-    fn least(self) -> f32;
+    fn reduce_min(self) -> f32;
 
     /// The greatest of the sixteen numbers; if any is NaN, any.
-    fn greatest(self) -> f32;
+    fn reduce_max(self) -> f32;
 }
 
 /// Sixteen lanes in two registers of eight.
@@ -153,7 +153,7 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     }
 
     #[inline(always)]
-    unsafe fn pick(values: &[f32; 16], lanes: &[u32; 8]) -> L {
+    unsafe fn gather(values: &[f32; 16], lanes: &[u32; 8]) -> L {
         let lane = |i: usize| values[lanes[i] as usize & 15];
         // SAFETY: passed on to the caller.
         unsafe {
@@ -290,13 +290,13 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     }
 
     #[inline(always)]
-    fn least(self) -> f32 {
-        self.0[0].min(self.0[1]).least()
+    fn reduce_min(self) -> f32 {
+        self.0[0].min(self.0[1]).reduce_min()
     }
 
     #[inline(always)]
-    fn greatest(self) -> f32 {
-        self.0[0].max(self.0[1]).greatest()
+    fn reduce_max(self) -> f32 {
+        self.0[0].max(self.0[1]).reduce_max()
     }
 }
 
@@ -357,12 +357,12 @@ mod tests {
         let wide = a.map(|x| f64::from(x) * 1.1);
         // SAFETY: as above.
         unsafe {
-            W::pick(a, &lanes).store(&mut picked);
+            W::gather(a, &lanes).store(&mut picked);
             let mut first = 0;
             while first < 8 {
                 let (low, high) = (W::HalfDoubles::of(low, first), W::HalfDoubles::of(high, first));
                 let more =
-                    W::HalfDoubles::pick(&wide, &lanes, first).mul(W::HalfDoubles::splat(3.0));
+                    W::HalfDoubles::gather(&wide, &lanes, first).mul(W::HalfDoubles::splat(3.0));
                 low.add(high)
                     .sub(more)
                     .min(low.div(high))
@@ -395,7 +395,7 @@ mod tests {
         let extremes = if a.iter().any(|x| x.is_nan()) {
             [0; 2]
         } else {
-            [bits(x.least() + 0.0), bits(x.greatest() + 0.0)]
+            [bits(x.reduce_min() + 0.0), bits(x.reduce_max() + 0.0)]
         };
         (values.into_iter().map(stored).collect(), [x.le(y), x.lt(y), x.signs()], extremes)
     }

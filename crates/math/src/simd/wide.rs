@@ -68,15 +68,15 @@ macro_rules! at_level {
     }};
 }
 
-/// The greater of two numbers; the second if one is NaN. One instruction, unlike `f32::max`.
+/// The maximum of two numbers; the second if one is NaN. One instruction, unlike `f32::max`.
 #[inline(always)]
-pub fn most<T: PartialOrd>(a: T, b: T) -> T {
+pub fn max<T: PartialOrd>(a: T, b: T) -> T {
     if a > b { a } else { b }
 }
 
-/// The lesser of two numbers; the second if one is NaN. One instruction, unlike `f32::min`.
+/// The minimum of two numbers; the second if one is NaN. One instruction, unlike `f32::min`.
 #[inline(always)]
-pub fn least<T: PartialOrd>(a: T, b: T) -> T {
+pub fn min<T: PartialOrd>(a: T, b: T) -> T {
     if a < b { a } else { b }
 }
 
@@ -113,25 +113,25 @@ impl Bits for f32 {
     }
 }
 
-/// The first of two numbers if a mark is 1, the second if it is 0. For what goes to where the
+/// The first of two numbers if a mask is 1, the second if it is 0. For what goes to where the
 /// second comes from: written as a condition that would become a masked store, which takes some
-/// processors (Zen 2 to 4, with AVX2) twenty cycles. The mark must come from memory; else it is
+/// processors (Zen 2 to 4, with AVX2) twenty cycles. The mask must come from memory; else it is
 /// known to be a condition.
 #[inline(always)]
-pub fn marked<T: Bits>(mark: u32, a: T, b: T) -> T {
-    let mask = mark.wrapping_neg();
+pub fn mask_select<T: Bits>(mask: u32, a: T, b: T) -> T {
+    let mask = mask.wrapping_neg();
     T::of_bits(a.bits() & mask | b.bits() & !mask)
 }
 
-/// As [`marked`], of vectors.
+/// As [`mask_select`], of vectors.
 #[inline(always)]
-pub fn marked_vector(mark: u32, a: Vec3, b: Vec3) -> Vec3 {
-    Vec3::new(marked(mark, a.x, b.x), marked(mark, a.y, b.y), marked(mark, a.z, b.z))
+pub fn mask_select_vector(mask: u32, a: Vec3, b: Vec3) -> Vec3 {
+    Vec3::new(mask_select(mask, a.x, b.x), mask_select(mask, a.y, b.y), mask_select(mask, a.z, b.z))
 }
 
-/// One of two vectors. Without a branch.
+/// The first of two vectors if the condition holds, else the second. Without a branch.
 #[inline(always)]
-pub fn choose(first: bool, a: Vec3, b: Vec3) -> Vec3 {
-    let pick = |a: f32, b: f32| if first { a } else { b };
-    Vec3::new(pick(a.x, b.x), pick(a.y, b.y), pick(a.z, b.z))
+pub fn select(condition: bool, a: Vec3, b: Vec3) -> Vec3 {
+    let select = |a: f32, b: f32| if condition { a } else { b };
+    Vec3::new(select(a.x, b.x), select(a.y, b.y), select(a.z, b.z))
 }

@@ -286,11 +286,11 @@ impl Bundle {
             };
             let slopes = [shear_x.mul(W::splat(sign)), shear_y.mul(W::splat(sign))];
             let (low, high) = (
-                [slopes[0].least(), slopes[1].least()],
-                [slopes[0].greatest(), slopes[1].greatest()],
+                [slopes[0].reduce_min(), slopes[1].reduce_min()],
+                [slopes[0].reduce_max(), slopes[1].reduce_max()],
             );
-            let fine = along.least() > 1.0 / LARGEST
-                && along.greatest() < LARGEST
+            let fine = along.reduce_min() > 1.0 / LARGEST
+                && along.reduce_max() < LARGEST
                 && (0..2)
                     .all(|i| low[i] >= -2.0 && high[i] <= 2.0 && high[i] - low[i] <= MAX_SPREAD)
                 && kind.apex.iter().all(|a| a.abs() < LARGEST);
@@ -318,7 +318,8 @@ impl Bundle {
             }
             if kind.rounded {
                 let [x, y, z] = &self.drawn_origin;
-                let size = W::load(x).abs().max(W::load(y).abs()).max(W::load(z).abs()).greatest();
+                let size =
+                    W::load(x).abs().max(W::load(y).abs()).max(W::load(z).abs()).reduce_max();
                 self.lines.margin = size * (12.0 * f32::EPSILON) + f32::MIN_POSITIVE + kind.slack;
                 self.margin += self.lines.margin;
             }
@@ -349,7 +350,7 @@ impl Bundle {
             let far = far.replace(over, W::splat(f32::NEG_INFINITY));
             near.store(&mut self.near);
             far.store(&mut self.far);
-            (self.bundle_near, self.bundle_far) = (near.least(), far.greatest());
+            (self.bundle_near, self.bundle_far) = (near.reduce_min(), far.reduce_max());
             // Before the apex the slopes change places; the bundle is hardly wider there.
             let before = (-self.bundle_near).max(0.0);
             for i in 0..2 {
@@ -359,8 +360,8 @@ impl Bundle {
                 (self.low_offset[i], self.high_offset[i]) = (-extra, extra);
                 if !kind.common {
                     let offset = W::load(&self.offset[i]);
-                    self.low_offset[i] += offset.least();
-                    self.high_offset[i] += offset.greatest();
+                    self.low_offset[i] += offset.reduce_min();
+                    self.high_offset[i] += offset.reduce_max();
                 }
             }
             true
@@ -459,7 +460,7 @@ impl Bundle {
             offset_x.store(&mut self.offset[0]);
             offset_y.store(&mut self.offset[1]);
             slope_y.mul(offset_x).sub(slope_x.mul(offset_y)).store(&mut self.across);
-            from_x.abs().add(from_y.abs()).add(from_z.abs()).greatest()
+            from_x.abs().add(from_y.abs()).add(from_z.abs()).reduce_max()
         };
         self.margin = distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
     }
@@ -561,8 +562,8 @@ impl Bundle {
     pub unsafe fn update_limits<W: Lanes16>(&mut self) {
         // SAFETY: passed on to the caller.
         unsafe {
-            self.bundle_near = W::load(&self.near).least();
-            self.bundle_far = W::load(&self.far).greatest();
+            self.bundle_near = W::load(&self.near).reduce_min();
+            self.bundle_far = W::load(&self.far).reduce_max();
         }
     }
 

@@ -189,8 +189,8 @@ impl<L: WideLanes> Frame<L> {
             let sign = L::splat(bundle.sign);
             let rays = &pairs.rays;
             let shear = [
-                W::pick(&bundle.slope[0], rays).mul(sign),
-                W::pick(&bundle.slope[1], rays).mul(sign),
+                W::gather(&bundle.slope[0], rays).mul(sign),
+                W::gather(&bundle.slope[1], rays).mul(sign),
             ];
             let origin = if bundle.kind.common {
                 let apex = &bundle.kind.apex;
@@ -201,7 +201,11 @@ impl<L: WideLanes> Frame<L> {
                 ]
             } else {
                 let origin = &bundle.drawn_origin;
-                [W::pick(&origin[0], rays), W::pick(&origin[1], rays), W::pick(&origin[2], rays)]
+                [
+                    W::gather(&origin[0], rays),
+                    W::gather(&origin[1], rays),
+                    W::gather(&origin[2], rays),
+                ]
             };
             Self { axes: bundle.axes, origin, shear }
         }
@@ -240,9 +244,9 @@ unsafe fn rays_of<W: Lanes16>(
         }
         let [dx, dy, dz] = &bundle.direction;
         let direction = [
-            W::HalfDoubles::of(W::pick(dx, rays), first),
-            W::HalfDoubles::of(W::pick(dy, rays), first),
-            W::HalfDoubles::of(W::pick(dz, rays), first),
+            W::HalfDoubles::of(W::gather(dx, rays), first),
+            W::HalfDoubles::of(W::gather(dy, rays), first),
+            W::HalfDoubles::of(W::gather(dz, rays), first),
         ];
         if bundle.kind.common {
             let [x, y, z] = bundle.kind.apex;
@@ -255,7 +259,7 @@ unsafe fn rays_of<W: Lanes16>(
         }
         let mut origin = direction;
         for (from, &axis) in bundle.drawn_origin.iter().zip(&bundle.axes) {
-            *origin.get_unchecked_mut(axis) = W::HalfDoubles::of(W::pick(from, rays), first);
+            *origin.get_unchecked_mut(axis) = W::HalfDoubles::of(W::gather(from, rays), first);
         }
         [origin, direction]
     }
@@ -274,9 +278,9 @@ unsafe fn picked3<W: Lanes16>(
     // SAFETY: passed on to the caller.
     unsafe {
         [
-            W::HalfDoubles::pick(x, rays, first),
-            W::HalfDoubles::pick(y, rays, first),
-            W::HalfDoubles::pick(z, rays, first),
+            W::HalfDoubles::gather(x, rays, first),
+            W::HalfDoubles::gather(y, rays, first),
+            W::HalfDoubles::gather(z, rays, first),
         ]
     }
 }
@@ -314,7 +318,7 @@ unsafe fn test<W: Lanes16>(
             exact3::<W>(&corners[2], first),
         ];
         let [origin, direction] = rays_of::<W>(bundle, pairs, first);
-        let t_min = W::HalfDoubles::of(W::pick(&bundle.t_min, &pairs.rays), first);
+        let t_min = W::HalfDoubles::of(W::gather(&bundle.t_min, &pairs.rays), first);
         let relative = [minus(c0, origin), minus(c1, origin), minus(c2, origin)];
         let normal = cross(minus(c1, c0), minus(c2, c0));
         let t = dot(normal, relative[0]).div(dot(normal, direction));

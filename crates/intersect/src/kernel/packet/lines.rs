@@ -98,14 +98,14 @@ impl Lines {
             if self.apart {
                 let from = &columns.from_point;
                 let (from_x, from_y, from_z) = (from[x], from[y], from[z]);
-                self.spread = from_x.abs().add(from_y.abs()).add(from_z.abs()).greatest();
+                self.spread = from_x.abs().add(from_y.abs()).add(from_z.abs()).reduce_max();
                 start = from_z.mul(W::splat(self.forward));
                 let (at_x, at_y) = (from_x.sub(slope_x.mul(start)), from_y.sub(slope_y.mul(start)));
                 let moment =
                     [at_y, W::splat(0.0).sub(at_x), at_x.mul(slope_y).sub(at_y.mul(slope_x))];
                 for (i, moment) in moment.into_iter().enumerate() {
                     moment.store(&mut self.moment[i]);
-                    let (low, high) = (moment.least(), moment.greatest());
+                    let (low, high) = (moment.reduce_min(), moment.reduce_max());
                     self.moments[0][i] = (low + high) * 0.5;
                     self.moments[1][i] = (high - low) * 0.5;
                 }
@@ -116,7 +116,7 @@ impl Lines {
             let error = self.error(start, early);
             begin.sub(error).store(&mut self.begin);
             begin.add(error).store(&mut self.sure_begin);
-            self.latest = begin.abs().add(error).greatest();
+            self.latest = begin.abs().add(error).reduce_max();
             // (Of rays that want nothing this is unspecified.)
             let [sure_end, end] = self.ends(columns.cull.mul(along));
             sure_end.store(&mut self.sure_end);

@@ -14,7 +14,7 @@ use crate::query::search::{DataOf, Goal, HitOf, RayOf, RealOf, Search};
 use crate::world::GeometryOptions;
 #[cfg(target_arch = "x86_64")]
 use snell_math::simd::{Avx8, Avx16, Pair};
-use snell_math::simd::{Lanes8, Lanes16, most};
+use snell_math::simd::{Lanes8, Lanes16, max};
 use std::mem::MaybeUninit;
 use std::sync::atomic::AtomicBool;
 
@@ -407,7 +407,7 @@ fn limits<G: Goal>(rows: &Rows<'_, '_, '_, G>, members: Members) -> (f32, [f32; 
     let (mut farthest, mut fars) = (f32::NEG_INFINITY, [f32::NEG_INFINITY; ROWS]);
     for (i, (row, far)) in rows.iter().zip(&mut fars).enumerate() {
         *far = if members >> (8 * i) & 1 == 1 { row.bundle.bundle_far } else { f32::NEG_INFINITY };
-        farthest = most(farthest, *far);
+        farthest = max(farthest, *far);
     }
     (farthest, fars)
 }
