@@ -23,7 +23,7 @@ use crate::kernel::triangle::{
 use crate::kernel::{list, packet};
 use crate::query::nearest::{DNearestPoint, NearestPoint};
 use crate::query::search::{Goal, Search};
-use snell_math::simd::{Lanes8, Lanes16, Level, WideLanes};
+use snell_math::simd::{Lanes8, Lanes16, Wide, WideLanes};
 use snell_math::{DRay, DVec2, DVec3, Ray, Vec2, Vec3};
 use std::cmp::Ordering;
 use std::fmt::Debug;
@@ -185,10 +185,8 @@ pub(crate) trait Rules: Precision {
 
     /// Sixteen rays of a group in the coordinates that the structures of the group are in: as
     /// [`Self::ray_in_structure`].
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
-    unsafe fn rays_in_structure<W: Lanes16>(
+    fn rays_in_structure<W: Lanes16>(
+        token: W::Token,
         data: &Self::Data,
         group: usize,
         rays: LaneRays<W>,
@@ -211,10 +209,7 @@ pub(crate) trait Rules: Precision {
 
     /// Which triangles of the block the line of an ordinary ray may pass through
     /// ([`crate::kernel::triangle::lines_through`]).
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `L`; the ray must be prepared.
-    unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32;
+    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &QuickRay) -> u32;
 
     /// As [`Self::triangle_hit`] for an ordinary ray; `origin` and `direction` are in the
     /// coordinates of the group.
@@ -242,10 +237,8 @@ pub(crate) trait Rules: Precision {
     /// Makes a bundle of a run of rays in the root group, if possible described from where `anchor`
     /// starts or ends; false if it is none. Lanes without a ray repeat the first one and want
     /// nothing.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
-    unsafe fn set_up_bundle<W: Lanes16>(
+    fn set_up_bundle<W: Lanes16>(
+        token: W::Token,
         data: &Self::Data,
         bundle: &mut Bundle,
         rays: &[Self::Ray],
@@ -256,11 +249,8 @@ pub(crate) trait Rules: Precision {
     /// The exact test for up to eight pairs of a ray of the bundle and a triangle of the tree
     /// ([`packet::exact::exact_hits`]); rows of rays must have been written if
     /// [triangles are elsewhere](Self::TRIANGLES_ELSEWHERE).
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`. All rays of the bundle must be drawn along
-    /// its z axis ([`Bundle::is_aligned`]).
-    unsafe fn exact_hits<W: Lanes16>(
+    fn exact_hits<W: Lanes16>(
+        token: W::Token,
         data: &Self::Data,
         tree: &GroupTree,
         bundle: &Bundle,
@@ -270,11 +260,8 @@ pub(crate) trait Rules: Precision {
 
     /// The exact test for the triangle of the tree that each of some rays of the bundle surely
     /// hits, or the drawing of which ([`packet::sure::test`]).
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; the places must be those of triangles. All
-    /// rays of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
-    unsafe fn sure_hits<W: Lanes16>(
+    fn sure_hits<W: Lanes16>(
+        token: W::Token,
         tree: &GroupTree,
         bundle: &Bundle,
         rays: [u32; 2],
@@ -286,7 +273,7 @@ pub(crate) trait Rules: Precision {
     /// ([`list::search_list`]); returns how many.
     fn search_list<G: Goal<Precision = Self>>(
         forest: &Forest,
-        level: Level,
+        wide: Option<Wide>,
         batch: &Batch<Self>,
         begun: &mut Vec<Begun<Self::Hit>>,
         start: impl Fn(&Self::Ray) -> G,
@@ -301,10 +288,8 @@ pub(crate) trait Rules: Precision {
     fn fetch_triangle(data: &Self::Data, geometry: u32, triangle: u32);
 
     /// Which triangles of the block the ray may hit ([`crate::kernel::triangle::candidates`]).
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `L`.
-    unsafe fn candidates<L: Lanes8>(
+    fn candidates<L: Lanes8>(
+        token: L::Token,
         block: &TriangleBlock,
         ray: &LocalRay,
         t_min: f32,
@@ -386,7 +371,12 @@ impl Rules for Single {
     }
 
     #[inline(always)]
-    unsafe fn rays_in_structure<W: Lanes16>(_: &(), _: usize, rays: LaneRays<W>) -> LaneRays<W> {
+    fn rays_in_structure<W: Lanes16>(
+        token: W::Token,
+        _: &(),
+        _: usize,
+        rays: LaneRays<W>,
+    ) -> LaneRays<W> {
         rays
     }
 
@@ -396,14 +386,15 @@ impl Rules for Single {
     }
 
     #[inline(always)]
-    unsafe fn candidates<L: Lanes8>(
+    fn candidates<L: Lanes8>(
+        token: L::Token,
         block: &TriangleBlock,
         ray: &LocalRay,
         t_min: f32,
         cull: f32,
     ) -> u32 {
         // SAFETY: passed on to the caller.
-        unsafe { crate::kernel::triangle::candidates::<L>(block, ray, t_min, cull) }
+        unsafe { crate::kernel::triangle::candidates::<L>(token, block, ray, t_min, cull) }
     }
 
     #[inline(always)]
@@ -427,9 +418,9 @@ impl Rules for Single {
     }
 
     #[inline(always)]
-    unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32 {
+    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &QuickRay) -> u32 {
         // SAFETY: passed on to the caller.
-        unsafe { crate::kernel::triangle::lines_through::<L>(block, ray) }
+        unsafe { crate::kernel::triangle::lines_through::<L>(token, block, ray) }
     }
 
     #[inline(always)]
@@ -480,7 +471,8 @@ impl Rules for Single {
     }
 
     #[inline(always)]
-    unsafe fn set_up_bundle<W: Lanes16>(
+    fn set_up_bundle<W: Lanes16>(
+        token: W::Token,
         _: &(),
         bundle: &mut Bundle,
         rays: &[Ray],
@@ -488,11 +480,12 @@ impl Rules for Single {
         backward: bool,
     ) -> bool {
         // SAFETY: passed on to the caller.
-        unsafe { packet::runs::set_up::<W>(bundle, rays, anchor, backward) }
+        unsafe { packet::runs::set_up::<W>(token, bundle, rays, anchor, backward) }
     }
 
     #[inline(always)]
-    unsafe fn exact_hits<W: Lanes16>(
+    fn exact_hits<W: Lanes16>(
+        token: W::Token,
         _: &(),
         tree: &GroupTree,
         bundle: &Bundle,
@@ -500,11 +493,12 @@ impl Rules for Single {
         found: &mut Found<f32>,
     ) {
         // SAFETY: passed on to the caller.
-        unsafe { packet::exact::exact_hits::<W>(tree.blocks.at(), bundle, pairs, found) }
+        unsafe { packet::exact::exact_hits::<W>(token, tree.blocks.at(), bundle, pairs, found) }
     }
 
     #[inline(always)]
-    unsafe fn sure_hits<W: Lanes16>(
+    fn sure_hits<W: Lanes16>(
+        token: W::Token,
         tree: &GroupTree,
         bundle: &Bundle,
         rays: [u32; 2],
@@ -512,20 +506,20 @@ impl Rules for Single {
         sure: &mut Sure<f32>,
     ) -> Decided {
         // SAFETY: passed on to the caller.
-        unsafe { packet::sure::test::<W>(tree.blocks.at(), bundle, rays, places, sure) }
+        unsafe { packet::sure::test::<W>(token, tree.blocks.at(), bundle, rays, places, sure) }
     }
 
     #[inline(always)]
     fn search_list<G: Goal<Precision = Self>>(
         forest: &Forest,
-        level: Level,
+        wide: Option<Wide>,
         batch: &Batch<Self>,
         begun: &mut Vec<Begun<Hit>>,
         start: impl Fn(&Ray) -> G,
         finish: impl FnMut(usize, G),
     ) -> usize {
         if list::is_suitable(forest, batch.rays.len()) {
-            list::search_list(forest, level, batch, begun, start, finish)
+            list::search_list(forest, wide, batch, begun, start, finish)
         } else {
             0
         }
@@ -612,14 +606,15 @@ impl Rules for Double {
     }
 
     #[inline(always)]
-    unsafe fn rays_in_structure<W: Lanes16>(
+    fn rays_in_structure<W: Lanes16>(
+        token: W::Token,
         data: &DoubleData,
         group: usize,
         rays: LaneRays<W>,
     ) -> LaneRays<W> {
         let Frame { center, scale, .. } = &data.frames[group];
         // SAFETY: passed on to the caller.
-        unsafe { rays.framed(center, *scale) }
+        unsafe { rays.framed(token, center, *scale) }
     }
 
     #[inline(always)]
@@ -628,14 +623,15 @@ impl Rules for Double {
     }
 
     #[inline(always)]
-    unsafe fn candidates<L: Lanes8>(
+    fn candidates<L: Lanes8>(
+        token: L::Token,
         block: &TriangleBlock,
         ray: &LocalRay,
         t_min: f32,
         cull: f32,
     ) -> u32 {
         // SAFETY: passed on to the caller.
-        unsafe { double::triangle::candidates::<L>(block, ray, t_min, cull) }
+        unsafe { double::triangle::candidates::<L>(token, block, ray, t_min, cull) }
     }
 
     #[inline(always)]
@@ -664,9 +660,9 @@ impl Rules for Double {
     }
 
     #[inline(always)]
-    unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32 {
+    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &QuickRay) -> u32 {
         // SAFETY: passed on to the caller.
-        unsafe { double::triangle::lines_through::<L>(block, ray) }
+        unsafe { double::triangle::lines_through::<L>(token, block, ray) }
     }
 
     #[inline(always)]
@@ -702,7 +698,8 @@ impl Rules for Double {
     }
 
     #[inline(always)]
-    unsafe fn set_up_bundle<W: Lanes16>(
+    fn set_up_bundle<W: Lanes16>(
+        token: W::Token,
         data: &DoubleData,
         bundle: &mut Bundle,
         rays: &[DRay],
@@ -710,11 +707,12 @@ impl Rules for Double {
         backward: bool,
     ) -> bool {
         // SAFETY: passed on to the caller.
-        unsafe { packet::runs::set_up_doubles::<W>(data, bundle, rays, backward) }
+        unsafe { packet::runs::set_up_doubles::<W>(token, data, bundle, rays, backward) }
     }
 
     #[inline(always)]
-    unsafe fn exact_hits<W: Lanes16>(
+    fn exact_hits<W: Lanes16>(
+        token: W::Token,
         data: &DoubleData,
         tree: &GroupTree,
         bundle: &Bundle,
@@ -723,7 +721,7 @@ impl Rules for Double {
     ) {
         // SAFETY: passed on to the caller.
         unsafe {
-            packet::doubles::exact_hits::<<W::Half as WideLanes>::Doubles>(
+            packet::doubles::exact_hits::<<W::Half as WideLanes>::Doubles>(W::half_token(token),
                 data, tree, bundle, pairs, found,
             )
         }
@@ -732,7 +730,7 @@ impl Rules for Double {
     /// None: lists are in single precision.
     fn search_list<G: Goal<Precision = Self>>(
         _: &Forest,
-        _: Level,
+        _: Option<Wide>,
         _: &Batch<Self>,
         _: &mut Vec<Begun<DHit>>,
         _: impl Fn(&DRay) -> G,
@@ -742,7 +740,8 @@ impl Rules for Double {
     }
 
     #[inline(always)]
-    unsafe fn sure_hits<W: Lanes16>(
+    fn sure_hits<W: Lanes16>(
+        token: W::Token,
         _: &GroupTree,
         _: &Bundle,
         _: [u32; 2],

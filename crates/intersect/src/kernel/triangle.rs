@@ -107,11 +107,9 @@ const EDGE_ERROR: f32 = 4.76837158203125e-7;
 
 /// Which triangles of the block the ray may hit between `t_min` and `cull` (inclusive). `cull` must
 /// be padded by the rounding of a depth (a relative `1e-6`).
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(crate) unsafe fn candidates<L: Lanes8>(
+pub(crate) fn candidates<L: Lanes8>(
+    token: L::Token,
     block: &TriangleBlock,
     ray: &LocalRay,
     t_min: f32,
@@ -119,15 +117,15 @@ pub(crate) unsafe fn candidates<L: Lanes8>(
 ) -> u32 {
     // SAFETY: passed on to the caller.
     let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2], zero, bound_scale, tiny) = unsafe {
-        let frame = DrawingFrame::<L>::new(ray);
+        let frame = DrawingFrame::<L>::new(token, ray);
         let [v0, v1, v2] = &block.vertices;
         (
-            frame.draw(v0),
-            frame.draw(v1),
-            frame.draw(v2),
-            L::splat(0.0),
-            L::splat(EDGE_ERROR),
-            L::splat(f32::MIN_POSITIVE),
+            frame.draw(token, v0),
+            frame.draw(token, v1),
+            frame.draw(token, v2),
+            L::splat(token, 0.0),
+            L::splat(token, EDGE_ERROR),
+            L::splat(token, f32::MIN_POSITIVE),
         )
     };
     let u = x1.mul(y2).sub(y1.mul(x2));
@@ -144,13 +142,13 @@ pub(crate) unsafe fn candidates<L: Lanes8>(
     }
     // SAFETY: passed on to the caller.
     let (scale, cull, start) = unsafe {
-        (L::splat(ray.depth_scale), L::splat(cull), L::splat(t_min - t_min.abs() * 1e-6))
+        (L::splat(token, ray.depth_scale), L::splat(token, cull), L::splat(token, t_min - t_min.abs() * 1e-6))
     };
     let (d0, d1, d2) = (z0.mul(scale), z1.mul(scale), z2.mul(scale));
     let (nearest, farthest) = (d0.min(d1).min(d2), d0.max(d1).max(d2));
     // SAFETY: passed on to the caller.
     let margin =
-        unsafe { place_margin(nearest.abs().max(farthest.abs()), x.add(y), ray.depth_scale) };
+        unsafe { place_margin(token, nearest.abs().max(farthest.abs()), x.add(y), ray.depth_scale) };
     let beyond = cull.add(margin).lt(nearest) | farthest.add(margin).lt(start);
     !(outside | beyond) & 0xff
 }
@@ -158,13 +156,10 @@ pub(crate) unsafe fn candidates<L: Lanes8>(
 /// How far before the nearest or beyond the farthest corner a hit may be placed: [`clamp_to_box`]
 /// keeps it in the box of the triangle, padded by a share of its size, which is at most twice the
 /// drawn size (`sides`) and the largest distance of a corner (`depth`) together.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(crate) unsafe fn place_margin<L: Lanes8>(depth: L, sides: L, depth_scale: f32) -> L {
+pub(crate) fn place_margin<L: Lanes8>(token: L::Token, depth: L, sides: L, depth_scale: f32) -> L {
     // SAFETY: passed on to the caller.
-    unsafe { sides.mul(L::splat(depth_scale.abs())).add(depth).mul(L::splat(4e-6)) }
+    unsafe { sides.mul(L::splat(token, depth_scale.abs())).add(depth).mul(L::splat(token, 4e-6)) }
 }
 
 /// Bound of the rounding of an edge value, the difference of two products, relative to the product
@@ -176,28 +171,29 @@ pub(crate) const fn edge_error(is_fused: bool) -> f32 {
 
 /// Which triangles of the block the line of an ordinary ray may pass through: all except those with
 /// two edges whose signs are certain and differ. Unused lanes are unspecified.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(crate) unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32 {
+pub(crate) fn lines_through<L: Lanes8>(
+    token: L::Token,
+    block: &TriangleBlock,
+    ray: &QuickRay,
+) -> u32 {
     // SAFETY: passed on to the caller; the axes are below 3.
     unsafe {
         let [kx, ky, kz, _] = ray.axes.map(usize::from);
         let frame = MirroredFrame {
             axes: [kx, ky, kz],
-            origin: [kx, ky, kz].map(|k| L::splat(*ray.origin.get_unchecked(k))),
-            shear: [L::splat(ray.shear[0]), L::splat(ray.shear[1])],
+            origin: [kx, ky, kz].map(|k| L::splat(token, *ray.origin.get_unchecked(k))),
+            shear: [L::splat(token, ray.shear[0]), L::splat(token, ray.shear[1])],
         };
         let [v0, v1, v2] = &block.vertices;
-        let ([x0, y0], [x1, y1], [x2, y2]) = (frame.draw(v0), frame.draw(v1), frame.draw(v2));
+        let ([x0, y0], [x1, y1], [x2, y2]) = (frame.draw(token, v0), frame.draw(token, v1), frame.draw(token, v2));
         let (pu, pv, pw) = (y1.mul(x2), y2.mul(x0), y0.mul(x1));
         let (u, v, w) = (x1.mul_sub(y2, pu), x2.mul_sub(y0, pv), x0.mul_sub(y1, pw));
-        let error = L::splat(edge_error(L::FUSED));
+        let error = L::splat(token, edge_error(L::FUSED));
         let bound =
-            pu.abs().max(pv.abs()).max(pw.abs()).mul_add(error, L::splat(f32::MIN_POSITIVE));
+            pu.abs().max(pv.abs()).max(pw.abs()).mul_add(error, L::splat(token, f32::MIN_POSITIVE));
         // How far all of them are on one side, on the better side.
-        let inside = u.min(v).min(w).max(L::splat(0.0).sub(u.max(v).max(w)));
+        let inside = u.min(v).min(w).max(L::splat(token, 0.0).sub(u.max(v).max(w)));
         !inside.add(bound).signs() & 0xff
     }
 }
@@ -212,16 +208,14 @@ pub(crate) struct MirroredFrame<L> {
 }
 
 impl<L: Lanes8> MirroredFrame<L> {
-    /// # Safety
-    /// The machine must have the instructions of `L`; the axes must be below 3.
     #[inline(always)]
-    unsafe fn draw(&self, v: &[[f32; 8]; 3]) -> [L; 2] {
+    fn draw(&self, token: L::Token, v: &[[f32; 8]; 3]) -> [L; 2] {
         let [kx, ky, kz] = self.axes;
         // SAFETY: as promised by the caller.
         unsafe {
-            let x = self.origin[0].sub(L::load(v.get_unchecked(kx)));
-            let y = self.origin[1].sub(L::load(v.get_unchecked(ky)));
-            let z = self.origin[2].sub(L::load(v.get_unchecked(kz)));
+            let x = self.origin[0].sub(L::load(token, v.get_unchecked(kx)));
+            let y = self.origin[1].sub(L::load(token, v.get_unchecked(ky)));
+            let z = self.origin[2].sub(L::load(token, v.get_unchecked(kz)));
             [x.sub(self.shear[0].mul(z)), y.sub(self.shear[1].mul(z))]
         }
     }
@@ -236,46 +230,40 @@ pub(crate) struct DrawingFrame<L> {
 }
 
 impl<L: Lanes8> DrawingFrame<L> {
-    /// # Safety
-    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn new(ray: &LocalRay) -> Self {
+    pub fn new(token: L::Token, ray: &LocalRay) -> Self {
         let [x, y, z] = ray.axes;
         // SAFETY: passed on to the caller.
         unsafe {
             Self {
                 axes: ray.axes,
-                origin: [L::splat(ray.origin[x]), L::splat(ray.origin[y]), L::splat(ray.origin[z])],
-                shear: [L::splat(ray.shear[0]), L::splat(ray.shear[1])],
+                origin: [L::splat(token, ray.origin[x]), L::splat(token, ray.origin[y]), L::splat(token, ray.origin[z])],
+                shear: [L::splat(token, ray.shear[0]), L::splat(token, ray.shear[1])],
             }
         }
     }
 
-    /// # Safety
-    /// The machine must have the instructions of `L`; the axes must be below 3.
     #[inline(always)]
-    pub unsafe fn of_quick(ray: &QuickRay) -> Self {
+    pub fn of_quick(token: L::Token, ray: &QuickRay) -> Self {
         let [x, y, z, _] = ray.axes.map(usize::from);
         // SAFETY: passed on to the caller.
         unsafe {
             Self {
                 axes: [x, y, z],
-                origin: [x, y, z].map(|k| L::splat(*ray.origin.get_unchecked(k))),
-                shear: [L::splat(ray.shear[0]), L::splat(ray.shear[1])],
+                origin: [x, y, z].map(|k| L::splat(token, *ray.origin.get_unchecked(k))),
+                shear: [L::splat(token, ray.shear[0]), L::splat(token, ray.shear[1])],
             }
         }
     }
 
-    /// # Safety
-    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn draw(&self, v: &[[f32; 8]; 3]) -> [L; 3] {
+    pub fn draw(&self, token: L::Token, v: &[[f32; 8]; 3]) -> [L; 3] {
         let [kx, ky, kz] = self.axes;
         // SAFETY: passed on to the caller; axes are below 3.
         unsafe {
-            let x = L::load(v.get_unchecked(kx)).sub(self.origin[0]);
-            let y = L::load(v.get_unchecked(ky)).sub(self.origin[1]);
-            let z = L::load(v.get_unchecked(kz)).sub(self.origin[2]);
+            let x = L::load(token, v.get_unchecked(kx)).sub(self.origin[0]);
+            let y = L::load(token, v.get_unchecked(ky)).sub(self.origin[1]);
+            let z = L::load(token, v.get_unchecked(kz)).sub(self.origin[2]);
             [x.sub(self.shear[0].mul(z)), y.sub(self.shear[1].mul(z)), z]
         }
     }

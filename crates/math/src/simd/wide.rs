@@ -6,28 +6,58 @@
 //! fused or reordered, so every level gives the same bits.
 
 use super::Level;
+#[cfg(target_arch = "x86_64")]
+use super::{Avx2, Avx512};
 use glam::Vec3;
 
-/// Proof that the machine has the instructions of [`Level::Avx2`], and perhaps those of
-/// [`Level::Avx512`].
+/// Proof that the machine has the instructions of a level with wide registers.
 #[derive(Clone, Copy, Debug)]
-pub struct Wide {
-    is_widest: bool,
+pub enum Wide {
+    /// Those of [`Level::Avx2`].
+    #[cfg(target_arch = "x86_64")]
+    Avx2(Avx2),
+    /// Those of [`Level::Avx512`].
+    #[cfg(target_arch = "x86_64")]
+    Avx512(Avx512),
 }
 
-impl Wide {
-    /// True if it is the proof of [`Level::Avx512`].
+#[cfg(target_arch = "x86_64")]
+impl From<Wide> for Avx2 {
     #[inline(always)]
-    pub fn is_widest(self) -> bool {
-        self.is_widest
+    fn from(wide: Wide) -> Self {
+        match wide {
+            Wide::Avx2(token) => token,
+            Wide::Avx512(token) => token.into(),
+        }
     }
 }
 
 impl Level {
-    /// The proof that [`crate::at_level`] asks for; `None` for portable code.
+    /// The proof that the machine has the instructions of the level, or of the best below that it
+    /// can run; `None` for portable code.
     pub fn wide(self) -> Option<Wide> {
-        let has = |level: Self| self >= level && level.is_supported();
-        has(Self::Avx2).then(|| Wide { is_widest: has(Self::Avx512) })
+        #[cfg(target_arch = "x86_64")]
+        if self == Self::Avx512
+            && let Some(token) = Avx512::new()
+        {
+            return Some(Wide::Avx512(token));
+        }
+        #[cfg(target_arch = "x86_64")]
+        if self != Self::Scalar {
+            return Avx2::new().map(Wide::Avx2);
+        }
+        None
+    }
+
+    /// The level that is proved.
+    pub fn of(wide: Option<Wide>) -> Self {
+        match wide {
+            #[cfg(target_arch = "x86_64")]
+            Some(Wide::Avx512(_)) => Self::Avx512,
+            #[cfg(target_arch = "x86_64")]
+            Some(Wide::Avx2(_)) => Self::Avx2,
+            _ => Self::Scalar,
+        }
     }
 }
 
@@ -59,10 +89,10 @@ macro_rules! at_level {
         match wide {
             // SAFETY: the value proves that the machine has these instructions.
             #[cfg(target_arch = "x86_64")]
-            Some(wide) if wide.is_widest() => unsafe { in_widest_registers($($value),*) },
+            Some($crate::simd::Wide::Avx512(_)) => unsafe { in_widest_registers($($value),*) },
             // SAFETY: the value proves that the machine has these instructions.
             #[cfg(target_arch = "x86_64")]
-            Some(_) => unsafe { in_wide_registers($($value),*) },
+            Some($crate::simd::Wide::Avx2(_)) => unsafe { in_wide_registers($($value),*) },
             _ => $function($($value),*),
         }
     }};

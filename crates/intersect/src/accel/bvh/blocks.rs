@@ -10,7 +10,7 @@ use crate::kernel::node::ChildRef;
 use crate::kernel::triangle::TriangleBlock;
 use rayon::prelude::*;
 use snell_math::Bounds3;
-use snell_math::simd::Portable8;
+use snell_math::simd::{Portable, Portable8};
 use std::mem::MaybeUninit;
 
 // SAFETY: numbers of 32 bits without padding: 16 in 64 bytes.
@@ -61,9 +61,8 @@ impl Blocks {
         room: &'a mut MaybeUninit<TriangleBlock>,
     ) -> &'a TriangleBlock {
         self.check(number);
-        // SAFETY: it is there (whatever lines these are, those that are read with them are);
-        // portable code.
-        unsafe { self.at().block::<Portable8>(number, room) }
+        // SAFETY: it is there (whatever lines these are, those that are read with them are).
+        unsafe { self.at().block::<Portable8>(Portable, number, room) }
     }
 
     /// The corners of one triangle.

@@ -144,9 +144,9 @@ fn build_wide(
     let mut large = primitives[rest..all].to_vec();
     let splits =
         options.quality == Quality::High || waste::is_large(&primitives[..rest], triangles);
-    let medium = Medium { level: options.simd, has_objects };
+    let medium = Medium { wide: options.wide, has_objects };
     let tree = if splits {
-        High::new(options.simd, has_objects, triangles).build(
+        High::new(options.wide, has_objects, triangles).build(
             &mut primitives[..rest + room],
             rest,
             extent,

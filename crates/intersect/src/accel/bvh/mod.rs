@@ -84,7 +84,7 @@ use crate::kernel::quick::{extent, is_ordinary};
 use crate::kernel::traverse::SMALL_STACK;
 use crate::kernel::triangle::TriangleBlock;
 use rayon::prelude::*;
-use snell_math::simd::Level;
+use snell_math::simd::Wide;
 use snell_math::{Bounds3, Bounds3d};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -102,7 +102,7 @@ pub(crate) struct BvhOptions {
     /// Whether blocks take less memory, and more time.
     pub compact: bool,
     /// Instructions the builder may use; the tree is the same at every level.
-    pub simd: Level,
+    pub wide: Option<Wide>,
     /// Where trees are kept in files.
     pub cache: Option<PathBuf>,
 }
@@ -238,8 +238,8 @@ fn sah_cost(nodes: &[WideNode]) -> f32 {
 pub(crate) struct Forest {
     /// Shared with other worlds that hold the same groups.
     pub trees: Vec<Arc<GroupTree>>,
-    /// Entries a walk needs on the deepest way through all groups.
-    pub stack_size: usize,
+    /// Entries a walk needs on the deepest way from each group through all below it.
+    pub stack_sizes: Vec<usize>,
     /// The largest coordinate of each tree.
     pub extents: Vec<f32>,
     /// True if everything is of ordinary size ([`is_ordinary`]).
@@ -271,11 +271,17 @@ impl Forest {
         let simple = ordinary && trees[0].unbounded.is_empty() && sizes[0] <= SMALL_STACK;
         let list = trees.first().and_then(|root| List::of(root));
         let mut forest =
-            Self { stack_size: sizes[0], trees, extents, ordinary, simple, list, apart: None };
+            Self { stack_sizes: sizes, trees, extents, ordinary, simple, list, apart: None };
         if forest.list.is_none() && may_search(&forest) {
             forest.apart = Apart::of(&forest.trees[0]);
         }
         forest
+    }
+
+    /// Entries a walk needs on the deepest way through all groups.
+    #[inline(always)]
+    pub fn stack_size(&self) -> usize {
+        self.stack_sizes[0]
     }
 
     /// How far out the coordinates of a group reach, if single precision has no steps there that

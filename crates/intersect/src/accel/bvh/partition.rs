@@ -4,13 +4,13 @@ use super::bins::{CHUNK, PARALLEL};
 use crate::kernel::binning::{BinPlane, Binning, Box8, Parts, Primitive, part};
 use rayon::prelude::*;
 use snell_math::Vec3;
-use snell_math::simd::Level;
+use snell_math::simd::Wide;
 use std::cell::RefCell;
 
 /// Moves the primitives before the plane to the front. The order within the parts is arbitrary but
 /// always the same.
 pub(super) fn partition(
-    level: Level,
+    wide: Option<Wide>,
     binning: &Binning,
     plane: BinPlane,
     primitives: &mut [Primitive],
@@ -20,7 +20,7 @@ pub(super) fn partition(
             if scratch.len() < piece.len() {
                 scratch.resize(piece.len(), Primitive::new(Vec3::ZERO, Vec3::ZERO, 0));
             }
-            part(level, binning, plane, piece, scratch)
+            part(wide, binning, plane, piece, scratch)
         })
     };
     if primitives.len() < PARALLEL {
@@ -105,9 +105,9 @@ mod tests {
                     .map(|i| Primitive::new(Vec3::splat(x(i)), Vec3::splat(x(i)), i))
                     .collect();
                 let binning = Binning::new(&Box8::new(Vec3::ZERO, Vec3::splat(2.0)));
-                let run = |level| {
+                let run = |level: Level| {
                     let mut set = set.clone();
-                    (partition(level, &binning, BinPlane { axis: 1, bin }, &mut set), set)
+                    (partition(level.wide(), &binning, BinPlane { axis: 1, bin }, &mut set), set)
                 };
                 let (parts, set) = run(Level::Scalar);
                 let (same, best) = run(Level::best());

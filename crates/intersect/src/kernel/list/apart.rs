@@ -52,13 +52,10 @@ impl Apart {
     }
 
     /// The rays that may meet any of the rest.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    pub(super) unsafe fn may_meet_rest<D: Doubles16>(&self, bundle: &Bundle<D>) -> u32 {
+    pub(super) fn may_meet_rest<D: Doubles16>(&self, token: D::Token, bundle: &Bundle<D>) -> u32 {
         // SAFETY: passed on to the caller.
-        unsafe { bundle.may_meet(&self.list, &self.bounds) }
+        unsafe { bundle.may_meet(token, &self.list, &self.bounds) }
     }
 }
 

@@ -22,11 +22,9 @@ pub(super) struct Found {
 /// Tests sixteen rays, each with a triangle whose plane it meets ahead, and within whose outline or
 /// that of its neighbour in the plane it surely is. Hits are at less than `limit`. Those that are
 /// told no hit nor beyond are not decided.
-///
-/// # Safety
-/// The machine must have the instructions of `D`.
 #[inline(always)]
-pub(super) unsafe fn test<D: Doubles16>(
+pub(super) fn test<D: Doubles16>(
+    token: D::Token,
     bundle: &Bundle<D>,
     triangles: &PerRay<&Triangle>,
     limit: D::Singles,
@@ -34,8 +32,8 @@ pub(super) unsafe fn test<D: Doubles16>(
     // SAFETY: passed on to the caller.
     unsafe {
         let [ax, ay, az, bx, by, bz, cx, cy] =
-            columns::<D::Singles>(half(triangles, 0, 0), half(triangles, 8, 0));
-        let [cz, steep, ..] = columns::<D::Singles>(half(triangles, 0, 1), half(triangles, 8, 1));
+            columns::<D::Singles>(token, half(triangles, 0, 0), half(triangles, 8, 0));
+        let [cz, steep, ..] = columns::<D::Singles>(token, half(triangles, 0, 1), half(triangles, 8, 1));
         let (a, b, c) = ([ax, ay, az], [bx, by, bz], [cx, cy, cz]);
         let (o, d) = (bundle.origin, bundle.direction);
 
@@ -54,7 +52,7 @@ pub(super) unsafe fn test<D: Doubles16>(
         let corners =
             [turned(a, along_x, along_y), turned(b, along_x, along_y), turned(c, along_x, along_y)];
         let InDrawing { inside, b1, b2 } =
-            InDrawing::<D>::new(corners, turned(o, along_x, along_y), shear);
+            InDrawing::<D>::new(token, corners, turned(o, along_x, along_y), shear);
 
         let sure = inside & is_steep & bundle.t_min.lt(t) & t.lt(limit);
         let hits = sure & t.lt(bundle.t_max);

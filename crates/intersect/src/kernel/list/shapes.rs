@@ -82,60 +82,58 @@ impl ListShape {
 
     /// Where rays meet the shape first in their intervals; infinite where they do not. Only those
     /// of some lanes are asked for, and only ordinary rays are answered.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    pub unsafe fn meet<D: Doubles16>(&self, bundle: &Bundle<D>, lanes: u32) -> D::Singles {
+    pub fn meet<D: Doubles16>(
+        &self,
+        token: D::Token,
+        bundle: &Bundle<D>,
+        lanes: u32,
+    ) -> D::Singles {
         // SAFETY: passed on to the caller.
         unsafe {
             match self.kind {
-                Kind::Sphere { radius } => self.meet_sphere(bundle, lanes, radius),
-                Kind::Flat(outline) => self.meet_flat(bundle, lanes, outline),
+                Kind::Sphere { radius } => self.meet_sphere(token, bundle, lanes, radius),
+                Kind::Flat(outline) => self.meet_flat(token, bundle, lanes, outline),
             }
         }
     }
 
     /// As `closest_in_z0` of flat shapes.
-    ///
-    /// # Safety
-    /// As [`Self::meet`].
     #[inline(always)]
-    unsafe fn meet_flat<D: Doubles16>(
+    fn meet_flat<D: Doubles16>(
         &self,
+        token: D::Token,
         bundle: &Bundle<D>,
         lanes: u32,
         outline: Outline,
     ) -> D::Singles {
         // SAFETY: passed on to the caller.
         unsafe {
-            let exact = D::splat(0.0).sub(self.origin(bundle, 2)).div(self.direction(bundle, 2));
+            let exact = D::splat(token, 0.0).sub(self.origin(token, bundle, 2)).div(self.direction(token, bundle, 2));
             let t = exact.rounded();
             let mut hits = lanes & bundle.t_min.lt(t) & t.lt(bundle.t_max);
             if hits != 0 {
-                let x = self.origin(bundle, 0).add(self.direction(bundle, 0).mul(exact));
-                let y = self.origin(bundle, 1).add(self.direction(bundle, 1).mul(exact));
+                let x = self.origin(token, bundle, 0).add(self.direction(token, bundle, 0).mul(exact));
+                let y = self.origin(token, bundle, 1).add(self.direction(token, bundle, 1).mul(exact));
                 hits &= !match outline {
                     Outline::Rectangle { half_size } => {
-                        D::splat(half_size.x).lt(x.abs()) | D::splat(half_size.y).lt(y.abs())
+                        D::splat(token, half_size.x).lt(x.abs()) | D::splat(token, half_size.y).lt(y.abs())
                     }
                     Outline::Ring { inner, outer } => {
                         let square = x.mul(x).add(y.mul(y));
-                        square.lt(D::splat(inner)) | D::splat(outer).lt(square)
+                        square.lt(D::splat(token, inner)) | D::splat(token, outer).lt(square)
                     }
                 };
             }
-            D::Singles::splat(f32::INFINITY).replace(hits, t)
+            D::Singles::splat(token, f32::INFINITY).replace(hits, t)
         }
     }
 
     /// As the span of a sphere.
-    ///
-    /// # Safety
-    /// As [`Self::meet`].
     #[inline(always)]
-    unsafe fn meet_sphere<D: Doubles16>(
+    fn meet_sphere<D: Doubles16>(
         &self,
+        token: D::Token,
         bundle: &Bundle<D>,
         lanes: u32,
         radius: f64,
@@ -143,10 +141,10 @@ impl ListShape {
         // SAFETY: passed on to the caller.
         unsafe {
             let (zero, radius, infinity) =
-                (D::splat(0.0), D::splat(radius), D::Singles::splat(f32::INFINITY));
-            let o = [self.origin(bundle, 0), self.origin(bundle, 1), self.origin(bundle, 2)];
+                (D::splat(token, 0.0), D::splat(token, radius), D::Singles::splat(token, f32::INFINITY));
+            let o = [self.origin(token, bundle, 0), self.origin(token, bundle, 1), self.origin(token, bundle, 2)];
             let d =
-                [self.direction(bundle, 0), self.direction(bundle, 1), self.direction(bundle, 2)];
+                [self.direction(token, bundle, 0), self.direction(token, bundle, 1), self.direction(token, bundle, 2)];
             let a = dot(d, d);
             let moment = cross(o, d, zero);
             let (reach, distance) = (radius.mul(a.sqrt()), dot(moment, moment).sqrt());
@@ -168,40 +166,32 @@ impl ListShape {
     }
 
     /// A coordinate of where the rays start, as the shape sees it.
-    ///
-    /// # Safety
-    /// As [`Self::meet`].
     #[inline(always)]
-    unsafe fn origin<D: Doubles16>(&self, bundle: &Bundle<D>, axis: usize) -> D {
+    fn origin<D: Doubles16>(&self, token: D::Token, bundle: &Bundle<D>, axis: usize) -> D {
         // SAFETY: passed on to the caller.
         unsafe {
-            self.product(bundle.exact_origin, axis)
-                .add(D::splat(self.shape_from_group.translation[axis]))
+            self.product(token, bundle.exact_origin, axis)
+                .add(D::splat(token, self.shape_from_group.translation[axis]))
         }
     }
 
     /// A coordinate of their directions.
-    ///
-    /// # Safety
-    /// As [`Self::meet`].
     #[inline(always)]
-    unsafe fn direction<D: Doubles16>(&self, bundle: &Bundle<D>, axis: usize) -> D {
+    fn direction<D: Doubles16>(&self, token: D::Token, bundle: &Bundle<D>, axis: usize) -> D {
         let [x, y, z] = bundle.direction;
         // SAFETY: passed on to the caller.
-        unsafe { self.product([D::of(x), D::of(y), D::of(z)], axis) }
+        unsafe { self.product(token, [D::of(x), D::of(y), D::of(z)], axis) }
     }
 
-    /// # Safety
-    /// As [`Self::meet`].
     #[inline(always)]
-    unsafe fn product<D: Doubles16>(&self, v: [D; 3], axis: usize) -> D {
+    fn product<D: Doubles16>(&self, token: D::Token, v: [D; 3], axis: usize) -> D {
         let map = &self.shape_from_group.matrix3;
         // SAFETY: passed on to the caller.
         unsafe {
             let row = [
-                D::splat(map.x_axis[axis]),
-                D::splat(map.y_axis[axis]),
-                D::splat(map.z_axis[axis]),
+                D::splat(token, map.x_axis[axis]),
+                D::splat(token, map.y_axis[axis]),
+                D::splat(token, map.z_axis[axis]),
             ];
             dot(row, v)
         }
@@ -250,10 +240,8 @@ mod tests {
     }
 
     /// Where one after the other of many rays meets a shape.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
-    unsafe fn meet<D: Doubles16>(
+    fn meet<D: Doubles16>(
+        token: D::Token,
         list: &List,
         shape: &ListShape,
         rays: &[Ray],

@@ -178,12 +178,10 @@ impl Bundle {
     /// `t_min` and the padded limits of the searches, and the apex and a point that triangles are
     /// seen from (neither is used with a shared origin), all in the coordinates of a group. False
     /// if these rays do not make a bundle.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn set_up_exactly<W: Lanes16, P: Rules>(
+    pub fn set_up_exactly<W: Lanes16, P: Rules>(
         &mut self,
+        token: W::Token,
         rays: LaneRays<W>,
         [t_min, cull]: [W; 2],
         data: &P::Data,
@@ -195,14 +193,14 @@ impl Bundle {
         // SAFETY: passed on to the caller.
         unsafe {
             rays.store(&mut self.exact);
-            let rays = P::rays_in_structure(data, group, rays);
+            let rays = P::rays_in_structure(token, data, group, rays);
             let ([ox, oy, oz], direction) =
                 (rounded3::<W>(rays.origin), rounded3::<W>(rays.direction));
             ox.store(&mut self.drawn_origin[0]);
             oy.store(&mut self.drawn_origin[1]);
             oz.store(&mut self.drawn_origin[2]);
             // Zero if everything is finite.
-            let zero = W::splat(0.0);
+            let zero = W::splat(token, 0.0);
             let mut sum = zero;
             for column in [ox, oy, oz, direction[0], direction[1], direction[2]] {
                 sum = sum.add(column.mul(zero));
@@ -231,12 +229,12 @@ impl Bundle {
             let (from_apex, from_point) = if kind.common {
                 ([zero; 3], [zero; 3])
             } else {
-                (rays.seen_from(apex), rays.seen_from(point))
+                (rays.seen_from(token, apex), rays.seen_from(token, point))
             };
             let [dx, dy, dz] = &self.exact[1];
             let first = [dx[0] as f32, dy[0] as f32, dz[0] as f32];
             let point = point.to_array();
-            self.set_up::<W, P>(
+            self.set_up::<W, P>(token, 
                 &Columns { from_apex, from_point, direction, point, t_min, cull },
                 first,
                 kind,
@@ -247,12 +245,10 @@ impl Bundle {
     /// Works out everything else from the kind, `columns`, the direction of the first ray,
     /// `drawn_origin` by axis of the group if the rays do not share their origin or anything was
     /// rounded, and `exact` if that was. False if these rays do not make a bundle.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn set_up<W: Lanes16, P: Rules>(
+    pub fn set_up<W: Lanes16, P: Rules>(
         &mut self,
+        token: W::Token,
         columns: &Columns<W>,
         first: [f32; 3],
         kind: Kind,
@@ -273,18 +269,18 @@ impl Bundle {
         // SAFETY: passed on to the caller.
         unsafe {
             let speed = directions[z];
-            let along = speed.mul(W::splat(forward));
+            let along = speed.mul(W::splat(token, forward));
             let [shear_x, shear_y] = if is_drawn {
                 let direction = &self.exact[1];
-                let exact_speed = W::Doubles::load(&direction[z]);
+                let exact_speed = W::Doubles::load(token, &direction[z]);
                 [
-                    W::Doubles::load(&direction[x]).div(exact_speed).rounded(),
-                    W::Doubles::load(&direction[y]).div(exact_speed).rounded(),
+                    W::Doubles::load(token, &direction[x]).div(exact_speed).rounded(),
+                    W::Doubles::load(token, &direction[y]).div(exact_speed).rounded(),
                 ]
             } else {
                 [directions[x].div(speed), directions[y].div(speed)]
             };
-            let slopes = [shear_x.mul(W::splat(sign)), shear_y.mul(W::splat(sign))];
+            let slopes = [shear_x.mul(W::splat(token, sign)), shear_y.mul(W::splat(token, sign))];
             let (low, high) = (
                 [slopes[0].reduce_min(), slopes[1].reduce_min()],
                 [slopes[0].reduce_max(), slopes[1].reduce_max()],
@@ -307,19 +303,19 @@ impl Bundle {
             self.lines.margin = 0.0;
             if kind.common {
                 // (Not as arrays: what is written in halves cannot be read as a whole for long.)
-                let zero = W::splat(0.0);
+                let zero = W::splat(token, 0.0);
                 zero.store(&mut self.start);
                 zero.store(&mut self.offset[0]);
                 zero.store(&mut self.offset[1]);
                 zero.store(&mut self.across);
                 self.lines.point = [kind.apex[x], kind.apex[y], kind.apex[z]];
             } else {
-                self.place::<W>(columns);
+                self.place::<W>(token, columns);
             }
             if kind.rounded {
                 let [x, y, z] = &self.drawn_origin;
                 let size =
-                    W::load(x).abs().max(W::load(y).abs()).max(W::load(z).abs()).reduce_max();
+                    W::load(token, x).abs().max(W::load(token, y).abs()).max(W::load(token, z).abs()).reduce_max();
                 self.lines.margin = size * (12.0 * f32::EPSILON) + f32::MIN_POSITIVE + kind.slack;
                 self.margin += self.lines.margin;
             }
@@ -327,8 +323,8 @@ impl Bundle {
                 return false;
             }
             self.lines.forward = forward;
-            let slopes = [shear_x.mul(W::splat(forward)), shear_y.mul(W::splat(forward))];
-            self.lines.set_up(columns, &kind, [x, y, z], slopes, along);
+            let slopes = [shear_x.mul(W::splat(token, forward)), shear_y.mul(W::splat(token, forward))];
+            self.lines.set_up(token, columns, &kind, [x, y, z], slopes, along);
             self.octant = (0..3).fold(0, |octant, axis| {
                 let down = (first[axis] < 0.0) != kind.backward;
                 octant | usize::from(down) << axis
@@ -336,18 +332,18 @@ impl Bundle {
             let cull = columns.cull;
             columns.t_min.store(&mut self.t_min);
             cull.store(&mut self.cull);
-            let start = W::load(&self.start);
-            let (early, end) = (columns.t_min.mul(along), self.ends(start, cull, along));
+            let start = W::load(token, &self.start);
+            let (early, end) = (columns.t_min.mul(along), self.ends(token, start, cull, along));
             let (wide, narrow, margin) =
-                (W::splat(1.0 + PADDING), W::splat(1.0 - PADDING), W::splat(self.margin));
+                (W::splat(token, 1.0 + PADDING), W::splat(token, 1.0 - PADDING), W::splat(token, self.margin));
             let (near, far) = if kind.reversed {
                 (end, start.sub(early).mul(wide).add(margin))
             } else {
                 (start.add(early).mul(narrow).sub(margin), end)
             };
-            let over = cull.lt(W::splat(0.0));
-            let near = near.replace(over, W::splat(f32::INFINITY));
-            let far = far.replace(over, W::splat(f32::NEG_INFINITY));
+            let over = cull.lt(W::splat(token, 0.0));
+            let near = near.replace(over, W::splat(token, f32::INFINITY));
+            let far = far.replace(over, W::splat(token, f32::NEG_INFINITY));
             near.store(&mut self.near);
             far.store(&mut self.far);
             (self.bundle_near, self.bundle_far) = (near.reduce_min(), far.reduce_max());
@@ -359,7 +355,7 @@ impl Bundle {
                 let extra = self.margin + (self.high_slope[i] - self.low_slope[i]) * before;
                 (self.low_offset[i], self.high_offset[i]) = (-extra, extra);
                 if !kind.common {
-                    let offset = W::load(&self.offset[i]);
+                    let offset = W::load(token, &self.offset[i]);
                     self.low_offset[i] += offset.reduce_min();
                     self.high_offset[i] += offset.reduce_max();
                 }
@@ -369,41 +365,35 @@ impl Bundle {
     }
 
     /// The rays in `f64`, in the coordinates of the group.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn lane_rays<W: Lanes16>(&self) -> LaneRays<W> {
+    pub fn lane_rays<W: Lanes16>(&self, token: W::Token) -> LaneRays<W> {
         // SAFETY: passed on to the caller.
         unsafe {
             if self.kind.rounded {
-                return LaneRays::load(&self.exact);
+                return LaneRays::load(token, &self.exact);
             }
-            let drawn = self.drawn::<W>();
+            let drawn = self.drawn::<W>(token);
             let mut origin = drawn;
             for (from, &axis) in drawn.iter().zip(&self.axes) {
                 *origin.get_unchecked_mut(axis) = *from;
             }
-            LaneRays { origin: doubles(origin), direction: doubles(load3(&self.direction)) }
+            LaneRays { origin: doubles(origin), direction: doubles(load3(token, &self.direction)) }
         }
     }
 
     /// The origins as triangles see them, by axis of the bundle.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn drawn<W: Lanes16>(&self) -> [W; 3] {
+    pub fn drawn<W: Lanes16>(&self, token: W::Token) -> [W; 3] {
         // SAFETY: passed on to the caller; axes are below 3.
         unsafe {
             if !self.kind.common {
-                return load3(&self.drawn_origin);
+                return load3(token, &self.drawn_origin);
             }
             let ([x, y, z], apex) = (self.axes, &self.kind.apex);
             [
-                W::splat(*apex.get_unchecked(x)),
-                W::splat(*apex.get_unchecked(y)),
-                W::splat(*apex.get_unchecked(z)),
+                W::splat(token, *apex.get_unchecked(x)),
+                W::splat(token, *apex.get_unchecked(y)),
+                W::splat(token, *apex.get_unchecked(z)),
             ]
         }
     }
@@ -440,11 +430,8 @@ impl Bundle {
     }
 
     /// Works out where rays that do not share their origin begin.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn place<W: Lanes16>(&mut self, columns: &Columns<W>) {
+    fn place<W: Lanes16>(&mut self, token: W::Token, columns: &Columns<W>) {
         let [x, y, z] = self.axes;
         self.lines.point = [columns.point[x], columns.point[y], columns.point[z]];
         self.drawn_origin = [self.drawn_origin[x], self.drawn_origin[y], self.drawn_origin[z]];
@@ -452,9 +439,9 @@ impl Bundle {
         let distance = unsafe {
             let from = &columns.from_apex;
             let (from_x, from_y, from_z) = (from[x], from[y], from[z]);
-            let start = from_z.mul(W::splat(self.sign));
+            let start = from_z.mul(W::splat(token, self.sign));
             start.store(&mut self.start);
-            let (slope_x, slope_y) = (W::load(&self.slope[0]), W::load(&self.slope[1]));
+            let (slope_x, slope_y) = (W::load(token, &self.slope[0]), W::load(token, &self.slope[1]));
             let (offset_x, offset_y) =
                 (from_x.sub(slope_x.mul(start)), from_y.sub(slope_y.mul(start)));
             offset_x.store(&mut self.offset[0]);
@@ -466,115 +453,100 @@ impl Bundle {
     }
 
     /// Where searches with these limits end.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn ends<W: Lanes16>(&self, start: W, cull: W, along: W) -> W {
+    fn ends<W: Lanes16>(&self, token: W::Token, start: W, cull: W, along: W) -> W {
         let length = cull.mul(along);
         // SAFETY: passed on to the caller.
         unsafe {
-            let margin = W::splat(self.margin);
+            let margin = W::splat(token, self.margin);
             if self.kind.reversed {
-                start.mul(W::splat(1.0 - PADDING)).sub(length).sub(margin)
+                start.mul(W::splat(token, 1.0 - PADDING)).sub(length).sub(margin)
             } else {
-                start.add(length).mul(W::splat(1.0 + PADDING)).add(margin).min(W::splat(FARTHEST))
+                start.add(length).mul(W::splat(token, 1.0 + PADDING)).add(margin).min(W::splat(token, FARTHEST))
             }
         }
     }
 
     /// After some rays were tested: their new padded limits, and of which nothing more is wanted.
     /// [`Self::update_limits`] must follow.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn narrow<W: Lanes16>(&mut self, rays: u32, over: u32, culls: &PerRay<f32>) {
+    pub fn narrow<W: Lanes16>(
+        &mut self,
+        token: W::Token,
+        rays: u32,
+        over: u32,
+        culls: &PerRay<f32>,
+    ) {
         // SAFETY: passed on to the caller.
         unsafe {
-            self.tighten::<W>(rays & !over, culls);
-            self.finish::<W>(over);
+            self.tighten::<W>(token, rays & !over, culls);
+            self.finish::<W>(token, over);
         }
     }
 
     /// After hits of some rays: their new padded limits. [`Self::update_limits`] must follow.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn tighten<W: Lanes16>(&mut self, rays: u32, culls: &PerRay<f32>) {
+    fn tighten<W: Lanes16>(&mut self, token: W::Token, rays: u32, culls: &PerRay<f32>) {
         // SAFETY: passed on to the caller.
         unsafe {
-            let (cull, along) = (W::load(culls), W::load(&self.along));
+            let (cull, along) = (W::load(token, culls), W::load(token, &self.along));
             cull.store_where(rays, &mut self.cull);
-            let end = self.ends(W::load(&self.start), cull, along);
+            let end = self.ends(token, W::load(token, &self.start), cull, along);
             if self.kind.reversed {
-                let near = end.max(W::load(&self.near));
+                let near = end.max(W::load(token, &self.near));
                 near.store_where(rays, &mut self.near);
             } else {
-                let far = end.min(W::load(&self.far));
+                let far = end.min(W::load(token, &self.far));
                 far.store_where(rays, &mut self.far);
             }
-            self.lines.tighten(rays, cull.mul(along));
+            self.lines.tighten(token, rays, cull.mul(along));
         }
     }
 
     /// Nothing more is wanted of some rays. [`Self::update_limits`] must follow.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn finish<W: Lanes16>(&mut self, rays: u32) {
+    pub fn finish<W: Lanes16>(&mut self, token: W::Token, rays: u32) {
         // SAFETY: passed on to the caller.
         unsafe {
-            W::splat(f32::INFINITY).store_where(rays, &mut self.near);
-            W::splat(f32::NEG_INFINITY).store_where(rays, &mut self.far);
-            W::splat(-1.0).store_where(rays, &mut self.cull);
+            W::splat(token, f32::INFINITY).store_where(rays, &mut self.near);
+            W::splat(token, f32::NEG_INFINITY).store_where(rays, &mut self.far);
+            W::splat(token, -1.0).store_where(rays, &mut self.cull);
         }
     }
 
     /// After sure hits of some rays that are not reversed, between two places of their [`Lines`]
     /// each. [`Self::update_limits`] must follow.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn tighten_to<W: Lanes16>(&mut self, rays: u32, low: W, high: W) {
+    pub fn tighten_to<W: Lanes16>(&mut self, token: W::Token, rays: u32, low: W, high: W) {
         // SAFETY: passed on to the caller.
         unsafe {
             low.store_where(rays, &mut self.lines.sure_end);
             high.store_where(rays, &mut self.lines.end);
-            let length = high.sub(W::load(&self.lines.start)).mul(W::splat(1.0 + CULL_PADDING));
-            let far = W::load(&self.start)
+            let length = high.sub(W::load(token, &self.lines.start)).mul(W::splat(token, 1.0 + CULL_PADDING));
+            let far = W::load(token, &self.start)
                 .add(length)
-                .mul(W::splat(1.0 + PADDING))
-                .add(W::splat(self.margin));
-            let far = far.min(W::load(&self.far));
+                .mul(W::splat(token, 1.0 + PADDING))
+                .add(W::splat(token, self.margin));
+            let far = far.min(W::load(token, &self.far));
             far.store_where(rays, &mut self.far);
         }
     }
 
     /// After hits: what is of interest to any of the rays.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn update_limits<W: Lanes16>(&mut self) {
+    pub fn update_limits<W: Lanes16>(&mut self, token: W::Token) {
         // SAFETY: passed on to the caller.
         unsafe {
-            self.bundle_near = W::load(&self.near).reduce_min();
-            self.bundle_far = W::load(&self.far).reduce_max();
+            self.bundle_near = W::load(token, &self.near).reduce_min();
+            self.bundle_far = W::load(token, &self.far).reduce_max();
         }
     }
 
     /// The rays that go on without an end, since nothing was hit.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn endless<W: Lanes16>(&self) -> u32 {
+    pub fn endless<W: Lanes16>(&self, token: W::Token) -> u32 {
         // SAFETY: passed on to the caller.
-        unsafe { W::splat(FARTHEST).le(W::load(&self.far)) }
+        unsafe { W::splat(token, FARTHEST).le(W::load(token, &self.far)) }
     }
 
     /// The middle and half of the width of the slopes of all rays, of [`Lines`].
@@ -589,79 +561,64 @@ impl Bundle {
     }
 
     /// The boxes of the children of a node.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn boxes<L: Lanes8>(&self, node: &WideNode) -> Boxes<L> {
+    pub fn boxes<L: Lanes8>(&self, token: L::Token, node: &WideNode) -> Boxes<L> {
         let [x, y, z] = self.axes;
         let up = usize::from(self.sign < 0.0);
         // SAFETY: passed on to the caller; sides are 0 or 1, axes below 3.
         unsafe {
-            let (near, far) = (self.planes::<L>(node, up, z), self.planes::<L>(node, up ^ 1, z));
+            let (near, far) = (self.planes::<L>(token, node, up, z), self.planes::<L>(token, node, up ^ 1, z));
             Boxes {
-                near: near.mul(L::splat(self.sign)).sub(L::splat(self.margin)),
-                far: far.mul(L::splat(self.sign * (1.0 + PADDING))).add(L::splat(self.margin)),
+                near: near.mul(L::splat(token, self.sign)).sub(L::splat(token, self.margin)),
+                far: far.mul(L::splat(token, self.sign * (1.0 + PADDING))).add(L::splat(token, self.margin)),
                 sides: [
-                    [self.planes(node, 0, x), self.planes(node, 1, x)],
-                    [self.planes(node, 0, y), self.planes(node, 1, y)],
+                    [self.planes(token, node, 0, x), self.planes(token, node, 1, x)],
+                    [self.planes(token, node, 0, y), self.planes(token, node, 1, y)],
                 ],
             }
         }
     }
 
     /// The planes of the boxes of a node as seen from the apex.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `L`; `side` must be 0 or 1, `axis` below 3.
     #[inline(always)]
-    unsafe fn planes<L: Lanes8>(&self, node: &WideNode, side: usize, axis: usize) -> L {
+    fn planes<L: Lanes8>(&self, token: L::Token, node: &WideNode, side: usize, axis: usize) -> L {
         // SAFETY: passed on to the caller.
         unsafe {
-            let planes = L::load(node.bounds.get_unchecked(side).get_unchecked(axis));
-            planes.sub(L::splat(*self.kind.apex.get_unchecked(axis)))
+            let planes = L::load(token, node.bounds.get_unchecked(side).get_unchecked(axis));
+            planes.sub(L::splat(token, *self.kind.apex.get_unchecked(axis)))
         }
     }
 
     /// Where the bundle enters each of eight boxes (at or beyond `bundle_far` if it is missed).
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn box_distances<L: Lanes8>(&self, boxes: &Boxes<L>) -> L {
+    pub fn box_distances<L: Lanes8>(&self, token: L::Token, boxes: &Boxes<L>) -> L {
         // SAFETY: passed on to the caller.
         unsafe {
-            let near = boxes.near.max(L::splat(self.bundle_near));
-            let far = boxes.far.min(L::splat(self.bundle_far));
+            let near = boxes.near.max(L::splat(token, self.bundle_near));
+            let far = boxes.far.min(L::splat(token, self.bundle_far));
             // The last one is always a number.
             let gap =
-                self.gap(boxes, 0, near, far).max(self.gap(boxes, 1, near, far).max(near.sub(far)));
-            gap.mul(L::splat(f32::MAX)).max(near)
+                self.gap(token, boxes, 0, near, far).max(self.gap(token, boxes, 1, near, far).max(near.sub(far)));
+            gap.mul(L::splat(token, f32::MAX)).max(near)
         }
     }
 
     /// Positive where boxes, from `near` to `far`, lie beside the bundle on an axis.
-    ///
-    /// # Safety
-    /// As [`Self::planes`].
     #[inline(always)]
-    unsafe fn gap<L: Lanes8>(&self, boxes: &Boxes<L>, i: usize, near: L, far: L) -> L {
+    fn gap<L: Lanes8>(&self, token: L::Token, boxes: &Boxes<L>, i: usize, near: L, far: L) -> L {
         // SAFETY: passed on to the caller.
         unsafe {
-            let (low, high) = (L::splat(self.low_slope[i]), L::splat(self.high_slope[i]));
-            let low = near.mul(low).min(far.mul(low)).add(L::splat(self.low_offset[i]));
-            let high = near.mul(high).max(far.mul(high)).add(L::splat(self.high_offset[i]));
+            let (low, high) = (L::splat(token, self.low_slope[i]), L::splat(token, self.high_slope[i]));
+            let low = near.mul(low).min(far.mul(low)).add(L::splat(token, self.low_offset[i]));
+            let high = near.mul(high).max(far.mul(high)).add(L::splat(token, self.high_offset[i]));
             let [low_side, high_side] = boxes.sides[i];
             low_side.sub(high).max(low.sub(high_side))
         }
     }
 
     /// One of the boxes of a node, for all rays.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn one_box<W: Lanes16>(&self, node: &WideNode, slot: usize) -> OneBox<W> {
+    pub fn one_box<W: Lanes16>(&self, token: W::Token, node: &WideNode, slot: usize) -> OneBox<W> {
         let [x, y, z] = self.axes;
         let up = usize::from(self.sign < 0.0);
         // SAFETY: passed on to the caller; sides are 0 or 1, axes below 3.
@@ -672,21 +629,18 @@ impl Bundle {
                 [self.padded_sides(node, x, slot), self.padded_sides(node, y, slot)];
             let ([x, half_x], [y, half_y]) = (middle(x_sides), middle(y_sides));
             OneBox {
-                near: W::splat(near),
-                far: W::splat(far),
-                sides: [x_sides.map(|side| W::splat(side)), y_sides.map(|side| W::splat(side))],
-                middle: [W::splat(x), W::splat(y)],
-                half: [W::splat(half_x), W::splat(half_y)],
+                near: W::splat(token, near),
+                far: W::splat(token, far),
+                sides: [x_sides.map(|side| W::splat(token, side)), y_sides.map(|side| W::splat(token, side))],
+                middle: [W::splat(token, x), W::splat(token, y)],
+                half: [W::splat(token, half_x), W::splat(token, half_y)],
             }
         }
     }
 
     /// One of the planes of a box as seen from the apex.
-    ///
-    /// # Safety
-    /// `side` must be 0 or 1, `axis` below 3.
     #[inline(always)]
-    unsafe fn plane(&self, node: &WideNode, side: usize, axis: usize, slot: usize) -> f32 {
+    fn plane(&self, node: &WideNode, side: usize, axis: usize, slot: usize) -> f32 {
         // SAFETY: passed on to the caller.
         unsafe {
             node.bounds.get_unchecked(side).get_unchecked(axis)[slot & 7]
@@ -695,11 +649,8 @@ impl Bundle {
     }
 
     /// The sides of a box on an axis, moved out.
-    ///
-    /// # Safety
-    /// `axis` must be below 3.
     #[inline(always)]
-    unsafe fn padded_sides(&self, node: &WideNode, axis: usize, slot: usize) -> [f32; 2] {
+    fn padded_sides(&self, node: &WideNode, axis: usize, slot: usize) -> [f32; 2] {
         // SAFETY: passed on to the caller.
         let (low, high) =
             unsafe { (self.plane(node, 0, axis, slot), self.plane(node, 1, axis, slot)) };
@@ -707,37 +658,38 @@ impl Bundle {
     }
 
     /// Which rays meet [a box](Self::one_box).
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn rays_meeting<W: Lanes16>(&self, one: &OneBox<W>) -> u32 {
+    pub fn rays_meeting<W: Lanes16>(&self, token: W::Token, one: &OneBox<W>) -> u32 {
         // SAFETY: passed on to the caller.
         unsafe {
-            let near = one.near.max(W::load(&self.near));
-            let far = one.far.min(W::load(&self.far));
+            let near = one.near.max(W::load(token, &self.near));
+            let far = one.far.min(W::load(token, &self.far));
             // Seen along the axis of the bundle: how far the line is from the middle of the box
             // (times the length of both slopes).
-            let (slope_x, slope_y) = (W::load(&self.slope[0]), W::load(&self.slope[1]));
-            let from_middle = W::load(&self.across)
+            let (slope_x, slope_y) = (W::load(token, &self.slope[0]), W::load(token, &self.slope[1]));
+            let from_middle = W::load(token, &self.across)
                 .sub(slope_y.mul(one.middle[0]))
                 .add(slope_x.mul(one.middle[1]));
             let reach = slope_y.abs().mul_add(one.half[0], slope_x.abs().mul(one.half[1]));
             let beside = from_middle.abs().sub(reach);
             // The last one is always a number.
-            let gap = self.gap_of_rays(one, 1, near, far).max(near.sub(far));
-            self.gap_of_rays(one, 0, near, far).max(beside).max(gap).le(W::splat(0.0))
+            let gap = self.gap_of_rays(token, one, 1, near, far).max(near.sub(far));
+            self.gap_of_rays(token, one, 0, near, far).max(beside).max(gap).le(W::splat(token, 0.0))
         }
     }
 
     /// Positive where a box lies beside the rays on an axis.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn gap_of_rays<W: Lanes16>(&self, one: &OneBox<W>, i: usize, near: W, far: W) -> W {
+    fn gap_of_rays<W: Lanes16>(
+        &self,
+        token: W::Token,
+        one: &OneBox<W>,
+        i: usize,
+        near: W,
+        far: W,
+    ) -> W {
         // SAFETY: passed on to the caller.
-        let (slope, offset) = unsafe { (W::load(&self.slope[i]), W::load(&self.offset[i])) };
+        let (slope, offset) = unsafe { (W::load(token, &self.slope[i]), W::load(token, &self.offset[i])) };
         let (a, b) = (near.mul_add(slope, offset), far.mul_add(slope, offset));
         let [low, high] = one.sides[i];
         a.min(b).sub(high).max(low.sub(a.max(b)))
@@ -769,30 +721,24 @@ fn middle([low, high]: [f32; 2]) -> [f32; 2] {
 }
 
 /// Numbers by axis and ray.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn load3<W: Lanes16>([x, y, z]: &[PerRay<f32>; 3]) -> [W; 3] {
+fn load3<W: Lanes16>(token: W::Token, [x, y, z]: &[PerRay<f32>; 3]) -> [W; 3] {
     // SAFETY: passed on to the caller.
-    unsafe { [W::load(x), W::load(y), W::load(z)] }
+    unsafe { [W::load(token, x), W::load(token, y), W::load(token, z)] }
 }
 
 /// True if the boxes of a node are where the tests of bundles cannot overflow.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(super) unsafe fn is_in_range<L: Lanes8>(node: &WideNode) -> bool {
+pub(super) fn is_in_range<L: Lanes8>(token: L::Token, node: &WideNode) -> bool {
     let [lows, highs] = &node.bounds;
     let mut within = 0xff;
     // SAFETY: passed on to the caller.
     unsafe {
-        let largest = L::splat(LARGEST);
+        let largest = L::splat(token, LARGEST);
         for (low, high) in lows.iter().zip(highs) {
-            let (low, high) = (L::load(low), L::load(high));
+            let (low, high) = (L::load(token, low), L::load(token, high));
             // Unused slots are empty.
-            within &= high.lt(low) | (L::splat(-LARGEST).lt(low) & high.lt(largest));
+            within &= high.lt(low) | (L::splat(token, -LARGEST).lt(low) & high.lt(largest));
         }
     }
     within == 0xff

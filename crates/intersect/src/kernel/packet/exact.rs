@@ -86,25 +86,23 @@ impl<R: Real> Found<R> {
 }
 
 /// Tests up to eight pairs, at least one. Results of those that are not used mean nothing.
-///
-/// # Safety
-/// The machine must have the instructions of `W`; the triangles must be of these blocks. All rays
-/// of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
 #[inline(always)]
-pub(crate) unsafe fn exact_hits<W: Lanes16>(
+pub(crate) fn exact_hits<W: Lanes16>(
+    token: W::Token,
     blocks: BlocksAt,
     bundle: &Bundle,
     pairs: &Pairs,
     found: &mut Found<f32>,
 ) {
+ let half = W::half_token(token);
     // SAFETY: passed on to the caller.
     unsafe {
-        let corners = corners::<W::Half>(blocks, pairs);
-        let frame = Frame::<W::Half>::new::<W>(bundle, pairs);
-        let drawn = [frame.draw(&corners[0]), frame.draw(&corners[1]), frame.draw(&corners[2])];
+        let corners = corners::<W::Half>(half, blocks, pairs);
+        let frame = Frame::<W::Half>::new::<W>(token, bundle, pairs);
+        let drawn = [frame.draw(half, &corners[0]), frame.draw(half, &corners[1]), frame.draw(half, &corners[2])];
         let mut first = 0;
         while first < pairs.count {
-            test::<W>([&drawn[0], &drawn[1], &drawn[2]], &corners, bundle, pairs, first, found);
+            test::<W>(token, [&drawn[0], &drawn[1], &drawn[2]], &corners, bundle, pairs, first, found);
             first += W::HalfDoubles::LANES;
         }
     }
@@ -112,24 +110,20 @@ pub(crate) unsafe fn exact_hits<W: Lanes16>(
 
 /// The corners of the triangles. (Mostly these are in a few blocks, so it is a permutation or two
 /// for each row of a block, not a load for each number.)
-///
-/// # Safety
-/// The machine must have the instructions of `L`; there must be pairs, and their triangles must be
-/// of these blocks.
 #[inline(always)]
-unsafe fn corners<L: WideLanes>(blocks: BlocksAt, pairs: &Pairs) -> [[L; 3]; 3] {
+fn corners<L: WideLanes>(token: L::Token, blocks: BlocksAt, pairs: &Pairs) -> [[L; 3]; 3] {
     let (places, numbers) = (&pairs.triangles, pairs.triangles.map(|place| place >> 3));
     // SAFETY: passed on to the caller. Only the lanes in a block are read from places.
     unsafe {
         let mut number = numbers[0];
         let mut room = MaybeUninit::uninit();
-        let mut corners = rows::<L>(blocks.block::<L>(number as usize, &mut room), places);
-        let mut rest = u32::MAX >> (32 - pairs.count) & !L::places_of(number, &numbers);
+        let mut corners = rows::<L>(token, blocks.block::<L>(token, number as usize, &mut room), places);
+        let mut rest = u32::MAX >> (32 - pairs.count) & !L::places_of(token, number, &numbers);
         while rest != 0 {
             number = numbers[rest.trailing_zeros() as usize & (PAIRS - 1)];
-            let own = L::places_of(number, &numbers);
+            let own = L::places_of(token, number, &numbers);
             rest &= !own;
-            let others = rows::<L>(blocks.block::<L>(number as usize, &mut room), places);
+            let others = rows::<L>(token, blocks.block::<L>(token, number as usize, &mut room), places);
             for (corner, other) in corners.iter_mut().zip(others) {
                 *corner = [
                     corner[0].replace(own, other[0]),
@@ -143,29 +137,26 @@ unsafe fn corners<L: WideLanes>(blocks: BlocksAt, pairs: &Pairs) -> [[L; 3]; 3] 
 }
 
 /// The corners of eight triangles as if all were of one block.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn rows<L: WideLanes>(block: &TriangleBlock, lanes: &[u32; PAIRS]) -> [[L; 3]; 3] {
+fn rows<L: WideLanes>(token: L::Token, block: &TriangleBlock, lanes: &[u32; PAIRS]) -> [[L; 3]; 3] {
     let [a, b, c] = &block.vertices;
     // SAFETY: passed on to the caller.
     unsafe {
         [
             [
-                L::load_permuted(&a[0], lanes),
-                L::load_permuted(&a[1], lanes),
-                L::load_permuted(&a[2], lanes),
+                L::load_permuted(token, &a[0], lanes),
+                L::load_permuted(token, &a[1], lanes),
+                L::load_permuted(token, &a[2], lanes),
             ],
             [
-                L::load_permuted(&b[0], lanes),
-                L::load_permuted(&b[1], lanes),
-                L::load_permuted(&b[2], lanes),
+                L::load_permuted(token, &b[0], lanes),
+                L::load_permuted(token, &b[1], lanes),
+                L::load_permuted(token, &b[2], lanes),
             ],
             [
-                L::load_permuted(&c[0], lanes),
-                L::load_permuted(&c[1], lanes),
-                L::load_permuted(&c[2], lanes),
+                L::load_permuted(token, &c[0], lanes),
+                L::load_permuted(token, &c[1], lanes),
+                L::load_permuted(token, &c[2], lanes),
             ],
         ]
     }
@@ -179,42 +170,39 @@ struct Frame<L> {
 }
 
 impl<L: WideLanes> Frame<L> {
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn new<W: Lanes16<Half = L>>(bundle: &Bundle, pairs: &Pairs) -> Self {
+    fn new<W: Lanes16<Half = L>>(token: W::Token, bundle: &Bundle, pairs: &Pairs) -> Self {
+ let half = W::half_token(token);
         // SAFETY: passed on to the caller; axes are below 3.
         unsafe {
             let [x, y, z] = bundle.axes;
-            let sign = L::splat(bundle.sign);
+            let sign = L::splat(half, bundle.sign);
             let rays = &pairs.rays;
             let shear = [
-                W::gather(&bundle.slope[0], rays).mul(sign),
-                W::gather(&bundle.slope[1], rays).mul(sign),
+                W::gather(token, &bundle.slope[0], rays).mul(sign),
+                W::gather(token, &bundle.slope[1], rays).mul(sign),
             ];
             let origin = if bundle.kind.common {
                 let apex = &bundle.kind.apex;
                 [
-                    L::splat(*apex.get_unchecked(x)),
-                    L::splat(*apex.get_unchecked(y)),
-                    L::splat(*apex.get_unchecked(z)),
+                    L::splat(half, *apex.get_unchecked(x)),
+                    L::splat(half, *apex.get_unchecked(y)),
+                    L::splat(half, *apex.get_unchecked(z)),
                 ]
             } else {
                 let origin = &bundle.drawn_origin;
                 [
-                    W::gather(&origin[0], rays),
-                    W::gather(&origin[1], rays),
-                    W::gather(&origin[2], rays),
+                    W::gather(token, &origin[0], rays),
+                    W::gather(token, &origin[1], rays),
+                    W::gather(token, &origin[2], rays),
                 ]
             };
             Self { axes: bundle.axes, origin, shear }
         }
     }
 
-    /// # Safety
-    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    unsafe fn draw(&self, v: &[L; 3]) -> [L; 2] {
+    fn draw(&self, token: L::Token, v: &[L; 3]) -> [L; 2] {
         let [kx, ky, kz] = self.axes;
         // SAFETY: axes are below 3.
         unsafe {
@@ -227,11 +215,9 @@ impl<L: WideLanes> Frame<L> {
 }
 
 /// Origins and directions of some of the pairs, by axis of the group.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn rays_of<W: Lanes16>(
+fn rays_of<W: Lanes16>(
+    token: W::Token,
     bundle: &Bundle,
     pairs: &Pairs,
     first: usize,
@@ -240,37 +226,35 @@ unsafe fn rays_of<W: Lanes16>(
     // SAFETY: passed on to the caller; axes are below 3.
     unsafe {
         if bundle.kind.rounded {
-            return [picked3::<W>(&exact[0], rays, first), picked3::<W>(&exact[1], rays, first)];
+            return [picked3::<W>(token, &exact[0], rays, first), picked3::<W>(token, &exact[1], rays, first)];
         }
         let [dx, dy, dz] = &bundle.direction;
         let direction = [
-            W::HalfDoubles::of(W::gather(dx, rays), first),
-            W::HalfDoubles::of(W::gather(dy, rays), first),
-            W::HalfDoubles::of(W::gather(dz, rays), first),
+            W::HalfDoubles::of(token, W::gather(token, dx, rays), first),
+            W::HalfDoubles::of(token, W::gather(token, dy, rays), first),
+            W::HalfDoubles::of(token, W::gather(token, dz, rays), first),
         ];
         if bundle.kind.common {
             let [x, y, z] = bundle.kind.apex;
             let origin = [
-                W::HalfDoubles::splat(x.into()),
-                W::HalfDoubles::splat(y.into()),
-                W::HalfDoubles::splat(z.into()),
+                W::HalfDoubles::splat(token, x.into()),
+                W::HalfDoubles::splat(token, y.into()),
+                W::HalfDoubles::splat(token, z.into()),
             ];
             return [origin, direction];
         }
         let mut origin = direction;
         for (from, &axis) in bundle.drawn_origin.iter().zip(&bundle.axes) {
-            *origin.get_unchecked_mut(axis) = W::HalfDoubles::of(W::gather(from, rays), first);
+            *origin.get_unchecked_mut(axis) = W::HalfDoubles::of(token, W::gather(token, from, rays), first);
         }
         [origin, direction]
     }
 }
 
 /// Numbers of rays by axis.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn picked3<W: Lanes16>(
+fn picked3<W: Lanes16>(
+    token: W::Token,
     [x, y, z]: &[PerRay<f64>; 3],
     rays: &[u32; PAIRS],
     first: usize,
@@ -278,20 +262,17 @@ unsafe fn picked3<W: Lanes16>(
     // SAFETY: passed on to the caller.
     unsafe {
         [
-            W::HalfDoubles::gather(x, rays, first),
-            W::HalfDoubles::gather(y, rays, first),
-            W::HalfDoubles::gather(z, rays, first),
+            W::HalfDoubles::gather(token, x, rays, first),
+            W::HalfDoubles::gather(token, y, rays, first),
+            W::HalfDoubles::gather(token, z, rays, first),
         ]
     }
 }
 
 /// Tests some of the pairs in double precision, as many as a register holds.
-///
-/// # Safety
-/// The machine must have the instructions of `W`; `first` must be below 8, and a multiple of what a
-/// register holds.
 #[inline(always)]
-unsafe fn test<W: Lanes16>(
+fn test<W: Lanes16>(
+    token: W::Token,
     [a, b, c]: [&[W::Half; 2]; 3],
     corners: &[[W::Half; 3]; 3],
     bundle: &Bundle,
@@ -302,7 +283,7 @@ unsafe fn test<W: Lanes16>(
     // SAFETY: passed on to the caller; axes are below 3.
     unsafe {
         let all = (1 << W::HalfDoubles::LANES) - 1;
-        let (p0, p1, p2) = (exact2::<W>(a, first), exact2::<W>(b, first), exact2::<W>(c, first));
+        let (p0, p1, p2) = (exact2::<W>(token, a, first), exact2::<W>(token, b, first), exact2::<W>(token, c, first));
         let (w0, s0) = edge(p1, p2);
         let (w1, s1) = edge(p2, p0);
         let (w2, s2) = edge(p0, p1);
@@ -313,21 +294,21 @@ unsafe fn test<W: Lanes16>(
             return;
         }
         let [c0, c1, c2] = [
-            exact3::<W>(&corners[0], first),
-            exact3::<W>(&corners[1], first),
-            exact3::<W>(&corners[2], first),
+            exact3::<W>(token, &corners[0], first),
+            exact3::<W>(token, &corners[1], first),
+            exact3::<W>(token, &corners[2], first),
         ];
-        let [origin, direction] = rays_of::<W>(bundle, pairs, first);
-        let t_min = W::HalfDoubles::of(W::gather(&bundle.t_min, &pairs.rays), first);
+        let [origin, direction] = rays_of::<W>(token, bundle, pairs, first);
+        let t_min = W::HalfDoubles::of(token, W::gather(token, &bundle.t_min, &pairs.rays), first);
         let relative = [minus(c0, origin), minus(c1, origin), minus(c2, origin)];
         let normal = cross(minus(c1, c0), minus(c2, c0));
         let t = dot(normal, relative[0]).div(dot(normal, direction));
-        unsure |= !t.abs().lt(W::HalfDoubles::splat(f64::INFINITY)) & all;
+        unsure |= !t.abs().lt(W::HalfDoubles::splat(token, f64::INFINITY)) & all;
         let beyond = t_min.lt(t);
         if inside & beyond | unsure == 0 {
             return;
         }
-        let scale = W::HalfDoubles::splat(1.0).div(w0.add(w1).add(w2));
+        let scale = W::HalfDoubles::splat(token, 1.0).div(w0.add(w1).add(w2));
         let (b1, b2) = (w1.mul(scale), w2.mul(scale));
         let [r0, r1, r2] = relative;
         let low =
@@ -337,19 +318,19 @@ unsafe fn test<W: Lanes16>(
         let size = high[0].sub(low[0]).max(high[1].sub(low[1])).max(high[2].sub(low[2]));
         // Surely near the drawn place: without divisions, so a little stricter.
         let z = *bundle.axes.get_unchecked(2);
-        let b0 = W::HalfDoubles::splat(1.0).sub(b1).sub(b2);
+        let b0 = W::HalfDoubles::splat(token, 1.0).sub(b1).sub(b2);
         let place = r0
             .get_unchecked(z)
             .mul(b0)
             .add(r1.get_unchecked(z).mul(b1))
             .add(r2.get_unchecked(z).mul(b2));
         let reach =
-            place.abs().add(size).mul(W::HalfDoubles::splat(PLACE_TOLERANCE * (1.0 - 1e-9)));
+            place.abs().add(size).mul(W::HalfDoubles::splat(token, PLACE_TOLERANCE * (1.0 - 1e-9)));
         let mut in_place = place.sub(t.mul(*direction.get_unchecked(z))).abs().le(reach);
-        let padding = size.mul(W::HalfDoubles::splat(0.8e-6));
+        let padding = size.mul(W::HalfDoubles::splat(token, 0.8e-6));
         for axis in 0..3 {
             let point = direction[axis].mul(t);
-            let margin = point.abs().mul(W::HalfDoubles::splat(1e-8));
+            let margin = point.abs().mul(W::HalfDoubles::splat(token, 1e-8));
             in_place &= low[axis].sub(padding).le(point.add(margin))
                 & point.sub(margin).le(high[axis].add(padding));
         }
@@ -363,27 +344,25 @@ unsafe fn test<W: Lanes16>(
 }
 
 /// Some of the pairs in double precision.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn exact2<W: Lanes16>(v: &[W::Half; 2], first: usize) -> [W::HalfDoubles; 2] {
+fn exact2<W: Lanes16>(token: W::Token, v: &[W::Half; 2], first: usize) -> [W::HalfDoubles; 2] {
     // SAFETY: passed on to the caller.
-    unsafe { [W::HalfDoubles::of(v[0], first), W::HalfDoubles::of(v[1], first)] }
+    unsafe { [W::HalfDoubles::of(token, v[0], first), W::HalfDoubles::of(token, v[1], first)] }
 }
 
 /// Some of the pairs in double precision.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-pub(super) unsafe fn exact3<W: Lanes16>(v: &[W::Half; 3], first: usize) -> [W::HalfDoubles; 3] {
+pub(super) fn exact3<W: Lanes16>(
+    token: W::Token,
+    v: &[W::Half; 3],
+    first: usize,
+) -> [W::HalfDoubles; 3] {
     // SAFETY: passed on to the caller.
     unsafe {
         [
-            W::HalfDoubles::of(v[0], first),
-            W::HalfDoubles::of(v[1], first),
-            W::HalfDoubles::of(v[2], first),
+            W::HalfDoubles::of(token, v[0], first),
+            W::HalfDoubles::of(token, v[1], first),
+            W::HalfDoubles::of(token, v[2], first),
         ]
     }
 }

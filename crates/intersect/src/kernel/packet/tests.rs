@@ -271,7 +271,8 @@ unsafe fn check_block_avx512(
 }
 
 #[inline(always)]
-unsafe fn check_block<W: Lanes16>(
+fn check_block<W: Lanes16>(
+    token: W::Token,
     bundle: &Bundle,
     block: &TriangleBlock,
     rays: &[Ray],
@@ -407,7 +408,8 @@ unsafe fn check_block<W: Lanes16>(
 }
 
 #[inline(always)]
-unsafe fn tested<W: Lanes16>(
+fn tested<W: Lanes16>(
+    token: W::Token,
     blocks: &[TriangleBlock],
     bundle: &Bundle,
     pairs: &Pairs,
@@ -420,7 +422,8 @@ unsafe fn tested<W: Lanes16>(
 
 /// Pairs of triangles of several blocks give what each gives alone.
 #[inline(always)]
-unsafe fn check_pairs<W: Lanes16>(
+fn check_pairs<W: Lanes16>(
+    token: W::Token,
     bundle: &Bundle,
     block: &TriangleBlock,
     rays: usize,
@@ -647,7 +650,8 @@ fn locals_are_built_once_and_are_those_of_the_rays() {
 }
 
 /// Rays in lanes, by a map and by a frame.
-unsafe fn in_lanes<W: Lanes16>(
+fn in_lanes<W: Lanes16>(
+    token: W::Token,
     rays: &ExactColumns,
     map: &DAffine3,
     frame: &Frame,

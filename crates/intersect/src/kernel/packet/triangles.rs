@@ -31,12 +31,10 @@ impl<G: Goal> Walker<'_, '_, G> {
 
     /// Tests the triangles of a block for some of the rays. Where any hit will do, pairs may be
     /// left for later: most rays hit nothing, or surely hit something else.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; `leaf` must be one of the group.
     #[inline(always)]
-    pub(super) unsafe fn test_triangles<W: Lanes16>(
+    pub(super) fn test_triangles<W: Lanes16>(
         &mut self,
+        token: W::Token,
         group: Group,
         leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
@@ -48,14 +46,14 @@ impl<G: Goal> Walker<'_, '_, G> {
             let few = self.few_rays::<W>();
             let is_quick = !bundle.lines.apart && (!Self::PUTS_OFF || rays.count_ones() <= few);
             let mut found = if G::ANY {
-                self.find_any::<W>(group, leaf, bundle, rays, memory)
+                self.find_any::<W>(token, group, leaf, bundle, rays, memory)
             } else if is_quick {
-                self.find_pairs_of_origin::<W>(group, leaf, bundle, rays, memory)
+                self.find_pairs_of_origin::<W>(token, group, leaf, bundle, rays, memory)
             } else {
-                self.find_pairs::<W>(group, leaf, bundle, rays, memory)
+                self.find_pairs::<W>(token, group, leaf, bundle, rays, memory)
             };
-            if memory.pairs.count != 0 && self.is_urgent::<W>(bundle, &memory.pairs) {
-                found |= self.test_pairs::<W>(
+            if memory.pairs.count != 0 && self.is_urgent::<W>(token, bundle, &memory.pairs) {
+                found |= self.test_pairs::<W>(token, 
                     group,
                     bundle,
                     &mut memory.pairs,
@@ -64,7 +62,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                 );
             }
             if found {
-                bundle.update_limits::<W>();
+                bundle.update_limits::<W>(token);
             }
         }
     }
@@ -82,11 +80,8 @@ impl<G: Goal> Walker<'_, '_, G> {
     }
 
     /// True if pairs are not to be left for later.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn is_urgent<W: Lanes16>(&self, bundle: &Bundle, pairs: &Pairs) -> bool {
+    fn is_urgent<W: Lanes16>(&self, token: W::Token, bundle: &Bundle, pairs: &Pairs) -> bool {
         if G::ANY {
             // Where most rays have ended, the others are not worth going on.
             return 2 * pairs.count >= self.alive.count_ones() as usize;
@@ -95,17 +90,15 @@ impl<G: Goal> Walker<'_, '_, G> {
         // SAFETY: passed on to the caller.
         !Self::PUTS_OFF
             || pairs.count > WAITING_PAIRS
-            || unsafe { bundle.endless::<W>() } & !pairs.waiting == 0
+            || unsafe { bundle.endless::<W>(token) } & !pairs.waiting == 0
     }
 
     /// Finds what rays that share their origin may hit of a block. True if anything was tested,
     /// because there were many, and counted.
-    ///
-    /// # Safety
-    /// As [`Self::test_triangles`].
     #[inline(always)]
-    unsafe fn find_pairs_of_origin<W: Lanes16>(
+    fn find_pairs_of_origin<W: Lanes16>(
         &mut self,
+        token: W::Token,
         group: Group,
         leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
@@ -116,12 +109,12 @@ impl<G: Goal> Walker<'_, '_, G> {
         // SAFETY: as promised by the caller.
         unsafe {
             let (place, used) = (leaf.place, leaf.used);
-            let seen = leaf.of_origin::<G::Precision>(bundle);
+            let seen = leaf.of_origin::<G::Precision>(token, bundle);
             while rays != 0 {
                 let ray = rays.trailing_zeros();
                 rays &= rays - 1;
                 let mut triangles =
-                    seen.candidates(&bundle.lines, ray as usize & (RAYS - 1)) & used;
+                    seen.candidates(W::half_token(token), &bundle.lines, ray as usize & (RAYS - 1)) & used;
                 // Mostly there is one.
                 loop {
                     memory.pairs.push_if(
@@ -130,7 +123,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                         triangles != 0,
                     );
                     if memory.pairs.is_full() {
-                        found |= self.test_pairs::<W>(
+                        found |= self.test_pairs::<W>(token, 
                             group,
                             bundle,
                             &mut memory.pairs,
@@ -150,12 +143,10 @@ impl<G: Goal> Walker<'_, '_, G> {
 
     /// Finds what rays may hit of a block, and what they surely hit. True if anything counted
     /// already.
-    ///
-    /// # Safety
-    /// As [`Self::test_triangles`].
     #[inline(always)]
-    unsafe fn find_pairs<W: Lanes16>(
+    fn find_pairs<W: Lanes16>(
         &mut self,
+        token: W::Token,
         group: Group,
         leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
@@ -167,30 +158,30 @@ impl<G: Goal> Walker<'_, '_, G> {
         unsafe {
             let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
             let seen = leaf
-                .seen::<G::Precision>(bundle, Wanted { planes: bundle.lines.apart, depths: true });
+                .seen::<G::Precision>(token, bundle, Wanted { planes: bundle.lines.apart, depths: true });
             if rays.count_ones() <= self.few_rays::<W>() {
-                triangles &= near_few::<W>(seen, bundle, rays);
+                triangles &= near_few::<W>(token, seen, bundle, rays);
             } else {
-                triangles &= seen.near_bundle::<W::Half>(bundle);
+                triangles &= seen.near_bundle::<W::Half>(W::half_token(token), bundle);
                 self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
             }
             while triangles != 0 {
                 let triangle = triangles.trailing_zeros();
                 triangles &= triangles - 1;
                 let Meeting { mut possible, sure, nearer, low, high } =
-                    seen.meeting::<W>(&bundle.lines, triangle as usize, rays);
+                    seen.meeting::<W>(token, &bundle.lines, triangle as usize, rays);
                 if possible == 0 {
                     continue;
                 }
                 let (id, mut drawn) = (block.ids[triangle as usize & 7], 0);
                 if Self::PUTS_OFF && possible & !sure != 0 {
-                    possible &= !(self.waiting & W::places_of(id, &self.put_off_ids));
+                    possible &= !(self.waiting & W::places_of(token, id, &self.put_off_ids));
                     if !G::Precision::TRIANGLES_ELSEWHERE
                         && possible & !sure != 0
                         && bundle.is_aligned
                     {
                         let [inside, outside] =
-                            drawing::sides::<W>(block, triangle as usize, bundle);
+                            drawing::sides::<W>(token, block, triangle as usize, bundle);
                         possible &= !outside;
                         drawn = nearer & possible & inside & !sure;
                     }
@@ -201,15 +192,15 @@ impl<G: Goal> Walker<'_, '_, G> {
                     && !bundle.kind.reversed
                     && self.is_plain(group.tree.triangle(id).0)
                 {
-                    W::write_where(hit, place + triangle, &mut self.put_off);
-                    W::write_where(hit, id, &mut self.put_off_ids);
+                    W::write_where(token, hit, place + triangle, &mut self.put_off);
+                    W::write_where(token, hit, id, &mut self.put_off_ids);
                     self.waiting |= hit;
                     self.drawn = self.drawn & !hit | drawn;
-                    bundle.tighten_to(hit, low, high);
+                    bundle.tighten_to(token, hit, low, high);
                     possible &= !hit;
                     found = true;
                 }
-                found |= self.push_pairs::<W>(group, bundle, possible, place + triangle, memory);
+                found |= self.push_pairs::<W>(token, group, bundle, possible, place + triangle, memory);
                 rays &= self.alive;
             }
         }
@@ -218,12 +209,10 @@ impl<G: Goal> Walker<'_, '_, G> {
 
     /// Where any hit will do: ends the searches of rays that surely hit something of a block, and
     /// finds what others may hit. True if anything counted already.
-    ///
-    /// # Safety
-    /// As [`Self::test_triangles`].
     #[inline(always)]
-    unsafe fn find_any<W: Lanes16>(
+    fn find_any<W: Lanes16>(
         &mut self,
+        token: W::Token,
         group: Group,
         leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
@@ -233,22 +222,22 @@ impl<G: Goal> Walker<'_, '_, G> {
         // SAFETY: as promised by the caller.
         unsafe {
             let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
-            let seen = leaf.seen::<G::Precision>(bundle, Wanted { planes: true, depths: false });
+            let seen = leaf.seen::<G::Precision>(token, bundle, Wanted { planes: true, depths: false });
             if rays.count_ones() <= self.few_rays::<W>() {
-                triangles &= near_few::<W>(seen, bundle, rays);
+                triangles &= near_few::<W>(token, seen, bundle, rays);
             } else {
                 if !self.is_small || W::REGISTERS > 1 {
-                    triangles &= seen.near_bundle::<W::Half>(bundle);
+                    triangles &= seen.near_bundle::<W::Half>(W::half_token(token), bundle);
                     self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
                 }
                 // Most rays meet only what they start on, behind their start.
-                triangles = seen.near_any::<W>(&bundle.lines, rays, triangles);
+                triangles = seen.near_any::<W>(token, &bundle.lines, rays, triangles);
             }
             if triangles == 0 {
                 return false;
             }
             let Facing { mut near, mut sure, rays: facing } =
-                seen.facing::<W>(&bundle.lines, rays, triangles);
+                seen.facing::<W>(token, &bundle.lines, rays, triangles);
             let mut hit = 0;
             while sure != 0 {
                 let triangle = sure.trailing_zeros() as usize & 7;
@@ -259,14 +248,14 @@ impl<G: Goal> Walker<'_, '_, G> {
             }
             let mut found = hit != 0;
             if found {
-                self.take_any::<W>(hit, bundle);
+                self.take_any::<W>(token, hit, bundle);
                 rays &= !hit;
             }
             while near != 0 {
                 let triangle = near.trailing_zeros();
                 near &= near - 1;
                 let possible = facing[triangle as usize & 7][0] & rays;
-                found |= self.push_pairs::<W>(group, bundle, possible, place + triangle, memory);
+                found |= self.push_pairs::<W>(token, group, bundle, possible, place + triangle, memory);
                 rays &= self.alive;
             }
             found
@@ -275,12 +264,10 @@ impl<G: Goal> Walker<'_, '_, G> {
 
     /// Adds pairs of some rays and a triangle. True if anything was tested, because there were
     /// many, and counted.
-    ///
-    /// # Safety
-    /// As [`Self::test_pairs`].
     #[inline(always)]
-    unsafe fn push_pairs<W: Lanes16>(
+    fn push_pairs<W: Lanes16>(
         &mut self,
+        token: W::Token,
         group: Group,
         bundle: &mut Bundle,
         mut rays: u32,
@@ -294,7 +281,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             if memory.pairs.is_full() {
                 // SAFETY: as promised by the caller.
                 found |= unsafe {
-                    self.test_pairs::<W>(
+                    self.test_pairs::<W>(token, 
                         group,
                         bundle,
                         &mut memory.pairs,
@@ -316,25 +303,20 @@ impl<G: Goal> Walker<'_, '_, G> {
     }
 
     /// Ends the searches of rays that surely hit something that counts.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn take_any<W: Lanes16>(&mut self, rays: u32, bundle: &mut Bundle) {
+    fn take_any<W: Lanes16>(&mut self, token: W::Token, rays: u32, bundle: &mut Bundle) {
         self.alive &= !rays;
         self.met |= rays;
         // SAFETY: passed on to the caller.
-        unsafe { bundle.finish::<W>(rays) };
+        unsafe { bundle.finish::<W>(token, rays) };
     }
 
     /// Tests what was put off. If nothing comes after the `last` ones of the root group, what rays
     /// without a search hit is only noted; else [`Bundle::update_limits`] must follow.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; what was put off must be in this group.
     #[inline(always)]
-    pub(super) unsafe fn test_put_off<W: Lanes16>(
+    pub(super) fn test_put_off<W: Lanes16>(
         &mut self,
+        token: W::Token,
         group: Group,
         bundle: &mut Bundle,
         locals: &mut Locals,
@@ -348,7 +330,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             let mut outcome = Outcome::NONE;
             // SAFETY: as promised by the caller.
             let Decided { mut hits, moved } = unsafe {
-                G::Precision::sure_hits::<W>(
+                G::Precision::sure_hits::<W>(token, 
                     group.tree,
                     bundle,
                     [rays, self.drawn],
@@ -370,7 +352,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                 self.offer(group, ray, self.put_off[ray], t, b, &mut outcome);
             }
             // SAFETY: as promised by the caller.
-            unsafe { self.conclude::<W>(bundle, &outcome, last) };
+            unsafe { self.conclude::<W>(token, bundle, &outcome, last) };
         }
         while rays != 0 {
             let mut pairs = Pairs::NONE;
@@ -380,18 +362,16 @@ impl<G: Goal> Walker<'_, '_, G> {
                 pairs.push(ray, self.put_off[ray as usize & (RAYS - 1)]);
             }
             // SAFETY: as promised by the caller.
-            unsafe { self.test_pairs::<W>(group, bundle, &mut pairs, locals, last) };
+            unsafe { self.test_pairs::<W>(token, group, bundle, &mut pairs, locals, last) };
         }
     }
 
     /// Offers the hits of pairs of rays and triangles, and forgets the pairs. True if there are any
     /// that count. If nothing comes after the `last` ones, the bundle is left as it is.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; the triangles must be of the group.
     #[inline(always)]
-    pub(super) unsafe fn test_pairs<W: Lanes16>(
+    pub(super) fn test_pairs<W: Lanes16>(
         &mut self,
+        token: W::Token,
         group: Group,
         bundle: &mut Bundle,
         pairs: &mut Pairs,
@@ -408,7 +388,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             }
             // SAFETY: as promised by the caller.
             unsafe {
-                G::Precision::exact_hits::<W>(self.data, group.tree, bundle, pairs, &mut self.found)
+                G::Precision::exact_hits::<W>(token, self.data, group.tree, bundle, pairs, &mut self.found)
             };
         }
         let (mut hits, mut unsure) = (self.found.hits & all, self.found.unsure & all);
@@ -441,7 +421,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
         pairs.clear();
         // SAFETY: as promised by the caller.
-        unsafe { self.conclude::<W>(bundle, &outcome, last) }
+        unsafe { self.conclude::<W>(token, bundle, &outcome, last) }
     }
 
     /// Offers a hit of the triangle at a place.
@@ -487,12 +467,10 @@ impl<G: Goal> Walker<'_, '_, G> {
 
     /// What follows from tests for the bundle. True if it does; if nothing comes after the `last`
     /// ones, the bundle is left as it is.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn conclude<W: Lanes16>(
+    fn conclude<W: Lanes16>(
         &mut self,
+        token: W::Token,
         bundle: &mut Bundle,
         outcome: &Outcome,
         last: bool,
@@ -502,22 +480,19 @@ impl<G: Goal> Walker<'_, '_, G> {
         let is_narrowed = !last && (*over != 0 || (G::NARROWS && *nearer != 0));
         if is_narrowed {
             // SAFETY: as promised by the caller.
-            unsafe { bundle.narrow::<W>(*nearer, *over, culls) };
+            unsafe { bundle.narrow::<W>(token, *nearer, *over, culls) };
         }
         is_narrowed
     }
 }
 
 /// The triangles of a block that any of a few rays may meet.
-///
-/// # Safety
-/// As [`SeenBlock::near_two`].
 #[inline(always)]
-unsafe fn near_few<W: Lanes16>(seen: &SeenBlock, bundle: &Bundle, mut rays: u32) -> u32 {
+fn near_few<W: Lanes16>(token: W::Token, seen: &SeenBlock, bundle: &Bundle, mut rays: u32) -> u32 {
     let mut near = 0;
     while rays != 0 {
         // SAFETY: passed on to the caller.
-        near |= unsafe { seen.near_two::<W>(&bundle.lines, &mut rays) };
+        near |= unsafe { seen.near_two::<W>(token, &bundle.lines, &mut rays) };
     }
     near | near >> 8
 }

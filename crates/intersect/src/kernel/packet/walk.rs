@@ -2,7 +2,7 @@
 
 use super::super::node::ChildRef;
 use super::super::prefetch::fetch_lines;
-use super::super::traverse::{Entry, Walk};
+use super::super::traverse::Entry;
 use super::bundle::{Bundle, PerRay};
 use super::exact::{Found, Pairs};
 use super::leaf::Leaf;
@@ -12,9 +12,7 @@ use super::triangles::Locals;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::query::search::{DataOf, Goal, HitOf, RayOf, RealOf, Search};
 use crate::world::GeometryOptions;
-#[cfg(target_arch = "x86_64")]
-use snell_math::simd::{Avx8, Avx16, Pair};
-use snell_math::simd::{Lanes8, Lanes16, max};
+use snell_math::simd::{Lanes8, Lanes16, Token, max};
 use std::mem::MaybeUninit;
 use std::sync::atomic::AtomicBool;
 
@@ -43,10 +41,6 @@ pub(super) struct Stacks {
     pub(super) work: u32,
 }
 
-/// The walk of a level.
-pub(super) type WalkBundles<G> =
-    unsafe fn(&mut Rows<'_, '_, '_, G>, Members, &mut Stacks, Position);
-
 /// Some of the rows: the first bit of a byte for each.
 pub(super) type Members = u32;
 
@@ -68,32 +62,19 @@ pub(super) struct Position {
     pub(super) top: usize,
 }
 
-/// # Safety
-/// As [`walk`].
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) unsafe fn walk_bundles_avx2<G: Goal>(
+/// [`walk`], not inlined.
+#[inline(always)]
+pub(super) fn enter<W: Lanes16, G: Goal>(
+    token: W::Token,
     rows: &mut Rows<'_, '_, '_, G>,
     members: Members,
     stacks: &mut Stacks,
     position: Position,
 ) {
-    // SAFETY: as promised by the caller.
-    unsafe { walk::<Pair<Avx8>, G>(rows, members, stacks, position) }
-}
-
-/// # Safety
-/// As [`walk`].
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) unsafe fn walk_bundles_avx512<G: Goal>(
-    rows: &mut Rows<'_, '_, '_, G>,
-    members: Members,
-    stacks: &mut Stacks,
-    position: Position,
-) {
-    // SAFETY: as promised by the caller.
-    unsafe { walk::<Avx16, G>(rows, members, stacks, position) }
+    token.run(
+        #[inline(always)]
+        move || walk::<W, G>(token, rows, members, stacks, position),
+    );
 }
 
 /// The searches of a run on their way through the forest.
@@ -140,8 +121,6 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     /// As [`super::trial::Detail`] has it: triangles are small; and what was counted.
     pub(super) is_small: bool,
     pub(super) counted: [u32; 2],
-    pub(super) enter: WalkBundles<G>,
-    pub(super) enter_single: Walk<G>,
 }
 
 /// A bundle on its walk through a group.
@@ -226,12 +205,9 @@ impl Luggage {
 
 /// Walks one group with some of the bundles, which must be [alike](Bundle::is_like): each meets
 /// what it would meet alone, in the same order.
-///
-/// # Safety
-/// The machine must have the instructions of `W`; the stacks must have room for the group and all
-/// below it.
 #[inline(always)]
-unsafe fn walk<W: Lanes16, G: Goal>(
+fn walk<W: Lanes16, G: Goal>(
+    token: W::Token,
     rows: &mut Rows<'_, '_, '_, G>,
     members: Members,
     stacks: &mut Stacks,
@@ -246,29 +222,27 @@ unsafe fn walk<W: Lanes16, G: Goal>(
             while let Some(number) = next(&mut rest) {
                 let Row { walker, bundle, .. } = &mut rows[number];
                 let alive = walker.alive;
-                walker.test_objects::<W>(group, object as usize, bundle, alive, &mut stacks.single);
+                walker.test_objects::<W>(token, group, object as usize, bundle, alive, &mut stacks.single);
             }
         }
-        descend::<W, G>(group, rows, members, stacks, position);
+        descend::<W, G>(token, group, rows, members, stacks, position);
         // (From an instance, the limits of the rays are taken back.)
         let last = position.group == 0;
         let mut rest = members;
         while let Some(number) = next(&mut rest) {
             let Row { walker, bundle, memory: Memory { pairs, locals } } = &mut rows[number];
             if pairs.count != 0 && walker.alive != 0 {
-                walker.test_pairs::<W>(group, bundle, pairs, locals, last);
+                walker.test_pairs::<W>(token, group, bundle, pairs, locals, last);
             }
-            walker.test_put_off::<W>(group, bundle, locals, last);
+            walker.test_put_off::<W>(token, group, bundle, locals, last);
         }
     }
 }
 
 /// Walks the tree of the group at the position.
-///
-/// # Safety
-/// As [`walk`].
 #[inline(always)]
-unsafe fn descend<W: Lanes16, G: Goal>(
+fn descend<W: Lanes16, G: Goal>(
+    token: W::Token,
     group: Group,
     rows: &mut Rows<'_, '_, '_, G>,
     members: Members,
@@ -288,7 +262,7 @@ unsafe fn descend<W: Lanes16, G: Goal>(
         // entries per level.
         unsafe {
             let pushed =
-                push_children::<W, G>(tree, node, rows, [first as u32, meeting], far, stacks, top);
+                push_children::<W, G>(token, tree, node, rows, [first as u32, meeting], far, stacks, top);
             if fetches_leaves {
                 let leaves = tree
                     .nodes
@@ -339,7 +313,7 @@ unsafe fn descend<W: Lanes16, G: Goal>(
             let one = unsafe {
                 rows[first]
                     .bundle
-                    .one_box::<W>(tree.nodes.get_unchecked(place as usize >> 3), place as usize & 7)
+                    .one_box::<W>(token, tree.nodes.get_unchecked(place as usize >> 3), place as usize & 7)
             };
             while rest != 0 {
                 let bit = rest.trailing_zeros();
@@ -347,7 +321,7 @@ unsafe fn descend<W: Lanes16, G: Goal>(
                 // SAFETY: bits come from bundles; `W` as promised by the caller.
                 unsafe {
                     let row = rows.get_unchecked((bit >> 3) as usize);
-                    let those = row.bundle.rays_meeting::<W>(&one) & row.walker.alive;
+                    let those = row.bundle.rays_meeting::<W>(token, &one) & row.walker.alive;
                     rays[(bit >> 3) as usize & (ROWS - 1)] = those;
                     meeting &= !(u32::from(those == 0) << bit);
                 }
@@ -364,19 +338,19 @@ unsafe fn descend<W: Lanes16, G: Goal>(
             unsafe {
                 if child.is_triangles() {
                     let mut room = MaybeUninit::uninit();
-                    let mut leaf = Leaf::<W>::new(tree, child, &mut room);
+                    let mut leaf = Leaf::<W>::new(token, tree, child, &mut room);
                     while let Some(number) = next(&mut meeting) {
                         let Row { walker, bundle, memory } = rows.get_unchecked_mut(number);
-                        walker.test_triangles::<W>(group, &mut leaf, bundle, rays[number], memory);
+                        walker.test_triangles::<W>(token, group, &mut leaf, bundle, rays[number], memory);
                     }
                 } else {
                     let mut rest = meeting;
                     while let Some(number) = next(&mut rest) {
                         let Row { walker, bundle, memory } = &mut rows[number];
-                        walker.test_put_off::<W>(group, bundle, &mut memory.locals, false);
+                        walker.test_put_off::<W>(token, group, bundle, &mut memory.locals, false);
                     }
                     let inside = Position { top, ..position };
-                    enter_object::<W, G>(group, child, rows, meeting, &rays, &inside, stacks);
+                    enter_object::<W, G>(token, group, child, rows, meeting, &rays, &inside, stacks);
                 }
                 (far, fars) = limits(rows, members);
             }
@@ -424,12 +398,9 @@ fn within(distance: f32, fars: &[f32; ROWS]) -> u32 {
 
 /// Puts the children of a node that some of the bundles meet on the stack, the nearest on top, and
 /// returns how many they are.
-///
-/// # Safety
-/// The machine must have the instructions of `W`; the node must exist, the first bits of bytes of
-/// `meeting` must stand for bundles, and the stack must have room for eight entries from `top`.
 #[inline(always)]
-unsafe fn push_children<W: Lanes16, G: Goal>(
+fn push_children<W: Lanes16, G: Goal>(
+    token: W::Token,
     tree: &GroupTree,
     node: usize,
     rows: &Rows<'_, '_, '_, G>,
@@ -438,26 +409,27 @@ unsafe fn push_children<W: Lanes16, G: Goal>(
     stacks: &mut Stacks,
     top: usize,
 ) -> usize {
+ let half = W::half_token(token);
     // SAFETY: as promised by the caller.
     unsafe {
         let places: [u32; 8] = std::array::from_fn(|slot| (node * 8 + slot) as u32);
         let node = tree.nodes.get_unchecked(node);
         let first = &rows[first as usize & (ROWS - 1)].bundle;
-        let boxes = first.boxes::<W::Half>(node);
-        let (mut nearest, mut meetings) = (W::Half::splat(f32::INFINITY), 0);
+        let boxes = first.boxes::<W::Half>(half, node);
+        let (mut nearest, mut meetings) = (W::Half::splat(half, f32::INFINITY), 0);
         while meeting != 0 {
             let bit = meeting.trailing_zeros();
             meeting &= meeting - 1;
             let bundle = &rows.get_unchecked((bit >> 3) as usize).bundle;
-            let enter = bundle.box_distances(&boxes);
-            meetings |= enter.le(W::Half::splat(bundle.bundle_far)) << bit;
+            let enter = bundle.box_distances(half, &boxes);
+            meetings |= enter.le(W::Half::splat(half, bundle.bundle_far)) << bit;
             nearest = nearest.min(enter);
         }
         *stacks.meetings.as_mut_ptr().add(top).cast::<[u32; 8]>() = [meetings; 8];
         let distances = &mut *stacks.distances.as_mut_ptr().add(top).cast::<[f32; 8]>();
         let payload = &mut *stacks.places.as_mut_ptr().add(top).cast::<[u32; 8]>();
         let order = *node.order.get_unchecked(first.octant);
-        nearest.compress_le(W::Half::splat(far), order, &places, distances, payload)
+        nearest.compress_le(W::Half::splat(half, far), order, &places, distances, payload)
     }
 }
 
