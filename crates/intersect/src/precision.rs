@@ -372,7 +372,7 @@ impl Rules for Single {
 
     #[inline(always)]
     fn rays_in_structure<W: Lanes16>(
-        token: W::Token,
+        _: W::Token,
         _: &(),
         _: usize,
         rays: LaneRays<W>,
@@ -393,8 +393,7 @@ impl Rules for Single {
         t_min: f32,
         cull: f32,
     ) -> u32 {
-        // SAFETY: passed on to the caller.
-        unsafe { crate::kernel::triangle::candidates::<L>(token, block, ray, t_min, cull) }
+        crate::kernel::triangle::candidates::<L>(token, block, ray, t_min, cull)
     }
 
     #[inline(always)]
@@ -419,8 +418,7 @@ impl Rules for Single {
 
     #[inline(always)]
     fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &QuickRay) -> u32 {
-        // SAFETY: passed on to the caller.
-        unsafe { crate::kernel::triangle::lines_through::<L>(token, block, ray) }
+        crate::kernel::triangle::lines_through::<L>(token, block, ray)
     }
 
     #[inline(always)]
@@ -479,8 +477,7 @@ impl Rules for Single {
         anchor: &Ray,
         backward: bool,
     ) -> bool {
-        // SAFETY: passed on to the caller.
-        unsafe { packet::runs::set_up::<W>(token, bundle, rays, anchor, backward) }
+        packet::runs::set_up::<W>(token, bundle, rays, anchor, backward)
     }
 
     #[inline(always)]
@@ -492,8 +489,7 @@ impl Rules for Single {
         pairs: &Pairs,
         found: &mut Found<f32>,
     ) {
-        // SAFETY: passed on to the caller.
-        unsafe { packet::exact::exact_hits::<W>(token, tree.blocks.at(), bundle, pairs, found) }
+        packet::exact::exact_hits::<W>(token, &tree.blocks, bundle, pairs, found)
     }
 
     #[inline(always)]
@@ -505,8 +501,7 @@ impl Rules for Single {
         places: &PerRay<u32>,
         sure: &mut Sure<f32>,
     ) -> Decided {
-        // SAFETY: passed on to the caller.
-        unsafe { packet::sure::test::<W>(token, tree.blocks.at(), bundle, rays, places, sure) }
+        packet::sure::test::<W>(token, &tree.blocks, bundle, rays, places, sure)
     }
 
     #[inline(always)]
@@ -613,8 +608,7 @@ impl Rules for Double {
         rays: LaneRays<W>,
     ) -> LaneRays<W> {
         let Frame { center, scale, .. } = &data.frames[group];
-        // SAFETY: passed on to the caller.
-        unsafe { rays.framed(token, center, *scale) }
+        rays.framed(token, center, *scale)
     }
 
     #[inline(always)]
@@ -630,8 +624,7 @@ impl Rules for Double {
         t_min: f32,
         cull: f32,
     ) -> u32 {
-        // SAFETY: passed on to the caller.
-        unsafe { double::triangle::candidates::<L>(token, block, ray, t_min, cull) }
+        double::triangle::candidates::<L>(token, block, ray, t_min, cull)
     }
 
     #[inline(always)]
@@ -661,8 +654,7 @@ impl Rules for Double {
 
     #[inline(always)]
     fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &QuickRay) -> u32 {
-        // SAFETY: passed on to the caller.
-        unsafe { double::triangle::lines_through::<L>(token, block, ray) }
+        double::triangle::lines_through::<L>(token, block, ray)
     }
 
     #[inline(always)]
@@ -706,8 +698,7 @@ impl Rules for Double {
         _: &DRay,
         backward: bool,
     ) -> bool {
-        // SAFETY: passed on to the caller.
-        unsafe { packet::runs::set_up_doubles::<W>(token, data, bundle, rays, backward) }
+        packet::runs::set_up_doubles::<W>(token, data, bundle, rays, backward)
     }
 
     #[inline(always)]
@@ -719,12 +710,14 @@ impl Rules for Double {
         pairs: &Pairs,
         found: &mut Found<f64>,
     ) {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            packet::doubles::exact_hits::<<W::Half as WideLanes>::Doubles>(W::half_token(token),
-                data, tree, bundle, pairs, found,
-            )
-        }
+        packet::doubles::exact_hits::<<W::Half as WideLanes>::Doubles>(
+            W::half_token(token),
+            data,
+            tree,
+            bundle,
+            pairs,
+            found,
+        )
     }
 
     /// None: lists are in single precision.
@@ -741,7 +734,7 @@ impl Rules for Double {
 
     #[inline(always)]
     fn sure_hits<W: Lanes16>(
-        token: W::Token,
+        _: W::Token,
         _: &GroupTree,
         _: &Bundle,
         _: [u32; 2],

@@ -108,7 +108,7 @@ fn distance(entry: Entry) -> f32 {
 unsafe fn pop(stack: &Stack, top: &mut usize, cull: f32) -> Option<ChildRef> {
     while *top > 0 {
         *top -= 1;
-        // SAFETY: as promised by the caller.
+        // SAFETY: the caller promises that entries below the top are written.
         let next = unsafe { stack.get_unchecked(*top).assume_init() };
         if distance(next) <= cull {
             return Some(ChildRef(next as u32));

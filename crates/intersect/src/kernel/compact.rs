@@ -254,7 +254,7 @@ unsafe fn unpacked<L: Lanes8>(
 ) -> &TriangleBlock {
     token.run(
         #[inline(always)]
-        // SAFETY: as promised by the caller.
+        // SAFETY: the caller promises a record and the lines after it.
         move || unsafe { unpack::<L>(token, first, room) },
     )
 }
@@ -349,7 +349,7 @@ mod tests {
                 }
                 #[cfg(target_arch = "x86_64")]
                 if let Some(token) = snell_math::simd::Avx2::new() {
-                    // SAFETY: as above.
+                    // SAFETY: there is one block.
                     let again = unsafe { at.block::<snell_math::simd::Avx8>(token, 0, &mut room) };
                     assert!(is_same(&block, again), "{block:?}");
                 }

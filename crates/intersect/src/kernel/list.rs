@@ -135,7 +135,7 @@ fn run<D: Doubles16, G: Goal<Precision = Single>>(
     start: impl Fn(&Ray) -> G,
     mut finish: impl FnMut(usize, G),
 ) -> usize {
- let half = D::Singles::half_token(token);
+    let half = D::Singles::half_token(token);
     let (list, all) = (scene.list, scene.batch.rays.rays());
     let more_faces = list.len().saturating_sub(FACES_PER_RAY);
     let mut last = [Ray::new(Vec3::ZERO, Vec3::Z); RAYS];
@@ -152,21 +152,16 @@ fn run<D: Doubles16, G: Goal<Precision = Single>>(
                 &last
             }
         };
-        // SAFETY: as promised by the caller.
-        let bundle = unsafe { Bundle::<D>::new(token, list, sixteen, rays.len()) };
-        // SAFETY: as promised by the caller.
-        let mut near = unsafe { Near::new(token, scene, &bundle) };
+        let bundle = Bundle::<D>::new(token, list, sixteen, rays.len());
+        let mut near = Near::new(token, scene, &bundle);
         let mut unsure = !bundle.ordinary & ((2 << (rays.len() - 1)) - 1);
         let more = match scene.apart {
-            // SAFETY: as promised by the caller.
-            Some(apart) => unsafe { apart.may_meet_rest(token, &bundle) },
+            Some(apart) => apart.may_meet_rest(token, &bundle),
             None => 0,
         };
         if G::ANY && scene.is_plain {
-            // SAFETY: as promised by the caller.
-            let mut found = unsafe { bundle.blocked(token, list) };
-            // SAFETY: as promised by the caller.
-            unsafe { near.block(token, list, &bundle, &mut found) };
+            let mut found = bundle.blocked(token, list);
+            near.block(token, list, &bundle, &mut found);
             let others = near.any();
             unsure |= found.doubtful & !found.blocked & bundle.ordinary;
             met += (found.met | unsure).count_ones() as usize;
@@ -186,25 +181,14 @@ fn run<D: Doubles16, G: Goal<Precision = Single>>(
                 } else {
                     let query = scene.batch.rays.get(first + lane);
                     let mut search = Search::new(query, scene.batch.context, start(ray));
-                    // SAFETY: as promised by the caller.
-                    unsafe {
-                        test_objects::<HalfOf<D>, G>(
-                            half,
-                            scene,
-                            near.of(lane),
-                            &mut search,
-                            stack,
-                        )
-                    };
+                    test_objects::<HalfOf<D>, G>(half, scene, near.of(lane), &mut search, stack);
                     finish(first + lane, search.goal);
                 }
             }
         } else {
-            // SAFETY: as promised by the caller.
-            let mut found = unsafe { Hits::of(token, list, &bundle) };
+            let mut found = Hits::of(token, list, &bundle);
             if scene.is_plain {
-                // SAFETY: as promised by the caller.
-                unsafe { found.take_shapes(token, list, &bundle, &mut near) };
+                found.take_shapes(token, list, &bundle, &mut near);
             }
             let others = near.any();
             unsure |= found.unsure;
@@ -224,17 +208,14 @@ fn run<D: Doubles16, G: Goal<Precision = Single>>(
                 } else {
                     let query = scene.batch.rays.get(first + lane);
                     let mut search = Search::new(query, scene.batch.context, start(ray));
-                    // SAFETY: as promised by the caller.
-                    unsafe {
-                        offer::<HalfOf<D>, G>(
-                            half,
-                            scene,
-                            found.get(list, lane),
-                            near.of(lane),
-                            &mut search,
-                            stack,
-                        )
-                    };
+                    offer::<HalfOf<D>, G>(
+                        half,
+                        scene,
+                        found.get(list, lane),
+                        near.of(lane),
+                        &mut search,
+                        stack,
+                    );
                     finish(first + lane, search.goal);
                 }
             }
@@ -279,8 +260,7 @@ impl Near {
             // Those that are flat are tested as quickly as their boxes.
             let is_quick = scene.is_plain && object.shape.as_ref().is_some_and(ListShape::is_flat);
             *shape = match &object.bounds {
-                // SAFETY: passed on to the caller.
-                Some(bounds) if !is_quick => unsafe { bundle.may_meet(token, scene.list, bounds) },
+                Some(bounds) if !is_quick => bundle.may_meet(token, scene.list, bounds),
                 _ => u32::MAX,
             };
         }
@@ -310,9 +290,8 @@ impl Near {
             let Some(shape) = &object.shape else { continue };
             let lanes = std::mem::take(near) & bundle.ordinary & !found.blocked;
             if lanes != 0 {
-                // SAFETY: passed on to the caller.
                 let blocked =
-                    unsafe { shape.meet(token, bundle, lanes).lt(D::Singles::splat(token, f32::INFINITY)) };
+                    shape.meet(token, bundle, lanes).lt(D::Singles::splat(token, f32::INFINITY));
                 found.blocked |= blocked;
                 found.met |= blocked;
             }
@@ -345,8 +324,7 @@ fn offer<L: Lanes8, G: Goal<Precision = Single>>(
         // What is behind it has not been looked for.
         Some(Verdict::Rejected) => search_forest(scene.forest, scene.wide, search),
         Some(Verdict::Taken | Verdict::Behind) | None => {
-            // SAFETY: as promised by the caller.
-            unsafe { test_objects::<L, G>(token, scene, shapes, search, stack) }
+            test_objects::<L, G>(token, scene, shapes, search, stack)
         }
     }
 }
@@ -363,10 +341,7 @@ fn test_objects<L: Lanes8, G: Goal<Precision = Single>>(
     while shapes != 0 {
         let object = list.objects[shapes.trailing_zeros() as usize].number;
         shapes &= shapes - 1;
-        // SAFETY: as promised by the caller.
-        if unsafe {
-            test_object::<L, G>(token, forest, &forest.trees[0], object, &ray, 0, search, stack)
-        } {
+        if test_object::<L, G>(token, forest, &forest.trees[0], object, &ray, 0, search, stack) {
             return;
         }
     }
@@ -385,21 +360,18 @@ struct Hits {
 impl Hits {
     #[inline(always)]
     fn of<D: Doubles16>(token: D::Token, list: &List, bundle: &Bundle<D>) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let Nearest { first, second, triangle, doubtful, .. } = bundle.nearest(token, list);
-            let mut numbers = [0.0; RAYS];
-            triangle.store(&mut numbers);
-            let mut chosen = [list.triangle(0.0); RAYS];
-            for (to, &number) in chosen.iter_mut().zip(&numbers) {
-                *to = list.triangle(number);
-            }
-            let ahead = first.lt(D::Singles::splat(token, f32::INFINITY)) & bundle.ordinary;
-            let mut found = exact::test(token, bundle, &chosen, second);
-            let unsure = (doubtful & bundle.ordinary) | (ahead & !found.hits & !found.beyond);
-            found.hits &= ahead & !unsure;
-            Self { found, numbers, unsure, met: ahead | unsure }
+        let Nearest { first, second, triangle, doubtful, .. } = bundle.nearest(token, list);
+        let mut numbers = [0.0; RAYS];
+        triangle.store(&mut numbers);
+        let mut chosen = [list.triangle(0.0); RAYS];
+        for (to, &number) in chosen.iter_mut().zip(&numbers) {
+            *to = list.triangle(number);
         }
+        let ahead = first.lt(D::Singles::splat(token, f32::INFINITY)) & bundle.ordinary;
+        let mut found = exact::test(token, bundle, &chosen, second);
+        let unsure = (doubtful & bundle.ordinary) | (ahead & !found.hits & !found.beyond);
+        found.hits &= ahead & !unsure;
+        Self { found, numbers, unsure, met: ahead | unsure }
     }
 
     /// Tests the shapes that are tested in lanes, and takes what is nearer, or as near with a lower
@@ -418,30 +390,28 @@ impl Hits {
             if lanes == 0 {
                 continue;
             }
-            // SAFETY: passed on to the caller.
-            unsafe {
-                let (zero, infinity) = (D::Singles::splat(token, 0.0), D::Singles::splat(token, f32::INFINITY));
-                let t = shape.meet(token, bundle, lanes);
-                let best = infinity.replace(self.found.hits, D::Singles::load(token, &self.found.t));
-                let hits = t.lt(infinity);
-                let mut taken = t.lt(best);
-                let mut ties = hits & t.le(best) & !taken;
-                while ties != 0 {
-                    let lane = ties.trailing_zeros();
-                    ties &= ties - 1;
-                    let (geometry, _) = list.triangle(self.numbers[lane as usize]).ids();
-                    taken |= u32::from(shape.geometry < geometry) << lane;
-                }
-                if taken != 0 {
-                    let this = D::Singles::splat(token, f32::from_bits((FIRST_OBJECT + number) as u32));
-                    this.store_where(taken, &mut self.numbers);
-                    t.store_where(taken, &mut self.found.t);
-                    zero.store_where(taken, &mut self.found.b1);
-                    zero.store_where(taken, &mut self.found.b2);
-                }
-                self.found.hits |= hits;
-                self.met |= hits;
+            let (zero, infinity) =
+                (D::Singles::splat(token, 0.0), D::Singles::splat(token, f32::INFINITY));
+            let t = shape.meet(token, bundle, lanes);
+            let best = infinity.replace(self.found.hits, D::Singles::load(token, &self.found.t));
+            let hits = t.lt(infinity);
+            let mut taken = t.lt(best);
+            let mut ties = hits & t.le(best) & !taken;
+            while ties != 0 {
+                let lane = ties.trailing_zeros();
+                ties &= ties - 1;
+                let (geometry, _) = list.triangle(self.numbers[lane as usize]).ids();
+                taken |= u32::from(shape.geometry < geometry) << lane;
             }
+            if taken != 0 {
+                let this = D::Singles::splat(token, f32::from_bits((FIRST_OBJECT + number) as u32));
+                this.store_where(taken, &mut self.numbers);
+                t.store_where(taken, &mut self.found.t);
+                zero.store_where(taken, &mut self.found.b1);
+                zero.store_where(taken, &mut self.found.b2);
+            }
+            self.found.hits |= hits;
+            self.met |= hits;
         }
     }
 

@@ -211,11 +211,11 @@ impl<'a, L: Lanes8> Place<'a, L> {
                 search.goal.count_node();
                 // SAFETY: the references of a tree are to nodes that exist.
                 let node = unsafe { self.tree.nodes.get_unchecked(current.index()) };
-                let (enters, limits) = boxes.distances(token, node, t_min, L::splat(token, cull));
+                let (enters, limits) = boxes.distances(node, t_min, L::splat(token, cull));
                 let met = enters.le(limits);
                 search.goal.visit(false, || journey::Place::of_bounds(&node.bounds()));
                 if !G::NARROWS && met != 0 {
-                    // SAFETY: as above.
+                    // SAFETY: there is room for eight above those of the levels before.
                     current = unsafe {
                         push_unsorted(stack, &mut top, met, is_ascending, &node.children)
                     };
@@ -236,7 +236,7 @@ impl<'a, L: Lanes8> Place<'a, L> {
                         // Two, most often. A branch, although it is often wrong: what comes next
                         // need not wait for the distances.
                         let (a, b) = (node.children[first], node.children[second]);
-                        // SAFETY: as above.
+                        // SAFETY: there is room for eight above those of the levels before.
                         let next = unsafe { stack.get_unchecked_mut(top) };
                         if near[first] < near[second] {
                             // SAFETY: it is valid. (Volatile, or the two branches become one with
@@ -253,7 +253,7 @@ impl<'a, L: Lanes8> Place<'a, L> {
                     let [a, b] = [first, second].map(|slot| entry(near[slot], node.children[slot]));
                     let (mut nearest, farther) =
                         (select_unpredictable(a < b, a, b), select_unpredictable(a < b, b, a));
-                    // SAFETY: as above.
+                    // SAFETY: there is room for eight above those of the levels before.
                     unsafe {
                         stack.get_unchecked_mut(top).write(farther);
                         nearest = push_sorted(stack, top, nearest, rest, &near, &node.children);
@@ -396,7 +396,7 @@ unsafe fn push_unsorted(
         if rest == 0 {
             return child;
         }
-        // SAFETY: as promised by the caller.
+        // SAFETY: the caller promises room for all that were met.
         unsafe { stack.get_unchecked_mut(*top).write(entry(0.0, child)) };
         *top += 1;
     }

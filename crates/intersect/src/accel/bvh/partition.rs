@@ -95,6 +95,7 @@ mod tests {
     use super::super::primitive::Numbered;
     use super::*;
     use snell_math::rng;
+    use snell_math::simd::Level;
 
     #[test]
     fn large_and_small_sets_are_parted_without_loss_alike_at_every_level() {

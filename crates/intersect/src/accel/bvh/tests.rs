@@ -8,6 +8,7 @@ use crate::mesh::TriangleMesh;
 use crate::query::{AcceptAll, Grouping};
 use crate::shape::Sphere;
 use crate::world::{BuildOptions, Structure, World, WorldBuilder};
+use snell_math::simd::Level;
 use snell_math::{DVec3, Ray, Transform, Vec3, rng};
 
 /// Uniform in -1..1.

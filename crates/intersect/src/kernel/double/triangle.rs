@@ -69,25 +69,20 @@ pub(crate) fn candidates<L: Lanes8>(
 ) -> u32 {
     let farthest = ray.origin[0].abs().max(ray.origin[1].abs()).max(ray.origin[2].abs());
     let slack = ray.slack + farthest * (f32::EPSILON * 0.5) + f32::MIN_POSITIVE;
-    // SAFETY: passed on to the caller.
     let (outside, sides, [z0, z1, z2]) =
-        unsafe { outside(token, block, &DrawingFrame::<L>::new(token, ray), slack) };
+        outside(token, block, &DrawingFrame::<L>::new(token, ray), slack);
     if ray.depth_scale == 0.0 {
         return !outside & 0xff;
     }
     let margin = slack * 2.0 * ray.depth_scale.abs();
-    // SAFETY: passed on to the caller.
-    let (scale, cull, start) = unsafe {
-        (
-            L::splat(token, ray.depth_scale),
-            L::splat(token, cull + margin),
-            L::splat(token, t_min - t_min.abs() * 1e-6 - margin),
-        )
-    };
+    let (scale, cull, start) = (
+        L::splat(token, ray.depth_scale),
+        L::splat(token, cull + margin),
+        L::splat(token, t_min - t_min.abs() * 1e-6 - margin),
+    );
     let (d0, d1, d2) = (z0.mul(scale), z1.mul(scale), z2.mul(scale));
     let (nearest, farthest) = (d0.min(d1).min(d2), d0.max(d1).max(d2));
-    // SAFETY: passed on to the caller.
-    let margin = unsafe { place_margin(token, nearest.abs().max(farthest.abs()), sides, ray.depth_scale) };
+    let margin = place_margin(token, nearest.abs().max(farthest.abs()), sides, ray.depth_scale);
     let beyond = cull.add(margin).lt(nearest) | farthest.add(margin).lt(start);
     !(outside | beyond) & 0xff
 }
@@ -100,8 +95,7 @@ pub(crate) fn lines_through<L: Lanes8>(
     block: &TriangleBlock,
     ray: &QuickRay,
 ) -> u32 {
-    // SAFETY: passed on to the caller.
-    let (outside, ..) = unsafe { outside(token, block, &DrawingFrame::<L>::of_quick(token, ray), ray.slack) };
+    let (outside, ..) = outside(token, block, &DrawingFrame::<L>::of_quick(token, ray), ray.slack);
     !outside & 0xff
 }
 
@@ -116,19 +110,15 @@ fn outside<L: Lanes8>(
     slack: f32,
 ) -> (u32, L, [L; 3]) {
     let [v0, v1, v2] = &block.vertices;
-    // SAFETY: passed on to the caller.
     let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2]) =
-        unsafe { (frame.draw(token, v0), frame.draw(token, v1), frame.draw(token, v2)) };
-    // SAFETY: passed on to the caller.
-    let (zero, slack, depth_error, edge_error, tiny) = unsafe {
-        (
-            L::splat(token, 0.0),
-            L::splat(token, slack * 4.0),
-            L::splat(token, DEPTH_ERROR),
-            L::splat(token, EDGE_ERROR),
-            L::splat(token, f32::MIN_POSITIVE),
-        )
-    };
+        (frame.draw(token, v0), frame.draw(token, v1), frame.draw(token, v2));
+    let (zero, slack, depth_error, edge_error, tiny) = (
+        L::splat(token, 0.0),
+        L::splat(token, slack * 4.0),
+        L::splat(token, DEPTH_ERROR),
+        L::splat(token, EDGE_ERROR),
+        L::splat(token, f32::MIN_POSITIVE),
+    );
     let u = x1.mul(y2).sub(y1.mul(x2));
     let v = x2.mul(y0).sub(y2.mul(x0));
     let w = x0.mul(y1).sub(y0.mul(x1));

@@ -54,8 +54,7 @@ impl Apart {
     /// The rays that may meet any of the rest.
     #[inline(always)]
     pub(super) fn may_meet_rest<D: Doubles16>(&self, token: D::Token, bundle: &Bundle<D>) -> u32 {
-        // SAFETY: passed on to the caller.
-        unsafe { bundle.may_meet(token, &self.list, &self.bounds) }
+        bundle.may_meet(token, &self.list, &self.bounds)
     }
 }
 

@@ -62,12 +62,17 @@ pub(crate) struct LaneRays<W: Lanes16> {
 impl<W: Lanes16> LaneRays<W> {
     #[inline(always)]
     pub fn load(token: W::Token, [[ox, oy, oz], [dx, dy, dz]]: &ExactColumns) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self {
-                origin: [W::Doubles::load(token, ox), W::Doubles::load(token, oy), W::Doubles::load(token, oz)],
-                direction: [W::Doubles::load(token, dx), W::Doubles::load(token, dy), W::Doubles::load(token, dz)],
-            }
+        Self {
+            origin: [
+                W::Doubles::load(token, ox),
+                W::Doubles::load(token, oy),
+                W::Doubles::load(token, oz),
+            ],
+            direction: [
+                W::Doubles::load(token, dx),
+                W::Doubles::load(token, dy),
+                W::Doubles::load(token, dz),
+            ],
         }
     }
 
@@ -85,28 +90,22 @@ impl<W: Lanes16> LaneRays<W> {
     #[inline(always)]
     pub(super) fn seen_from(&self, token: W::Token, point: Vec3) -> [W; 3] {
         let ([ox, oy, oz], point) = (self.origin, point.as_dvec3());
-        // SAFETY: passed on to the caller.
-        unsafe {
-            rounded3([
-                ox.sub(W::Doubles::splat(token, point.x)),
-                oy.sub(W::Doubles::splat(token, point.y)),
-                oz.sub(W::Doubles::splat(token, point.z)),
-            ])
-        }
+        rounded3([
+            ox.sub(W::Doubles::splat(token, point.x)),
+            oy.sub(W::Doubles::splat(token, point.y)),
+            oz.sub(W::Doubles::splat(token, point.z)),
+        ])
     }
 
     /// As [`crate::kernel::double::frame::Frame::ray`]: the same operations, so the same bits.
     #[inline(always)]
     pub fn framed(&self, token: W::Token, center: &DVec3, scale: f64) -> Self {
         let mut image = *self;
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let scale = W::Doubles::splat(token, scale);
-            for axis in 0..3 {
-                image.origin[axis] =
-                    self.origin[axis].sub(W::Doubles::splat(token, center[axis])).mul(scale);
-                image.direction[axis] = self.direction[axis].mul(scale);
-            }
+        let scale = W::Doubles::splat(token, scale);
+        for axis in 0..3 {
+            image.origin[axis] =
+                self.origin[axis].sub(W::Doubles::splat(token, center[axis])).mul(scale);
+            image.direction[axis] = self.direction[axis].mul(scale);
         }
         image
     }
@@ -118,18 +117,15 @@ impl<W: Lanes16> LaneRays<W> {
         let [x, y, z] =
             [matrix3.x_axis.to_array(), matrix3.y_axis.to_array(), matrix3.z_axis.to_array()];
         let (translation, mut image) = (translation.to_array(), *self);
-        // SAFETY: passed on to the caller.
-        unsafe {
-            for axis in 0..3 {
-                let [x, y, z] = [
-                    W::Doubles::splat(token, x[axis]),
-                    W::Doubles::splat(token, y[axis]),
-                    W::Doubles::splat(token, z[axis]),
-                ];
-                image.origin[axis] =
-                    dot([x, y, z], self.origin).add(W::Doubles::splat(token, translation[axis]));
-                image.direction[axis] = dot([x, y, z], self.direction);
-            }
+        for axis in 0..3 {
+            let [x, y, z] = [
+                W::Doubles::splat(token, x[axis]),
+                W::Doubles::splat(token, y[axis]),
+                W::Doubles::splat(token, z[axis]),
+            ];
+            image.origin[axis] =
+                dot([x, y, z], self.origin).add(W::Doubles::splat(token, translation[axis]));
+            image.direction[axis] = dot([x, y, z], self.direction);
         }
         image
     }

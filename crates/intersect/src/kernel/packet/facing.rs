@@ -18,36 +18,30 @@ impl<W: Lanes16> LineLanes<W> {
     #[inline(always)]
     pub fn all(token: W::Token, lines: &Lines) -> Self {
         let ([sx, sy], [mx, my, mz]) = (&lines.slope, &lines.moment);
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self {
-                slope: [W::load(token, sx), W::load(token, sy)],
-                moment: if lines.apart {
-                    Some([W::load(token, mx), W::load(token, my), W::load(token, mz)])
-                } else {
-                    None
-                },
-                begin: W::load(token, &lines.begin),
-                end: W::load(token, &lines.end),
-            }
+        Self {
+            slope: [W::load(token, sx), W::load(token, sy)],
+            moment: if lines.apart {
+                Some([W::load(token, mx), W::load(token, my), W::load(token, mz)])
+            } else {
+                None
+            },
+            begin: W::load(token, &lines.begin),
+            end: W::load(token, &lines.end),
         }
     }
 
     #[inline(always)]
     pub fn two(token: W::Token, lines: &Lines, a: usize, b: usize) -> Self {
         let ([sx, sy], [mx, my, mz]) = (&lines.slope, &lines.moment);
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self {
-                slope: [both(token, sx, a, b), both(token, sy, a, b)],
-                moment: if lines.apart {
-                    Some([both(token, mx, a, b), both(token, my, a, b), both(token, mz, a, b)])
-                } else {
-                    None
-                },
-                begin: both(token, &lines.begin, a, b),
-                end: both(token, &lines.end, a, b),
-            }
+        Self {
+            slope: [both(token, sx, a, b), both(token, sy, a, b)],
+            moment: if lines.apart {
+                Some([both(token, mx, a, b), both(token, my, a, b), both(token, mz, a, b)])
+            } else {
+                None
+            },
+            begin: both(token, &lines.begin, a, b),
+            end: both(token, &lines.end, a, b),
         }
     }
 }
@@ -74,32 +68,26 @@ impl<W: Lanes16> TriangleLanes<W> {
     #[inline(always)]
     pub fn one(token: W::Token, seen: &SeenBlock, triangle: usize) -> Self {
         let i = triangle;
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self {
-                normal: of3(token, &seen.normal, i),
-                areas: [of3(token, &seen.areas[0], i), of3(token, &seen.areas[1], i)],
-                edges: [of3(token, &seen.edges[0], i), of3(token, &seen.edges[1], i)],
-                bound: of(token, &seen.bound, i),
-                nearest: of(token, &seen.nearest, i),
-                farthest: of(token, &seen.farthest, i),
-            }
+        Self {
+            normal: of3(token, &seen.normal, i),
+            areas: [of3(token, &seen.areas[0], i), of3(token, &seen.areas[1], i)],
+            edges: [of3(token, &seen.edges[0], i), of3(token, &seen.edges[1], i)],
+            bound: of(token, &seen.bound, i),
+            nearest: of(token, &seen.nearest, i),
+            farthest: of(token, &seen.farthest, i),
         }
     }
 
     /// All triangles, for two rays.
     #[inline(always)]
     pub fn all(token: W::Token, seen: &SeenBlock) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self {
-                normal: twice3(token, &seen.normal),
-                areas: [twice3(token, &seen.areas[0]), twice3(token, &seen.areas[1])],
-                edges: [twice3(token, &seen.edges[0]), twice3(token, &seen.edges[1])],
-                bound: twice(token, &seen.bound),
-                nearest: twice(token, &seen.nearest),
-                farthest: twice(token, &seen.farthest),
-            }
+        Self {
+            normal: twice3(token, &seen.normal),
+            areas: [twice3(token, &seen.areas[0]), twice3(token, &seen.areas[1])],
+            edges: [twice3(token, &seen.edges[0]), twice3(token, &seen.edges[1])],
+            bound: twice(token, &seen.bound),
+            nearest: twice(token, &seen.nearest),
+            farthest: twice(token, &seen.farthest),
         }
     }
 
@@ -120,8 +108,7 @@ impl<W: Lanes16> TriangleLanes<W> {
     /// Where rays surely do not meet triangles, or before they begin, or beyond where they end.
     #[inline(always)]
     pub fn missed(&self, token: W::Token, planes: &PlaneLanes<W>, lines: &LineLanes<W>) -> u32 {
-        // SAFETY: passed on to the caller.
-        unsafe { self.missed_by(token, &self.areas(lines, W::splat(token, 0.0)), planes, lines) }
+        self.missed_by(token, &self.areas(lines, W::splat(token, 0.0)), planes, lines)
     }
 
     /// The same by the areas.
@@ -133,17 +120,16 @@ impl<W: Lanes16> TriangleLanes<W> {
         planes: &PlaneLanes<W>,
         lines: &LineLanes<W>,
     ) -> u32 {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            self.outside(token, areas) | lines.end.lt(self.nearest) | planes.behind(token, self, areas, lines)
-        }
+        self.outside(token, areas)
+            | lines.end.lt(self.nearest)
+            | planes.behind(token, self, areas, lines)
     }
 
     /// Where lines surely pass by.
     #[inline(always)]
     pub fn outside(&self, token: W::Token, areas: &Areas<W>) -> u32 {
-        // SAFETY: passed on to the caller. (NaN is never sure.)
-        unsafe { areas.inside.add(self.bound).lt(W::splat(token, 0.0)) }
+        // (NaN is never sure.)
+        areas.inside.add(self.bound).lt(W::splat(token, 0.0))
     }
 
     /// The rays that may hit a triangle where that may matter, and those that surely do within
@@ -156,16 +142,13 @@ impl<W: Lanes16> TriangleLanes<W> {
         lines: &LineLanes<W>,
         [sure_begin, sure_end]: [W; 2],
     ) -> [u32; 2] {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let areas = self.areas(lines, W::splat(token, 0.0));
-            let (size, missed) = (areas.sum.abs(), self.missed_by(token, &areas, planes, lines));
-            let ahead = planes.distance(token, self, &areas, lines).sub(sure_begin.mul(size));
-            let ahead = planes.error.lt(ahead) & planes.upright.lt(size);
-            // Rays through the inside of a triangle hit it between its corners.
-            let inside = self.bound.add(self.bound).lt(areas.inside);
-            [!missed & 0xffff, inside & ahead & self.farthest.lt(sure_end) & !missed]
-        }
+        let areas = self.areas(lines, W::splat(token, 0.0));
+        let (size, missed) = (areas.sum.abs(), self.missed_by(token, &areas, planes, lines));
+        let ahead = planes.distance(token, self, &areas, lines).sub(sure_begin.mul(size));
+        let ahead = planes.error.lt(ahead) & planes.upright.lt(size);
+        // Rays through the inside of a triangle hit it between its corners.
+        let inside = self.bound.add(self.bound).lt(areas.inside);
+        [!missed & 0xffff, inside & ahead & self.farthest.lt(sure_end) & !missed]
     }
 }
 
@@ -173,24 +156,22 @@ impl<W: Lanes16> PlaneLanes<W> {
     /// Of a triangle, for all rays.
     #[inline(always)]
     pub fn one(token: W::Token, seen: &SeenBlock, triangle: usize) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let Planes { height, error, upright } = seen.planes.assume_init_ref();
-            Self {
-                height: of(token, height, triangle),
-                error: of(token, error, triangle),
-                upright: of(token, upright, triangle),
-            }
+        let Planes { height, error, upright } = seen.planes();
+        Self {
+            height: of(token, height, triangle),
+            error: of(token, error, triangle),
+            upright: of(token, upright, triangle),
         }
     }
 
     /// Of all triangles, for two rays.
     #[inline(always)]
     pub fn all(token: W::Token, seen: &SeenBlock) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let Planes { height, error, upright } = seen.planes.assume_init_ref();
-            Self { height: twice(token, height), error: twice(token, error), upright: twice(token, upright) }
+        let Planes { height, error, upright } = seen.planes();
+        Self {
+            height: twice(token, height),
+            error: twice(token, error),
+            upright: twice(token, upright),
         }
     }
 
@@ -204,11 +185,8 @@ impl<W: Lanes16> PlaneLanes<W> {
         lines: &LineLanes<W>,
     ) -> u32 {
         let size = areas.sum.abs();
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let ahead = self.distance(token, of_triangle, areas, lines).sub(lines.begin.mul(size));
-            ahead.add(self.error).lt(W::splat(token, 0.0)) & self.upright.lt(size)
-        }
+        let ahead = self.distance(token, of_triangle, areas, lines).sub(lines.begin.mul(size));
+        ahead.add(self.error).lt(W::splat(token, 0.0)) & self.upright.lt(size)
     }
 
     /// Where lines meet planes along the axis, times the product of the normal and the direction,
@@ -225,8 +203,7 @@ impl<W: Lanes16> PlaneLanes<W> {
         if let Some([mx, my, _]) = lines.moment {
             height = x.mul_add(my, height).sub(y.mul(mx));
         }
-        // SAFETY: passed on to the caller.
-        let zero = unsafe { W::splat(token, 0.0) };
+        let zero = W::splat(token, 0.0);
         height.where_less(areas.sum, zero, zero.sub(height))
     }
 }
@@ -252,16 +229,17 @@ impl SeenBlock {
         mut triangles: u32,
     ) -> u32 {
         let mut near = 0;
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let lines = LineLanes::<W>::all(token, lines);
-            while triangles != 0 {
-                let triangle = triangles.trailing_zeros();
-                triangles &= triangles - 1;
-                let i = triangle as usize & 7;
-                let missed = TriangleLanes::one(token, self, i).missed(token, &PlaneLanes::one(token, self, i), &lines);
-                near |= u32::from(rays & !missed != 0) << triangle;
-            }
+        let lines = LineLanes::<W>::all(token, lines);
+        while triangles != 0 {
+            let triangle = triangles.trailing_zeros();
+            triangles &= triangles - 1;
+            let i = triangle as usize & 7;
+            let missed = TriangleLanes::one(token, self, i).missed(
+                token,
+                &PlaneLanes::one(token, self, i),
+                &lines,
+            );
+            near |= u32::from(rays & !missed != 0) << triangle;
         }
         near
     }
@@ -276,20 +254,21 @@ impl SeenBlock {
         mut triangles: u32,
     ) -> Facing {
         let mut facing = Facing { near: 0, sure: 0, rays: [[0; 2]; 8] };
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let of_rays = LineLanes::<W>::all(token, lines);
-            let limits = [W::load(token, &lines.sure_begin), W::load(token, &lines.sure_end)];
-            while triangles != 0 {
-                let triangle = triangles.trailing_zeros();
-                triangles &= triangles - 1;
-                let i = triangle as usize & 7;
-                let [possible, sure] =
-                    TriangleLanes::one(token, self, i).facing(token, &PlaneLanes::one(token, self, i), &of_rays, limits);
-                facing.rays[i] = [possible & rays, sure & rays];
-                facing.near |= u32::from(possible & rays != 0) << triangle;
-                facing.sure |= u32::from(sure & rays != 0) << triangle;
-            }
+        let of_rays = LineLanes::<W>::all(token, lines);
+        let limits = [W::load(token, &lines.sure_begin), W::load(token, &lines.sure_end)];
+        while triangles != 0 {
+            let triangle = triangles.trailing_zeros();
+            triangles &= triangles - 1;
+            let i = triangle as usize & 7;
+            let [possible, sure] = TriangleLanes::one(token, self, i).facing(
+                token,
+                &PlaneLanes::one(token, self, i),
+                &of_rays,
+                limits,
+            );
+            facing.rays[i] = [possible & rays, sure & rays];
+            facing.near |= u32::from(possible & rays != 0) << triangle;
+            facing.sure |= u32::from(sure & rays != 0) << triangle;
         }
         facing
     }
@@ -306,29 +285,25 @@ pub(super) struct Areas<W> {
 /// A number of a triangle, for all rays.
 #[inline(always)]
 pub(super) fn of<W: Lanes16>(token: W::Token, row: &[f32; 8], triangle: usize) -> W {
-    // SAFETY: passed on to the caller.
-    unsafe { W::splat(token, *row.get_unchecked(triangle)) }
+    W::splat(token, row[triangle & 7])
 }
 
 /// A vector of a triangle, for all rays.
 #[inline(always)]
 fn of3<W: Lanes16>(token: W::Token, [x, y, z]: &[[f32; 8]; 3], triangle: usize) -> [W; 3] {
-    // SAFETY: passed on to the caller.
-    unsafe { [of(token, x, triangle), of(token, y, triangle), of(token, z, triangle)] }
+    [of(token, x, triangle), of(token, y, triangle), of(token, z, triangle)]
 }
 
 /// A number of all triangles, for two rays.
 #[inline(always)]
 fn twice<W: Lanes16>(token: W::Token, row: &[f32; 8]) -> W {
-    // SAFETY: passed on to the caller.
-    unsafe { W::load_halves(token, row, row) }
+    W::load_halves(token, row, row)
 }
 
 /// The vectors of all triangles, for two rays.
 #[inline(always)]
 fn twice3<W: Lanes16>(token: W::Token, [x, y, z]: &[[f32; 8]; 3]) -> [W; 3] {
-    // SAFETY: passed on to the caller.
-    unsafe { [twice(token, x), twice(token, y), twice(token, z)] }
+    [twice(token, x), twice(token, y), twice(token, z)]
 }
 
 /// The numbers of two rays, for all triangles.

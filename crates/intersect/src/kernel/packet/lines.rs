@@ -4,6 +4,7 @@
 //! the distance from the start of its ray: a light far away, as the apex is, would make all errors
 //! as large as its distance. `z` grows along the rays.
 
+use super::super::ray::Axes;
 use super::bundle::{Columns, Kind, PerRay, RAYS};
 use snell_math::simd::Lanes16;
 
@@ -80,81 +81,70 @@ impl Lines {
         token: W::Token,
         columns: &Columns<W>,
         kind: &Kind,
-        [x, y, z]: [usize; 3],
+        axes: Axes,
         slopes: [W; 2],
         along: W,
     ) {
         self.apart = !kind.common;
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let [slope_x, slope_y] = slopes;
-            slope_x.store(&mut self.slope[0]);
-            slope_y.store(&mut self.slope[1]);
-            along.store(&mut self.along);
-            let mut start = W::splat(token, 0.0);
-            self.spread = 0.0;
-            if self.apart {
-                let from = &columns.from_point;
-                let (from_x, from_y, from_z) = (from[x], from[y], from[z]);
-                self.spread = from_x.abs().add(from_y.abs()).add(from_z.abs()).reduce_max();
-                start = from_z.mul(W::splat(token, self.forward));
-                let (at_x, at_y) = (from_x.sub(slope_x.mul(start)), from_y.sub(slope_y.mul(start)));
-                let moment =
-                    [at_y, W::splat(token, 0.0).sub(at_x), at_x.mul(slope_y).sub(at_y.mul(slope_x))];
-                for (i, moment) in moment.into_iter().enumerate() {
-                    moment.store(&mut self.moment[i]);
-                    let (low, high) = (moment.reduce_min(), moment.reduce_max());
-                    self.moments[0][i] = (low + high) * 0.5;
-                    self.moments[1][i] = (high - low) * 0.5;
-                }
+        let [slope_x, slope_y] = slopes;
+        slope_x.store(&mut self.slope[0]);
+        slope_y.store(&mut self.slope[1]);
+        along.store(&mut self.along);
+        let mut start = W::splat(token, 0.0);
+        self.spread = 0.0;
+        if self.apart {
+            let [from_x, from_y, from_z] = axes.of(&columns.from_point);
+            self.spread = from_x.abs().add(from_y.abs()).add(from_z.abs()).reduce_max();
+            start = from_z.mul(W::splat(token, self.forward));
+            let (at_x, at_y) = (from_x.sub(slope_x.mul(start)), from_y.sub(slope_y.mul(start)));
+            let moment =
+                [at_y, W::splat(token, 0.0).sub(at_x), at_x.mul(slope_y).sub(at_y.mul(slope_x))];
+            for (i, moment) in moment.into_iter().enumerate() {
+                moment.store(&mut self.moment[i]);
+                let (low, high) = (moment.reduce_min(), moment.reduce_max());
+                self.moments[0][i] = (low + high) * 0.5;
+                self.moments[1][i] = (high - low) * 0.5;
             }
-            start.store(&mut self.start);
-            let early = columns.t_min.mul(along);
-            let begin = start.add(early);
-            let error = self.error(token, start, early);
-            begin.sub(error).store(&mut self.begin);
-            begin.add(error).store(&mut self.sure_begin);
-            self.latest = begin.abs().add(error).reduce_max();
-            // (Of rays that want nothing this is unspecified.)
-            let [sure_end, end] = self.ends(token, columns.cull.mul(along));
-            sure_end.store(&mut self.sure_end);
-            end.store(&mut self.end);
         }
+        start.store(&mut self.start);
+        let early = columns.t_min.mul(along);
+        let begin = start.add(early);
+        let error = self.error(token, start, early);
+        begin.sub(error).store(&mut self.begin);
+        begin.add(error).store(&mut self.sure_begin);
+        self.latest = begin.abs().add(error).reduce_max();
+        // (Of rays that want nothing this is unspecified.)
+        let [sure_end, end] = self.ends(token, columns.cull.mul(along));
+        sure_end.store(&mut self.sure_end);
+        end.store(&mut self.end);
     }
 
     /// Bound of the errors of a place at this distance from the start.
     #[inline(always)]
     fn error<W: Lanes16>(&self, token: W::Token, start: W, length: W) -> W {
-        // SAFETY: passed on to the caller.
         let (margin, roundings) =
-            unsafe { (W::splat(token, self.margin + f32::MIN_POSITIVE), W::splat(token, ROUNDINGS)) };
+            (W::splat(token, self.margin + f32::MIN_POSITIVE), W::splat(token, ROUNDINGS));
         start.abs().add(length).mul(roundings).add(margin)
     }
 
     /// Between where rays end that have these padded lengths.
     #[inline(always)]
     fn ends<W: Lanes16>(&self, token: W::Token, length: W) -> [W; 2] {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let (start, length) = (W::load(token, &self.start), length.min(W::splat(token, LONGEST)));
-            let error = self.error(token, start, length);
-            [
-                start.add(length.mul(W::splat(token, 1.0 - END_PADDING))).sub(error),
-                start.add(length).add(error),
-            ]
-        }
+        let (start, length) = (W::load(token, &self.start), length.min(W::splat(token, LONGEST)));
+        let error = self.error(token, start, length);
+        [
+            start.add(length.mul(W::splat(token, 1.0 - END_PADDING))).sub(error),
+            start.add(length).add(error),
+        ]
     }
 
     /// After hits of some rays: their new padded lengths.
     #[inline(always)]
     pub fn tighten<W: Lanes16>(&mut self, token: W::Token, rays: u32, length: W) {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let [sure_end, end] = self.ends(token, length);
-            let (sure_end, end) =
-                (sure_end.min(W::load(token, &self.sure_end)), end.min(W::load(token, &self.end)));
-            sure_end.store_where(rays, &mut self.sure_end);
-            end.store_where(rays, &mut self.end);
-        }
+        let [sure_end, end] = self.ends(token, length);
+        let (sure_end, end) =
+            (sure_end.min(W::load(token, &self.sure_end)), end.min(W::load(token, &self.end)));
+        sure_end.store_where(rays, &mut self.sure_end);
+        end.store_where(rays, &mut self.end);
     }
 }

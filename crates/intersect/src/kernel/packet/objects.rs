@@ -28,21 +28,18 @@ impl<G: Goal> Walker<'_, '_, G> {
         stack: &mut Stack,
     ) {
         let mut culls = [0.0; RAYS];
-        // SAFETY: as promised by the caller.
-        unsafe {
-            let over = self.test_one_by_one::<W::Half>(
-                W::half_token(token),
-                group,
-                object,
-                bundle,
-                rays,
-                &mut culls,
-                stack,
-            );
-            self.alive &= !over;
-            bundle.narrow::<W>(token, rays, over, &culls);
-            bundle.update_limits::<W>(token);
-        }
+        let over = self.test_one_by_one::<W::Half>(
+            W::half_token(token),
+            group,
+            object,
+            bundle,
+            rays,
+            &mut culls,
+            stack,
+        );
+        self.alive &= !over;
+        bundle.narrow::<W>(token, rays, over, &culls);
+        bundle.update_limits::<W>(token);
     }
 
     /// Tests a shape or instance for some of the rays, one by one; notes their new padded limits,
@@ -101,26 +98,23 @@ impl<G: Goal> Walker<'_, '_, G> {
         (group, child): (usize, usize),
         child_from_group: &DAffine3,
     ) -> bool {
-        // SAFETY: as promised by the caller.
-        unsafe {
-            let rays = bundle.lane_rays::<W>(token).mapped(token, child_from_group);
-            let cull = W::splat(token, -1.0).replace(mask, W::load(token, &bundle.cull));
-            let mut points =
-                [Vec3::from_array(bundle.kind.apex).as_dvec3(), bundle.point().as_dvec3()];
-            for point in &mut points {
-                *point = child_from_group
-                    .transform_point3(G::Precision::point_in_group(self.data, group, *point));
-            }
-            let limits = [W::load(token, &bundle.t_min), cull];
-            below.set_up_exactly::<W, G::Precision>(token, 
-                rays,
-                limits,
-                self.data,
-                child,
-                points,
-                &bundle.kind,
-            )
+        let rays = bundle.lane_rays::<W>(token).mapped(token, child_from_group);
+        let cull = W::splat(token, -1.0).replace(mask, W::load(token, &bundle.cull));
+        let mut points = [Vec3::from_array(bundle.kind.apex).as_dvec3(), bundle.point().as_dvec3()];
+        for point in &mut points {
+            *point = child_from_group
+                .transform_point3(G::Precision::point_in_group(self.data, group, *point));
         }
+        let limits = [W::load(token, &bundle.t_min), cull];
+        below.set_up_exactly::<W, G::Precision>(
+            token,
+            rays,
+            limits,
+            self.data,
+            child,
+            points,
+            &bundle.kind,
+        )
     }
 }
 
@@ -140,49 +134,46 @@ pub(super) fn enter_object<W: Lanes16, G: Goal>(
     if rows[0].walker.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed)) {
         return;
     }
-    // SAFETY: as promised by the caller.
-    unsafe {
-        if let ObjectRef::Placed(Object::Instance {
-            child,
-            offset,
-            child_from_group: Placement::Still(child_from_group),
-            mask: visible,
-        }) = group.tree.objects.get(object.index())
-            && fits::<W::Half>(W::half_token(token), &rows[0].walker.forest.trees[*child])
-        {
-            let mut luggage = stacks.spare.pop().unwrap_or_else(Luggage::new);
-            let (mut rest, mut inside, mut wanted) = (members, 0, [0; ROWS]);
-            while let Some(number) = next(&mut rest) {
-                let Row { walker, bundle, .. } = &mut rows[number];
-                wanted[number] = walker.visible(rays[number], *visible);
-                let (below, groups) = (&mut luggage.bundles[number], (position.group, *child));
-                if wanted[number].count_ones() as usize >= MIN_RAYS
-                    && walker.set_up_in_child::<W>(token, 
-                        below,
-                        bundle,
-                        wanted[number],
-                        groups,
-                        child_from_group,
-                    )
-                {
-                    inside |= 1 << (8 * number);
-                }
-            }
-            members &= !inside;
-            let position =
-                Position { group: *child, instance: group.instance + offset, ..*position };
-            while inside != 0 {
-                let alike = luggage.alike(inside);
-                inside &= !alike;
-                walk_inside::<W, G>(token, rows, alike, &wanted, &mut luggage, stacks, position);
-            }
-            stacks.spare.push(luggage);
-        }
-        while let Some(number) = next(&mut members) {
+    if let ObjectRef::Placed(Object::Instance {
+        child,
+        offset,
+        child_from_group: Placement::Still(child_from_group),
+        mask: visible,
+    }) = group.tree.objects.get(object.index())
+        && fits::<W::Half>(W::half_token(token), &rows[0].walker.forest.trees[*child])
+    {
+        let mut luggage = stacks.spare.pop().unwrap_or_else(Luggage::new);
+        let (mut rest, mut inside, mut wanted) = (members, 0, [0; ROWS]);
+        while let Some(number) = next(&mut rest) {
             let Row { walker, bundle, .. } = &mut rows[number];
-            let (object, single) = (object.index(), &mut stacks.single);
-            walker.test_objects::<W>(token, group, object, bundle, rays[number], single);
+            wanted[number] = walker.visible(rays[number], *visible);
+            let (below, groups) = (&mut luggage.bundles[number], (position.group, *child));
+            if wanted[number].count_ones() as usize >= MIN_RAYS
+                && walker.set_up_in_child::<W>(
+                    token,
+                    below,
+                    bundle,
+                    wanted[number],
+                    groups,
+                    child_from_group,
+                )
+            {
+                inside |= 1 << (8 * number);
+            }
         }
+        members &= !inside;
+        let position = Position { group: *child, instance: group.instance + offset, ..*position };
+        while inside != 0 {
+            let alike = luggage.alike(inside);
+            inside &= !alike;
+            walk_inside::<W, G>(token, rows, alike, &wanted, &mut luggage, stacks, position);
+        }
+        stacks.spare.push(luggage);
+    }
+    while let Some(number) = next(&mut members) {
+        let Row { walker, bundle, .. } = &mut rows[number];
+        let (object, single) = (object.index(), &mut stacks.single);
+        walker.test_objects::<W>(token, group, object, bundle, rays[number], single);
     }
 }
 
@@ -211,10 +202,7 @@ fn walk_inside<W: Lanes16, G: Goal>(
         let Row { walker, bundle, .. } = &mut rows[number];
         let over = wanted[number] & !walker.alive;
         walker.alive = outside[number] & !over;
-        // SAFETY: as promised by the caller.
-        unsafe {
-            bundle.narrow::<W>(token, wanted[number], over, &luggage.bundles[number].cull);
-            bundle.update_limits::<W>(token);
-        }
+        bundle.narrow::<W>(token, wanted[number], over, &luggage.bundles[number].cull);
+        bundle.update_limits::<W>(token);
     }
 }

@@ -41,29 +41,27 @@ impl<G: Goal> Walker<'_, '_, G> {
         rays: u32,
         memory: &mut Memory,
     ) {
-        // SAFETY: as promised by the caller.
-        unsafe {
-            let few = self.few_rays::<W>();
-            let is_quick = !bundle.lines.apart && (!Self::PUTS_OFF || rays.count_ones() <= few);
-            let mut found = if G::ANY {
-                self.find_any::<W>(token, group, leaf, bundle, rays, memory)
-            } else if is_quick {
-                self.find_pairs_of_origin::<W>(token, group, leaf, bundle, rays, memory)
-            } else {
-                self.find_pairs::<W>(token, group, leaf, bundle, rays, memory)
-            };
-            if memory.pairs.count != 0 && self.is_urgent::<W>(token, bundle, &memory.pairs) {
-                found |= self.test_pairs::<W>(token, 
-                    group,
-                    bundle,
-                    &mut memory.pairs,
-                    &mut memory.locals,
-                    false,
-                );
-            }
-            if found {
-                bundle.update_limits::<W>(token);
-            }
+        let few = self.few_rays::<W>();
+        let is_quick = !bundle.lines.apart && (!Self::PUTS_OFF || rays.count_ones() <= few);
+        let mut found = if G::ANY {
+            self.find_any::<W>(token, group, leaf, bundle, rays, memory)
+        } else if is_quick {
+            self.find_pairs_of_origin::<W>(token, group, leaf, bundle, rays, memory)
+        } else {
+            self.find_pairs::<W>(token, group, leaf, bundle, rays, memory)
+        };
+        if memory.pairs.count != 0 && self.is_urgent::<W>(token, bundle, &memory.pairs) {
+            found |= self.test_pairs::<W>(
+                token,
+                group,
+                bundle,
+                &mut memory.pairs,
+                &mut memory.locals,
+                false,
+            );
+        }
+        if found {
+            bundle.update_limits::<W>(token);
         }
     }
 
@@ -87,10 +85,9 @@ impl<G: Goal> Walker<'_, '_, G> {
             return 2 * pairs.count >= self.alive.count_ones() as usize;
         }
         // As long as any other ray has hit nothing, the bundle goes on as before.
-        // SAFETY: passed on to the caller.
         !Self::PUTS_OFF
             || pairs.count > WAITING_PAIRS
-            || unsafe { bundle.endless::<W>(token) } & !pairs.waiting == 0
+            || bundle.endless::<W>(token) & !pairs.waiting == 0
     }
 
     /// Finds what rays that share their origin may hit of a block. True if anything was tested,
@@ -106,35 +103,30 @@ impl<G: Goal> Walker<'_, '_, G> {
         memory: &mut Memory,
     ) -> bool {
         let mut found = false;
-        // SAFETY: as promised by the caller.
-        unsafe {
-            let (place, used) = (leaf.place, leaf.used);
-            let seen = leaf.of_origin::<G::Precision>(token, bundle);
-            while rays != 0 {
-                let ray = rays.trailing_zeros();
-                rays &= rays - 1;
-                let mut triangles =
-                    seen.candidates(W::half_token(token), &bundle.lines, ray as usize & (RAYS - 1)) & used;
-                // Mostly there is one.
-                loop {
-                    memory.pairs.push_if(
-                        ray,
-                        place + (triangles.trailing_zeros() & 7),
-                        triangles != 0,
+        let (place, used) = (leaf.place, leaf.used);
+        let seen = leaf.of_origin::<G::Precision>(token, bundle);
+        while rays != 0 {
+            let ray = rays.trailing_zeros();
+            rays &= rays - 1;
+            let mut triangles =
+                seen.candidates(W::half_token(token), &bundle.lines, ray as usize & (RAYS - 1))
+                    & used;
+            // Mostly there is one.
+            loop {
+                memory.pairs.push_if(ray, place + (triangles.trailing_zeros() & 7), triangles != 0);
+                if memory.pairs.is_full() {
+                    found |= self.test_pairs::<W>(
+                        token,
+                        group,
+                        bundle,
+                        &mut memory.pairs,
+                        &mut memory.locals,
+                        false,
                     );
-                    if memory.pairs.is_full() {
-                        found |= self.test_pairs::<W>(token, 
-                            group,
-                            bundle,
-                            &mut memory.pairs,
-                            &mut memory.locals,
-                            false,
-                        );
-                    }
-                    triangles &= triangles.wrapping_sub(1);
-                    if triangles == 0 {
-                        break;
-                    }
+                }
+                triangles &= triangles.wrapping_sub(1);
+                if triangles == 0 {
+                    break;
                 }
             }
         }
@@ -154,55 +146,53 @@ impl<G: Goal> Walker<'_, '_, G> {
         memory: &mut Memory,
     ) -> bool {
         let mut found = false;
-        // SAFETY: as promised by the caller.
-        unsafe {
-            let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
-            let seen = leaf
-                .seen::<G::Precision>(token, bundle, Wanted { planes: bundle.lines.apart, depths: true });
-            if rays.count_ones() <= self.few_rays::<W>() {
-                triangles &= near_few::<W>(token, seen, bundle, rays);
-            } else {
-                triangles &= seen.near_bundle::<W::Half>(W::half_token(token), bundle);
-                self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
+        let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
+        let seen = leaf.seen::<G::Precision>(
+            token,
+            bundle,
+            Wanted { planes: bundle.lines.apart, depths: true },
+        );
+        if rays.count_ones() <= self.few_rays::<W>() {
+            triangles &= near_few::<W>(token, seen, bundle, rays);
+        } else {
+            triangles &= seen.near_bundle::<W::Half>(W::half_token(token), bundle);
+            self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
+        }
+        while triangles != 0 {
+            let triangle = triangles.trailing_zeros();
+            triangles &= triangles - 1;
+            let Meeting { mut possible, sure, nearer, low, high } =
+                seen.meeting::<W>(token, &bundle.lines, triangle as usize, rays);
+            if possible == 0 {
+                continue;
             }
-            while triangles != 0 {
-                let triangle = triangles.trailing_zeros();
-                triangles &= triangles - 1;
-                let Meeting { mut possible, sure, nearer, low, high } =
-                    seen.meeting::<W>(token, &bundle.lines, triangle as usize, rays);
-                if possible == 0 {
-                    continue;
-                }
-                let (id, mut drawn) = (block.ids[triangle as usize & 7], 0);
-                if Self::PUTS_OFF && possible & !sure != 0 {
-                    possible &= !(self.waiting & W::places_of(token, id, &self.put_off_ids));
-                    if !G::Precision::TRIANGLES_ELSEWHERE
-                        && possible & !sure != 0
-                        && bundle.is_aligned
-                    {
-                        let [inside, outside] =
-                            drawing::sides::<W>(token, block, triangle as usize, bundle);
-                        possible &= !outside;
-                        drawn = nearer & possible & inside & !sure;
-                    }
-                }
-                let hit = sure | drawn;
-                if hit != 0
-                    && Self::PUTS_OFF
-                    && !bundle.kind.reversed
-                    && self.is_plain(group.tree.triangle(id).0)
+            let (id, mut drawn) = (block.ids[triangle as usize & 7], 0);
+            if Self::PUTS_OFF && possible & !sure != 0 {
+                possible &= !(self.waiting & W::places_of(token, id, &self.put_off_ids));
+                if !G::Precision::TRIANGLES_ELSEWHERE && possible & !sure != 0 && bundle.is_aligned
                 {
-                    W::write_where(token, hit, place + triangle, &mut self.put_off);
-                    W::write_where(token, hit, id, &mut self.put_off_ids);
-                    self.waiting |= hit;
-                    self.drawn = self.drawn & !hit | drawn;
-                    bundle.tighten_to(token, hit, low, high);
-                    possible &= !hit;
-                    found = true;
+                    let [inside, outside] =
+                        drawing::sides::<W>(token, block, triangle as usize, bundle);
+                    possible &= !outside;
+                    drawn = nearer & possible & inside & !sure;
                 }
-                found |= self.push_pairs::<W>(token, group, bundle, possible, place + triangle, memory);
-                rays &= self.alive;
             }
+            let hit = sure | drawn;
+            if hit != 0
+                && Self::PUTS_OFF
+                && !bundle.kind.reversed
+                && self.is_plain(group.tree.triangle(id).0)
+            {
+                W::write_where(token, hit, place + triangle, &mut self.put_off);
+                W::write_where(token, hit, id, &mut self.put_off_ids);
+                self.waiting |= hit;
+                self.drawn = self.drawn & !hit | drawn;
+                bundle.tighten_to(token, hit, low, high);
+                possible &= !hit;
+                found = true;
+            }
+            found |= self.push_pairs::<W>(token, group, bundle, possible, place + triangle, memory);
+            rays &= self.alive;
         }
         found
     }
@@ -219,47 +209,44 @@ impl<G: Goal> Walker<'_, '_, G> {
         mut rays: u32,
         memory: &mut Memory,
     ) -> bool {
-        // SAFETY: as promised by the caller.
-        unsafe {
-            let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
-            let seen = leaf.seen::<G::Precision>(token, bundle, Wanted { planes: true, depths: false });
-            if rays.count_ones() <= self.few_rays::<W>() {
-                triangles &= near_few::<W>(token, seen, bundle, rays);
-            } else {
-                if !self.is_small || W::REGISTERS > 1 {
-                    triangles &= seen.near_bundle::<W::Half>(W::half_token(token), bundle);
-                    self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
-                }
-                // Most rays meet only what they start on, behind their start.
-                triangles = seen.near_any::<W>(token, &bundle.lines, rays, triangles);
+        let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
+        let seen = leaf.seen::<G::Precision>(token, bundle, Wanted { planes: true, depths: false });
+        if rays.count_ones() <= self.few_rays::<W>() {
+            triangles &= near_few::<W>(token, seen, bundle, rays);
+        } else {
+            if !self.is_small || W::REGISTERS > 1 {
+                triangles &= seen.near_bundle::<W::Half>(W::half_token(token), bundle);
+                self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
             }
-            if triangles == 0 {
-                return false;
-            }
-            let Facing { mut near, mut sure, rays: facing } =
-                seen.facing::<W>(token, &bundle.lines, rays, triangles);
-            let mut hit = 0;
-            while sure != 0 {
-                let triangle = sure.trailing_zeros() as usize & 7;
-                sure &= sure - 1;
-                if self.is_plain(group.tree.triangle(block.ids[triangle]).0) {
-                    hit |= facing[triangle][1];
-                }
-            }
-            let mut found = hit != 0;
-            if found {
-                self.take_any::<W>(token, hit, bundle);
-                rays &= !hit;
-            }
-            while near != 0 {
-                let triangle = near.trailing_zeros();
-                near &= near - 1;
-                let possible = facing[triangle as usize & 7][0] & rays;
-                found |= self.push_pairs::<W>(token, group, bundle, possible, place + triangle, memory);
-                rays &= self.alive;
-            }
-            found
+            // Most rays meet only what they start on, behind their start.
+            triangles = seen.near_any::<W>(token, &bundle.lines, rays, triangles);
         }
+        if triangles == 0 {
+            return false;
+        }
+        let Facing { mut near, mut sure, rays: facing } =
+            seen.facing::<W>(token, &bundle.lines, rays, triangles);
+        let mut hit = 0;
+        while sure != 0 {
+            let triangle = sure.trailing_zeros() as usize & 7;
+            sure &= sure - 1;
+            if self.is_plain(group.tree.triangle(block.ids[triangle]).0) {
+                hit |= facing[triangle][1];
+            }
+        }
+        let mut found = hit != 0;
+        if found {
+            self.take_any::<W>(token, hit, bundle);
+            rays &= !hit;
+        }
+        while near != 0 {
+            let triangle = near.trailing_zeros();
+            near &= near - 1;
+            let possible = facing[triangle as usize & 7][0] & rays;
+            found |= self.push_pairs::<W>(token, group, bundle, possible, place + triangle, memory);
+            rays &= self.alive;
+        }
+        found
     }
 
     /// Adds pairs of some rays and a triangle. True if anything was tested, because there were
@@ -279,16 +266,14 @@ impl<G: Goal> Walker<'_, '_, G> {
             memory.pairs.push(rays.trailing_zeros(), triangle);
             rays &= rays - 1;
             if memory.pairs.is_full() {
-                // SAFETY: as promised by the caller.
-                found |= unsafe {
-                    self.test_pairs::<W>(token, 
-                        group,
-                        bundle,
-                        &mut memory.pairs,
-                        &mut memory.locals,
-                        false,
-                    )
-                };
+                found |= self.test_pairs::<W>(
+                    token,
+                    group,
+                    bundle,
+                    &mut memory.pairs,
+                    &mut memory.locals,
+                    false,
+                );
                 rays &= self.alive;
             }
         }
@@ -307,8 +292,7 @@ impl<G: Goal> Walker<'_, '_, G> {
     fn take_any<W: Lanes16>(&mut self, token: W::Token, rays: u32, bundle: &mut Bundle) {
         self.alive &= !rays;
         self.met |= rays;
-        // SAFETY: passed on to the caller.
-        unsafe { bundle.finish::<W>(token, rays) };
+        bundle.finish::<W>(token, rays);
     }
 
     /// Tests what was put off. If nothing comes after the `last` ones of the root group, what rays
@@ -328,16 +312,14 @@ impl<G: Goal> Walker<'_, '_, G> {
         let mut rays = std::mem::take(&mut self.waiting);
         if rays != 0 && bundle.is_aligned {
             let mut outcome = Outcome::NONE;
-            // SAFETY: as promised by the caller.
-            let Decided { mut hits, moved } = unsafe {
-                G::Precision::sure_hits::<W>(token, 
-                    group.tree,
-                    bundle,
-                    [rays, self.drawn],
-                    &self.put_off,
-                    &mut self.sure,
-                )
-            };
+            let Decided { mut hits, moved } = G::Precision::sure_hits::<W>(
+                token,
+                group.tree,
+                bundle,
+                [rays, self.drawn],
+                &self.put_off,
+                &mut self.sure,
+            );
             rays &= !hits & !moved;
             self.given_up |= moved;
             outcome.over |= moved;
@@ -351,8 +333,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                 let (t, b) = (self.sure.t[ray], [self.sure.b1[ray], self.sure.b2[ray]]);
                 self.offer(group, ray, self.put_off[ray], t, b, &mut outcome);
             }
-            // SAFETY: as promised by the caller.
-            unsafe { self.conclude::<W>(token, bundle, &outcome, last) };
+            self.conclude::<W>(token, bundle, &outcome, last);
         }
         while rays != 0 {
             let mut pairs = Pairs::NONE;
@@ -361,8 +342,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                 rays &= rays - 1;
                 pairs.push(ray, self.put_off[ray as usize & (RAYS - 1)]);
             }
-            // SAFETY: as promised by the caller.
-            unsafe { self.test_pairs::<W>(token, group, bundle, &mut pairs, locals, last) };
+            self.test_pairs::<W>(token, group, bundle, &mut pairs, locals, last);
         }
     }
 
@@ -386,10 +366,14 @@ impl<G: Goal> Walker<'_, '_, G> {
             if G::Precision::TRIANGLES_ELSEWHERE {
                 self.want_rays(bundle);
             }
-            // SAFETY: as promised by the caller.
-            unsafe {
-                G::Precision::exact_hits::<W>(token, self.data, group.tree, bundle, pairs, &mut self.found)
-            };
+            G::Precision::exact_hits::<W>(
+                token,
+                self.data,
+                group.tree,
+                bundle,
+                pairs,
+                &mut self.found,
+            );
         }
         let (mut hits, mut unsure) = (self.found.hits & all, self.found.unsure & all);
         while hits != 0 {
@@ -420,8 +404,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             outcome.note(ray, search.cull(), is_over);
         }
         pairs.clear();
-        // SAFETY: as promised by the caller.
-        unsafe { self.conclude::<W>(token, bundle, &outcome, last) }
+        self.conclude::<W>(token, bundle, &outcome, last)
     }
 
     /// Offers a hit of the triangle at a place.
@@ -479,8 +462,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         self.alive &= !over;
         let is_narrowed = !last && (*over != 0 || (G::NARROWS && *nearer != 0));
         if is_narrowed {
-            // SAFETY: as promised by the caller.
-            unsafe { bundle.narrow::<W>(token, *nearer, *over, culls) };
+            bundle.narrow::<W>(token, *nearer, *over, culls);
         }
         is_narrowed
     }
@@ -491,8 +473,7 @@ impl<G: Goal> Walker<'_, '_, G> {
 fn near_few<W: Lanes16>(token: W::Token, seen: &SeenBlock, bundle: &Bundle, mut rays: u32) -> u32 {
     let mut near = 0;
     while rays != 0 {
-        // SAFETY: passed on to the caller.
-        near |= unsafe { seen.near_two::<W>(token, &bundle.lines, &mut rays) };
+        near |= seen.near_two::<W>(token, &bundle.lines, &mut rays);
     }
     near | near >> 8
 }

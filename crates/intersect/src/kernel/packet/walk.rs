@@ -1,6 +1,6 @@
 //! The walk of a bundle through the tree of a group.
 
-use super::super::node::ChildRef;
+use super::super::node::{ChildRef, WideNode};
 use super::super::prefetch::fetch_lines;
 use super::super::traverse::Entry;
 use super::bundle::{Bundle, PerRay};
@@ -39,6 +39,14 @@ pub(super) struct Stacks {
     pub(super) spare: Vec<Box<Luggage>>,
     /// About what walks took: a box tested is one.
     pub(super) work: u32,
+}
+
+impl Stacks {
+    /// Of how many entries.
+    #[inline(always)]
+    fn room(&self) -> usize {
+        self.distances.len().min(self.places.len()).min(self.meetings.len())
+    }
 }
 
 /// Some of the rows: the first bit of a byte for each.
@@ -205,6 +213,9 @@ impl Luggage {
 
 /// Walks one group with some of the bundles, which must be [alike](Bundle::is_like): each meets
 /// what it would meet alone, in the same order.
+///
+/// # Panics
+/// If the stacks have no room for the group and all below it.
 #[inline(always)]
 fn walk<W: Lanes16, G: Goal>(
     token: W::Token,
@@ -213,29 +224,38 @@ fn walk<W: Lanes16, G: Goal>(
     stacks: &mut Stacks,
     position: Position,
 ) {
-    let tree = &rows[first(members)].walker.forest.trees[position.group];
+    let forest = rows[first(members)].walker.forest;
+    assert!(
+        stacks.room() >= position.top + forest.stack_sizes[position.group],
+        "room for the way down"
+    );
+    let tree = &forest.trees[position.group];
     let group = Group { tree, instance: position.instance };
-    // SAFETY: as promised by the caller.
-    unsafe {
-        for &object in &tree.unbounded {
-            let mut rest = members;
-            while let Some(number) = next(&mut rest) {
-                let Row { walker, bundle, .. } = &mut rows[number];
-                let alive = walker.alive;
-                walker.test_objects::<W>(token, group, object as usize, bundle, alive, &mut stacks.single);
-            }
-        }
-        descend::<W, G>(token, group, rows, members, stacks, position);
-        // (From an instance, the limits of the rays are taken back.)
-        let last = position.group == 0;
+    for &object in &tree.unbounded {
         let mut rest = members;
         while let Some(number) = next(&mut rest) {
-            let Row { walker, bundle, memory: Memory { pairs, locals } } = &mut rows[number];
-            if pairs.count != 0 && walker.alive != 0 {
-                walker.test_pairs::<W>(token, group, bundle, pairs, locals, last);
-            }
-            walker.test_put_off::<W>(token, group, bundle, locals, last);
+            let Row { walker, bundle, .. } = &mut rows[number];
+            let alive = walker.alive;
+            walker.test_objects::<W>(
+                token,
+                group,
+                object as usize,
+                bundle,
+                alive,
+                &mut stacks.single,
+            );
         }
+    }
+    descend::<W, G>(token, group, rows, members, stacks, position);
+    // (From an instance, the limits of the rays are taken back.)
+    let last = position.group == 0;
+    let mut rest = members;
+    while let Some(number) = next(&mut rest) {
+        let Row { walker, bundle, memory: Memory { pairs, locals } } = &mut rows[number];
+        if pairs.count != 0 && walker.alive != 0 {
+            walker.test_pairs::<W>(token, group, bundle, pairs, locals, last);
+        }
+        walker.test_put_off::<W>(token, group, bundle, locals, last);
     }
 }
 
@@ -258,33 +278,30 @@ fn descend<W: Lanes16, G: Goal>(
     let (mut far, mut fars) = limits(rows, members);
     let (mut node, mut meeting) = (tree.root.index(), members);
     while far > f32::NEG_INFINITY {
-        // SAFETY: the builder makes only references to nodes that exist; a walk holds at most 7
-        // entries per level.
-        unsafe {
-            let pushed =
-                push_children::<W, G>(token, tree, node, rows, [first as u32, meeting], far, stacks, top);
-            if fetches_leaves {
-                let leaves = tree
-                    .nodes
-                    .get_unchecked(node)
-                    .children
-                    .into_iter()
-                    .filter(|child| child.is_triangles());
-                leaves.for_each(|leaf| fetch_ahead(tree, leaf));
-            }
-            if prefetch {
-                for i in (top..top + pushed).rev() {
-                    fetch_ahead(tree, child_at(tree, *stacks.places.get_unchecked(i)));
-                }
-            }
-            top += pushed;
+        // SAFETY: nodes are the root and those that nodes refer to, which exist; a walk holds at
+        // most 7 entries per level, and `walk` has seen that there is room for 8 at the bottom.
+        let (parent, pushed) = unsafe {
+            let parent = tree.nodes.get_unchecked(node);
+            let meeting = [first as u32, meeting];
+            (parent, push_children::<W, G>(token, parent, node, rows, meeting, far, stacks, top))
+        };
+        if fetches_leaves {
+            let leaves = parent.children.into_iter().filter(|child| child.is_triangles());
+            leaves.for_each(|leaf| fetch_ahead(tree, leaf));
         }
+        if prefetch {
+            for &place in stacks.places[top..top + pushed].iter().rev() {
+                // SAFETY: places are those of nodes that exist.
+                fetch_ahead(tree, unsafe { child_at(tree, place) }.1);
+            }
+        }
+        top += pushed;
         loop {
             if top == base {
                 return;
             }
             top -= 1;
-            // SAFETY: entries below the former `top` are written.
+            // SAFETY: `top` was within the stacks.
             let (distance, place, meetings) = unsafe {
                 (
                     *stacks.distances.get_unchecked(top),
@@ -297,8 +314,8 @@ fn descend<W: Lanes16, G: Goal>(
             }
             stacks.work += 1;
             meeting = meetings >> (place & 7) & within(distance, &fars);
-            // SAFETY: places come from nodes that exist.
-            let child = unsafe { child_at(tree, place) };
+            // SAFETY: places are those of nodes that exist.
+            let (parent, child) = unsafe { child_at(tree, place) };
             if meeting == 0 {
                 continue;
             }
@@ -309,22 +326,15 @@ fn descend<W: Lanes16, G: Goal>(
             }
             let mut rays = [0; ROWS];
             let mut rest = meeting;
-            // SAFETY: places come from nodes that exist; `W` as promised by the caller.
-            let one = unsafe {
-                rows[first]
-                    .bundle
-                    .one_box::<W>(token, tree.nodes.get_unchecked(place as usize >> 3), place as usize & 7)
-            };
+            let one = rows[first].bundle.one_box::<W>(token, parent, place as usize & 7);
             while rest != 0 {
                 let bit = rest.trailing_zeros();
                 rest &= rest - 1;
-                // SAFETY: bits come from bundles; `W` as promised by the caller.
-                unsafe {
-                    let row = rows.get_unchecked((bit >> 3) as usize);
-                    let those = row.bundle.rays_meeting::<W>(token, &one) & row.walker.alive;
-                    rays[(bit >> 3) as usize & (ROWS - 1)] = those;
-                    meeting &= !(u32::from(those == 0) << bit);
-                }
+                let number = (bit >> 3) as usize & (ROWS - 1);
+                let row = &rows[number];
+                let those = row.bundle.rays_meeting::<W>(token, &one) & row.walker.alive;
+                rays[number] = those;
+                meeting &= !(u32::from(those == 0) << bit);
             }
             if meeting == 0 {
                 continue;
@@ -334,26 +344,30 @@ fn descend<W: Lanes16, G: Goal>(
                 break;
             }
             stacks.work += 2;
-            // SAFETY: as promised by the caller.
-            unsafe {
-                if child.is_triangles() {
-                    let mut room = MaybeUninit::uninit();
-                    let mut leaf = Leaf::<W>::new(token, tree, child, &mut room);
-                    while let Some(number) = next(&mut meeting) {
-                        let Row { walker, bundle, memory } = rows.get_unchecked_mut(number);
-                        walker.test_triangles::<W>(token, group, &mut leaf, bundle, rays[number], memory);
-                    }
-                } else {
-                    let mut rest = meeting;
-                    while let Some(number) = next(&mut rest) {
-                        let Row { walker, bundle, memory } = &mut rows[number];
-                        walker.test_put_off::<W>(token, group, bundle, &mut memory.locals, false);
-                    }
-                    let inside = Position { top, ..position };
-                    enter_object::<W, G>(token, group, child, rows, meeting, &rays, &inside, stacks);
+            if child.is_triangles() {
+                let mut room = MaybeUninit::uninit();
+                let mut leaf = Leaf::<W>::new(token, tree, child, &mut room);
+                while let Some(number) = next(&mut meeting) {
+                    let Row { walker, bundle, memory } = &mut rows[number];
+                    walker.test_triangles::<W>(
+                        token,
+                        group,
+                        &mut leaf,
+                        bundle,
+                        rays[number],
+                        memory,
+                    );
                 }
-                (far, fars) = limits(rows, members);
+            } else {
+                let mut rest = meeting;
+                while let Some(number) = next(&mut rest) {
+                    let Row { walker, bundle, memory } = &mut rows[number];
+                    walker.test_put_off::<W>(token, group, bundle, &mut memory.locals, false);
+                }
+                let inside = Position { top, ..position };
+                enter_object::<W, G>(token, group, child, rows, meeting, &rays, &inside, stacks);
             }
+            (far, fars) = limits(rows, members);
         }
     }
 }
@@ -396,41 +410,46 @@ fn within(distance: f32, fars: &[f32; ROWS]) -> u32 {
     bundles
 }
 
-/// Puts the children of a node that some of the bundles meet on the stack, the nearest on top, and
-/// returns how many they are.
+/// Puts the children of a node, given with its number, that some of the bundles meet on the stack,
+/// the nearest on top, and returns how many they are.
+///
+/// # Safety
+/// The stacks must have room for eight entries from `top`.
 #[inline(always)]
-fn push_children<W: Lanes16, G: Goal>(
+unsafe fn push_children<W: Lanes16, G: Goal>(
     token: W::Token,
-    tree: &GroupTree,
-    node: usize,
+    node: &WideNode,
+    number: usize,
     rows: &Rows<'_, '_, '_, G>,
     [first, mut meeting]: [u32; 2],
     far: f32,
     stacks: &mut Stacks,
     top: usize,
 ) -> usize {
- let half = W::half_token(token);
-    // SAFETY: as promised by the caller.
-    unsafe {
-        let places: [u32; 8] = std::array::from_fn(|slot| (node * 8 + slot) as u32);
-        let node = tree.nodes.get_unchecked(node);
-        let first = &rows[first as usize & (ROWS - 1)].bundle;
-        let boxes = first.boxes::<W::Half>(half, node);
-        let (mut nearest, mut meetings) = (W::Half::splat(half, f32::INFINITY), 0);
-        while meeting != 0 {
-            let bit = meeting.trailing_zeros();
-            meeting &= meeting - 1;
-            let bundle = &rows.get_unchecked((bit >> 3) as usize).bundle;
-            let enter = bundle.box_distances(half, &boxes);
-            meetings |= enter.le(W::Half::splat(half, bundle.bundle_far)) << bit;
-            nearest = nearest.min(enter);
-        }
-        *stacks.meetings.as_mut_ptr().add(top).cast::<[u32; 8]>() = [meetings; 8];
-        let distances = &mut *stacks.distances.as_mut_ptr().add(top).cast::<[f32; 8]>();
-        let payload = &mut *stacks.places.as_mut_ptr().add(top).cast::<[u32; 8]>();
-        let order = *node.order.get_unchecked(first.octant);
-        nearest.compress_le(W::Half::splat(half, far), order, &places, distances, payload)
+    let half = W::half_token(token);
+    let all: [u32; 8] = std::array::from_fn(|slot| (number * 8 + slot) as u32);
+    let first = &rows[first as usize & (ROWS - 1)].bundle;
+    let boxes = first.boxes::<W::Half>(half, node);
+    let (mut nearest, mut met) = (W::Half::splat(half, f32::INFINITY), 0);
+    while meeting != 0 {
+        let bit = meeting.trailing_zeros();
+        meeting &= meeting - 1;
+        let bundle = &rows[(bit >> 3) as usize & (ROWS - 1)].bundle;
+        let enter = bundle.box_distances(half, &boxes);
+        met |= enter.le(W::Half::splat(half, bundle.bundle_far)) << bit;
+        nearest = nearest.min(enter);
     }
+    // SAFETY: by the caller's promise there are eight entries of each.
+    let (distances, places, meetings) = unsafe {
+        (
+            &mut *stacks.distances.as_mut_ptr().add(top).cast::<[f32; 8]>(),
+            &mut *stacks.places.as_mut_ptr().add(top).cast::<[u32; 8]>(),
+            &mut *stacks.meetings.as_mut_ptr().add(top).cast::<[u32; 8]>(),
+        )
+    };
+    *meetings = [met; 8];
+    let order = node.order[first.octant & 7];
+    nearest.compress_le(W::Half::splat(half, far), order, &all, distances, places)
 }
 
 impl<'s, G: Goal> Walker<'_, 's, G> {
@@ -465,14 +484,15 @@ impl<'s, G: Goal> Walker<'_, 's, G> {
     }
 }
 
-/// The child at a place.
+/// The child at a place, and the node that it is of.
 ///
 /// # Safety
-/// The place must be one of the tree.
+/// The place must be one of a node of the tree.
 #[inline(always)]
-unsafe fn child_at(tree: &GroupTree, place: u32) -> ChildRef {
-    // SAFETY: as promised by the caller.
-    unsafe { tree.nodes.get_unchecked(place as usize >> 3).children[place as usize & 7] }
+unsafe fn child_at(tree: &GroupTree, place: u32) -> (&WideNode, ChildRef) {
+    // SAFETY: the caller promises that the place is of a node.
+    let node = unsafe { tree.nodes.get_unchecked(place as usize >> 3) };
+    (node, node.children[place as usize & 7])
 }
 
 /// Asks for the memory of a node or block.
