@@ -36,7 +36,7 @@ use high::High;
 use medium::Medium;
 use primitive::{MAX_TRIANGLES, OBJECT, Triangles, triangle_primitives};
 use rayon::prelude::*;
-use snell_math::simd::Level;
+use snell_math::simd;
 use snell_math::{Bounds3, Bounds3d};
 use std::path::PathBuf;
 use wide::{Wide, write};
@@ -48,7 +48,7 @@ pub(crate) struct BvhOptions {
     /// Whether blocks take less memory, and more time.
     pub compact: bool,
     /// Instructions the builder may use; the tree is the same at every level.
-    pub simd: Level,
+    pub wide: Option<simd::Wide>,
     /// Where trees are kept in files.
     pub cache: Option<PathBuf>,
 }
@@ -196,9 +196,9 @@ fn build_wide(
     let mut large = primitives[rest..all].to_vec();
     let splits =
         options.quality == Quality::High || waste::is_large(&primitives[..rest], triangles);
-    let medium = Medium { level: options.simd, has_objects };
+    let medium = Medium { wide: options.wide, has_objects };
     let tree = if splits {
-        High::new(options.simd, has_objects, triangles).build(
+        High::new(options.wide, has_objects, triangles).build(
             &mut primitives[..rest + room],
             rest,
             extent,

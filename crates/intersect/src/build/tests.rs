@@ -8,6 +8,7 @@ use crate::search::{AcceptAll, Grouping};
 use crate::shape::Sphere;
 use crate::tree::Forest;
 use crate::world::{AcceleratorKind, BuildOptions, Structure, World, WorldBuilder};
+use snell_math::simd::Level;
 use snell_math::{DVec3, Ray, Transform, Vec3, rng};
 use std::sync::Arc;
 

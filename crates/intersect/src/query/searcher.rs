@@ -170,10 +170,10 @@ impl<P: Kernels> Searcher<'_, P> {
         start: &impl Fn(&RayOf<G>) -> G,
         answers: &mut impl Answers<G>,
     ) -> usize {
-        let (level, mut begun) = (self.world.simd, Vec::new());
+        let (wide, mut begun) = (self.world.wide, Vec::new());
         let mut sorter = order::Sorter::new(
             rays.len(),
-            forest.outliers.is_some() && interleave::pays_to_sort::<G>(forest, level),
+            forest.outliers.is_some() && interleave::pays_to_sort::<G>(forest, wide),
         );
         let at_once =
             if forest.outliers.is_some() { sorter.at_once(RAYS_AT_ONCE) } else { rays.len() };
@@ -182,14 +182,13 @@ impl<P: Kernels> Searcher<'_, P> {
             let part = rays.slice(first..(first + at_once).min(rays.len()));
             let mut own = Part { first, answers: &mut *answers };
             let batch = interleave::Batch::new(part, &self.context);
-            let done = P::search_list(forest, level, &batch, &mut begun, start, |i, goal| {
-                own.put(i, goal)
-            });
+            let done =
+                P::search_list(forest, wide, &batch, &mut begun, start, |i, goal| own.put(i, goal));
             if !begun.is_empty() {
                 let order = sorter
                     .order_of::<P>(begun.iter().map(|begun| part.get(begun.number as usize).ray));
                 let batch = interleave::Batch { order, begun: Some(&begun), ..batch };
-                interleave::search_batch(forest, level, &batch, start, own);
+                interleave::search_batch(forest, wide, &batch, start, own);
                 begun.clear();
             }
             first += done;
@@ -216,7 +215,7 @@ impl<P: Kernels> Searcher<'_, P> {
             {
                 let batch = interleave::Batch::new(rays, &self.context);
                 let all = Part { first: 0, answers: &mut answers };
-                for left in packet::search_runs(forest, self.world.simd, &batch, &start, all) {
+                for left in packet::search_runs(forest, self.world.wide, &batch, &start, all) {
                     let part = Part { first: left.start, answers: &mut answers };
                     self.search_unrelated(rays.slice(left), &start, part);
                 }
@@ -233,16 +232,16 @@ impl<P: Kernels> Searcher<'_, P> {
     ) {
         match &self.world.structure {
             Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
-                let level = self.world.simd;
+                let wide = self.world.wide;
                 let mut sorter =
-                    order::Sorter::new(rays.len(), interleave::pays_to_sort::<G>(forest, level));
+                    order::Sorter::new(rays.len(), interleave::pays_to_sort::<G>(forest, wide));
                 for part in sorter.parts() {
                     let own = Part { first: part.start, answers: &mut answers };
                     let rays = rays.slice(part);
                     let order = sorter.order(rays);
                     let batch =
                         interleave::Batch { order, ..interleave::Batch::new(rays, &self.context) };
-                    interleave::search_batch(forest, level, &batch, &start, own);
+                    interleave::search_batch(forest, wide, &batch, &start, own);
                 }
             }
             Structure::Walked(structures) => {
@@ -280,7 +279,7 @@ impl<P: Kernels> Searcher<'_, P> {
     #[inline(always)]
     fn run<G: Goal<Precision = P>>(&self, search: &mut Search<G>) {
         match &self.world.structure {
-            Structure::Bvh(forest) => search_forest(forest, self.world.simd, search),
+            Structure::Bvh(forest) => search_forest(forest, self.world.wide, search),
             other => search_other(other, search),
         }
     }

@@ -133,8 +133,8 @@ impl GroupTree {
 pub(crate) struct Forest {
     /// Shared with other worlds that hold the same groups.
     pub trees: Vec<Arc<GroupTree>>,
-    /// Entries a walk needs on the deepest way through all groups.
-    pub stack_size: usize,
+    /// Entries a walk needs on the deepest way from each group through all below it.
+    pub stack_sizes: Vec<usize>,
     /// The largest coordinate of each tree.
     pub extents: Vec<f32>,
     /// True if everything is of ordinary size ([`is_ordinary`]).
@@ -166,11 +166,17 @@ impl Forest {
         let simple = ordinary && trees[0].unbounded.is_empty() && sizes[0] <= SMALL_STACK;
         let list = trees.first().and_then(|root| List::of(root));
         let mut forest =
-            Self { stack_size: sizes[0], trees, extents, ordinary, simple, list, outliers: None };
+            Self { stack_sizes: sizes, trees, extents, ordinary, simple, list, outliers: None };
         if forest.list.is_none() && may_search(&forest) {
             forest.outliers = Outliers::of(&forest.trees[0]);
         }
         forest
+    }
+
+    /// Entries a walk needs on the deepest way through all groups.
+    #[inline(always)]
+    pub fn stack_size(&self) -> usize {
+        self.stack_sizes[0]
     }
 
     /// How far out the coordinates of a group reach, if single precision has no steps there that
@@ -195,7 +201,7 @@ pub(crate) const SMALL_STACK: usize = 512;
 
 /// True if walks through the bounded part of the forest fit the stacks of this kernel.
 pub(crate) fn may_search(forest: &Forest) -> bool {
-    forest.ordinary && forest.trees[0].root.is_node() && forest.stack_size <= SMALL_STACK
+    forest.ordinary && forest.trees[0].root.is_node() && forest.stack_size() <= SMALL_STACK
 }
 
 /// The largest coordinate in the tree; infinite if one is not a number.

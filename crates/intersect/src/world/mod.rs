@@ -42,7 +42,7 @@ use cover::Cover;
 use occurrence::Occurrences;
 use rayon::prelude::*;
 use reuse::{Inventory, Summary};
-use snell_math::simd::Level;
+use snell_math::simd::{Level, Wide};
 use snell_math::{Bounds3d, DMat3, Transform};
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
@@ -340,7 +340,7 @@ impl WorldBuilder {
     }
 
     fn into_world(self, occurrences: Occurrences, parts: Parts) -> World {
-        let Parts { bounds, structure, inventory, simd, stats } = parts;
+        let Parts { bounds, structure, inventory, wide, stats } = parts;
         World {
             geometries: self.geometries,
             options: self.options,
@@ -349,7 +349,7 @@ impl WorldBuilder {
             bounds,
             structure,
             inventory,
-            simd,
+            wide,
             stats,
             winding: OnceLock::new(),
             repeats: OnceLock::new(),
@@ -584,7 +584,7 @@ struct Parts {
     bounds: Bounds3d,
     structure: Structure,
     inventory: Inventory,
-    simd: Level,
+    wide: Option<Wide>,
     stats: BuildStats,
 }
 
@@ -609,7 +609,8 @@ pub struct World {
     bounds: Bounds3d,
     pub(crate) structure: Structure,
     inventory: Inventory,
-    pub(crate) simd: Level,
+    /// The proof of the instructions that queries use.
+    pub(crate) wide: Option<Wide>,
     stats: BuildStats,
     /// Made when it is first asked for.
     pub(crate) winding: OnceLock<Winding>,
@@ -760,7 +761,7 @@ impl World {
 
     /// The instructions that the queries use.
     pub fn simd(&self) -> Level {
-        self.simd
+        Level::of(self.wide)
     }
 }
 

@@ -13,7 +13,6 @@ use crate::mesh::TriangleMesh;
 use crate::tree::{Forest, GroupTree};
 use rayon::prelude::*;
 use snell_math::Bounds3d;
-use snell_math::simd::Level;
 use std::sync::Arc;
 
 /// Groups with fewer triangles are always built: that takes no longer.
@@ -228,11 +227,11 @@ impl WorldBuilder {
     ) -> Result<Parts, WorldError> {
         let lists = self.group_lists(occurrences)?;
         let n = self.groups.len();
-        let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
+        let wide = options.simd.wide();
         let bvh = BvhOptions {
             quality: options.quality,
             compact: options.compact,
-            simd,
+            wide,
             cache: options.cache.clone(),
         };
         let mut inventory = Inventory {
@@ -286,7 +285,7 @@ impl WorldBuilder {
             }
         };
         let stats = self.count_triangles(occurrences, &structure, &inventory);
-        Ok(Parts { bounds: inventory.exact[0], structure, inventory, simd, stats })
+        Ok(Parts { bounds: inventory.exact[0], structure, inventory, wide, stats })
     }
 }
 

@@ -9,7 +9,7 @@ use crate::sampler::{ManyRandoms, SampleKey, Sampler};
 use crate::settings::Terminator;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh, TRIANGLE_HITS};
 use snell_intersect::{Hit, SphereHits, SurfaceInteraction, TriangleHits, TrianglePoints};
-use snell_math::simd::{Wide, least};
+use snell_math::simd::{Wide, min};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
 use snell_scene::MediumId;
 
@@ -131,7 +131,7 @@ impl Roulette {
     #[inline(always)]
     pub fn survival(&self, lane: usize, weight: f32) -> (f32, bool) {
         let survival = match self.most {
-            Some(most) => least(weight, most),
+            Some(most) => min(weight, most),
             None => 1.0,
         };
         (1.0 / survival, self.numbers[lane] < survival)

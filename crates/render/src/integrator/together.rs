@@ -8,7 +8,7 @@ use super::lights::horizon;
 use super::plain_surfaces::Frames;
 use super::surfaces::{Bounces, Scattered};
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::simd::{Bits, Wide, marked, marked_vector};
+use snell_math::simd::{Bits, Wide, mask_select, mask_select_vector};
 use snell_math::{ColorModel, at_level};
 use snell_scene::bsdf::{MANY, ManyAnswers, ManyBsdf, ManyPoint, ManyQuestions};
 
@@ -240,7 +240,7 @@ fn look(seen: &Seen, to: &mut Together, facing: &mut HitVectors) {
         put(&mut to.wo, i, local);
         let normal = if local.z < 0.0 { -frame.z } else { frame.z };
         let kept = at(facing, i);
-        put(facing, i, marked_vector(to.has[i], normal, kept));
+        put(facing, i, mask_select_vector(to.has[i], normal, kept));
     }
 }
 
@@ -276,7 +276,7 @@ fn take<const CHANNELS: usize>(
 #[inline(always)]
 fn take_marked<T: Bits>(of: &[u32; MANY], from: &[T; MANY], to: &mut [T; MANY]) {
     for i in 0..MANY {
-        to[i] = marked(of[i], from[i], to[i]);
+        to[i] = mask_select(of[i], from[i], to[i]);
     }
 }
 
@@ -306,22 +306,23 @@ fn tell<const CHANNELS: usize>(
         let agrees = (is_transmission & (sides < 0.0)) | (!is_transmission & (sides > 0.0));
         let exists = (scale > 0.0) & (scale < f32::INFINITY) & agrees;
         for axis in 0..3 {
-            bounces.wi[axis][i] = marked(has, next[axis], bounces.wi[axis][i]);
+            bounces.wi[axis][i] = mask_select(has, next[axis], bounces.wi[axis][i]);
         }
         for channel in 0..CHANNELS {
-            let value = marked(is_seen, found.value[channel][i], 0.0);
-            scattered.value[channel][i] = marked(has, value, scattered.value[channel][i]);
+            let value = mask_select(is_seen, found.value[channel][i], 0.0);
+            scattered.value[channel][i] = mask_select(has, value, scattered.value[channel][i]);
             bounces.weight[channel][i] =
-                marked(has, found.weight[channel][i], bounces.weight[channel][i]);
+                mask_select(has, found.weight[channel][i], bounces.weight[channel][i]);
         }
-        let pdf = marked(is_seen, found.pdf[i], 0.0);
-        scattered.pdf[i] = marked(has, pdf, scattered.pdf[i]);
-        bounces.pdf[i] = marked(has, found.drawn_pdf[i], bounces.pdf[i]);
+        let pdf = mask_select(is_seen, found.pdf[i], 0.0);
+        scattered.pdf[i] = mask_select(has, pdf, scattered.pdf[i]);
+        bounces.pdf[i] = mask_select(has, found.drawn_pdf[i], bounces.pdf[i]);
         let eta_scale = carried.eta_scale[i] * found.crossing[i];
-        bounces.eta_scale[i] = marked(has, eta_scale, bounces.eta_scale[i]);
-        bounces.expected[i] = marked(has, carried.marks[i].expected().get(), bounces.expected[i]);
-        bounces.is_delta[i] = marked(has, found.is_delta[i], bounces.is_delta[i]);
+        bounces.eta_scale[i] = mask_select(has, eta_scale, bounces.eta_scale[i]);
+        bounces.expected[i] =
+            mask_select(has, carried.marks[i].expected().get(), bounces.expected[i]);
+        bounces.is_delta[i] = mask_select(has, found.is_delta[i], bounces.is_delta[i]);
         let exists = found.exists[i] & u32::from(exists);
-        bounces.exists[i] = marked(has, exists, bounces.exists[i]);
+        bounces.exists[i] = mask_select(has, exists, bounces.exists[i]);
     }
 }

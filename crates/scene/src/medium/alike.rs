@@ -5,7 +5,7 @@
 use super::analytic::transmittance_of;
 use snell_math::Vec2;
 use snell_math::exponentials::ln;
-use snell_math::simd::least;
+use snell_math::simd::min;
 
 /// What became of a path that set out.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,7 +58,7 @@ pub fn travel_alike(
         left[channel] = throughput[channel]
             * ((if is_scattered { scattered } else { through[channel] }) * scale);
     }
-    AlikeTravel { throughput: left, distance: least(column as f32, length), is_scattered }
+    AlikeTravel { throughput: left, distance: min(column as f32, length), is_scattered }
 }
 
 /// What is left of the value of a light ray after so much of a medium of this extinction.

@@ -15,13 +15,9 @@ pub(crate) struct Begun<H> {
 
 impl Outliers {
     /// The rays that may meet any of the rest.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    pub(super) unsafe fn may_meet_rest<D: Doubles16>(&self, bundle: &Bundle<D>) -> u32 {
-        // SAFETY: passed on to the caller.
-        unsafe { bundle.may_meet(&self.list, &self.bounds) }
+    pub(super) fn may_meet_rest<D: Doubles16>(&self, token: D::Token, bundle: &Bundle<D>) -> u32 {
+        bundle.may_meet(token, &self.list, &self.bounds)
     }
 }
 

@@ -15,7 +15,7 @@ use super::super::{
     lift,
 };
 use super::super::{conductor::ManyMetal, glossy::ManyGloss};
-use snell_math::simd::choose;
+use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
 /// A mixture of rough metal by colours and a rough gloss over a matte body, both of [`Ggx`] that is
@@ -243,7 +243,7 @@ impl ManyLobes for Mixture {
             self.gloss.draw_from(&seen.gloss, rest, u),
         );
         let is_sound = if is_metal { metal.exists } else { gloss.exists };
-        ManyDrawn::reflected(choose(is_metal, metal.wi, gloss.wi), exists & is_sound, None)
+        ManyDrawn::reflected(select(is_metal, metal.wi, gloss.wi), exists & is_sound, None)
     }
 
     #[inline(always)]
