@@ -12,7 +12,7 @@ use crate::integrator::path::SCATTERED_SPREAD;
 use crate::lanes::{BLACK, HitColors, LANES, NOUGHTS, color_at, put_color};
 use crate::light_sampler::ChosenLight;
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::simd::most;
+use snell_math::simd::max;
 use snell_math::{SampledSpectrum, Vec2};
 use snell_scene::MediumId;
 
@@ -95,7 +95,7 @@ impl VertexOutputs {
         is_delta: bool,
     ) {
         let before = carried.cone_spread[lane];
-        self.cone_spread[lane] = if is_delta { before } else { most(before, SCATTERED_SPREAD) };
+        self.cone_spread[lane] = if is_delta { before } else { max(before, SCATTERED_SPREAD) };
         let is_specular = is_delta & carried.marks[lane].is_specular();
         self.marks[lane] = Marks::new(expected, transmits, is_specular);
     }
@@ -116,7 +116,7 @@ impl VertexOutputs {
         let (mut throughput, mut largest, mut is_finite) = ([0.0; CHANNELS], 0.0, true);
         for (channel, throughput) in throughput.iter_mut().enumerate() {
             *throughput = carried.throughput[channel][lane] * weight[channel];
-            largest = most(largest, *throughput);
+            largest = max(largest, *throughput);
             is_finite &= throughput.abs() < f32::INFINITY;
         }
         let weight = match survival {

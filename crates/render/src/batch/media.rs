@@ -13,7 +13,7 @@ use crate::lanes::{ENDLESS, HitColors, LANES, ZERO, at, at_level_by_color, color
 use crate::light_sampler::Receivers;
 use crate::sampler::Sampler;
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::simd::most;
+use snell_math::simd::max;
 use snell_math::{ColorModel, SampledSpectrum, Vec2, Vec3, at_level};
 use snell_scene::medium::HenyeyGreenstein;
 
@@ -187,7 +187,7 @@ fn give<const CHANNELS: usize>(
         to.bring(i, carried, [arrivals.share[i]; CHANNELS], radiance, arrivals);
         let mut largest = 0.0;
         for channel in 0..CHANNELS {
-            largest = most(largest, carried.throughput[channel][i]);
+            largest = max(largest, carried.throughput[channel][i]);
         }
         let (scale, survives) =
             roulette.survival(i, unknown_survival(largest * carried.eta_scale[i]));

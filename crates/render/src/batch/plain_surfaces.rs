@@ -10,7 +10,7 @@ use crate::lanes::{LANES, ZERO, at, put};
 use crate::light_sampler::Receiver;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
 use snell_intersect::{GeometryId, TrianglePoints};
-use snell_math::simd::marked_vector;
+use snell_math::simd::mask_select_vector;
 use snell_math::{ColorMode, Frame, SampledSpectrum, Vec3, at_level};
 use snell_scene::Material;
 use snell_scene::bsdf::{BatchBsdf, BatchPoint, Bsdf, Lobes};
@@ -209,7 +209,7 @@ fn bend(bends: &Bends, points: &mut TrianglePoints) {
         put(
             &mut points.shading_normal,
             i,
-            marked_vector(bends.has[i], bend.normal(smooth, flat), smooth),
+            mask_select_vector(bends.has[i], bend.normal(smooth, flat), smooth),
         );
     }
 }

@@ -11,7 +11,7 @@ use crate::sampler::{BatchRandoms, Sampler};
 use crate::settings::Terminator;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
 use snell_intersect::{Hit, SphereHits, SurfaceInteraction, TriangleHits, TrianglePoints};
-use snell_math::simd::{Wide, least};
+use snell_math::simd::{Wide, min};
 use snell_math::{ColorMode, Ray, Vec3};
 
 /// Marks of each lane.
@@ -92,7 +92,7 @@ impl Roulette {
     #[inline(always)]
     pub fn survival(&self, lane: usize, weight: f32) -> (f32, bool) {
         let survival = match self.most {
-            Some(most) => least(weight, most),
+            Some(most) => min(weight, most),
             None => 1.0,
         };
         (1.0 / survival, self.numbers[lane] < survival)

@@ -5,7 +5,7 @@ use super::bvh::{EMITTER, LightBvh, NONE, Node, WIDTH, choose, importance};
 use super::{ChosenLight, Receiver};
 use snell_math::Vec3;
 use snell_math::rng::ONE_MINUS_EPSILON;
-use snell_math::simd::{least, marked};
+use snell_math::simd::{mask_select, min};
 
 /// How many receivers are looked at together.
 pub const BATCH: usize = 64;
@@ -127,7 +127,7 @@ fn descend(
             chosen.put(i, tree.choose_beside(u[i], probability[i]));
             continue;
         }
-        u[i] = least(u[i] / probability[i], ONE_MINUS_EPSILON);
+        u[i] = min(u[i] / probability[i], ONE_MINUS_EPSILON);
         weights[left] = weights[i];
         under_way[left] = i;
         left += 1;
@@ -137,7 +137,7 @@ fn descend(
         let mut kept = 0;
         for at in 0..left {
             let i = under_way[at] % BATCH;
-            let (slot, of_slot, rest) = choose(&weights[at], u[i]);
+            let (slot, of_slot, rest) = select(&weights[at], u[i]);
             let next = if of_slot.is_nan() { NONE } else { tree.nodes[node[i]].child[slot] };
             (probability[i], u[i], child[i]) = (probability[i] * of_slot, rest, next);
             let is_node = next & EMITTER == 0;
@@ -194,15 +194,14 @@ fn sample_few(
             let weight = weights[i];
             let is_next = (weight > 0.0) & (over[i] == 0);
             next[i] = u32::from(is_next);
-            over[i] |= u32::from(
-                is_next & (least(u[i], ONE_MINUS_EPSILON) * total[i] < before[i] + weight),
-            );
+            over[i] |=
+                u32::from(is_next & (min(u[i], ONE_MINUS_EPSILON) * total[i] < before[i] + weight));
             before[i] += if is_next { weight } else { 0.0 };
         }
         for i in 0..BATCH {
-            chosen.light[i] = marked(next[i], light, chosen.light[i]);
-            chosen.part[i] = marked(next[i], part, chosen.part[i]);
-            found[i] = marked(next[i], weights[i], found[i]);
+            chosen.light[i] = mask_select(next[i], light, chosen.light[i]);
+            chosen.part[i] = mask_select(next[i], part, chosen.part[i]);
+            found[i] = mask_select(next[i], weights[i], found[i]);
         }
     }
     for i in 0..BATCH {

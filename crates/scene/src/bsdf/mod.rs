@@ -48,7 +48,7 @@ pub use phong::{PhongBsdf, PhongCoefficients};
 pub use sheet::{SheetBsdf, SheetSeen};
 pub use widths::Widths;
 
-use snell_math::simd::{choose, least};
+use snell_math::simd::{min, select};
 use snell_math::{SampledSpectrum, Vec2, Vec3, angles};
 use std::f32::consts::PI;
 
@@ -130,7 +130,7 @@ impl Choice<2> {
         (
             is_first,
             exists,
-            if from < of { least(from / of, 1.0 - f32::EPSILON) } else { 1.0 - f32::EPSILON },
+            if from < of { min(from / of, 1.0 - f32::EPSILON) } else { 1.0 - f32::EPSILON },
         )
     }
 }
@@ -382,7 +382,7 @@ fn turn(share: f32) -> (f32, f32) {
 #[inline(always)]
 pub(crate) fn unit_or(v: Vec3, other: Vec3) -> Vec3 {
     let scale = 1.0 / v.length();
-    choose((scale > 0.0) & (scale < f32::INFINITY), v * scale, other)
+    select((scale > 0.0) & (scale < f32::INFINITY), v * scale, other)
 }
 
 /// The direction, mirrored to the upper side if it lies below.

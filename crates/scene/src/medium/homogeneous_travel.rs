@@ -5,7 +5,7 @@
 use super::analytic::transmittance_of;
 use snell_math::Vec2;
 use snell_math::exponentials::ln;
-use snell_math::simd::least;
+use snell_math::simd::min;
 
 /// The result of travelling along a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,7 +58,7 @@ pub fn travel_homogeneous(
         left[channel] = throughput[channel]
             * ((if is_scattered { scattered } else { through[channel] }) * scale);
     }
-    HomogeneousTravel { throughput: left, distance: least(column as f32, length), is_scattered }
+    HomogeneousTravel { throughput: left, distance: min(column as f32, length), is_scattered }
 }
 
 /// The remaining value of a light ray after a length of a medium with this extinction.

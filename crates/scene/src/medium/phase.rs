@@ -1,7 +1,7 @@
 //! Phase functions: the directional distribution of scattered light.
 
 use serde::{Deserialize, Serialize};
-use snell_math::simd::{least, most};
+use snell_math::simd::{max, min};
 use snell_math::{Frame, Vec2, Vec3, angles};
 use std::f64::consts::PI;
 
@@ -33,7 +33,7 @@ impl HenyeyGreenstein {
     #[inline(always)]
     pub fn pdf(&self, forward: Vec3, wi: Vec3) -> f32 {
         let g = f64::from(self.g);
-        let cos = least(most(f64::from(forward.dot(wi)), -1.0), 1.0);
+        let cos = min(max(f64::from(forward.dot(wi)), -1.0), 1.0);
         let denominator = 1.0 + g * g - 2.0 * g * cos;
         ((1.0 - g * g) / (4.0 * PI * denominator * denominator.sqrt())) as f32
     }
@@ -46,9 +46,9 @@ impl HenyeyGreenstein {
         let x = f64::from(u.x);
         // In double precision: the inversion has cancellation for small `g`.
         let root = (1.0 - g * g) / (1.0 + g - 2.0 * g * x);
-        let deflected = least(most((1.0 + g * g - root * root) / (2.0 * g), -1.0), 1.0);
+        let deflected = min(max((1.0 + g * g - root * root) / (2.0 * g), -1.0), 1.0);
         let cos = if g.abs() < 1e-4 { 1.0 - 2.0 * x } else { deflected };
-        let sin = most(1.0 - cos * cos, 0.0).sqrt();
+        let sin = max(1.0 - cos * cos, 0.0).sqrt();
         let (sin_phi, cos_phi) = angles::sin_cos(2.0 * PI * f64::from(u.y));
         let local = Vec3::new((sin * cos_phi) as f32, (sin * sin_phi) as f32, cos as f32);
         let direction = Frame::from_z(forward).from_local(local);

@@ -7,7 +7,7 @@ use crate::batch::plain_surfaces::Frames;
 use crate::batch::vertices::CarriedLanes;
 use crate::lanes::{BLACK, HitColors, LANES, ZERO, at, at_level_by_color, put, put_color};
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::simd::{Bits, Wide, marked, marked_vector};
+use snell_math::simd::{Bits, Wide, mask_select, mask_select_vector};
 use snell_math::{ColorModel, at_level};
 use snell_scene::bsdf::{BATCH, BatchBsdf, BatchInputs, BatchOutputs, BatchPoint, LobeSpectra};
 
@@ -239,7 +239,7 @@ fn prepare(seen: &Seen, to: &mut BsdfBatch, facing: &mut HitVectors) {
         put(&mut to.wo, i, local);
         let normal = if local.z < 0.0 { -frame.z } else { frame.z };
         let kept = at(facing, i);
-        put(facing, i, marked_vector(to.has[i], normal, kept));
+        put(facing, i, mask_select_vector(to.has[i], normal, kept));
     }
 }
 
@@ -275,7 +275,7 @@ fn take<const CHANNELS: usize>(
 #[inline(always)]
 fn take_marked<T: Bits>(of: &[u32; BATCH], from: &[T; BATCH], to: &mut [T; BATCH]) {
     for i in 0..BATCH {
-        to[i] = marked(of[i], from[i], to[i]);
+        to[i] = mask_select(of[i], from[i], to[i]);
     }
 }
 
@@ -305,22 +305,23 @@ fn write<const CHANNELS: usize>(
         let agrees = (is_transmission & (sides < 0.0)) | (!is_transmission & (sides > 0.0));
         let exists = (scale > 0.0) & (scale < f32::INFINITY) & agrees;
         for axis in 0..3 {
-            bounces.wi[axis][i] = marked(has, next[axis], bounces.wi[axis][i]);
+            bounces.wi[axis][i] = mask_select(has, next[axis], bounces.wi[axis][i]);
         }
         for channel in 0..CHANNELS {
-            let value = marked(is_seen, found.value[channel][i], 0.0);
-            scattered.value[channel][i] = marked(has, value, scattered.value[channel][i]);
+            let value = mask_select(is_seen, found.value[channel][i], 0.0);
+            scattered.value[channel][i] = mask_select(has, value, scattered.value[channel][i]);
             bounces.weight[channel][i] =
-                marked(has, found.weight[channel][i], bounces.weight[channel][i]);
+                mask_select(has, found.weight[channel][i], bounces.weight[channel][i]);
         }
-        let pdf = marked(is_seen, found.pdf[i], 0.0);
-        scattered.pdf[i] = marked(has, pdf, scattered.pdf[i]);
-        bounces.pdf[i] = marked(has, found.drawn_pdf[i], bounces.pdf[i]);
+        let pdf = mask_select(is_seen, found.pdf[i], 0.0);
+        scattered.pdf[i] = mask_select(has, pdf, scattered.pdf[i]);
+        bounces.pdf[i] = mask_select(has, found.drawn_pdf[i], bounces.pdf[i]);
         let eta_scale = carried.eta_scale[i] * found.crossing[i];
-        bounces.eta_scale[i] = marked(has, eta_scale, bounces.eta_scale[i]);
-        bounces.expected[i] = marked(has, carried.marks[i].expected().get(), bounces.expected[i]);
-        bounces.is_delta[i] = marked(has, found.is_delta[i], bounces.is_delta[i]);
+        bounces.eta_scale[i] = mask_select(has, eta_scale, bounces.eta_scale[i]);
+        bounces.expected[i] =
+            mask_select(has, carried.marks[i].expected().get(), bounces.expected[i]);
+        bounces.is_delta[i] = mask_select(has, found.is_delta[i], bounces.is_delta[i]);
         let exists = found.exists[i] & u32::from(exists);
-        bounces.exists[i] = marked(has, exists, bounces.exists[i]);
+        bounces.exists[i] = mask_select(has, exists, bounces.exists[i]);
     }
 }

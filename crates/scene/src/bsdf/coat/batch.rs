@@ -4,7 +4,7 @@ use super::super::batch::{BatchDrawn, BatchLobes, LobeSpectra};
 use super::super::energy::{DielectricReflectionBy, Line};
 use super::super::{Choice, Ggx, fresnel, lift, lower_like};
 use super::CoatLobe;
-use snell_math::simd::choose;
+use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
 /// A coat without colour, smooth or rough, in the frame of what lies below.
@@ -130,7 +130,7 @@ impl<B: BatchLobes, const SMOOTH: bool> BatchLobes for BatchCoated<B, SMOOTH> {
             let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
             let delta =
                 seen.unit * (fresnel::dielectric(wo.z.abs(), self.ior) * self.weight) / coat;
-            let wi = choose(is_below, base.wi, mirror);
+            let wi = select(is_below, base.wi, mirror);
             return BatchDrawn::reflected(
                 wi,
                 exists & (base.exists | !is_below),
@@ -140,7 +140,7 @@ impl<B: BatchLobes, const SMOOTH: bool> BatchLobes for BatchCoated<B, SMOOTH> {
         let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
         let facet = lower_like(facet, wo);
         let is_sound = if is_below { base.exists } else { is_above & (wo.z * facet.z > 0.0) };
-        BatchDrawn::reflected(choose(is_below, base.wi, facet), exists & is_sound, None)
+        BatchDrawn::reflected(select(is_below, base.wi, facet), exists & is_sound, None)
     }
 
     #[inline(always)]

@@ -4,7 +4,7 @@ use super::super::batch::{BatchDrawn, BatchLobes, LobeSpectra};
 use super::super::energy::{BouncedLobe, FacetLossBy, Line, Nodes};
 use super::super::{Choice, Ggx, Widths, lift, lower_like};
 use super::{ConductorBsdf, FacetReflectance, bounced, complex, complex_average, f82, f82_average};
-use snell_math::simd::choose;
+use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
@@ -141,7 +141,7 @@ impl<const COMPLEX: bool, N: Nodes> BatchLobes for BatchMetal<COMPLEX, N> {
         let wo = seen.wo;
         let (is_once, exists) = seen.choice.picks_first(u_lobe);
         let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
-        let wi = lower_like(choose(is_once, facet, self.lobe.sample(u)), wo);
+        let wi = lower_like(select(is_once, facet, self.lobe.sample(u)), wo);
         let exists = exists & (is_above | !is_once) & (wo.z != 0.0);
         BatchDrawn::reflected(wi, exists, None)
     }

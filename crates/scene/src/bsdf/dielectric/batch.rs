@@ -4,7 +4,7 @@ use super::super::batch::{BatchDrawn, BatchLobes, LobeSpectra};
 use super::super::energy::{BouncedLobe, DielectricLossLines};
 use super::super::{Ggx, fresnel, lift, lower_like};
 use super::{DielectricBsdf, Split};
-use snell_math::simd::choose;
+use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
@@ -81,7 +81,7 @@ impl BatchGlass {
         let half = wo + wi * if is_transmission { eta } else { 1.0 };
         let scale = 1.0 / half.length();
         let m = half * scale;
-        let m = choose(m.z < 0.0, -m, m);
+        let m = select(m.z < 0.0, -m, m);
         let (cos_o, cos_i) = (wo.dot(m), wi.dot(m));
         let is_sound = (scale > 0.0) & (scale < f32::INFINITY);
         let exists = is_sound & (m.z > 0.0) & (cos_o > 0.0) & (cos_i * wi.z > 0.0);
@@ -182,10 +182,10 @@ impl BatchLobes for BatchGlass {
         let m = self.ggx.visible_normal(up, u);
         let is_refracted = (u_lobe - lost) / (1.0 - lost) >= fresnel::dielectric(up.dot(m), eta);
         let (refracted, is_partial) = fresnel::refracted(up, m, eta);
-        let facet = choose(is_refracted, refracted, fresnel::reflect(up, m));
+        let facet = select(is_refracted, refracted, fresnel::reflect(up, m));
         let is_sound =
             (is_partial | !is_refracted) & (facet.z != 0.0) & ((facet.z < 0.0) == is_refracted);
-        let wi = choose(is_bounced, bounced, facet);
+        let wi = select(is_bounced, bounced, facet);
         let is_transmission = wi.z < 0.0;
         BatchDrawn {
             wi: lower_like(wi, wo),

@@ -4,7 +4,7 @@ use super::super::batch::{BatchDrawn, BatchLobes, LobeSpectra};
 use super::super::energy::{DielectricReflectionBy, Line, Nodes};
 use super::super::{Choice, Ggx, fresnel, lift, lower_like};
 use super::GlossyBsdf;
-use snell_math::simd::choose;
+use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::FRAC_1_PI;
 
@@ -153,13 +153,13 @@ impl<const SMOOTH: bool, N: Nodes> BatchLobes for BatchGloss<SMOOTH, N> {
             let delta = self.fresnel(&seen.colors, wo.z.abs()) / seen.choice.probabilities[0];
             let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
             return BatchDrawn::reflected(
-                choose(is_gloss, mirror, body),
+                select(is_gloss, mirror, body),
                 exists,
                 Some((is_gloss, delta)),
             );
         }
         let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
-        let wi = choose(is_gloss, lower_like(facet, wo), body);
+        let wi = select(is_gloss, lower_like(facet, wo), body);
         BatchDrawn::reflected(wi, exists & (is_above | !is_gloss), None)
     }
 

@@ -15,7 +15,7 @@ use super::super::{
     lift,
 };
 use super::super::{conductor::BatchMetal, glossy::BatchGloss};
-use snell_math::simd::choose;
+use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
 /// A mixture of rough metal by colours and a rough gloss over a matte body, both of [`Ggx`] that is
@@ -249,7 +249,7 @@ impl BatchLobes for Mixture {
             self.gloss.draw_from(&seen.gloss, rest, u),
         );
         let is_sound = if is_metal { metal.exists } else { gloss.exists };
-        BatchDrawn::reflected(choose(is_metal, metal.wi, gloss.wi), exists & is_sound, None)
+        BatchDrawn::reflected(select(is_metal, metal.wi, gloss.wi), exists & is_sound, None)
     }
 
     #[inline(always)]
