@@ -339,7 +339,8 @@ mod tests {
                 prop_assert_ne!(is_met::<Portable8>(Portable, &ray, &bounds, cull), Some(false));
                 #[cfg(target_arch = "x86_64")]
                 if let Some(token) = snell_math::simd::Avx2::new() {
-                    prop_assert_ne!(is_met::<snell_math::simd::Avx8>(token, &ray, &bounds, cull), Some(false));
+                    let is_met = is_met::<snell_math::simd::Avx8>(token, &ray, &bounds, cull);
+                    prop_assert_ne!(is_met, Some(false));
                 }
             }
         }

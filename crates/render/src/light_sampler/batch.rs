@@ -137,7 +137,7 @@ fn descend(
         let mut kept = 0;
         for at in 0..left {
             let i = under_way[at] % BATCH;
-            let (slot, of_slot, rest) = select(&weights[at], u[i]);
+            let (slot, of_slot, rest) = choose(&weights[at], u[i]);
             let next = if of_slot.is_nan() { NONE } else { tree.nodes[node[i]].child[slot] };
             (probability[i], u[i], child[i]) = (probability[i] * of_slot, rest, next);
             let is_node = next & EMITTER == 0;

@@ -38,11 +38,7 @@ pub struct Equiangular {
 impl Equiangular {
     /// The distribution for a segment through a medium of this minimum extinction; `None` if there
     /// is nothing to sample, or if the light is far.
-    pub fn new(
-        segment: &Segment,
-        light: &EquiangularLight,
-        sigma: f64,
-    ) -> Option<Self> {
+    pub fn new(segment: &Segment, light: &EquiangularLight, sigma: f64) -> Option<Self> {
         let (direction, to_light) =
             (segment.direction.as_dvec3(), (light.center - segment.origin).as_dvec3());
         let foot = to_light.dot(direction);
