@@ -61,15 +61,16 @@ impl<'a> BatchShader<'a> for EscapedShader {
         for (lane, &number) in paths.iter().enumerate() {
             let path = number as usize;
             let place = Vec2::new(places[0][lane], places[1][lane]);
-            let (carried, mode) = (&batch.paths.carried[path], batch.paths.rest(path).mode);
+            let carried = &batch.paths.carried[path];
+            let mode = || batch.paths.rest(path).mode;
             let radiance = if carried.throughput.is_black() {
                 continue;
             } else if let Some(radiance) = constant {
                 carried.throughput * radiance
-            } else if let (Some(spectrum), ColorMode::Spectral(wavelengths)) = (spectrum, mode) {
+            } else if let (Some(spectrum), ColorMode::Spectral(wavelengths)) = (spectrum, mode()) {
                 carried.throughput * ColorMode::light_at(&wavelengths, spectrum)
             } else if let Some(sky) = plain {
-                carried.throughput * sky.radiance_at(place, mode)
+                carried.throughput * sky.radiance_at(place, mode())
             } else {
                 let vertex = Vertex {
                     depth: batch.depth,

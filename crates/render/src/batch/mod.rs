@@ -115,6 +115,8 @@ pub struct Batch<'b, 'a> {
     /// The number of the material that each path has hit, or the number of materials where it has
     /// hit nothing; not of paths that [`order::Order`] has put first.
     pub materials: &'b [u32],
+    /// How many of the next paths are known to be on matte surfaces, by [`order::Order`].
+    pub matte_next: usize,
     /// The media around the paths, if there are any.
     pub media: Option<Surroundings<'b>>,
     /// True if the outputs of each vertex are recorded: by a field that learns, or by a journal.

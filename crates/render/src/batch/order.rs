@@ -13,6 +13,8 @@ pub struct Order<'a> {
     matte: Option<Rc<MatteSurfaces<'a>>>,
     /// The paths in order.
     pub paths: Vec<u32>,
+    /// How many of the first paths are known to be on matte surfaces.
+    pub matte_count: usize,
     /// As [`super::Batch::materials`].
     pub materials: Vec<u32>,
     /// Paths on surfaces that are not matte, or all, in the order of their numbers.
@@ -32,6 +34,7 @@ impl<'a> Order<'a> {
     /// Sorts the paths that have hit these by material; what hits nothing comes last. The paths of
     /// one sample stay in order, so that sums have one order.
     pub fn by_material(&mut self, scene: &CompiledScene, hits: &[Hit]) {
+        self.matte_count = 0;
         self.paths.resize(hits.len(), 0);
         self.surfaces.clear();
         self.surfaces.extend(0..hits.len() as u32);
@@ -63,6 +66,7 @@ impl<'a> Order<'a> {
             counts[1] += usize::from(!is_matte & !is_missed);
             counts[2] += usize::from(is_missed);
         }
+        self.matte_count = counts[0];
         self.surfaces.truncate(counts[1]);
         self.missed.truncate(counts[2]);
         self.sort_surfaces(scene, hits, counts[0]);

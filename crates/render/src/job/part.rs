@@ -330,7 +330,8 @@ impl<'a> PartRenderer<'a> {
         let (order, mut shaders) = (take(&mut self.order.paths), take(&mut self.shaders));
         let mut rest = &order[..];
         while let Some(&first) = rest.first() {
-            let batch = self.batch(depth);
+            let matte_next = (self.order.matte_count + rest.len()).saturating_sub(order.len());
+            let batch = Batch { matte_next, ..self.batch(depth) };
             let accepting = shaders.iter_mut().find_map(|shader| {
                 let count = shader.accepts(&batch, rest);
                 (count > 0).then_some((shader, count))
@@ -373,6 +374,7 @@ impl<'a> PartRenderer<'a> {
             paths: &self.paths,
             keys: &self.keys,
             materials: &self.order.materials,
+            matte_next: 0,
             media: self.volumes.as_ref().map(VolumeBatch::surroundings),
             is_watched: self.is_watched(),
             has_journal: self.journal.is_some(),

@@ -452,7 +452,7 @@ mod tests {
         let mut checked = 0;
         for (number, kind) in kinds.into_iter().flatten().enumerate() {
             let bsdf = bsdf(kind);
-            let Some(many) = BatchBsdf::of(&bsdf) else { continue };
+            let Some(batch) = BatchBsdf::of(&bsdf) else { continue };
             checked += 1;
             let points = [batch.point(); BATCH];
             for round in 0..200 {
@@ -496,7 +496,7 @@ mod tests {
         let kinds: [&[MaterialKind]; 4] = [&coated, &metals, &layers, &MaterialKind::examples()];
         let mut checked = 0;
         for (number, kind) in kinds.into_iter().flatten().enumerate() {
-            let Some(many) = BatchBsdf::of(&bsdf(kind)) else { continue };
+            let Some(batch) = BatchBsdf::of(&bsdf(kind)) else { continue };
             let modes: [_; BATCH] = std::array::from_fn(|i| {
                 ColorModel::Spectral.mode(|| rng::uniform2([number as u32, i as u32, 1, 9]).x)
             });

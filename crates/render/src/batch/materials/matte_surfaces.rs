@@ -137,6 +137,9 @@ impl<'a> MatteVertices<'a> {
 
     /// How many of the first of these paths are on matte surfaces, at most [`LANES`].
     pub fn accepts(&self, batch: &Batch, paths: &[u32]) -> usize {
+        if batch.matte_next > 0 {
+            return batch.matte_next.min(LANES);
+        }
         let (scene, hits) = (batch.context.scene, &batch.paths.hits);
         let is_matte = |path: &&u32| self.surfaces.has(scene, &hits[**path as usize]);
         paths.iter().take(LANES).take_while(is_matte).count()
