@@ -252,7 +252,8 @@ lights: Record<string, unknown>[],
  */
 cameras: Camera[], 
 /**
- * How far its environment is turned about up, in degrees; none if there is none, or one that is the same all around.
+ * How far its environment is turned about up, in degrees; none if there is none, or one that
+ * is the same all around.
  */
 environment_rotation: number | null, 
 /**
@@ -452,7 +453,8 @@ error: [number, number, number], };
 
 export type PathClass = { 
 /**
- * In Heckbert's letters, from the eye to the light: E, then D (diffuse), G (glossy), S (mirror), T (through), V (medium), L.
+ * In Heckbert's letters, from the eye to the light: E, then D (diffuse), G (glossy), S
+ * (mirror), T (through), V (medium), L.
  */
 way: string, 
 /**
