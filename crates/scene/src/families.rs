@@ -35,6 +35,8 @@ pub struct Family {
     read: fn(Value) -> Result<Value, serde_json::Error>,
     /// A thing of any kind, as scenes write the parameters that each has.
     plain: fn() -> Value,
+    /// The same as [`Self::read`], of a thing with these.
+    read_plain: fn(Value) -> Result<Value, serde_json::Error>,
 }
 
 /// The families.
@@ -48,6 +50,7 @@ pub const FAMILIES: &[Family] = &[
         examples: || written(&MaterialKind::examples()),
         read: read::<MaterialKind>,
         plain: || one(&Material::new("", Diffuse::new(Rgb::WHITE))),
+        read_plain: read::<Material>,
     },
     Family {
         name: "pattern",
@@ -58,6 +61,7 @@ pub const FAMILIES: &[Family] = &[
         examples: || written(&Pattern::examples()),
         read: read::<Pattern>,
         plain: || Value::Null,
+        read_plain: Ok,
     },
     Family {
         name: "medium",
@@ -68,6 +72,7 @@ pub const FAMILIES: &[Family] = &[
         examples: || written(&Medium::examples()),
         read: read::<Medium>,
         plain: || Value::Null,
+        read_plain: Ok,
     },
     Family {
         name: "light",
@@ -78,6 +83,7 @@ pub const FAMILIES: &[Family] = &[
         examples: || written(&Light::examples()),
         read: read::<Light>,
         plain: || Value::Null,
+        read_plain: Ok,
     },
     Family {
         name: "shape",
@@ -88,6 +94,7 @@ pub const FAMILIES: &[Family] = &[
         examples: || written(&AnyShape::examples()),
         read: read::<AnyShape>,
         plain: || Value::Null,
+        read_plain: Ok,
     },
     Family {
         name: "projection",
@@ -101,6 +108,7 @@ pub const FAMILIES: &[Family] = &[
             let projection = Projection::Panoramic;
             one(&Camera::from_direction(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, projection))
         },
+        read_plain: read::<Camera>,
     },
 ];
 
@@ -146,10 +154,12 @@ impl Family {
         read.get(parameter).cloned()
     }
 
-    /// What a parameter that all kinds have is for a thing that says nothing of it, as scenes write
+    /// What a parameter that all kinds have is where a description leaves it out, as scenes write
     /// it; `None` if it has to be given.
     pub fn common_default_of(&self, parameter: &str) -> Option<Value> {
-        (self.plain)().get(parameter).cloned()
+        let mut thing = (self.plain)();
+        thing.as_object_mut()?.remove(parameter);
+        (self.read_plain)(thing).ok()?.get(parameter).cloned()
     }
 }
 
@@ -379,6 +389,9 @@ mod tests {
             }
         }
         let material = Family::named("material").expect("there are materials");
+        let kind = one(&MaterialKind::from(Diffuse::new(Rgb::WHITE)));
+        let empty = serde_json::json!({ "kind": kind });
+        assert_eq!(read::<Material>(empty).expect("it has a kind"), (material.plain)());
         assert_eq!(material.default_of("diffuse", "reflectance"), None);
         assert_eq!(
             material.default_of("open-pbr", "specular_ior").expect("it has one")["factor"],

@@ -34,6 +34,7 @@ snell_math::declare! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Camera {
         /// For `--camera`.
+        #[serde(default)]
         pub name: String,
         /// Eye position.
         #[range(Range::Within(-FARTHEST, FARTHEST))]
@@ -51,6 +52,7 @@ snell_math::declare! {
         /// lens.
         #[range(Range::AMOUNT)]
         #[unit("scene units")]
+        #[serde(default)]
         pub aperture_radius: f64,
         /// Distance along `towards` of the plane in which points are sharp. Positive.
         #[range(Range::Positive)]

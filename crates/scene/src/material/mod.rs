@@ -195,6 +195,21 @@ mod usual {
         0.0.into()
     }
 
+    /// What lasts unless it is switched off.
+    pub fn yes() -> bool {
+        true
+    }
+
+    /// Of what does not shine.
+    pub fn black() -> ColorParam {
+        Rgb::BLACK.into()
+    }
+
+    /// Of what is wholly there.
+    pub fn opaque() -> ScalarParam {
+        1.0.into()
+    }
+
     /// A factor that changes nothing.
     pub fn white() -> ColorParam {
         Rgb::WHITE.into()
@@ -290,30 +305,38 @@ snell_math::declare! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Material {
         /// For people.
+        #[serde(default)]
         pub name: String,
         /// Reflection and transmission.
         pub kind: MaterialKind,
         /// Emitted radiance, W / (m^2 sr), on the sides that are visible.
         #[range(LIGHT)]
         #[unit("W / (m^2 sr)")]
+        #[serde(default = "usual::black")]
         pub emission: ColorParam,
         /// True if the vertex colour multiplies the emission, as it does for surfaces that show
         /// their base colour unlit.
         #[serde(default)]
         pub emission_takes_vertex_color: bool,
         /// True if the inner side emits too.
+        #[serde(default)]
         pub emits_on_both_sides: bool,
         /// False if the emission is only seen, by the camera and in mirrors, because another light
         /// stands for what it does to other surfaces.
+        #[serde(default = "usual::yes")]
         pub illuminates: bool,
         /// How `alpha` counts.
+        #[serde(default)]
         pub alpha_mode: AlphaMode,
         /// Opacity, `[0, 1]`; multiplied by the vertex alpha.
         #[range(Range::SHARE)]
+        #[serde(default = "usual::opaque")]
         pub alpha: ScalarParam,
         /// False if rays from the inner side pass through as if nothing were there.
+        #[serde(default = "usual::yes")]
         pub double_sided: bool,
         /// Bends the shading normal.
+        #[serde(default)]
         pub normal_map: Option<NormalMap>,
         /// Heights, which bend it further. A coat with a normal of its own does not follow them.
         #[serde(default)]
