@@ -280,9 +280,10 @@ pub(crate) const FAR_FACTOR: f32 = 1.0 + BOX_PADDING;
 mod tests {
     use super::*;
     use crate::exact::ray::LocalRay;
+    use crate::kernel::single::boxes::{QuickBoxes, quick_distances};
     use crate::search::padded;
     use crate::tree::node::ChildRef;
-    use crate::tree::node::{QuickBoxes, WideNode, quick_distances};
+    use crate::tree::node::WideNode;
     use proptest::prelude::*;
     use snell_math::simd::{Portable, Portable8};
     use snell_math::{Bounds3, DRay, Vec3};

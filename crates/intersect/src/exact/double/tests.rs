@@ -1,14 +1,16 @@
 //! The exact test against arithmetic on big integers.
 
 use super::plane::{Estimate, exact_plane_distance};
-use super::triangle::{candidates, exact_hit, lines_through};
+use super::triangle::exact_hit;
 use crate::exact::quick::QuickRay;
-use crate::exact::triangle::TriangleBlock;
+use crate::kernel::single::boxes::{box_distances, quick_distances};
+use crate::kernel::single::filter::double::{candidates, lines_through};
 use crate::mesh::DTriangleMesh;
 use crate::precision::Real;
 use crate::precision::frame::Frame;
 use crate::search::padded;
-use crate::tree::node::{ChildRef, WideNode, box_distances, quick_distances};
+use crate::tree::block::TriangleBlock;
+use crate::tree::node::{ChildRef, WideNode};
 use num_bigint::{BigInt, Sign};
 use proptest::prelude::*;
 use snell_math::simd::{Lanes8, Portable, Portable8};

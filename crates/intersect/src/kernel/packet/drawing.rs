@@ -6,7 +6,8 @@
 
 use super::bundle::Bundle;
 use crate::exact::ray::Axes;
-use crate::exact::triangle::{TriangleBlock, edge_error};
+use crate::kernel::single::filter::single::edge_error;
+use crate::tree::block::TriangleBlock;
 use snell_math::simd::{Lanes8, Lanes16};
 
 /// The rays that are inside and outside of the drawing of a triangle, a bit for each; neither where

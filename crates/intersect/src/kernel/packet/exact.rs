@@ -6,9 +6,10 @@
 
 use super::bundle::{Bundle, PerRay};
 use crate::exact::ray::Axes;
-use crate::exact::triangle::{PLACE_TOLERANCE, TriangleBlock};
+use crate::exact::triangle::PLACE_TOLERANCE;
 use crate::precision::Real;
 use crate::tree::Blocks;
+use crate::tree::block::TriangleBlock;
 use snell_math::simd::{DoubleLanes, DoublesOf, Lanes16, WideLanes};
 use std::mem::MaybeUninit;
 

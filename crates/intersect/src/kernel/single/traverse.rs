@@ -7,11 +7,12 @@ use crate::exact::quick::QuickRay;
 use crate::group;
 use crate::group::{Object, Placement, offer_triangle};
 use crate::kernel::Goal;
+use crate::kernel::single::boxes::QuickBoxes;
 use crate::precision::Facts;
 use crate::search::Search;
 use crate::search::region::Region;
 use crate::tree::SMALL_STACK;
-use crate::tree::node::{ChildRef, QuickBoxes};
+use crate::tree::node::ChildRef;
 use crate::tree::{Forest, GroupTree};
 #[cfg(target_arch = "x86_64")]
 use snell_math::simd::{Avx2, Avx8};

@@ -2,17 +2,18 @@
 
 use crate::exact::TriangleTest;
 use crate::exact::quick::QuickRay;
-use crate::exact::triangle::TriangleBlock;
 use crate::group::{Object, ObjectRef, offer_triangle};
 use crate::kernel::Goal;
+use crate::kernel::single::boxes::quick_distances;
 use crate::kernel::single::filter::BlockFilter;
 use crate::kernel::single::traverse::{Stack, test_object};
 use crate::precision::Facts;
 use crate::prefetch::fetch_lines;
 use crate::search::{DataOf, RayOf, Search};
+use crate::tree::block::TriangleBlock;
 use crate::tree::compact::BlocksAt;
+use crate::tree::node::ChildRef;
 use crate::tree::node::WideNode;
-use crate::tree::node::{ChildRef, quick_distances};
 use crate::tree::{Forest, GroupTree};
 use snell_math::simd::{Lanes8, WideLanes};
 use snell_math::{DRay, DVec3};

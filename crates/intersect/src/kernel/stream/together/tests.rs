@@ -1,13 +1,13 @@
 use super::*;
 use crate::exact::quick::QuickRay;
 use crate::hit::Hit;
+use crate::kernel::single::boxes::quick_distances;
 use crate::kernel::stream::slot::Slots;
 use crate::mesh::TriangleMesh;
 use crate::precision::Single;
 use crate::search::{AcceptAll, Grouping};
 use crate::search::{Closest, Context, Search};
 use crate::tree::GroupTree;
-use crate::tree::node::quick_distances;
 use crate::world::AcceleratorKind;
 use crate::world::tests::{Random, build, check, dust, levels, nested_scene, soup};
 use crate::world::{Structure, World, WorldBuilder};
