@@ -1,9 +1,9 @@
 //! The watertight ray-triangle test.
 //!
-//! The vertices are drawn on a plane across the ray in `f32` (Woop, Benthin and Wald, Watertight
-//! Ray/Triangle Intersection, JCGT 2013). The drawing is a little inexact but the same for every
+//! The vertices are projected on a plane across the ray in `f32` (Woop, Benthin and Wald, Watertight
+//! Ray/Triangle Intersection, JCGT 2013). The projection is a little inexact but the same for every
 //! triangle of a vertex, and on it every decision is exact: `f32` products have no error in `f64`,
-//! and where the ray meets an edge or vertex of the drawing, a symbolic shift of the ray decides.
+//! and where the ray meets an edge or vertex of the projection, a symbolic shift of the ray decides.
 //! So a ray through a closed mesh crosses each fan exactly once.
 //!
 //! What filters triangles before may pass too much but never too little, so the hits are the same at
@@ -12,7 +12,7 @@
 use super::ray::{Axes, LocalRay, wide};
 use snell_math::{DVec3, Vec2};
 
-/// Twice the signed area of the drawn triangle (ray, p, q), and its exact sign after the symbolic
+/// Twice the signed area of the projected triangle (ray, p, q), and its exact sign after the symbolic
 /// shift of the ray: 0 only if the edge is a point or not a number.
 #[inline(always)]
 fn edge(p: [f32; 2], q: [f32; 2]) -> (f64, i32) {
@@ -35,22 +35,22 @@ pub(crate) struct ExactRay {
     pub origin: DVec3,
     pub direction: DVec3,
     /// See [`LocalRay`].
-    pub drawing: Drawing,
+    pub projection: Projection,
 }
 
-/// The plane across the ray that vertices are drawn on; see [`LocalRay`].
+/// The plane across the ray that vertices are projected on; see [`LocalRay`].
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Drawing {
+pub(crate) struct Projection {
     pub origin: [f32; 3],
     pub axes: Axes,
     pub shear: [f32; 2],
 }
 
-impl Drawing {
-    /// The vertex as drawn. It has the same bits in every triangle and at every SIMD level: rounded
+impl Projection {
+    /// The vertex as projected. It has the same bits in every triangle and at every SIMD level: rounded
     /// subtraction, product, subtraction, never fused.
     #[inline(always)]
-    pub fn draw(&self, v: &[f32; 3]) -> [f32; 2] {
+    pub fn project(&self, v: &[f32; 3]) -> [f32; 2] {
         let ([vx, vy, vz], [ox, oy, oz]) = (self.axes.of(v), self.axes.of(&self.origin));
         let (x, y, z) = (vx - ox, vy - oy, vz - oz);
         [x - self.shear[0] * z, y - self.shear[1] * z]
@@ -64,7 +64,7 @@ impl Drawing {
 /// start that is more than a few units in the last place (of `f64`) off the plane. It is then moved
 /// into the interval in which the ray is inside the triangle's box (it leaves that only by
 /// rounding), so that skipping boxes can never lose it, and near the point of the triangle that was
-/// drawn where the ray is, so that skipping boxes of its pieces cannot either.
+/// projected where the ray is, so that skipping boxes of its pieces cannot either.
 #[inline(always)]
 pub(crate) fn exact_hit(
     ray: &LocalRay,
@@ -122,9 +122,9 @@ pub(crate) fn hit_in_plane(
     t_min: f64,
 ) -> Option<(f64, Vec2)> {
     let [p0, p1, p2] = [
-        ray.drawing.draw(&corners[0]),
-        ray.drawing.draw(&corners[1]),
-        ray.drawing.draw(&corners[2]),
+        ray.projection.project(&corners[0]),
+        ray.projection.project(&corners[1]),
+        ray.projection.project(&corners[2]),
     ];
     let (w0, s0) = edge(p1, p2);
     let (w1, s1) = edge(p2, p0);
@@ -136,7 +136,7 @@ pub(crate) fn hit_in_plane(
     let scale = 1.0 / sum;
     let (b1, b2) = if sum != 0.0 { (w1 * scale, w2 * scale) } else { (1.0 / 3.0, 1.0 / 3.0) };
     let relative = corners.map(|corner| wide(corner) - ray.origin);
-    let z = ray.drawing.axes.z();
+    let z = ray.projection.axes.z();
     let place = (relative[0][z] * (1.0 - b1 - b2) + relative[1][z] * b1 + relative[2][z] * b2)
         / ray.direction[z];
     let t = if plane.is_finite() { plane } else { place };
@@ -148,8 +148,8 @@ pub(crate) fn hit_in_plane(
     Some((t, Vec2::new(b1 as f32, b2 as f32)))
 }
 
-/// How far along the ray a hit may be from the point of the triangle that was drawn there, relative
-/// to the distance and to the size of the triangle. Only the drawing is inexact, by some `1e-7`, so
+/// How far along the ray a hit may be from the point of the triangle that was projected there, relative
+/// to the distance and to the size of the triangle. Only the projection is inexact, by some `1e-7`, so
 /// only rays at less than about a tenth of a degree to the triangle get this far.
 pub(crate) const PLACE_TOLERANCE: f64 = 5e-5;
 

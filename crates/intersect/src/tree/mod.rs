@@ -10,7 +10,7 @@ pub(crate) mod storage;
 
 pub(crate) use blocks::Blocks;
 
-use crate::exact::quick::is_ordinary;
+use crate::exact::prepared::is_ordinary;
 use crate::group::{Object, Objects};
 use block::TriangleBlock;
 use list::{List, Outliers};

@@ -1,8 +1,8 @@
 //! The watertight ray-triangle test on `f64` vertices: the same rule as
 //! [`crate::exact::triangle`], one precision higher.
 //!
-//! The vertices are drawn on a plane across the ray in `f64`, with the same operations in every
-//! triangle of a vertex; on that drawing every sign is exact (products are compared in integers
+//! The vertices are projected on a plane across the ray in `f64`, with the same operations in every
+//! triangle of a vertex; on that projection every sign is exact (products are compared in integers
 //! where rounding could matter), and where the ray meets an edge or vertex of it, the same symbolic
 //! shift decides.
 
@@ -11,18 +11,18 @@ use crate::exact::triangle::clamp_to_box;
 use snell_math::exact::compare_products;
 use snell_math::{DRay, DVec2, DVec3};
 
-/// How vertices are drawn on the plane across a ray.
+/// How vertices are projected on the plane across a ray.
 #[derive(Clone, Copy, Debug)]
-struct Drawing {
-    /// All vertices are drawn relative to it.
+struct Projection {
+    /// All vertices are projected relative to it.
     origin: [f64; 3],
-    /// Axes x, y, z of the drawing: z is where the direction is largest.
+    /// Axes x, y, z of the projection: z is where the direction is largest.
     axes: [usize; 3],
-    /// Drawn x = x - shear[0] z, y = y - shear[1] z.
+    /// Projected x = x - shear[0] z, y = y - shear[1] z.
     shear: [f64; 2],
 }
 
-impl Drawing {
+impl Projection {
     #[inline(always)]
     fn new(ray: &DRay) -> Self {
         let (a, d) = (ray.direction.abs(), ray.direction.to_array());
@@ -36,25 +36,25 @@ impl Drawing {
         }
     }
 
-    /// The vertex as drawn: rounded subtraction, product, subtraction, never fused.
+    /// The vertex as projected: rounded subtraction, product, subtraction, never fused.
     #[inline(always)]
-    fn draw(&self, v: DVec3) -> [f64; 2] {
+    fn project(&self, v: DVec3) -> [f64; 2] {
         let [kx, ky, kz] = self.axes;
         let (x, y, z) = (v[kx] - self.origin[kx], v[ky] - self.origin[ky], v[kz] - self.origin[kz]);
         [x - self.shear[0] * z, y - self.shear[1] * z]
     }
 }
 
-/// Twice the signed area of the drawn triangle (ray, p, q), and its exact sign after the symbolic
+/// Twice the signed area of the projected triangle (ray, p, q), and its exact sign after the symbolic
 /// shift of the ray: 0 only if the edge is a point or not a number.
 #[inline(always)]
 fn edge(p: [f64; 2], q: [f64; 2]) -> (f64, i32) {
     let (a, b) = (p[0] * q[1], p[1] * q[0]);
     let value = a - b;
     // Two products are off by half a unit in the last place each, or by underflow.
-    let sure = value.abs() > (a.abs() + b.abs()) * f64::EPSILON + f64::MIN_POSITIVE;
+    let certain = value.abs() > (a.abs() + b.abs()) * f64::EPSILON + f64::MIN_POSITIVE;
     let sign =
-        if sure { i32::from(value > 0.0) - i32::from(value < 0.0) } else { exact_sign(p, q) };
+        if certain { i32::from(value > 0.0) - i32::from(value < 0.0) } else { exact_sign(p, q) };
     (value, sign)
 }
 
@@ -69,19 +69,22 @@ fn exact_sign(p: [f64; 2], q: [f64; 2]) -> i32 {
 }
 
 /// The exact test: distance and barycentrics `(b1, b2)` if the line of the ray passes through the
-/// drawn triangle at `t > t_min`.
+/// projected triangle at `t > t_min`.
 ///
 /// The distance is that of the triangle's plane ([`Estimate::distance`]). Rays that graze the
-/// triangle may meet the drawing without meeting the triangle; then the plane may be met anywhere,
+/// triangle may meet the projection without meeting the triangle; then the plane may be met anywhere,
 /// and the distance is moved into the interval in which the ray is inside the triangle's box, so
 /// that skipping boxes can never lose it.
 #[inline(always)]
 pub(crate) fn exact_hit(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<(f64, DVec2)> {
     // First what drops the triangle that the ray starts on: most that are tested.
     let estimate = Estimate::of(ray, corners, t_min)?;
-    let drawing = Drawing::new(ray);
-    let [p0, p1, p2] =
-        [drawing.draw(corners[0]), drawing.draw(corners[1]), drawing.draw(corners[2])];
+    let projection = Projection::new(ray);
+    let [p0, p1, p2] = [
+        projection.project(corners[0]),
+        projection.project(corners[1]),
+        projection.project(corners[2]),
+    ];
     let (w0, s0) = edge(p1, p2);
     let (w1, s1) = edge(p2, p0);
     let (w2, s2) = edge(p0, p1);
@@ -102,7 +105,7 @@ pub(crate) fn exact_hit(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<
     let t = if plane.is_finite() {
         plane
     } else {
-        let z = drawing.axes[2];
+        let z = projection.axes[2];
         let depth =
             relative[0][z] * (1.0 - uv.x - uv.y) + relative[1][z] * uv.x + relative[2][z] * uv.y;
         depth / ray.direction[z]

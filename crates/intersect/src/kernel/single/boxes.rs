@@ -1,6 +1,6 @@
 //! The test of the eight boxes of a node.
 
-use crate::exact::quick::{BOX_PADDING, FAR_FACTOR, Planes, QuickRay};
+use crate::exact::prepared::{BOX_PADDING, FAR_FACTOR, Planes, PreparedRay};
 use crate::exact::ray::LocalRay;
 use crate::tree::node::WideNode;
 use snell_math::simd::Lanes8;
@@ -64,22 +64,22 @@ fn far<L: Lanes8>(token: L::Token, node: &WideNode, ray: &LocalRay, axis: usize)
 /// [`box_distances`] for an ordinary ray: a far plane less than [`FAR_FACTOR`] away is as good as
 /// met.
 #[inline(always)]
-pub(crate) fn quick_distances<L: Lanes8>(
+pub(crate) fn prepared_distances<L: Lanes8>(
     token: L::Token,
     node: &WideNode,
-    ray: &QuickRay,
+    ray: &PreparedRay,
     t_min: f32,
     cull: f32,
 ) -> (L, L) {
     let near = [
-        quick::<L>(token, node, ray, &ray.near, 0, 0),
-        quick(token, node, ray, &ray.near, 1, 0),
-        quick(token, node, ray, &ray.near, 2, 0),
+        prepared::<L>(token, node, ray, &ray.near, 0, 0),
+        prepared(token, node, ray, &ray.near, 1, 0),
+        prepared(token, node, ray, &ray.near, 2, 0),
     ];
     let far = [
-        quick::<L>(token, node, ray, &ray.far, 0, 3),
-        quick(token, node, ray, &ray.far, 1, 3),
-        quick(token, node, ray, &ray.far, 2, 3),
+        prepared::<L>(token, node, ray, &ray.far, 0, 3),
+        prepared(token, node, ray, &ray.far, 1, 3),
+        prepared(token, node, ray, &ray.far, 2, 3),
     ];
     let enter = near[0].max(near[1]).max(near[2].max(L::splat(token, t_min)));
     let leave = far[0].min(far[1]).min(far[2]).mul(L::splat(token, FAR_FACTOR));
@@ -88,10 +88,10 @@ pub(crate) fn quick_distances<L: Lanes8>(
 
 /// Where an ordinary ray meets the near (`side` 0) or far (3) planes of an axis.
 #[inline(always)]
-fn quick<L: Lanes8>(
+fn prepared<L: Lanes8>(
     token: L::Token,
     node: &WideNode,
-    ray: &QuickRay,
+    ray: &PreparedRay,
     offsets: &[f32; 3],
     axis: usize,
     side: usize,
@@ -100,8 +100,8 @@ fn quick<L: Lanes8>(
     crossing(ray.planes()[axis + side].of(node), inverse, offset)
 }
 
-/// [`quick_distances`] with all about the ray in registers, for many nodes in turn.
-pub(crate) struct QuickBoxes<L> {
+/// [`prepared_distances`] with all about the ray in registers, for many nodes in turn.
+pub(crate) struct PreparedBoxes<L> {
     inverse: [L; 3],
     near: [L; 3],
     far: [L; 3],
@@ -116,10 +116,10 @@ const FAR_PADDING: f32 = 1.1e-6;
 /// not move along, and empty boxes would count as met.)
 const MAX_FAR_PADDING: f32 = 4e30;
 
-impl<L: Lanes8> QuickBoxes<L> {
+impl<L: Lanes8> PreparedBoxes<L> {
     /// `extent` is the largest coordinate of the boxes.
     #[inline(always)]
-    pub fn new(token: L::Token, ray: &QuickRay, extent: f32) -> Self {
+    pub fn new(token: L::Token, ray: &PreparedRay, extent: f32) -> Self {
         let (inverse, far) =
             (Vec3::from_array(ray.inverse).extend(1.0), Vec3::from_array(ray.far).extend(1.0));
         let far = if L::FUSED {
@@ -138,7 +138,7 @@ impl<L: Lanes8> QuickBoxes<L> {
         }
     }
 
-    /// As [`quick_distances`].
+    /// As [`prepared_distances`].
     #[inline(always)]
     pub fn distances(&self, node: &WideNode, t_min: L, cull: L) -> (L, L) {
         let near = [self.near(node, 0), self.near(node, 1), self.near(node, 2)];

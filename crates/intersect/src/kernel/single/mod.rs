@@ -1,6 +1,6 @@
 //! One ray through the trees: the kernel that every other falls back to.
 
 pub(crate) mod boxes;
-mod careful;
 pub(crate) mod filter;
+mod general;
 pub(crate) mod traverse;

@@ -1,22 +1,22 @@
 //! The filter on the shadow of triangles in double precision: conservative, in `f32`.
 
-use super::single::{DrawingFrame, place_margin};
-use crate::exact::quick::QuickRay;
+use super::single::{ProjectionFrame, place_margin};
+use crate::exact::prepared::PreparedRay;
 use crate::exact::ray::LocalRay;
 use crate::tree::block::TriangleBlock;
 use snell_math::simd::Lanes8;
 
-/// Bound of the rounding of an edge value of the shadow, relative to the largest drawn |x| times
-/// the largest drawn |y|: `2^-22`, and as much again four times for the roundings of the drawing
+/// Bound of the rounding of an edge value of the shadow, relative to the largest projected |x| times
+/// the largest projected |y|: `2^-22`, and as much again four times for the roundings of the projection
 /// that grow with |x| and |y|. (`u`, half a unit in the last place of `f32`, is `2^-24`.)
 const EDGE_ERROR: f32 = 1.0 / (1u32 << 20) as f32;
 
-/// Twice what a drawn vertex may be off by per unit of its depth: the roundings of depth, shear and
+/// Twice what a projected vertex may be off by per unit of its depth: the roundings of depth, shear and
 /// their product, and of the difference. `2 * 4 u`, with room to spare.
 const DEPTH_ERROR: f32 = 10.0 / (1u32 << 24) as f32;
 
 /// [`super::single::candidates`] on the shadow of the triangles: allows for what the
-/// vertices, the ray's origin and the drawing are off by.
+/// vertices, the ray's origin and the projection are off by.
 #[inline(always)]
 pub(crate) fn candidates<L: Lanes8>(
     token: L::Token,
@@ -28,7 +28,7 @@ pub(crate) fn candidates<L: Lanes8>(
     let farthest = ray.origin[0].abs().max(ray.origin[1].abs()).max(ray.origin[2].abs());
     let slack = ray.slack + farthest * (f32::EPSILON * 0.5) + f32::MIN_POSITIVE;
     let (outside, sides, [z0, z1, z2]) =
-        outside(token, block, &DrawingFrame::<L>::new(token, ray), slack);
+        outside(token, block, &ProjectionFrame::<L>::new(token, ray), slack);
     if ray.depth_scale == 0.0 {
         return !outside & 0xff;
     }
@@ -51,25 +51,26 @@ pub(crate) fn candidates<L: Lanes8>(
 pub(crate) fn lines_through<L: Lanes8>(
     token: L::Token,
     block: &TriangleBlock,
-    ray: &QuickRay,
+    ray: &PreparedRay,
 ) -> u32 {
-    let (outside, ..) = outside(token, block, &DrawingFrame::<L>::of_quick(token, ray), ray.slack);
+    let (outside, ..) =
+        outside(token, block, &ProjectionFrame::<L>::of_prepared(token, ray), ray.slack);
     !outside & 0xff
 }
 
-/// Which triangles the line of the ray surely does not pass through: two of their edges have signs
-/// that are certain and differ. Also the drawn size and the depths. A vertex relative to the origin
+/// Which triangles the line of the ray certainly does not pass through: two of their edges have signs
+/// that are certain and differ. Also the projected size and the depths. A vertex relative to the origin
 /// may be off by `slack` on each axis.
 #[inline(always)]
 fn outside<L: Lanes8>(
     token: L::Token,
     block: &TriangleBlock,
-    frame: &DrawingFrame<L>,
+    frame: &ProjectionFrame<L>,
     slack: f32,
 ) -> (u32, L, [L; 3]) {
     let [v0, v1, v2] = &block.vertices;
     let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2]) =
-        (frame.draw(token, v0), frame.draw(token, v1), frame.draw(token, v2));
+        (frame.project(token, v0), frame.project(token, v1), frame.project(token, v2));
     let (zero, slack, depth_error, edge_error, tiny) = (
         L::splat(token, 0.0),
         L::splat(token, slack * 4.0),
@@ -83,7 +84,7 @@ fn outside<L: Lanes8>(
     let x = x0.abs().max(x1.abs()).max(x2.abs());
     let y = y0.abs().max(y1.abs()).max(y2.abs());
     let z = z0.abs().max(z1.abs()).max(z2.abs());
-    // With each drawn coordinate off by `e` (an error along x or z each moves it by `slack` at
+    // With each projected coordinate off by `e` (an error along x or z each moves it by `slack` at
     // most), an edge value is off by at most `2 e (x + y) + 2 e^2`.
     let twice = z.mul(depth_error).add(slack);
     let bound = x.mul(y).mul(edge_error).add(twice.mul(x.add(y).add(twice))).add(tiny);

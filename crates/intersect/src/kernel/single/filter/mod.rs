@@ -4,7 +4,7 @@ pub(crate) mod double;
 pub(crate) mod single;
 
 use crate::exact::TriangleTest;
-use crate::exact::quick::QuickRay;
+use crate::exact::prepared::PreparedRay;
 use crate::exact::ray::LocalRay;
 use crate::precision::{Double, Single};
 use crate::tree::block::TriangleBlock;
@@ -23,7 +23,7 @@ pub(crate) trait BlockFilter: TriangleTest {
 
     /// Which triangles of the block the line of an ordinary ray may pass through
     /// ([`single::lines_through`]).
-    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &QuickRay) -> u32;
+    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &PreparedRay) -> u32;
 }
 
 impl BlockFilter for Single {
@@ -39,7 +39,7 @@ impl BlockFilter for Single {
     }
 
     #[inline(always)]
-    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &QuickRay) -> u32 {
+    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &PreparedRay) -> u32 {
         single::lines_through::<L>(token, block, ray)
     }
 }
@@ -57,7 +57,7 @@ impl BlockFilter for Double {
     }
 
     #[inline(always)]
-    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &QuickRay) -> u32 {
+    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &PreparedRay) -> u32 {
         double::lines_through::<L>(token, block, ray)
     }
 }

@@ -1,12 +1,12 @@
 //! The filter on triangles in single precision: conservative, in `f32`.
 
-use crate::exact::quick::QuickRay;
+use crate::exact::prepared::PreparedRay;
 use crate::exact::ray::{Axes, LocalRay};
 use crate::tree::block::TriangleBlock;
 use snell_math::simd::Lanes8;
 
-/// Bound of the rounding of an edge value, relative to the largest drawn |x| times the largest
-/// drawn |y|: two products and a difference are off by at most `2^-22` of it. Doubled.
+/// Bound of the rounding of an edge value, relative to the largest projected |x| times the largest
+/// projected |y|: two products and a difference are off by at most `2^-22` of it. Doubled.
 const EDGE_ERROR: f32 = 4.76837158203125e-7;
 
 /// Which triangles of the block the ray may hit between `t_min` and `cull` (inclusive). `cull` must
@@ -20,12 +20,12 @@ pub(crate) fn candidates<L: Lanes8>(
     cull: f32,
 ) -> u32 {
     let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2], zero, bound_scale, tiny) = {
-        let frame = DrawingFrame::<L>::new(token, ray);
+        let frame = ProjectionFrame::<L>::new(token, ray);
         let [v0, v1, v2] = &block.vertices;
         (
-            frame.draw(token, v0),
-            frame.draw(token, v1),
-            frame.draw(token, v2),
+            frame.project(token, v0),
+            frame.project(token, v1),
+            frame.project(token, v2),
             L::splat(token, 0.0),
             L::splat(token, EDGE_ERROR),
             L::splat(token, f32::MIN_POSITIVE),
@@ -34,11 +34,11 @@ pub(crate) fn candidates<L: Lanes8>(
     let u = x1.mul(y2).sub(y1.mul(x2));
     let v = x2.mul(y0).sub(y2.mul(x0));
     let w = x0.mul(y1).sub(y0.mul(x1));
-    // Surely outside: two edges whose signs are certain and differ. NaN is never sure.
+    // Certainly outside: two edges whose signs are certain and differ. NaN is never certain.
     let (x, y) = (x0.abs().max(x1.abs()).max(x2.abs()), y0.abs().max(y1.abs()).max(y2.abs()));
     let bound = x.mul(y).mul(bound_scale).add(tiny);
     let outside = u.min(v).min(w).add(bound).lt(zero) & bound.lt(u.max(v).max(w));
-    // Surely too near or too far: all three corners are. (With `depth_scale` 0 all depths are 0 and
+    // Certainly too near or too far: all three corners are. (With `depth_scale` 0 all depths are 0 and
     // prove nothing.)
     if ray.depth_scale == 0.0 {
         return !outside & 0xff;
@@ -57,7 +57,7 @@ pub(crate) fn candidates<L: Lanes8>(
 
 /// How far before the nearest or beyond the farthest corner a hit may be placed: [`crate::exact::triangle::clamp_to_box`]
 /// keeps it in the box of the triangle, padded by a share of its size, which is at most twice the
-/// drawn size (`sides`) and the largest distance of a corner (`depth`) together.
+/// projected size (`sides`) and the largest distance of a corner (`depth`) together.
 #[inline(always)]
 pub(crate) fn place_margin<L: Lanes8>(token: L::Token, depth: L, sides: L, depth_scale: f32) -> L {
     sides.mul(L::splat(token, depth_scale.abs())).add(depth).mul(L::splat(token, 4e-6))
@@ -76,7 +76,7 @@ pub(crate) const fn edge_error(is_fused: bool) -> f32 {
 pub(crate) fn lines_through<L: Lanes8>(
     token: L::Token,
     block: &TriangleBlock,
-    ray: &QuickRay,
+    ray: &PreparedRay,
 ) -> u32 {
     let [x, y, z] = ray.axes.of(&ray.origin);
     let frame = MirroredFrame {
@@ -86,7 +86,7 @@ pub(crate) fn lines_through<L: Lanes8>(
     };
     let [v0, v1, v2] = &block.vertices;
     let ([x0, y0], [x1, y1], [x2, y2]) =
-        (frame.draw(token, v0), frame.draw(token, v1), frame.draw(token, v2));
+        (frame.project(token, v0), frame.project(token, v1), frame.project(token, v2));
     let (pu, pv, pw) = (y1.mul(x2), y2.mul(x0), y0.mul(x1));
     let (u, v, w) = (x1.mul_sub(y2, pu), x2.mul_sub(y0, pv), x0.mul_sub(y1, pw));
     let error = L::splat(token, edge_error(L::FUSED));
@@ -97,7 +97,7 @@ pub(crate) fn lines_through<L: Lanes8>(
     !inside.add(bound).signs() & 0xff
 }
 
-/// [`LocalRay::draw`] for eight vertices at a time, mirrored at the origin: all differences are the
+/// [`LocalRay::project`] for eight vertices at a time, mirrored at the origin: all differences are the
 /// other way round (a load less each), so all coordinates have the opposite sign, and the edge
 /// values, products of two, are the same.
 pub(crate) struct MirroredFrame<L> {
@@ -108,7 +108,7 @@ pub(crate) struct MirroredFrame<L> {
 
 impl<L: Lanes8> MirroredFrame<L> {
     #[inline(always)]
-    fn draw(&self, token: L::Token, v: &[[f32; 8]; 3]) -> [L; 2] {
+    fn project(&self, token: L::Token, v: &[[f32; 8]; 3]) -> [L; 2] {
         let [x, y, z] = self.axes.of(v);
         let x = self.origin[0].sub(L::load(token, x));
         let y = self.origin[1].sub(L::load(token, y));
@@ -117,22 +117,22 @@ impl<L: Lanes8> MirroredFrame<L> {
     }
 }
 
-/// [`LocalRay::draw`] for eight vertices at a time: the same operations. (Plain functions instead
+/// [`LocalRay::project`] for eight vertices at a time: the same operations. (Plain functions instead
 /// of closures, which are not always inlined, and vectors must not pass through calls.)
-pub(crate) struct DrawingFrame<L> {
+pub(crate) struct ProjectionFrame<L> {
     axes: Axes,
     origin: [L; 3],
     shear: [L; 2],
 }
 
-impl<L: Lanes8> DrawingFrame<L> {
+impl<L: Lanes8> ProjectionFrame<L> {
     #[inline(always)]
     pub fn new(token: L::Token, ray: &LocalRay) -> Self {
         Self::of(token, ray.axes, &ray.origin, &ray.shear)
     }
 
     #[inline(always)]
-    pub fn of_quick(token: L::Token, ray: &QuickRay) -> Self {
+    pub fn of_prepared(token: L::Token, ray: &PreparedRay) -> Self {
         Self::of(token, ray.axes, &ray.origin, &ray.shear)
     }
 
@@ -147,7 +147,7 @@ impl<L: Lanes8> DrawingFrame<L> {
     }
 
     #[inline(always)]
-    pub fn draw(&self, token: L::Token, v: &[[f32; 8]; 3]) -> [L; 3] {
+    pub fn project(&self, token: L::Token, v: &[[f32; 8]; 3]) -> [L; 3] {
         let [x, y, z] = self.axes.of(v);
         let x = L::load(token, x).sub(self.origin[0]);
         let y = L::load(token, y).sub(self.origin[1]);
@@ -169,7 +169,7 @@ mod tests {
         LocalRay::new(&DRay::new(wide(o), wide(d)))
     }
 
-    fn lines_through_at_all_levels(block: &TriangleBlock, ray: &QuickRay) -> Vec<u32> {
+    fn lines_through_at_all_levels(block: &TriangleBlock, ray: &PreparedRay) -> Vec<u32> {
         let mut all = vec![lines_through::<Portable8>(Portable, block, ray)];
         #[cfg(target_arch = "x86_64")]
         if let Some(token) = snell_math::simd::Avx2::new() {
@@ -199,15 +199,15 @@ mod tests {
             let mut block = TriangleBlock::EMPTY;
             block.set(3, &corners, 0);
             let mask = candidates::<Portable8>(Portable, &block, &ray, 0.0, f32::INFINITY);
-            let mut quick = QuickRay::UNSET;
+            let mut prepared = PreparedRay::UNSET;
             let (origin, direction) = (ray.exact.origin, ray.exact.direction);
-            let is_quick = quick.set_from_exact::<Portable8>(&origin, &direction);
+            let is_prepared = prepared.set_from_exact::<Portable8>(&origin, &direction);
             if exact_hit(&ray, &corners, 0.0).is_some() {
                 prop_assert!(mask & 8 != 0);
-                prop_assert!(!is_quick || lines_through_at_all_levels(&block, &quick).iter().all(|lanes| lanes & 8 != 0));
+                prop_assert!(!is_prepared || lines_through_at_all_levels(&block, &prepared).iter().all(|lanes| lanes & 8 != 0));
             }
-            if is_quick {
-                let again = exact_hit_on(&quick.exact(origin, direction), &corners, 0.0);
+            if is_prepared {
+                let again = exact_hit_on(&prepared.exact(origin, direction), &corners, 0.0);
                 prop_assert_eq!(again, exact_hit(&ray, &corners, 0.0));
             }
         }

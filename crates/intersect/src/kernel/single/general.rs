@@ -1,5 +1,5 @@
 //! The walk of any ray through one group: of rays and trees that are not ordinary
-//! ([`crate::exact::quick`]).
+//! ([`crate::exact::prepared`]).
 
 use super::filter::BlockFilter;
 use super::traverse::{Entry, Stack, entry, test_object};
