@@ -1,7 +1,7 @@
 //! A ray of ordinary size, prepared for the fast kernels.
 //!
-//! Nearly all rays are ordinary: [`PreparedRay`] says which. For them nothing overflows or cancels, so
-//! boxes can be tested by one fused multiplication and addition per plane, and rays that come in
+//! Nearly all rays are ordinary: [`PreparedRay`] says which. For them nothing overflows or cancels,
+//! so boxes can be tested by one fused multiplication and addition per plane, and rays that come in
 //! `f32` can be prepared in `f32`. All others, and all in trees of extraordinary size, are walked
 //! with the general [`super::ray::LocalRay`]. Which triangles are hit, and where, is the same for
 //! both: origin, axes and shear have the same bits, and boxes and filters are conservative.
@@ -266,8 +266,8 @@ fn is_too_slow(direction: &DVec3) -> bool {
     (direction.abs().cmplt(DVec3::splat(f64::from(MIN_SLOPE))) & direction.cmpne(DVec3::ZERO)).any()
 }
 
-/// The axes of the projection by comparisons of the sizes of the direction, in bits: x at least y, x
-/// at least z, y at least z.
+/// The axes of the projection by comparisons of the sizes of the direction, in bits: x at least y,
+/// x at least z, y at least z.
 static AXES: [Axes; 8] = {
     const FIRST: [Axes; 3] = Axes::BY_Z;
     [FIRST[2], FIRST[2], FIRST[2], FIRST[0], FIRST[1], FIRST[1], FIRST[1], FIRST[0]]
@@ -344,7 +344,7 @@ mod tests {
         }
 
         #[test]
-        fn rays_prepared_in_f32_and_in_f64_are_drawn_alike(o in vector(), d in vector()) {
+        fn rays_prepared_in_f32_and_in_f64_are_projected_alike(o in vector(), d in vector()) {
             let ray = Ray::new(o, d);
             let (mut prepared, mut exact) = (PreparedRay::UNSET, PreparedRay::UNSET);
             let (o, d) = (o.as_dvec3(), d.as_dvec3());

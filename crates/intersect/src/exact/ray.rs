@@ -40,8 +40,8 @@ impl Axes {
 }
 
 /// A ray in the coordinates of a group. The `f64` ray decides distances; what follows from it in
-/// `f32` decides which triangles cover it (`origin`, `shear`: the projection) and which boxes can be
-/// skipped (`near_origin` and on: conservatively).
+/// `f32` decides which triangles cover it (`origin`, `shear`: the projection) and which boxes can
+/// be skipped (`near_origin` and on: conservatively).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LocalRay {
     /// The ray as it came through the inverse transforms. Its interval is not used.

@@ -1,19 +1,19 @@
 //! The watertight ray-triangle test.
 //!
-//! The vertices are projected on a plane across the ray in `f32` (Woop, Benthin and Wald, Watertight
-//! Ray/Triangle Intersection, JCGT 2013). The projection is a little inexact but the same for every
-//! triangle of a vertex, and on it every decision is exact: `f32` products have no error in `f64`,
-//! and where the ray meets an edge or vertex of the projection, a symbolic shift of the ray decides.
-//! So a ray through a closed mesh crosses each fan exactly once.
+//! The vertices are projected on a plane across the ray in `f32` (Woop, Benthin and Wald,
+//! Watertight Ray/Triangle Intersection, JCGT 2013). The projection is a little inexact but the
+//! same for every triangle of a vertex, and on it every decision is exact: `f32` products have no
+//! error in `f64`, and where the ray meets an edge or vertex of the projection, a symbolic shift of
+//! the ray decides. So a ray through a closed mesh crosses each fan exactly once.
 //!
-//! What filters triangles before may pass too much but never too little, so the hits are the same at
-//! every SIMD level, and with any structure.
+//! What filters triangles before may pass too much but never too little, so the hits are the same
+//! at every SIMD level, and with any structure.
 
 use super::ray::{Axes, LocalRay, wide};
 use snell_math::{DVec3, Vec2};
 
-/// Twice the signed area of the projected triangle (ray, p, q), and its exact sign after the symbolic
-/// shift of the ray: 0 only if the edge is a point or not a number.
+/// Twice the signed area of the projected triangle (ray, p, q), and its exact sign after the
+/// symbolic shift of the ray: 0 only if the edge is a point or not a number.
 #[inline(always)]
 fn edge(p: [f32; 2], q: [f32; 2]) -> (f64, i32) {
     let (a, b) = (f64::from(p[0]) * f64::from(q[1]), f64::from(p[1]) * f64::from(q[0]));
@@ -47,8 +47,8 @@ pub(crate) struct Projection {
 }
 
 impl Projection {
-    /// The vertex as projected. It has the same bits in every triangle and at every SIMD level: rounded
-    /// subtraction, product, subtraction, never fused.
+    /// The vertex as projected. It has the same bits in every triangle and at every SIMD level:
+    /// rounded subtraction, product, subtraction, never fused.
     #[inline(always)]
     pub fn project(&self, v: &[f32; 3]) -> [f32; 2] {
         let ([vx, vy, vz], [ox, oy, oz]) = (self.axes.of(v), self.axes.of(&self.origin));
@@ -148,9 +148,9 @@ pub(crate) fn hit_in_plane(
     Some((t, Vec2::new(b1 as f32, b2 as f32)))
 }
 
-/// How far along the ray a hit may be from the point of the triangle that was projected there, relative
-/// to the distance and to the size of the triangle. Only the projection is inexact, by some `1e-7`, so
-/// only rays at less than about a tenth of a degree to the triangle get this far.
+/// How far along the ray a hit may be from the point of the triangle that was projected there,
+/// relative to the distance and to the size of the triangle. Only the projection is inexact, by
+/// some `1e-7`, so only rays at less than about a tenth of a degree to the triangle get this far.
 pub(crate) const PLACE_TOLERANCE: f64 = 5e-5;
 
 /// The value nearest to `t` that is within [`PLACE_TOLERANCE`] of `place`. `z` is the largest

@@ -161,8 +161,8 @@ impl<P: Kernels> Searcher<'_, P> {
         }
     }
 
-    /// [`Self::search_into`] by the list of the world, or by that of its outliers and the tree of the
-    /// rest. Returns how many of the rays are done.
+    /// [`Self::search_into`] by the list of the world, or by that of its outliers and the tree of
+    /// the rest. Returns how many of the rays are done.
     fn search_lists<G: Goal<Precision = P>>(
         &self,
         forest: &Forest,

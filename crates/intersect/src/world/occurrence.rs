@@ -116,7 +116,8 @@ impl World {
     }
 
     /// The map from the coordinates of an occurrence's group to the world at a time from 0 to 1. An
-    /// instance that is flattened at that time, so that nothing in it is hit, counts as if at time 0.
+    /// instance that is flattened at that time, so that nothing in it is hit, counts as if at time
+    /// 0.
     pub fn world_from_instance_at(&self, instance: u32, time: f32) -> Transform {
         let mut world_from_group = Transform::IDENTITY;
         let (mut group, mut rest) = (GroupId(0), instance);

@@ -45,8 +45,8 @@ impl Projection {
     }
 }
 
-/// Twice the signed area of the projected triangle (ray, p, q), and its exact sign after the symbolic
-/// shift of the ray: 0 only if the edge is a point or not a number.
+/// Twice the signed area of the projected triangle (ray, p, q), and its exact sign after the
+/// symbolic shift of the ray: 0 only if the edge is a point or not a number.
 #[inline(always)]
 fn edge(p: [f64; 2], q: [f64; 2]) -> (f64, i32) {
     let (a, b) = (p[0] * q[1], p[1] * q[0]);
@@ -72,9 +72,9 @@ fn exact_sign(p: [f64; 2], q: [f64; 2]) -> i32 {
 /// projected triangle at `t > t_min`.
 ///
 /// The distance is that of the triangle's plane ([`Estimate::distance`]). Rays that graze the
-/// triangle may meet the projection without meeting the triangle; then the plane may be met anywhere,
-/// and the distance is moved into the interval in which the ray is inside the triangle's box, so
-/// that skipping boxes can never lose it.
+/// triangle may meet the projection without meeting the triangle; then the plane may be met
+/// anywhere, and the distance is moved into the interval in which the ray is inside the triangle's
+/// box, so that skipping boxes can never lose it.
 #[inline(always)]
 pub(crate) fn exact_hit(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<(f64, DVec2)> {
     // First what drops the triangle that the ray starts on: most that are tested.

@@ -58,7 +58,7 @@ pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
 
 /// Searches for the rays of a batch; `finish` gets the number of a ray and what was found.
 /// [`is_suitable`] must hold. Rays that have yet to be searched for among the rest, if the list is
-/// only of what stands apart, are added to `unresolved`. Returns how many rays were dealt with: less
+/// only of outliers, are added to `unresolved`. Returns how many rays were dealt with: less
 /// than all if most of them point past everything, for in a tree that costs little.
 pub(crate) fn search_list<G: Goal<Precision = Single>>(
     forest: &Forest,
@@ -68,9 +68,9 @@ pub(crate) fn search_list<G: Goal<Precision = Single>>(
     start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
 ) -> usize {
-    let (list, apart) = match (&forest.list, &forest.outliers) {
+    let (list, outliers) = match (&forest.list, &forest.outliers) {
         (Some(list), _) => (list, None),
-        (None, Some(apart)) => (&apart.list, Some(apart)),
+        (None, Some(outliers)) => (&outliers.list, Some(outliers)),
         (None, None) => return 0,
     };
     let mut small = [const { MaybeUninit::<Entry>::uninit() }; crate::tree::SMALL_STACK];
@@ -81,8 +81,8 @@ pub(crate) fn search_list<G: Goal<Precision = Single>>(
         large.resize_with(forest.stack_size(), MaybeUninit::uninit);
         &mut large
     };
-    let scene = Scene { forest, list, apart, wide, batch, is_plain: is_plain(list, batch) };
-    if apart.is_some() && !scene.is_plain {
+    let scene = Scene { forest, list, outliers, wide, batch, is_plain: is_plain(list, batch) };
+    if outliers.is_some() && !scene.is_plain {
         return 0;
     }
     match wide {
@@ -109,7 +109,7 @@ struct Scene<'a> {
     forest: &'a Forest,
     list: &'a List,
     /// Where the rest is, if that is not all.
-    apart: Option<&'a Outliers>,
+    outliers: Option<&'a Outliers>,
     wide: Option<Wide>,
     batch: &'a Batch<'a, Single>,
     /// The nearest hit within the interval of a ray is always what it hits, as far as things are
@@ -141,7 +141,7 @@ fn run<D: Doubles16, G: Goal<Precision = Single>>(
     let mut last = [Ray::new(Vec3::ZERO, Vec3::Z); RAYS];
     let (mut first, mut met) = (0, 0);
     while first < all.len() {
-        if scene.apart.is_none() && first >= TRIAL && met * FACES_PER_HIT < first * more_faces {
+        if scene.outliers.is_none() && first >= TRIAL && met * FACES_PER_HIT < first * more_faces {
             break;
         }
         let rays = &all[first..(first + RAYS).min(all.len())];
@@ -155,8 +155,8 @@ fn run<D: Doubles16, G: Goal<Precision = Single>>(
         let packet = ListPacket::<D>::new(token, list, sixteen, rays.len());
         let mut near = Near::new(token, scene, &packet);
         let mut uncertain = !packet.ordinary & ((2 << (rays.len() - 1)) - 1);
-        let more = match scene.apart {
-            Some(apart) => apart.may_meet_rest(token, &packet),
+        let more = match scene.outliers {
+            Some(outliers) => outliers.may_meet_rest(token, &packet),
             None => 0,
         };
         if G::ANY && scene.is_plain {
@@ -170,7 +170,7 @@ fn run<D: Doubles16, G: Goal<Precision = Single>>(
                     continue;
                 }
                 let is_blocked = found.blocked >> lane & 1 == 1;
-                if scene.apart.is_some() && !is_blocked && more >> lane & 1 == 1 {
+                if scene.outliers.is_some() && !is_blocked && more >> lane & 1 == 1 {
                     unresolved.push(Unresolved { number: (first + lane) as u32, hit: None });
                 } else if is_blocked || others >> lane & 1 == 0 {
                     let mut goal = start(ray);
@@ -197,7 +197,7 @@ fn run<D: Doubles16, G: Goal<Precision = Single>>(
                 if uncertain >> lane & 1 == 1 {
                     continue;
                 }
-                if scene.apart.is_some() && more >> lane & 1 == 1 {
+                if scene.outliers.is_some() && more >> lane & 1 == 1 {
                     unresolved.push(Unresolved {
                         number: (first + lane) as u32,
                         hit: found.get(list, lane),

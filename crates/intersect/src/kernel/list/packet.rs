@@ -12,8 +12,8 @@
 //!   an edge, a product of two of these and numbers that are rounded too, by 57.3 u.
 //! - Edges of parallelograms are off by up to 8 u, since opposite ones are taken for parallel
 //!   ([`Outline`]).
-//! - The projection of the exact test moves corners by `8.5 u D`. So what is projected on one side of an
-//!   edge is, by distance in the plane, on the other by less than 14.8 u; seen along an axis,
+//! - The projection of the exact test moves corners by `8.5 u D`. So what is projected on one side
+//!   of an edge is, by distance in the plane, on the other by less than 14.8 u; seen along an axis,
 //!   distances are only shorter. It sums up to less than [`EDGE_ERROR`].
 //! - Hits are where the ray meets the plane, or nearer to the place that was projected: within
 //!   `8.5 u D / s`, and so within [`DISTANCE_ERROR`] of `t`, unless the ray is as near to an edge
@@ -113,7 +113,7 @@ struct Slope<W> {
 }
 
 /// How sixteen rays meet a face.
-struct TriangleHits<W> {
+struct FaceHits<W> {
     /// The distance to the plane, and how far that may be off.
     t: W,
     error: W,
@@ -128,8 +128,8 @@ struct TriangleHits<W> {
 }
 
 impl<D: Doubles16> ListPacket<D> {
-    /// The rays that may meet a box, or come within the width of [`crate::lecture::box_ray::BoxRay`]
-    /// of it; only ordinary ones count.
+    /// The rays that may meet a box, or come within the width of
+    /// [`crate::lecture::box_ray::BoxRay`] of it; only ordinary ones count.
     ///
     /// The line misses it if an axis across it and an edge of the box tells them apart (Gottschalk,
     /// Lin and Manocha, OBBTree, 1996), the ray if it starts beyond a side and goes away.
@@ -150,13 +150,13 @@ impl<D: Doubles16> ListPacket<D> {
         let (ax, ay, az) = (dx.abs(), dy.abs(), dz.abs());
         // What is too small for `f32` is not told apart.
         let least = splat(f32::MIN_POSITIVE);
-        let apart = hy.mul(az).add(hz.mul(ay)).add(least).lt(dy.mul(mz).sub(dz.mul(my)).abs())
+        let separated = hy.mul(az).add(hz.mul(ay)).add(least).lt(dy.mul(mz).sub(dz.mul(my)).abs())
             | hz.mul(ax).add(hx.mul(az)).add(least).lt(dz.mul(mx).sub(dx.mul(mz)).abs())
             | hx.mul(ay).add(hy.mul(ax)).add(least).lt(dx.mul(my).sub(dy.mul(mx)).abs());
         let behind = hx.mul(ax).add(least).lt(dx.mul(mx))
             | hy.mul(ay).add(least).lt(dy.mul(my))
             | hz.mul(az).add(least).lt(dz.mul(mz));
-        !(apart | behind) & 0xffff
+        !(separated | behind) & 0xffff
     }
 
     /// Takes in sixteen rays, of which the first so many count: at least one.
@@ -278,40 +278,40 @@ impl<D: Doubles16> ListPacket<D> {
         face: &Face,
         axis: usize,
         slope: Slope<D::Singles>,
-    ) -> TriangleHits<D::Singles> {
+    ) -> FaceHits<D::Singles> {
         let height = D::Singles::splat(token, face.level).sub(self.origin[axis]);
-        let mut meeting = self.meet(token, face, axis, height, slope);
+        let mut hits = self.meet(token, face, axis, height, slope);
         if slope.along != 0 {
             let is_beside = height.abs().le(self.far.mul(D::Singles::splat(token, BESIDE)));
-            meeting.give_up(token, slope.along, slope.along & is_beside);
+            hits.mark_doubtful(token, slope.along, slope.along & is_beside);
         }
-        meeting
+        hits
     }
 
     /// How the rays meet a face that is not across its axis.
     #[inline(always)]
-    fn meet_tilted(&self, token: D::Token, face: &Face, axis: usize) -> TriangleHits<D::Singles> {
+    fn meet_tilted(&self, token: D::Token, face: &Face, axis: usize) -> FaceHits<D::Singles> {
         let ([x, y, z], [a, b, c]) = (self.exact_origin, face.down);
         let height = z.mul_add(D::splat(token, c), D::splat(token, face.offset));
         let height = x.mul_add(D::splat(token, a), y.mul_add(D::splat(token, b), height)).rounded();
         let ([x, y, z], [a, b, c]) = (self.direction, face.normal);
         let slope = y.mul_add(D::Singles::splat(token, b), x.mul(D::Singles::splat(token, a)));
         let slope = self.slope(token, z.mul_add(D::Singles::splat(token, c), slope));
-        let mut meeting = self.meet(token, face, axis, height, slope);
+        let mut hits = self.meet(token, face, axis, height, slope);
         let ([x, y, z], [a, b, c, d]) =
             (self.origin, face.near.map(|x| D::Singles::splat(token, x)));
         let least = y.abs().mul_add(b, x.abs().mul_add(a, d));
         let near = height.abs().le(z.abs().mul_add(c, least));
         if slope.along | near != 0 {
             let is_beside = height.abs().le(self.far.mul(D::Singles::splat(token, BESIDE)));
-            let outside = meeting.inside.add(meeting.margin).lt(D::Singles::splat(token, 0.0));
-            meeting.give_up(
+            let outside = hits.inside.add(hits.margin).lt(D::Singles::splat(token, 0.0));
+            hits.mark_doubtful(
                 token,
                 slope.along | near,
                 (slope.along & is_beside) | (near & !slope.along & !outside),
             );
         }
-        meeting
+        hits
     }
 
     /// How the rays meet a face whose plane is this far above where they start.
@@ -323,7 +323,7 @@ impl<D: Doubles16> ListPacket<D> {
         axis: usize,
         height: D::Singles,
         slope: Slope<D::Singles>,
-    ) -> TriangleHits<D::Singles> {
+    ) -> FaceHits<D::Singles> {
         let t = height.mul(slope.inverse);
         let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
         let place = [
@@ -339,7 +339,7 @@ impl<D: Doubles16> ListPacket<D> {
                 .min(distance(token, b, place))
                 .min(distance(token, c, place).min(distance(token, d, place))),
         };
-        TriangleHits {
+        FaceHits {
             t,
             error: slope.distance_error,
             place,
@@ -350,10 +350,10 @@ impl<D: Doubles16> ListPacket<D> {
     }
 }
 
-impl<W: Lanes16> TriangleHits<W> {
+impl<W: Lanes16> FaceHits<W> {
     /// Says that some rays do not certainly meet the face, of which some may meet it.
     #[inline(always)]
-    fn give_up(&mut self, token: W::Token, lanes: u32, doubtful: u32) {
+    fn mark_doubtful(&mut self, token: W::Token, lanes: u32, doubtful: u32) {
         self.inside = self.inside.replace(lanes, W::splat(token, f32::NEG_INFINITY));
         self.doubtful = doubtful;
     }
@@ -380,11 +380,11 @@ impl<W: Lanes16> AnyFace<W> {
     /// Notes how rays of these intervals meet a face. (What is not a number counts as less than
     /// anything: it is the first operand of `max`.)
     #[inline(always)]
-    fn note(&mut self, [t_min, t_max]: [W; 2], meeting: TriangleHits<W>) {
-        let ahead = meeting.ahead(t_min);
-        let (low, high) = (meeting.t.sub(meeting.error), meeting.t.add(meeting.error));
-        let certainly = low.sub(t_min).min(t_max.sub(high)).min(meeting.inside.sub(meeting.margin));
-        self.doubtful |= meeting.doubtful;
+    fn note(&mut self, [t_min, t_max]: [W; 2], hits: FaceHits<W>) {
+        let ahead = hits.ahead(t_min);
+        let (low, high) = (hits.t.sub(hits.error), hits.t.add(hits.error));
+        let certainly = low.sub(t_min).min(t_max.sub(high)).min(hits.inside.sub(hits.margin));
+        self.doubtful |= hits.doubtful;
         self.certainly = certainly.max(self.certainly);
         self.maybe = t_max.sub(low).min(ahead).max(self.maybe);
         self.ahead = ahead.max(self.ahead);
@@ -394,23 +394,16 @@ impl<W: Lanes16> AnyFace<W> {
 impl<W: Lanes16> Nearest<W> {
     /// Notes how rays that begin here meet a face, whose first triangle has this number.
     #[inline(always)]
-    fn note(
-        &mut self,
-        token: W::Token,
-        t_min: W,
-        meeting: TriangleHits<W>,
-        face: &Face,
-        number: u32,
-    ) {
+    fn note(&mut self, token: W::Token, t_min: W, hits: FaceHits<W>, face: &Face, number: u32) {
         let zero = W::splat(token, 0.0);
         let (one, other) =
             (W::splat(token, f32::from_bits(number)), W::splat(token, f32::from_bits(number + 1)));
-        self.doubtful |= meeting.doubtful;
-        let low = meeting.t.sub(meeting.error);
-        let low = W::splat(token, f32::INFINITY).where_less(zero, meeting.ahead(t_min), low);
-        let of_side = one.where_less(distance(token, &face.diagonal, meeting.place), zero, other);
+        self.doubtful |= hits.doubtful;
+        let low = hits.t.sub(hits.error);
+        let low = W::splat(token, f32::INFINITY).where_less(zero, hits.ahead(t_min), low);
+        let of_side = one.where_less(distance(token, &face.diagonal, hits.place), zero, other);
         self.triangle = self.triangle.where_less(low, self.first, of_side);
-        self.certain = self.certain.where_less(low, self.first, meeting.inside.sub(meeting.margin));
+        self.certain = self.certain.where_less(low, self.first, hits.inside.sub(hits.margin));
         self.second = self.second.min(self.first.max(low));
         self.first = self.first.min(low);
     }

@@ -22,8 +22,8 @@ impl<R: Real> CertainHits<R> {
 /// Square of the inverse of the least slope, by the normal, of rays that are decided here. The
 /// projection is off by 8.5 units of `2^-24`, relative to the farthest vertex; so hits are within
 /// [`crate::exact::triangle::PLACE_TOLERANCE`] at up to 98. (They are in the box of the triangle,
-/// since the ray certainly passes through it, not only through what is projected. Rounding of the origin
-/// is in the bound of that, so a triangle that is certainly hit is large beside it.)
+/// since the ray certainly passes through it, not only through what is projected. Rounding of the
+/// origin is in the bound of that, so a triangle that is certainly hit is large beside it.)
 const STEEPEST_SQUARE: f64 = 64.0 * 64.0;
 
 /// What became of rays: a bit for each.
@@ -35,8 +35,9 @@ pub(crate) struct Decided {
     pub moved: u32,
 }
 
-/// Tests the triangles that some of the rays certainly hit, given by their places. Of `projected` rays it
-/// is only known that they hit what is projected, and not that they are in the box of the triangle.
+/// Tests the triangles that some of the rays certainly hit, given by their places. Of `projected`
+/// rays it is only known that they hit what is projected, and not that they are in the box of the
+/// triangle.
 #[inline(always)]
 pub(crate) fn test<W: Lanes16>(
     token: W::Token,

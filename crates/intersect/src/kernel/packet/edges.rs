@@ -130,7 +130,7 @@ impl<W: Lanes16> TriangleLanes<W> {
             | planes.behind(token, self, areas, packet_rays)
     }
 
-    /// Where packet_rays certainly pass by.
+    /// Where rays certainly pass by.
     #[inline(always)]
     pub fn outside(&self, token: W::Token, areas: &Areas<W>) -> u32 {
         // (NaN is never certain.)
@@ -195,7 +195,7 @@ impl<W: Lanes16> PlaneLanes<W> {
         ahead.add(self.error).lt(W::splat(token, 0.0)) & self.upright.lt(size)
     }
 
-    /// Where packet_rays meet planes along the axis, times the product of the normal and the direction,
+    /// Where rays meet planes along the axis, times the product of the normal and the direction,
     /// without its sign.
     #[inline(always)]
     fn distance(

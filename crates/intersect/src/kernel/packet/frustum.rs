@@ -27,8 +27,9 @@ pub(super) const RAYS: usize = 16;
 /// One number per ray.
 pub(crate) type PerRay<T> = [T; RAYS];
 
-/// Relative padding of everything that follows from rounded coordinates, as [`crate::exact::prepared::BOX_PADDING`]:
-/// roundings of `f32` here, and of the projection of triangles, come to less than half of it.
+/// Relative padding of everything that follows from rounded coordinates, as
+/// [`crate::exact::prepared::BOX_PADDING`]: roundings of `f32` here, and of the projection of
+/// triangles, come to less than half of it.
 const PADDING: f32 = 1.0e-6;
 
 /// Coordinates and directions beyond this are left to the other kernels: here nothing may overflow.
@@ -233,8 +234,8 @@ impl Packet {
     }
 
     /// Works out everything else from the kind, `columns`, the direction of the first ray,
-    /// `projected_origin` by axis of the group if the rays do not share their origin or anything was
-    /// rounded, and `exact` if that was. False if these rays do not make a packet.
+    /// `projected_origin` by axis of the group if the rays do not share their origin or anything
+    /// was rounded, and `exact` if that was. False if these rays do not make a packet.
     #[inline(always)]
     pub fn set_up<W: Lanes16, P: PacketTests>(
         &mut self,
@@ -478,8 +479,8 @@ impl Packet {
         W::splat(token, -1.0).store_where(rays, &mut self.cull);
     }
 
-    /// After certain hits of some rays that are not reversed, between two places of their [`PacketRays`]
-    /// each. [`Self::update_limits`] must follow.
+    /// After certain hits of some rays that are not reversed, between two places of their
+    /// [`PacketRays`] each. [`Self::update_limits`] must follow.
     #[inline(always)]
     pub fn tighten_to<W: Lanes16>(&mut self, token: W::Token, rays: u32, low: W, high: W) {
         low.store_where(rays, &mut self.packet_rays.certain_end);
@@ -632,8 +633,8 @@ impl Packet {
     }
 }
 
-/// Boxes as packets that are [coherent](Packet::is_coherent_with) see them from their apex: where they begin
-/// and end along the axis of the packet, and on the other two axes.
+/// Boxes as packets that are [coherent](Packet::is_coherent_with) see them from their apex: where
+/// they begin and end along the axis of the packet, and on the other two axes.
 pub(crate) struct Boxes<L> {
     near: L,
     far: L,

@@ -1,10 +1,12 @@
-//! Which triangles of a block the rays of a packet may hit, and which they certainly hit, and where.
+//! Which triangles of a block the rays of a packet may hit, and which they certainly hit, and
+//! where.
 //!
 //! Seen from about where the rays start, the signed area of a ray and an edge is the product of the
 //! ray's direction with a vector that belongs to the edge alone (Plücker coordinates; for a shared
 //! origin as in Benthin, Realtime Ray Tracing on Current CPU Architectures, 2006). So the vectors
 //! of the edges of eight triangles are worked out at once, and then each triangle meets all rays at
-//! once. Nothing that the exact test takes is dropped, and nothing is certain that it does not take.
+//! once. Nothing that the exact test takes is dropped, and nothing is certain that it does not
+//! take.
 
 use super::edges::{Areas, LineLanes, PlaneLanes, TriangleLanes, of};
 use super::frustum::Packet;
@@ -28,13 +30,13 @@ pub(super) const ROUNDING: f32 = f32::EPSILON / 2.0;
 /// With unit `2^-24`, distances up to `R` and edges up to `L`: coordinates of `r` and `e` are off
 /// by 1 of `R` and `L`, so those of a product of both by 8 `RL`; slopes are 1.25 at most and off by
 /// 1, so the area is off by 50 `RL`, and by 60 for what the place of the ray adds; the third area,
-/// from the sum of all (off by 50 `LL`), by 160. The exact test projects vertices to 4.75 `R`. A projected
-/// triangle around the ray has its corners, and edges, within 4.5 `L`, in both coordinates: its
-/// areas are off by 4.75 times 4 times 4.5, some 86 `RL`.
+/// from the sum of all (off by 50 `LL`), by 160. The exact test projects vertices to 4.75 `R`. A
+/// projected triangle around the ray has its corners, and edges, within 4.5 `L`, in both
+/// coordinates: its areas are off by 4.75 times 4 times 4.5, some 86 `RL`.
 const AREA_ERROR: f32 = 320.0 * ROUNDING;
 
-/// The same for what vertices and rays may be off by ([`PacketRays::margin`]), by way of projection and
-/// seeing.
+/// The same for what vertices and rays may be off by ([`PacketRays::margin`]), by way of projection
+/// and seeing.
 const MARGIN_ERROR: f32 = 16.0;
 
 /// Areas of all edges are off by a bound each. Where their sum is ten times that, `z`, the mean of
@@ -358,8 +360,8 @@ impl SeenBlock {
     }
 
     /// Takes two of the rays, or the last one, and tells which triangles they may meet where that
-    /// may matter, a bit for each, eight for the first ray, then eight for the last: a prepared look,
-    /// worth it for few rays.
+    /// may matter, a bit for each, eight for the first ray, then eight for the last: a prepared
+    /// look, worth it for few rays.
     #[inline(always)]
     pub fn near_two<W: Lanes16>(
         &self,

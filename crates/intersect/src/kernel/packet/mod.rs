@@ -2,11 +2,11 @@
 //!
 //! A run of sixteen rays of the batch becomes a [`Packet`] if it is one: rays from one point, or
 //! towards one point, or otherwise close together. Up to four that follow each other walk together
-//! if they are [coherent](Packet::is_coherent_with): a node is loaded and put in order once for all of them, a
-//! block of triangles is seen once, and their tests do not wait for each other. Each goes where it
-//! would go alone, in the same order. Runs that are no packets are left to the caller. Every pair
-//! of ray and triangle that is not certainly a miss goes to the same exact test as everywhere else, so
-//! that neighbours do not change results.
+//! if they are [coherent](Packet::is_coherent_with): a node is loaded and put in order once for all
+//! of them, a block of triangles is seen once, and their tests do not wait for each other. Each
+//! goes where it would go alone, in the same order. Runs that are no packets are left to the
+//! caller. Every pair of ray and triangle that is not certainly a miss goes to the same exact test
+//! as everywhere else, so that neighbours do not change results.
 
 pub(crate) mod certain;
 pub(crate) mod doubles;

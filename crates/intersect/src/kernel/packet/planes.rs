@@ -24,7 +24,7 @@ pub(super) struct Planes {
     /// What [heights of rays](super::edges::TriangleLanes) may be off by, each times the normal.
     ///
     /// With unit `u = 2^-24`, normals off by `dn`, rays that begin up to `s` from the point and `b`
-    /// from where their packet_rays cross it, and corners up to `r` from there: the height of a corner is
+    /// from where their rays cross it, and corners up to `r` from there: the height of a corner is
     /// off by `3 r dn + 15 u r n`; the place of a line (`3 s` away at most) by `8 u s` on each
     /// axis, so its height by `6 s dn + 16 u s n`; the product with a direction (of slopes up to
     /// 1.25) by `4 dn + 10 u n`, times `b`; the sums by `u` of what they come to. Together that is

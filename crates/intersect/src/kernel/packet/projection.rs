@@ -1,8 +1,8 @@
 //! Where all rays of a packet are in the projection of one triangle, which decides what they hit.
 //!
 //! Areas of what is seen from one point ([`super::leaf`]) are off by the distance of a triangle
-//! times its length: too much for slivers. What a ray projects is small near that ray, and so are the
-//! errors.
+//! times its length: too much for slivers. What a ray projects is small near that ray, and so are
+//! the errors.
 
 use super::frustum::Packet;
 use crate::exact::ray::Axes;
@@ -10,8 +10,8 @@ use crate::kernel::single::filter::single::edge_error;
 use crate::tree::block::TriangleBlock;
 use snell_math::simd::{Lanes8, Lanes16};
 
-/// The rays that are inside and outside of the projection of a triangle, a bit for each; neither where
-/// single precision does not tell.
+/// The rays that are inside and outside of the projection of a triangle, a bit for each; neither
+/// where single precision does not tell.
 #[inline(always)]
 pub(super) fn sides<W: Lanes16>(
     token: W::Token,

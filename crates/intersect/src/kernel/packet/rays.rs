@@ -1,4 +1,5 @@
-//! The rays of a packet as triangles see them: packet_rays by the point where the first ray starts.
+//! The rays of a packet as triangles see them: lines, in coordinates around the start of the first
+//! ray.
 //!
 //! Triangles are seen from there, not from the apex of the packet, because every hit is decided by
 //! the distance from the start of its ray: a light far away, as the apex is, would make all errors
@@ -18,7 +19,7 @@ const END_PADDING: f32 = 2.0e-4;
 /// No length needs to be larger, and coordinates are not ([`super::frustum`]).
 const LONGEST: f32 = 1.0e16;
 
-/// The packet_rays, per ray, by axis of the packet.
+/// By ray, and by axis of the packet.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct PacketRays {
@@ -31,8 +32,8 @@ pub(crate) struct PacketRays {
     /// The interval begins between these.
     pub begin: PerRay<f32>,
     pub certain_begin: PerRay<f32>,
-    /// What is nearer than `certain_end` is certainly wanted, what is beyond `end` certainly not: at first
-    /// about the end of the interval, then about the nearest hit.
+    /// What is nearer than `certain_end` is certainly wanted, what is beyond `end` certainly not:
+    /// at first about the end of the interval, then about the nearest hit.
     pub certain_end: PerRay<f32>,
     pub end: PerRay<f32>,
     /// Where rays start.

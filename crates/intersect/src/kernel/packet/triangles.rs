@@ -1,5 +1,5 @@
-//! What packets do with the triangles of leaves: some are certainly missed, some certainly hit, and the
-//! rest is tested exactly.
+//! What packets do with the triangles of leaves: some are certainly missed, some certainly hit, and
+//! the rest is tested exactly.
 
 use super::certain::Decided;
 use super::edges::EdgeTests;
@@ -210,8 +210,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         found
     }
 
-    /// Where any hit will do: ends the searches of rays that certainly hit something of a block, and
-    /// finds what others may hit. True if anything counted already.
+    /// Where any hit will do: ends the searches of rays that certainly hit something of a block,
+    /// and finds what others may hit. True if anything counted already.
     #[inline(always)]
     fn find_any<W: Lanes16>(
         &mut self,
@@ -309,7 +309,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         packet.finish::<W>(token, rays);
     }
 
-    /// Tests what was put off. If nothing comes after the `last` ones of the root group, what rays
+    /// Tests the deferred hits. If nothing comes after the `last` ones of the root group, what rays
     /// without a search hit is only noted; else [`Packet::update_limits`] must follow.
     #[inline(always)]
     pub(super) fn test_deferred<W: Lanes16>(

@@ -27,8 +27,8 @@ const LEAVES_BYTES: usize = 32 << 20;
 /// Packets that walk together at most.
 pub(super) const MAX_PACKETS: usize = 4;
 
-/// Memory of the walks: what packets visit later, by distance, place (node times eight plus slot) and
-/// which packets hit the node, and the stack of single rays.
+/// Memory of the walks: what packets visit later, by distance, place (node times eight plus slot)
+/// and which packets hit the node, and the stack of single rays.
 pub(super) struct Stacks {
     pub(super) distances: Vec<f32>,
     pub(super) places: Vec<u32>,
@@ -222,8 +222,8 @@ impl PacketGroup {
     }
 }
 
-/// Walks one group with some of the packets, which must be [coherent](Packet::is_coherent_with): each meets
-/// what it would meet alone, in the same order.
+/// Walks one group with some of the packets, which must be [coherent](Packet::is_coherent_with):
+/// each meets what it would meet alone, in the same order.
 ///
 /// # Panics
 /// If the stacks have no room for the group and all below it.

@@ -1,5 +1,5 @@
-//! The walk of any ray through one group: of rays and trees that are not ordinary
-//! ([`crate::exact::prepared`]).
+//! The general traversal of one group: the textbook's loop, for any ray and any tree. Rays and
+//! trees that are not ordinary fall back to it ([`crate::exact::prepared`]).
 
 use super::filter::BlockFilter;
 use super::traverse::{Entry, Stack, entry, test_object};

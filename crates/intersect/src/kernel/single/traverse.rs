@@ -165,7 +165,7 @@ impl<'a, L: Lanes8> Place<'a, L> {
             }
         }
         if is_prepared {
-            self.enter_quickly(&prepared, search, stack)
+            self.enter_prepared(&prepared, search, stack)
         } else {
             general::enter::<L, G>(token, forest, group, ray, instance, search, stack)
         }
@@ -173,7 +173,7 @@ impl<'a, L: Lanes8> Place<'a, L> {
 
     /// [`Self::walk`], not inlined.
     #[inline(always)]
-    fn enter_quickly<G: Goal>(
+    fn enter_prepared<G: Goal>(
         self,
         prepared: &PreparedRay,
         search: &mut Search<'_, G>,
@@ -357,7 +357,7 @@ impl<'a, L: Lanes8> Place<'a, L> {
             {
                 search.goal.enter(map);
                 let below = Place::<L>::new(token, forest, *child, &ray, instance + offset);
-                let is_over = below.enter_quickly(&prepared, search, stack);
+                let is_over = below.enter_prepared(&prepared, search, stack);
                 search.goal.leave();
                 return is_over;
             }

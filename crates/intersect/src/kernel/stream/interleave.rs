@@ -22,8 +22,8 @@ use snell_math::simd::{Avx2, Avx8, Token};
 use snell_math::simd::{Lanes8, Level, Portable, Portable8, Wide};
 use std::mem::MaybeUninit;
 
-/// How many rays are in flight at most. When [`SHARED_RAYS`] of them have come to their ends, others
-/// start.
+/// How many rays are in flight at most. When [`SHARED_RAYS`] of them have come to their ends,
+/// others start.
 const SLOTS: usize = 48;
 
 /// Batches of fewer rays are not worth it.
@@ -42,8 +42,8 @@ const SORTED_BYTES_AVX512: usize = 128 << 10;
 pub(crate) struct Batch<'a, P: Facts> {
     pub rays: Rays<'a, P>,
     pub context: &'a Context<'a, P>,
-    /// In which order to search for them: their numbers, or places in `unresolved`; if empty, as they
-    /// are.
+    /// In which order to search for them: their numbers, or places in `unresolved`; if empty, as
+    /// they are.
     pub order: &'a [u32],
     /// The rays to search for, if these are not all from the beginning.
     pub unresolved: Option<&'a [Unresolved<P::Hit>]>,

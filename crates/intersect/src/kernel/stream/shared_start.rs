@@ -1,4 +1,5 @@
-//! The first steps of rays that start near each other, for a packet of up to [`SHARED_RAYS`] at once.
+//! The first steps of rays that start near each other, for a packet of up to [`SHARED_RAYS`] at
+//! once.
 //!
 //! Wherever unrelated rays go, most nodes that they visit are those around the points where they
 //! start, and neighbours have these in common. So boxes of such a node are tested for sixteen rays
@@ -57,8 +58,8 @@ const MAX_MARGIN: f32 = 1.0e20;
 /// help stay at the root.
 ///
 /// # Safety
-/// There must be one to [`SHARED_RAYS`] slots, each with a search that [was started](Slot::start) at the
-/// same node and has not gone on.
+/// There must be one to [`SHARED_RAYS`] slots, each with a search that [was started](Slot::start)
+/// at the same node and has not gone on.
 #[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
 #[inline(always)]
 pub(super) unsafe fn shared_start<G: Goal>(wide: Wide, slots: &[*mut Slot<'_, G>]) -> u32 {
@@ -285,7 +286,8 @@ unsafe fn visit<W: Lanes16, G: Goal, const N: usize>(
 /// Gives each ray of a row what is left to it, the nearest last.
 ///
 /// # Safety
-/// As [`shared_start`]; the slots from the first on must be those of the row, which is the `number`-th.
+/// As [`shared_start`]; the slots from the first on must be those of the row, which is the
+/// `number`-th.
 #[inline(always)]
 unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
     token: W::Token,

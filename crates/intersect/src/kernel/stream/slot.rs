@@ -283,8 +283,8 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// last of them at once. Their boxes begin at these distances or farther.
     ///
     /// # Safety
-    /// It must be a slot of [`Slots`]. The children must be of the same group, and no more than what
-    /// the root would have left on the stack.
+    /// It must be a slot of [`Slots`]. The children must be of the same group, and no more than
+    /// what the root would have left on the stack.
     #[inline(always)]
     pub unsafe fn go_on_with<L: WideLanes>(
         this: *mut Self,

@@ -6,13 +6,14 @@ use crate::exact::ray::LocalRay;
 use crate::tree::block::TriangleBlock;
 use snell_math::simd::Lanes8;
 
-/// Bound of the rounding of an edge value of the shadow, relative to the largest projected |x| times
-/// the largest projected |y|: `2^-22`, and as much again four times for the roundings of the projection
-/// that grow with |x| and |y|. (`u`, half a unit in the last place of `f32`, is `2^-24`.)
+/// Bound of the rounding of an edge value of the shadow, relative to the largest projected |x|
+/// times the largest projected |y|: `2^-22`, and as much again four times for the roundings of the
+/// projection that grow with |x| and |y|. (`u`, half a unit in the last place of `f32`, is
+/// `2^-24`.)
 const EDGE_ERROR: f32 = 1.0 / (1u32 << 20) as f32;
 
-/// Twice what a projected vertex may be off by per unit of its depth: the roundings of depth, shear and
-/// their product, and of the difference. `2 * 4 u`, with room to spare.
+/// Twice what a projected vertex may be off by per unit of its depth: the roundings of depth, shear
+/// and their product, and of the difference. `2 * 4 u`, with room to spare.
 const DEPTH_ERROR: f32 = 10.0 / (1u32 << 24) as f32;
 
 /// [`super::single::candidates`] on the shadow of the triangles: allows for what the
@@ -58,9 +59,9 @@ pub(crate) fn lines_through<L: Lanes8>(
     !outside & 0xff
 }
 
-/// Which triangles the line of the ray certainly does not pass through: two of their edges have signs
-/// that are certain and differ. Also the projected size and the depths. A vertex relative to the origin
-/// may be off by `slack` on each axis.
+/// Which triangles the line of the ray certainly does not pass through: two of their edges have
+/// signs that are certain and differ. Also the projected size and the depths. A vertex relative to
+/// the origin may be off by `slack` on each axis.
 #[inline(always)]
 fn outside<L: Lanes8>(
     token: L::Token,

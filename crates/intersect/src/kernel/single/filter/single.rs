@@ -38,8 +38,8 @@ pub(crate) fn candidates<L: Lanes8>(
     let (x, y) = (x0.abs().max(x1.abs()).max(x2.abs()), y0.abs().max(y1.abs()).max(y2.abs()));
     let bound = x.mul(y).mul(bound_scale).add(tiny);
     let outside = u.min(v).min(w).add(bound).lt(zero) & bound.lt(u.max(v).max(w));
-    // Certainly too near or too far: all three corners are. (With `depth_scale` 0 all depths are 0 and
-    // prove nothing.)
+    // Certainly too near or too far: all three corners are. (With `depth_scale` 0 all depths are 0
+    // and prove nothing.)
     if ray.depth_scale == 0.0 {
         return !outside & 0xff;
     }
@@ -55,9 +55,10 @@ pub(crate) fn candidates<L: Lanes8>(
     !(outside | beyond) & 0xff
 }
 
-/// How far before the nearest or beyond the farthest corner a hit may be placed: [`crate::exact::triangle::clamp_to_box`]
-/// keeps it in the box of the triangle, padded by a share of its size, which is at most twice the
-/// projected size (`sides`) and the largest distance of a corner (`depth`) together.
+/// How far before the nearest or beyond the farthest corner a hit may be placed:
+/// [`crate::exact::triangle::clamp_to_box`] keeps it in the box of the triangle, padded by a share
+/// of its size, which is at most twice the projected size (`sides`) and the largest distance of a
+/// corner (`depth`) together.
 #[inline(always)]
 pub(crate) fn place_margin<L: Lanes8>(token: L::Token, depth: L, sides: L, depth_scale: f32) -> L {
     sides.mul(L::splat(token, depth_scale.abs())).add(depth).mul(L::splat(token, 4e-6))
@@ -97,8 +98,8 @@ pub(crate) fn lines_through<L: Lanes8>(
     !inside.add(bound).signs() & 0xff
 }
 
-/// [`LocalRay::project`] for eight vertices at a time, mirrored at the origin: all differences are the
-/// other way round (a load less each), so all coordinates have the opposite sign, and the edge
+/// [`LocalRay::project`] for eight vertices at a time, mirrored at the origin: all differences are
+/// the other way round (a load less each), so all coordinates have the opposite sign, and the edge
 /// values, products of two, are the same.
 pub(crate) struct MirroredFrame<L> {
     axes: Axes,
@@ -117,8 +118,8 @@ impl<L: Lanes8> MirroredFrame<L> {
     }
 }
 
-/// [`LocalRay::project`] for eight vertices at a time: the same operations. (Plain functions instead
-/// of closures, which are not always inlined, and vectors must not pass through calls.)
+/// [`LocalRay::project`] for eight vertices at a time: the same operations. (Plain functions
+/// instead of closures, which are not always inlined, and vectors must not pass through calls.)
 pub(crate) struct ProjectionFrame<L> {
     axes: Axes,
     origin: [L; 3],
