@@ -120,8 +120,8 @@ pub(crate) fn are_degenerate(corners: &[Vec3; 3]) -> bool {
 }
 
 /// The box around a triangle that acceleration structures use: padded by `1e-6` of its largest
-/// extent and a unit in the last place. The triangle as drawn across a ray (the test of hits) may
-/// lie outside of the exact box by less than that.
+/// extent and a unit in the last place. The triangle as projected across a ray (the test of hits)
+/// may lie outside of the exact box by less than that.
 #[inline(always)]
 pub(crate) fn padded_bounds([a, b, c]: &[Vec3; 3]) -> Bounds3 {
     let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
@@ -202,8 +202,8 @@ impl TriangleMesh {
     /// True for a triangle that can never be hit: with a non-finite vertex, or with two vertices in
     /// one place.
     ///
-    /// Three different vertices on a line are not enough: as drawn across a ray they may cover a
-    /// little, and what they cover no other triangle of a closed mesh does (rounding the
+    /// Three different vertices on a line are not enough: as projected across a ray they may cover
+    /// a little, and what they cover no other triangle of a closed mesh does (rounding the
     /// coordinates of far-away meshes makes such triangles).
     pub fn is_degenerate(&self, triangle: usize) -> bool {
         are_degenerate(&self.corners(triangle))

@@ -2,9 +2,9 @@
 //! build, and the slower to trace the more the vertices have moved among each other.
 
 use super::primitive::Triangles;
-use crate::exact::triangle::TriangleBlock;
 use crate::group::GroupList;
 use crate::mesh::padded_bounds;
+use crate::tree::block::TriangleBlock;
 use crate::tree::node::WideNode;
 use crate::tree::{CacheUse, GroupTree};
 use rayon::prelude::*;

@@ -6,8 +6,8 @@
 
 use super::binary::{Cursor, PartCursor, Tree};
 use super::primitive::{Numbered, OBJECT, Triangles};
-use crate::exact::triangle::TriangleBlock;
 use crate::tree::Blocks;
+use crate::tree::block::TriangleBlock;
 use crate::tree::compact::{Line, MAX_ID, SPARE_LINES, lines_of, pack};
 use crate::tree::node::{ChildRef, WideNode};
 use crate::tree::storage::Storage;

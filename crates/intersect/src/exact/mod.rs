@@ -1,15 +1,15 @@
 //! What decides a hit: rays as tests want them, and the watertight test of a triangle.
 
 pub(crate) mod double;
-pub(crate) mod meeting;
-pub(crate) mod quick;
+pub(crate) mod plane_hit;
+pub(crate) mod prepared;
 pub(crate) mod ray;
 mod single;
 pub(crate) mod triangle;
 
 use crate::precision::frame::Frames;
 use crate::search::{Goal, Search};
-use quick::QuickRay;
+use prepared::PreparedRay;
 use ray::LocalRay;
 use snell_math::simd::Lanes8;
 use snell_math::{DRay, DVec3};
@@ -37,13 +37,17 @@ pub(crate) trait TriangleTest: Frames {
 
     /// Prepares a ray of the world for the fast kernels, in the root group; false if it is not
     /// ordinary, or its interval is empty or begins below zero.
-    fn prepare_root<L: Lanes8>(data: &Self::Data, quick: &mut QuickRay, ray: &Self::Ray) -> bool;
+    fn prepare_root<L: Lanes8>(
+        data: &Self::Data,
+        prepared: &mut PreparedRay,
+        ray: &Self::Ray,
+    ) -> bool;
 
     /// Prepares a ray of a group for the fast kernels; false if it is not ordinary.
     fn prepare<L: Lanes8>(
         data: &Self::Data,
         group: usize,
-        quick: &mut QuickRay,
+        prepared: &mut PreparedRay,
         ray: &DRay,
     ) -> bool;
 
@@ -51,7 +55,7 @@ pub(crate) trait TriangleTest: Frames {
     /// coordinates of the group.
     fn hit_on_line<G: Goal<Precision = Self>>(
         search: &Search<'_, G>,
-        ray: &QuickRay,
+        ray: &PreparedRay,
         origin: &DVec3,
         direction: &DVec3,
         corners: &[[f32; 3]; 3],

@@ -1,10 +1,10 @@
 //! A ray in the coordinates of one group, with all that the box and triangle tests want to know
 //! about it.
 
-use super::triangle::{Drawing, ExactRay};
+use super::triangle::{ExactRay, Projection};
 use snell_math::{DRay, DVec3, Vec3};
 
-/// Axes x, y, z of a drawing: z is where the direction of the ray is largest (Woop, Benthin and
+/// Axes x, y, z of a projection: z is where the direction of the ray is largest (Woop, Benthin and
 /// Wald 2013).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Axes([u8; 4]);
@@ -29,9 +29,9 @@ impl Axes {
 
     /// What [`Self::of`] was given, from what it gave.
     #[inline(always)]
-    pub fn back<T: Copy>(self, drawn: [T; 3]) -> [T; 3] {
-        let (mut all, [x, y, z, _]) = (drawn, self.0.map(usize::from));
-        for (axis, value) in [x, y, z].into_iter().zip(drawn) {
+    pub fn back<T: Copy>(self, projected: [T; 3]) -> [T; 3] {
+        let (mut all, [x, y, z, _]) = (projected, self.0.map(usize::from));
+        for (axis, value) in [x, y, z].into_iter().zip(projected) {
             // SAFETY: as in `of`.
             unsafe { *all.get_unchecked_mut(axis) = value };
         }
@@ -40,17 +40,17 @@ impl Axes {
 }
 
 /// A ray in the coordinates of a group. The `f64` ray decides distances; what follows from it in
-/// `f32` decides which triangles cover it (`origin`, `shear`: the drawing) and which boxes can be
-/// skipped (`near_origin` and on: conservatively).
+/// `f32` decides which triangles cover it (`origin`, `shear`: the projection) and which boxes can
+/// be skipped (`near_origin` and on: conservatively).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LocalRay {
     /// The ray as it came through the inverse transforms. Its interval is not used.
     pub exact: DRay,
-    /// The origin rounded to nearest: all vertices are drawn relative to it.
+    /// The origin rounded to nearest: all vertices are projected relative to it.
     pub origin: [f32; 3],
-    /// How vertices are drawn.
+    /// How vertices are projected.
     pub axes: Axes,
-    /// Drawn x = x - shear[0] z, y = y - shear[1] z.
+    /// Projected x = x - shear[0] z, y = y - shear[1] z.
     pub shear: [f32; 2],
     /// Distance along the ray per unit of the z axis; 0 if it has no useful value in `f32`, then
     /// depths are not compared.
@@ -118,8 +118,8 @@ impl LocalRay {
     /// What the exact test wants of it.
     #[inline(always)]
     pub fn exact_ray(&self) -> ExactRay {
-        let drawing = Drawing { origin: self.origin, axes: self.axes, shear: self.shear };
-        ExactRay { origin: self.exact.origin, direction: self.exact.direction, drawing }
+        let projection = Projection { origin: self.origin, axes: self.axes, shear: self.shear };
+        ExactRay { origin: self.exact.origin, direction: self.exact.direction, projection }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Exact decisions in single precision.
 
 use super::TriangleTest;
-use super::quick::QuickRay;
+use super::prepared::PreparedRay;
 use super::ray::LocalRay;
 use super::triangle::{exact_hit, height_and_speed, hit_in_plane, is_behind};
 use crate::hit::Hit;
@@ -32,19 +32,19 @@ impl TriangleTest for Single {
     }
 
     #[inline(always)]
-    fn prepare_root<L: Lanes8>(_: &(), quick: &mut QuickRay, ray: &Ray) -> bool {
-        quick.set_from_ray::<L>(ray)
+    fn prepare_root<L: Lanes8>(_: &(), prepared: &mut PreparedRay, ray: &Ray) -> bool {
+        prepared.set_from_ray::<L>(ray)
     }
 
     #[inline(always)]
-    fn prepare<L: Lanes8>(_: &(), _: usize, quick: &mut QuickRay, ray: &DRay) -> bool {
-        quick.set_from_exact::<L>(&ray.origin, &ray.direction)
+    fn prepare<L: Lanes8>(_: &(), _: usize, prepared: &mut PreparedRay, ray: &DRay) -> bool {
+        prepared.set_from_exact::<L>(&ray.origin, &ray.direction)
     }
 
     #[inline(always)]
     fn hit_on_line<G: Goal<Precision = Self>>(
         search: &Search<'_, G>,
-        ray: &QuickRay,
+        ray: &PreparedRay,
         origin: &DVec3,
         direction: &DVec3,
         corners: &[[f32; 3]; 3],

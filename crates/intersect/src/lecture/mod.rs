@@ -107,7 +107,8 @@ pub(crate) trait Visitor {
     /// True if it records regions.
     fn records(&self) -> bool;
 
-    /// Told of a region that the walk looks into; true if it holds primitives and not other regions.
+    /// Told of a region that the walk looks into; true if it holds primitives and not other
+    /// regions.
     fn visit(&mut self, is_leaf: bool, region: Region);
 
     /// Told at the end of a walk how many nodes and cells it went through.

@@ -2,8 +2,8 @@
 //!
 //! A structure may hold a triangle several times (spatial splits do that), so a hit may be offered
 //! several times, in any order. Each counts once: for triangles the same (instance, geometry,
-//! primitive) at the same `t` and `uv` is the same hit. Shapes are held once, and two of the hits on
-//! one may well be equal in single precision.
+//! primitive) at the same `t` and `uv` is the same hit. Shapes are held once, and two of the hits
+//! on one may well be equal in single precision.
 
 #[cfg(test)]
 mod tests;

@@ -174,8 +174,8 @@ impl<P: Kernels> Searcher<'_, P> {
         }
     }
 
-    /// [`Self::search_into`] by the list of the world, or by that of its outliers and the tree of the
-    /// rest. Returns how many of the rays are done.
+    /// [`Self::search_into`] by the list of the world, or by that of its outliers and the tree of
+    /// the rest. Returns how many of the rays are done.
     fn search_lists<G: Goal<Precision = P>>(
         &self,
         forest: &Forest,
@@ -183,7 +183,7 @@ impl<P: Kernels> Searcher<'_, P> {
         start: &impl Fn(&RayOf<G>) -> G,
         answers: &mut impl Answers<G>,
     ) -> usize {
-        let (wide, mut begun) = (self.world.wide, Vec::new());
+        let (wide, mut unresolved) = (self.world.wide, Vec::new());
         let mut sorter = order::Sorter::new(
             rays.len(),
             forest.outliers.is_some() && interleave::pays_to_sort::<G>(forest, wide),
@@ -195,14 +195,16 @@ impl<P: Kernels> Searcher<'_, P> {
             let part = rays.slice(first..(first + at_once).min(rays.len()));
             let mut own = Part { first, answers: &mut *answers };
             let batch = interleave::Batch::new(part, &self.context);
-            let done =
-                P::search_list(forest, wide, &batch, &mut begun, start, |i, goal| own.put(i, goal));
-            if !begun.is_empty() {
-                let order = sorter
-                    .order_of::<P>(begun.iter().map(|begun| part.get(begun.number as usize).ray));
-                let batch = interleave::Batch { order, begun: Some(&begun), ..batch };
+            let done = P::search_list(forest, wide, &batch, &mut unresolved, start, |i, goal| {
+                own.put(i, goal)
+            });
+            if !unresolved.is_empty() {
+                let order = sorter.order_of::<P>(
+                    unresolved.iter().map(|unresolved| part.get(unresolved.number as usize).ray),
+                );
+                let batch = interleave::Batch { order, unresolved: Some(&unresolved), ..batch };
                 interleave::search_batch(forest, wide, &batch, start, own);
-                begun.clear();
+                unresolved.clear();
             }
             first += done;
             if done < part.len() {

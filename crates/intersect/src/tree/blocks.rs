@@ -2,7 +2,7 @@
 
 use super::compact::{BlocksAt, Line, SPARE_LINES, ids_from, lines_from, pack};
 use super::storage::{Plain, Storage};
-use crate::exact::triangle::TriangleBlock;
+use crate::tree::block::TriangleBlock;
 use rayon::prelude::*;
 use snell_math::Bounds3;
 use snell_math::simd::{Lanes8, Portable, Portable8};

@@ -7,7 +7,7 @@
 //! unpacked triangles are hit as before, bit for bit. In a mesh two or three lines of the cache
 //! hold what takes five in a [`TriangleBlock`].
 
-use crate::exact::triangle::TriangleBlock;
+use crate::tree::block::TriangleBlock;
 use snell_math::Vec4;
 use snell_math::simd::{Lanes8, Token};
 use std::mem::MaybeUninit;

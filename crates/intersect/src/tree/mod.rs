@@ -1,6 +1,7 @@
 //! The trees that kernels traverse: an 8-wide bounding volume hierarchy of each group, and all
 //! groups together. Only data: `build` makes trees, and kernels go through them.
 
+pub(crate) mod block;
 pub(crate) mod blocks;
 pub(crate) mod compact;
 pub(crate) mod list;
@@ -9,9 +10,9 @@ pub(crate) mod storage;
 
 pub(crate) use blocks::Blocks;
 
-use crate::exact::quick::is_ordinary;
-use crate::exact::triangle::TriangleBlock;
+use crate::exact::prepared::is_ordinary;
 use crate::group::{Object, Objects};
+use block::TriangleBlock;
 use list::{List, Outliers};
 use node::{ChildRef, WideNode};
 use std::sync::Arc;

@@ -1,9 +1,6 @@
-//! The 8-wide node and its box test.
+//! The 8-wide node.
 
-use crate::exact::quick::{BOX_PADDING, FAR_FACTOR, Planes, QuickRay};
-use crate::exact::ray::LocalRay;
-use snell_math::simd::Lanes8;
-use snell_math::{Bounds3, Vec3, Vec4};
+use snell_math::{Bounds3, Vec3};
 
 /// What a node's slot leads to, in 32 bits: an inner node, up to eight triangles, or an object
 /// (shape or instance).
@@ -164,16 +161,6 @@ impl WideNode {
     }
 }
 
-impl Planes {
-    /// Those of a node.
-    #[inline(always)]
-    pub fn of(self, node: &WideNode) -> &[f32; 8] {
-        let bounds = node.bounds.as_ptr().cast::<f32>();
-        // SAFETY: the first is 0, 8, and so on to 40, of 48.
-        unsafe { &*bounds.add(self.first()).cast() }
-    }
-}
-
 /// Sorts eight rows, each column by itself, by a network of 19 exchanges (Batcher's odd-even merge
 /// sort): no branches.
 #[inline]
@@ -205,152 +192,4 @@ fn sort8(rows: &mut [[i32; 4]; 8]) {
             (rows[a][column], rows[b][column]) = (x.min(y), x.max(y));
         }
     }
-}
-
-/// Where the ray enters each of the eight boxes, and the value that must not exceed for the box to
-/// be met between `t_min` and `cull` (from [`padded`]).
-#[inline(always)]
-pub(crate) fn box_distances<L: Lanes8>(
-    token: L::Token,
-    node: &WideNode,
-    ray: &LocalRay,
-    t_min: f32,
-    cull: f32,
-) -> (L, L) {
-    let near = [
-        near::<L>(token, node, ray, 0),
-        near::<L>(token, node, ray, 1),
-        near::<L>(token, node, ray, 2),
-    ];
-    let far = [
-        far::<L>(token, node, ray, 0),
-        far::<L>(token, node, ray, 1),
-        far::<L>(token, node, ray, 2),
-    ];
-    // A plane that a parallel ray lies in gives NaN (0 times infinity), and a NaN on the left
-    // does not count.
-    let enter = near[0].max(near[1].max(near[2].max(L::splat(token, t_min))));
-    let leave = far[0].min(far[1].min(far[2].min(L::splat(token, f32::INFINITY))));
-    // Away from zero if positive, towards it if negative: always farther along the ray.
-    let leave = leave
-        .mul(L::splat(token, 1.0 + BOX_PADDING))
-        .max(leave.mul(L::splat(token, 1.0 - BOX_PADDING)));
-    (enter, leave.min(L::splat(token, cull)))
-}
-
-/// Where the ray meets the near planes of an axis.
-#[inline(always)]
-fn near<L: Lanes8>(token: L::Token, node: &WideNode, ray: &LocalRay, axis: usize) -> L {
-    let plane = L::load(token, &node.bounds[ray.negative[axis] & 1][axis]);
-    plane.sub(L::splat(token, ray.near_origin[axis])).mul(L::splat(token, ray.inverse[axis]))
-}
-
-/// Where the ray meets the far planes of an axis.
-#[inline(always)]
-fn far<L: Lanes8>(token: L::Token, node: &WideNode, ray: &LocalRay, axis: usize) -> L {
-    let plane = L::load(token, &node.bounds[(ray.negative[axis] & 1) ^ 1][axis]);
-    plane.sub(L::splat(token, ray.far_origin[axis])).mul(L::splat(token, ray.inverse[axis]))
-}
-
-/// [`box_distances`] for an ordinary ray: a far plane less than [`FAR_FACTOR`] away is as good as
-/// met.
-#[inline(always)]
-pub(crate) fn quick_distances<L: Lanes8>(
-    token: L::Token,
-    node: &WideNode,
-    ray: &QuickRay,
-    t_min: f32,
-    cull: f32,
-) -> (L, L) {
-    let near = [
-        quick::<L>(token, node, ray, &ray.near, 0, 0),
-        quick(token, node, ray, &ray.near, 1, 0),
-        quick(token, node, ray, &ray.near, 2, 0),
-    ];
-    let far = [
-        quick::<L>(token, node, ray, &ray.far, 0, 3),
-        quick(token, node, ray, &ray.far, 1, 3),
-        quick(token, node, ray, &ray.far, 2, 3),
-    ];
-    let enter = near[0].max(near[1]).max(near[2].max(L::splat(token, t_min)));
-    let leave = far[0].min(far[1]).min(far[2]).mul(L::splat(token, FAR_FACTOR));
-    (enter, leave.min(L::splat(token, cull)))
-}
-
-/// Where an ordinary ray meets the near (`side` 0) or far (3) planes of an axis.
-#[inline(always)]
-fn quick<L: Lanes8>(
-    token: L::Token,
-    node: &WideNode,
-    ray: &QuickRay,
-    offsets: &[f32; 3],
-    axis: usize,
-    side: usize,
-) -> L {
-    let (inverse, offset) = (L::splat(token, ray.inverse[axis]), L::splat(token, offsets[axis]));
-    crossing(ray.planes()[axis + side].of(node), inverse, offset)
-}
-
-/// [`quick_distances`] with all about the ray in registers, for many nodes in turn.
-pub(crate) struct QuickBoxes<L> {
-    inverse: [L; 3],
-    near: [L; 3],
-    far: [L; 3],
-    planes: [Planes; 6],
-}
-
-/// Instead of [`FAR_FACTOR`]: far planes are this much farther, relative to the largest distance at
-/// which the ray may meet any plane. A little more, for the roundings of that.
-const FAR_PADDING: f32 = 1.1e-6;
-
-/// No distance needs more. (Without a limit it would be infinite along an axis that the ray does
-/// not move along, and empty boxes would count as met.)
-const MAX_FAR_PADDING: f32 = 4e30;
-
-impl<L: Lanes8> QuickBoxes<L> {
-    /// `extent` is the largest coordinate of the boxes.
-    #[inline(always)]
-    pub fn new(token: L::Token, ray: &QuickRay, extent: f32) -> Self {
-        let (inverse, far) =
-            (Vec3::from_array(ray.inverse).extend(1.0), Vec3::from_array(ray.far).extend(1.0));
-        let far = if L::FUSED {
-            far + ((inverse.abs() * extent + far.abs()) * FAR_PADDING)
-                .min(Vec4::splat(MAX_FAR_PADDING))
-        } else {
-            far - ((far.abs() + extent) * FAR_PADDING).copysign(inverse)
-        };
-        let ([x, y, z], near, far, planes) = (ray.inverse, &ray.near, far.to_array(), ray.planes());
-        // (No closures for lanes: those are not always inlined.)
-        Self {
-            inverse: [L::splat(token, x), L::splat(token, y), L::splat(token, z)],
-            near: [L::splat(token, near[0]), L::splat(token, near[1]), L::splat(token, near[2])],
-            far: [L::splat(token, far[0]), L::splat(token, far[1]), L::splat(token, far[2])],
-            planes: [planes[0], planes[1], planes[2], planes[3], planes[4], planes[5]],
-        }
-    }
-
-    /// As [`quick_distances`].
-    #[inline(always)]
-    pub fn distances(&self, node: &WideNode, t_min: L, cull: L) -> (L, L) {
-        let near = [self.near(node, 0), self.near(node, 1), self.near(node, 2)];
-        let far = [self.far(node, 0), self.far(node, 1), self.far(node, 2)];
-        (near[0].max(near[1]).max(near[2].max(t_min)), far[0].min(far[1]).min(far[2].min(cull)))
-    }
-
-    #[inline(always)]
-    fn near(&self, node: &WideNode, axis: usize) -> L {
-        crossing(self.planes[axis].of(node), self.inverse[axis], self.near[axis])
-    }
-
-    #[inline(always)]
-    fn far(&self, node: &WideNode, axis: usize) -> L {
-        crossing(self.planes[axis + 3].of(node), self.inverse[axis], self.far[axis])
-    }
-}
-
-/// Where an ordinary ray meets planes.
-#[inline(always)]
-fn crossing<L: Lanes8>(planes: &[f32; 8], inverse: L, offset: L) -> L {
-    let plane = L::load(inverse.token(), planes);
-    if L::FUSED { plane.mul_add(inverse, offset) } else { plane.sub(offset).mul(inverse) }
 }

@@ -1,7 +1,7 @@
 //! The page at the start of a file.
 
 use crate::build::primitive::MAX_TRIANGLES;
-use crate::exact::triangle::TriangleBlock;
+use crate::tree::block::TriangleBlock;
 use crate::tree::compact::Line;
 use crate::tree::node::WideNode;
 use sha2::{Digest, Sha256};

@@ -8,7 +8,7 @@ pub(crate) mod triangle;
 mod tests;
 
 use super::TriangleTest;
-use super::quick::QuickRay;
+use super::prepared::PreparedRay;
 use super::ray::LocalRay;
 use crate::hit::DHit;
 use crate::precision::frame::Frame;
@@ -24,10 +24,10 @@ const FAST: f64 = 1e18;
 impl Frame {
     /// Prepares a ray of the group for the fast kernels; false if it is not ordinary.
     #[inline(always)]
-    pub fn prepare<L: Lanes8>(&self, quick: &mut QuickRay, ray: &DRay) -> bool {
+    pub fn prepare<L: Lanes8>(&self, prepared: &mut PreparedRay, ray: &DRay) -> bool {
         let DRay { origin, direction, .. } = self.ray(ray);
-        let ordinary = quick.set_from_exact::<L>(&origin, &direction);
-        quick.widen::<L>(self.slack);
+        let ordinary = prepared.set_from_exact::<L>(&origin, &direction);
+        prepared.widen::<L>(self.slack);
         ordinary
     }
 
@@ -81,24 +81,24 @@ impl TriangleTest for Double {
     }
 
     #[inline(always)]
-    fn prepare_root<L: Lanes8>(data: &DoubleData, quick: &mut QuickRay, ray: &DRay) -> bool {
-        (ray.t_min >= 0.0) & (ray.t_min < ray.t_max) && Self::prepare::<L>(data, 0, quick, ray)
+    fn prepare_root<L: Lanes8>(data: &DoubleData, prepared: &mut PreparedRay, ray: &DRay) -> bool {
+        (ray.t_min >= 0.0) & (ray.t_min < ray.t_max) && Self::prepare::<L>(data, 0, prepared, ray)
     }
 
     #[inline(always)]
     fn prepare<L: Lanes8>(
         data: &DoubleData,
         group: usize,
-        quick: &mut QuickRay,
+        prepared: &mut PreparedRay,
         ray: &DRay,
     ) -> bool {
-        data.frames[group].prepare::<L>(quick, ray)
+        data.frames[group].prepare::<L>(prepared, ray)
     }
 
     #[inline(always)]
     fn hit_on_line<G: Goal<Precision = Self>>(
         search: &Search<'_, G>,
-        _: &QuickRay,
+        _: &PreparedRay,
         origin: &DVec3,
         direction: &DVec3,
         _: &[[f32; 3]; 3],

@@ -14,7 +14,7 @@ use snell_math::{DRay, DVec3};
 /// most `20 u^2 = 2^-101.6` of the sum of the sizes of its products (`u` is `2^-53`: products of
 /// exact differences `5 u^2`, their difference 3, the product with the third factor 5, two sums 6),
 /// so above this it is good to `2^-55`.
-pub(crate) const SURE: f64 = 1.0 / (1u64 << 46) as f64;
+pub(crate) const CERTAIN: f64 = 1.0 / (1u64 << 46) as f64;
 
 /// Sums of products below this may have lost their last bits to underflow, if no factor is beyond
 /// [`LARGE`].
@@ -33,7 +33,7 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
-    /// `None` if the line of the ray surely does not meet the plane after `t_min`.
+    /// `None` if the line of the ray certainly does not meet the plane after `t_min`.
     #[inline(always)]
     pub fn of(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<Self> {
         let [a, b, c] = *corners;
@@ -55,8 +55,8 @@ impl Estimate {
         if in_range && pace > speeds * ROUGH && after - t_min * pace < -error {
             return None;
         }
-        let least_speed = if in_range { speeds * SURE } else { f64::INFINITY };
-        Some(Self { least_height: heights * SURE, least_speed })
+        let least_speed = if in_range { speeds * CERTAIN } else { f64::INFINITY };
+        Some(Self { least_height: heights * CERTAIN, least_speed })
     }
 
     /// The ray parameter at which the line of the ray meets the plane. Infinite or NaN if they are
@@ -73,8 +73,8 @@ fn precise_distance(ray: &DRay, corners: &[DVec3; 3], least_height: f64, least_s
     let corners_by_axis = [corners[0].to_array(), corners[1].to_array(), corners[2].to_array()];
     let (height, speed) =
         determinants(&corners_by_axis, &ray.origin.to_array(), &ray.direction.to_array());
-    let sure = height.high.abs() > least_height && speed.high.abs() > least_speed;
-    if sure { height.divided_by(speed) } else { exact_plane_distance(ray, corners) }
+    let certain = height.high.abs() > least_height && speed.high.abs() > least_speed;
+    if certain { height.divided_by(speed) } else { exact_plane_distance(ray, corners) }
 }
 
 /// The two determinants in numbers of two parts: of one ray and triangle, or of several side by

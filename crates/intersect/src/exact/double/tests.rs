@@ -1,14 +1,16 @@
 //! The exact test against arithmetic on big integers.
 
 use super::plane::{Estimate, exact_plane_distance};
-use super::triangle::{candidates, exact_hit, lines_through};
-use crate::exact::quick::QuickRay;
-use crate::exact::triangle::TriangleBlock;
+use super::triangle::exact_hit;
+use crate::exact::prepared::PreparedRay;
+use crate::kernel::single::boxes::{box_distances, prepared_distances};
+use crate::kernel::single::filter::double::{candidates, lines_through};
 use crate::mesh::DTriangleMesh;
 use crate::precision::Real;
 use crate::precision::frame::Frame;
 use crate::search::padded;
-use crate::tree::node::{ChildRef, WideNode, box_distances, quick_distances};
+use crate::tree::block::TriangleBlock;
+use crate::tree::node::{ChildRef, WideNode};
 use num_bigint::{BigInt, Sign};
 use proptest::prelude::*;
 use snell_math::simd::{Lanes8, Portable, Portable8};
@@ -155,7 +157,7 @@ fn distances_are_within_two_units_in_the_last_place_of_exact_arithmetic() {
                     "the box moves no distance of a triangle that is met: {ray:?} {corners:?}"
                 );
             }
-            // Met on the drawing only, or off it only: by its rounding.
+            // Met on the projection only, or off it only: by its rounding.
             _ => grazed += 1,
         }
     }
@@ -218,11 +220,11 @@ proptest! {
             let (enter, leave) = box_distances::<Portable8>(Portable, &node, &local, t.below(), cull);
             prop_assert_eq!(enter.le(leave), 4);
             // Nor do the fast kernels.
-            let mut quick = QuickRay::UNSET;
-            if frame.prepare::<Portable8>(&mut quick, &ray) {
+            let mut prepared = PreparedRay::UNSET;
+            if frame.prepare::<Portable8>(&mut prepared, &ray) {
                 let (lanes, (enter, leave)) = (
-                        lines_through::<Portable8>(Portable, &block, &quick),
-                        quick_distances::<Portable8>(Portable, &node, &quick, t.below(), cull),
+                        lines_through::<Portable8>(Portable, &block, &prepared),
+                        prepared_distances::<Portable8>(Portable, &node, &prepared, t.below(), cull),
                     );
                 prop_assert!(lanes & 8 != 0 && enter.le(leave) == 4);
             }

@@ -1,9 +1,9 @@
-//! Where sixteen rays hit a triangle each that they surely hit.
+//! Where sixteen rays hit a triangle each that they certainly hit.
 //!
-//! By [`crate::exact::meeting`], so the same bits as by the exact test.
+//! By [`crate::exact::plane_hit`], so the same bits as by the exact test.
 
-use super::bundle::{Bundle, PerRay, RAYS};
-use crate::exact::meeting::{InDrawing, InPlane, doubles};
+use super::packet::{ListPacket, PerRay, RAYS};
+use crate::exact::plane_hit::{PlaneHit, ProjectedHit, doubles};
 use crate::kernel::columns::columns;
 use crate::tree::list::Triangle;
 use snell_math::simd::{Doubles16, Lanes16};
@@ -20,12 +20,12 @@ pub(super) struct Found {
 }
 
 /// Tests sixteen rays, each with a triangle whose plane it meets ahead, and within whose outline or
-/// that of its neighbour in the plane it surely is. Hits are at less than `limit`. Those that are
-/// told no hit nor beyond are not decided.
+/// that of its neighbour in the plane it certainly is. Hits are at less than `limit`. Those that
+/// are told no hit nor beyond are not decided.
 #[inline(always)]
 pub(super) fn test<D: Doubles16>(
     token: D::Token,
-    bundle: &Bundle<D>,
+    packet: &ListPacket<D>,
     triangles: &PerRay<&Triangle>,
     limit: D::Singles,
 ) -> Found {
@@ -34,15 +34,15 @@ pub(super) fn test<D: Doubles16>(
     let [cz, steep, ..] =
         columns::<D::Singles>(token, half(triangles, 0, 1), half(triangles, 8, 1));
     let (a, b, c) = ([ax, ay, az], [bx, by, bz], [cx, cy, cz]);
-    let (o, d) = (bundle.origin, bundle.direction);
+    let (o, d) = (packet.origin, packet.direction);
 
     let direction = doubles::<D>(d);
-    let InPlane { slope, t, .. } = InPlane::new(&[a, b, c], doubles::<D>(o), direction);
+    let PlaneHit { slope, t, .. } = PlaneHit::new(&[a, b, c], doubles::<D>(o), direction);
     let t = t.rounded();
-    let least = D::of(steep).mul(D::of(bundle.size));
+    let least = D::of(steep).mul(D::of(packet.size));
     let is_steep = least.mul(least).lt(slope.mul(slope));
 
-    // The drawing: along the largest component of the direction.
+    // The projection: along the largest component of the direction.
     let (dx, dy, dz) = (d[0].abs(), d[1].abs(), d[2].abs());
     let along_x = dy.le(dx) & dz.le(dx);
     let along_y = dz.le(dy) & !along_x;
@@ -50,13 +50,13 @@ pub(super) fn test<D: Doubles16>(
     let shear = [d[0].div(d[2]), d[1].div(d[2])];
     let corners =
         [turned(a, along_x, along_y), turned(b, along_x, along_y), turned(c, along_x, along_y)];
-    let InDrawing { inside, b1, b2 } =
-        InDrawing::<D>::new(token, corners, turned(o, along_x, along_y), shear);
+    let ProjectedHit { inside, b1, b2 } =
+        ProjectedHit::<D>::new(token, corners, turned(o, along_x, along_y), shear);
 
-    let sure = inside & is_steep & bundle.t_min.lt(t) & t.lt(limit);
-    let hits = sure & t.lt(bundle.t_max);
+    let certain = inside & is_steep & packet.t_min.lt(t) & t.lt(limit);
+    let hits = certain & t.lt(packet.t_max);
     let mut found =
-        Found { t: [0.0; RAYS], b1: [0.0; RAYS], b2: [0.0; RAYS], hits, beyond: sure & !hits };
+        Found { t: [0.0; RAYS], b1: [0.0; RAYS], b2: [0.0; RAYS], hits, beyond: certain & !hits };
     t.store(&mut found.t);
     b1.rounded().store(&mut found.b1);
     b2.rounded().store(&mut found.b2);
@@ -78,7 +78,7 @@ fn half<'a>(triangles: &PerRay<&'a Triangle>, from: usize, part: usize) -> [&'a 
     ]
 }
 
-/// The coordinates in the order of the axes that a ray draws on, by its largest component.
+/// The coordinates in the order of the axes that a ray projects on, by its largest component.
 #[inline(always)]
 fn turned<W: Lanes16>([x, y, z]: [W; 3], along_x: u32, along_y: u32) -> [W; 3] {
     [

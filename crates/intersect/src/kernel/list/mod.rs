@@ -2,22 +2,22 @@
 //!
 //! A face is a triangle, or two that make a flat quadrilateral ([`faces`]). Where a ray meets its
 //! plane, and on which side of its edges that is, is worked out in `f32` with a bound of the error
-//! ([`bundle`]). For nearly all rays it is then certain which face is the nearest; the distance on
+//! ([`packet`]). For nearly all rays it is then certain which face is the nearest; the distance on
 //! it and the coordinates follow from the numbers that the exact test would find ([`exact`]),
 //! sixteen rays at a time too. The others, which come near an edge, start in a plane or run along
 //! one, and rays of extraordinary size, go through the tree, which finds the same. Spheres and flat
 //! shapes are tested sixteen rays at a time ([`shapes`]), others ray by ray; all but flat ones with
 //! a look at their boxes before.
 
-mod bundle;
 mod exact;
 mod outliers;
+mod packet;
 mod precision;
 mod shapes;
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub(crate) use outliers::Begun;
+pub(crate) use outliers::Unresolved;
 pub(crate) use precision::ListSearch;
 
 use super::single::traverse::{Entry, Stack, search_forest, test_object};
@@ -29,8 +29,8 @@ use crate::precision::Single;
 use crate::search::{Search, Verdict};
 use crate::tree::Forest;
 use crate::tree::list::{FIRST_OBJECT, List, ListShape, MAX_OBJECTS, Outliers};
-use bundle::{Blocked, Bundle, Nearest, PerRay, RAYS};
 use exact::Found;
+use packet::{Blocked, ListPacket, Nearest, PerRay, RAYS};
 #[cfg(target_arch = "x86_64")]
 use snell_math::simd::{Avx8, Avx16Doubles, PairDoubles, Token};
 use snell_math::simd::{Doubles16, Lanes8, Lanes16, Wide};
@@ -58,19 +58,19 @@ pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
 
 /// Searches for the rays of a batch; `finish` gets the number of a ray and what was found.
 /// [`is_suitable`] must hold. Rays that have yet to be searched for among the rest, if the list is
-/// only of what stands apart, are added to `begun`. Returns how many rays were dealt with: less
+/// only of outliers, are added to `unresolved`. Returns how many rays were dealt with: less
 /// than all if most of them point past everything, for in a tree that costs little.
 pub(crate) fn search_list<G: Goal<Precision = Single>>(
     forest: &Forest,
     wide: Option<Wide>,
     batch: &Batch<Single>,
-    begun: &mut Vec<Begun<Hit>>,
+    unresolved: &mut Vec<Unresolved<Hit>>,
     start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
 ) -> usize {
-    let (list, apart) = match (&forest.list, &forest.outliers) {
+    let (list, outliers) = match (&forest.list, &forest.outliers) {
         (Some(list), _) => (list, None),
-        (None, Some(apart)) => (&apart.list, Some(apart)),
+        (None, Some(outliers)) => (&outliers.list, Some(outliers)),
         (None, None) => return 0,
     };
     let mut small = [const { MaybeUninit::<Entry>::uninit() }; crate::tree::SMALL_STACK];
@@ -81,20 +81,20 @@ pub(crate) fn search_list<G: Goal<Precision = Single>>(
         large.resize_with(forest.stack_size(), MaybeUninit::uninit);
         &mut large
     };
-    let scene = Scene { forest, list, apart, wide, batch, is_plain: is_plain(list, batch) };
-    if apart.is_some() && !scene.is_plain {
+    let scene = Scene { forest, list, outliers, wide, batch, is_plain: is_plain(list, batch) };
+    if outliers.is_some() && !scene.is_plain {
         return 0;
     }
     match wide {
         #[cfg(target_arch = "x86_64")]
         Some(Wide::Avx512(token)) => token.run(
             #[inline(always)]
-            move || run::<Avx16Doubles, G>(token, &scene, stack, begun, start, finish),
+            move || run::<Avx16Doubles, G>(token, &scene, stack, unresolved, start, finish),
         ),
         #[cfg(target_arch = "x86_64")]
         Some(Wide::Avx2(token)) => token.run(
             #[inline(always)]
-            move || run::<PairDoubles<Avx8>, G>(token, &scene, stack, begun, start, finish),
+            move || run::<PairDoubles<Avx8>, G>(token, &scene, stack, unresolved, start, finish),
         ),
         // Without wide registers, the tree is as fast.
         _ => 0,
@@ -109,7 +109,7 @@ struct Scene<'a> {
     forest: &'a Forest,
     list: &'a List,
     /// Where the rest is, if that is not all.
-    apart: Option<&'a Outliers>,
+    outliers: Option<&'a Outliers>,
     wide: Option<Wide>,
     batch: &'a Batch<'a, Single>,
     /// The nearest hit within the interval of a ray is always what it hits, as far as things are
@@ -131,7 +131,7 @@ fn run<D: Doubles16, G: Goal<Precision = Single>>(
     token: D::Token,
     scene: &Scene,
     stack: &mut Stack,
-    begun: &mut Vec<Begun<Hit>>,
+    unresolved: &mut Vec<Unresolved<Hit>>,
     start: impl Fn(&Ray) -> G,
     mut finish: impl FnMut(usize, G),
 ) -> usize {
@@ -141,7 +141,7 @@ fn run<D: Doubles16, G: Goal<Precision = Single>>(
     let mut last = [Ray::new(Vec3::ZERO, Vec3::Z); RAYS];
     let (mut first, mut met) = (0, 0);
     while first < all.len() {
-        if scene.apart.is_none() && first >= TRIAL && met * FACES_PER_HIT < first * more_faces {
+        if scene.outliers.is_none() && first >= TRIAL && met * FACES_PER_HIT < first * more_faces {
             break;
         }
         let rays = &all[first..(first + RAYS).min(all.len())];
@@ -152,26 +152,26 @@ fn run<D: Doubles16, G: Goal<Precision = Single>>(
                 &last
             }
         };
-        let bundle = Bundle::<D>::new(token, list, sixteen, rays.len());
-        let mut near = Near::new(token, scene, &bundle);
-        let mut unsure = !bundle.ordinary & ((2 << (rays.len() - 1)) - 1);
-        let more = match scene.apart {
-            Some(apart) => apart.may_meet_rest(token, &bundle),
+        let packet = ListPacket::<D>::new(token, list, sixteen, rays.len());
+        let mut near = Near::new(token, scene, &packet);
+        let mut uncertain = !packet.ordinary & ((2 << (rays.len() - 1)) - 1);
+        let more = match scene.outliers {
+            Some(outliers) => outliers.may_meet_rest(token, &packet),
             None => 0,
         };
         if G::ANY && scene.is_plain {
-            let mut found = bundle.blocked(token, list);
-            near.block(token, list, &bundle, &mut found);
+            let mut found = packet.blocked(token, list);
+            near.block(token, list, &packet, &mut found);
             let others = near.any();
-            unsure |= found.doubtful & !found.blocked & bundle.ordinary;
-            met += (found.met | unsure).count_ones() as usize;
+            uncertain |= found.doubtful & !found.blocked & packet.ordinary;
+            met += (found.met | uncertain).count_ones() as usize;
             for (lane, ray) in rays.iter().enumerate() {
-                if unsure >> lane & 1 == 1 {
+                if uncertain >> lane & 1 == 1 {
                     continue;
                 }
                 let is_blocked = found.blocked >> lane & 1 == 1;
-                if scene.apart.is_some() && !is_blocked && more >> lane & 1 == 1 {
-                    begun.push(Begun { number: (first + lane) as u32, hit: None });
+                if scene.outliers.is_some() && !is_blocked && more >> lane & 1 == 1 {
+                    unresolved.push(Unresolved { number: (first + lane) as u32, hit: None });
                 } else if is_blocked || others >> lane & 1 == 0 {
                     let mut goal = start(ray);
                     if is_blocked {
@@ -186,19 +186,22 @@ fn run<D: Doubles16, G: Goal<Precision = Single>>(
                 }
             }
         } else {
-            let mut found = Hits::of(token, list, &bundle);
+            let mut found = Hits::of(token, list, &packet);
             if scene.is_plain {
-                found.take_shapes(token, list, &bundle, &mut near);
+                found.take_shapes(token, list, &packet, &mut near);
             }
             let others = near.any();
-            unsure |= found.unsure;
+            uncertain |= found.uncertain;
             met += found.met.count_ones() as usize;
             for (lane, ray) in rays.iter().enumerate() {
-                if unsure >> lane & 1 == 1 {
+                if uncertain >> lane & 1 == 1 {
                     continue;
                 }
-                if scene.apart.is_some() && more >> lane & 1 == 1 {
-                    begun.push(Begun { number: (first + lane) as u32, hit: found.get(list, lane) });
+                if scene.outliers.is_some() && more >> lane & 1 == 1 {
+                    unresolved.push(Unresolved {
+                        number: (first + lane) as u32,
+                        hit: found.get(list, lane),
+                    });
                 } else if scene.is_plain && others >> lane & 1 == 0 {
                     let mut goal = start(ray);
                     if let Some(hit) = found.get(list, lane) {
@@ -220,7 +223,7 @@ fn run<D: Doubles16, G: Goal<Precision = Single>>(
                 }
             }
         }
-        search_tree(scene, first, unsure, &start, &mut finish);
+        search_tree(scene, first, uncertain, &start, &mut finish);
         first += rays.len();
     }
     first
@@ -254,13 +257,14 @@ struct Near {
 
 impl Near {
     #[inline(always)]
-    fn new<D: Doubles16>(token: D::Token, scene: &Scene, bundle: &Bundle<D>) -> Self {
+    fn new<D: Doubles16>(token: D::Token, scene: &Scene, packet: &ListPacket<D>) -> Self {
         let mut near = Self { shapes: [0; MAX_OBJECTS] };
         for (object, shape) in scene.list.objects.iter().zip(&mut near.shapes) {
             // Those that are flat are tested as quickly as their boxes.
-            let is_quick = scene.is_plain && object.shape.as_ref().is_some_and(ListShape::is_flat);
+            let is_prepared =
+                scene.is_plain && object.shape.as_ref().is_some_and(ListShape::is_flat);
             *shape = match &object.bounds {
-                Some(bounds) if !is_quick => bundle.may_meet(token, scene.list, bounds),
+                Some(bounds) if !is_prepared => packet.may_meet(token, scene.list, bounds),
                 _ => u32::MAX,
             };
         }
@@ -283,15 +287,15 @@ impl Near {
         &mut self,
         token: D::Token,
         list: &List,
-        bundle: &Bundle<D>,
+        packet: &ListPacket<D>,
         found: &mut Blocked,
     ) {
         for (object, near) in list.objects.iter().zip(&mut self.shapes) {
             let Some(shape) = &object.shape else { continue };
-            let lanes = std::mem::take(near) & bundle.ordinary & !found.blocked;
+            let lanes = std::mem::take(near) & packet.ordinary & !found.blocked;
             if lanes != 0 {
                 let blocked =
-                    shape.meet(token, bundle, lanes).lt(D::Singles::splat(token, f32::INFINITY));
+                    shape.meet(token, packet, lanes).lt(D::Singles::splat(token, f32::INFINITY));
                 found.blocked |= blocked;
                 found.met |= blocked;
             }
@@ -353,25 +357,25 @@ struct Hits {
     /// The numbers of what they hit, as bits.
     numbers: PerRay<f32>,
     /// The rays for which that is not certain, and those that meet anything ahead, or may.
-    unsure: u32,
+    uncertain: u32,
     met: u32,
 }
 
 impl Hits {
     #[inline(always)]
-    fn of<D: Doubles16>(token: D::Token, list: &List, bundle: &Bundle<D>) -> Self {
-        let Nearest { first, second, triangle, doubtful, .. } = bundle.nearest(token, list);
+    fn of<D: Doubles16>(token: D::Token, list: &List, packet: &ListPacket<D>) -> Self {
+        let Nearest { first, second, triangle, doubtful, .. } = packet.nearest(token, list);
         let mut numbers = [0.0; RAYS];
         triangle.store(&mut numbers);
         let mut chosen = [list.triangle(0.0); RAYS];
         for (to, &number) in chosen.iter_mut().zip(&numbers) {
             *to = list.triangle(number);
         }
-        let ahead = first.lt(D::Singles::splat(token, f32::INFINITY)) & bundle.ordinary;
-        let mut found = exact::test(token, bundle, &chosen, second);
-        let unsure = (doubtful & bundle.ordinary) | (ahead & !found.hits & !found.beyond);
-        found.hits &= ahead & !unsure;
-        Self { found, numbers, unsure, met: ahead | unsure }
+        let ahead = first.lt(D::Singles::splat(token, f32::INFINITY)) & packet.ordinary;
+        let mut found = exact::test(token, packet, &chosen, second);
+        let uncertain = (doubtful & packet.ordinary) | (ahead & !found.hits & !found.beyond);
+        found.hits &= ahead & !uncertain;
+        Self { found, numbers, uncertain, met: ahead | uncertain }
     }
 
     /// Tests the shapes that are tested in lanes, and takes what is nearer, or as near with a lower
@@ -381,18 +385,18 @@ impl Hits {
         &mut self,
         token: D::Token,
         list: &List,
-        bundle: &Bundle<D>,
+        packet: &ListPacket<D>,
         near: &mut Near,
     ) {
         for (number, (object, near)) in list.objects.iter().zip(&mut near.shapes).enumerate() {
             let Some(shape) = &object.shape else { continue };
-            let lanes = std::mem::take(near) & bundle.ordinary;
+            let lanes = std::mem::take(near) & packet.ordinary;
             if lanes == 0 {
                 continue;
             }
             let (zero, infinity) =
                 (D::Singles::splat(token, 0.0), D::Singles::splat(token, f32::INFINITY));
-            let t = shape.meet(token, bundle, lanes);
+            let t = shape.meet(token, packet, lanes);
             let best = infinity.replace(self.found.hits, D::Singles::load(token, &self.found.t));
             let hits = t.lt(infinity);
             let mut taken = t.lt(best);

@@ -1,12 +1,12 @@
 //! The outliers of a group, as a list beside the tree.
 
-use super::bundle::Bundle;
+use super::packet::ListPacket;
 use crate::tree::list::Outliers;
 use snell_math::simd::Doubles16;
 
 /// A ray that has yet to be searched for among [the rest](GroupTree::rest).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Begun<H> {
+pub(crate) struct Unresolved<H> {
     /// Its number.
     pub number: u32,
     /// What it has hit so far; not to be looked at where any hit would do.
@@ -16,8 +16,12 @@ pub(crate) struct Begun<H> {
 impl Outliers {
     /// The rays that may meet any of the rest.
     #[inline(always)]
-    pub(super) fn may_meet_rest<D: Doubles16>(&self, token: D::Token, bundle: &Bundle<D>) -> u32 {
-        bundle.may_meet(token, &self.list, &self.bounds)
+    pub(super) fn may_meet_rest<D: Doubles16>(
+        &self,
+        token: D::Token,
+        packet: &ListPacket<D>,
+    ) -> u32 {
+        packet.may_meet(token, &self.list, &self.bounds)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Lists are for single precision.
 
-use super::{Begun, is_suitable, search_list};
+use super::{Unresolved, is_suitable, search_list};
 use crate::hit::{DHit, Hit};
 use crate::kernel::Goal;
 use crate::kernel::stream::interleave::Batch;
@@ -17,7 +17,7 @@ pub(crate) trait ListSearch: Facts {
         forest: &Forest,
         wide: Option<Wide>,
         batch: &Batch<Self>,
-        begun: &mut Vec<Begun<Self::Hit>>,
+        unresolved: &mut Vec<Unresolved<Self::Hit>>,
         start: impl Fn(&Self::Ray) -> G,
         finish: impl FnMut(usize, G),
     ) -> usize;
@@ -29,12 +29,12 @@ impl ListSearch for Single {
         forest: &Forest,
         wide: Option<Wide>,
         batch: &Batch<Self>,
-        begun: &mut Vec<Begun<Hit>>,
+        unresolved: &mut Vec<Unresolved<Hit>>,
         start: impl Fn(&Ray) -> G,
         finish: impl FnMut(usize, G),
     ) -> usize {
         if is_suitable(forest, batch.rays.len()) {
-            search_list(forest, wide, batch, begun, start, finish)
+            search_list(forest, wide, batch, unresolved, start, finish)
         } else {
             0
         }
@@ -47,7 +47,7 @@ impl ListSearch for Double {
         _: &Forest,
         _: Option<Wide>,
         _: &Batch<Self>,
-        _: &mut Vec<Begun<DHit>>,
+        _: &mut Vec<Unresolved<DHit>>,
         _: impl Fn(&DRay) -> G,
         _: impl FnMut(usize, G),
     ) -> usize {

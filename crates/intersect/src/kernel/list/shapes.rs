@@ -5,8 +5,8 @@
 //! [`is_moderate`] sees to it that nothing overflows or vanishes; and the parameters in `f64` are
 //! not compared with the interval, for those in `f32` have to lie in it too.
 
-use super::bundle::Bundle;
-use crate::exact::meeting::dot;
+use super::packet::ListPacket;
+use crate::exact::plane_hit::dot;
 use crate::tree::list::ListShape;
 use crate::tree::list::shape::{Kind, Outline};
 use snell_math::simd::{Doubles16, Lanes16};
@@ -18,12 +18,12 @@ impl ListShape {
     pub(super) fn meet<D: Doubles16>(
         &self,
         token: D::Token,
-        bundle: &Bundle<D>,
+        packet: &ListPacket<D>,
         lanes: u32,
     ) -> D::Singles {
         match self.kind {
-            Kind::Sphere { radius } => self.meet_sphere(token, bundle, lanes, radius),
-            Kind::Flat(outline) => self.meet_flat(token, bundle, lanes, outline),
+            Kind::Sphere { radius } => self.meet_sphere(token, packet, lanes, radius),
+            Kind::Flat(outline) => self.meet_flat(token, packet, lanes, outline),
         }
     }
 
@@ -32,18 +32,18 @@ impl ListShape {
     fn meet_flat<D: Doubles16>(
         &self,
         token: D::Token,
-        bundle: &Bundle<D>,
+        packet: &ListPacket<D>,
         lanes: u32,
         outline: Outline,
     ) -> D::Singles {
         let exact = D::splat(token, 0.0)
-            .sub(self.origin(token, bundle, 2))
-            .div(self.direction(token, bundle, 2));
+            .sub(self.origin(token, packet, 2))
+            .div(self.direction(token, packet, 2));
         let t = exact.rounded();
-        let mut hits = lanes & bundle.t_min.lt(t) & t.lt(bundle.t_max);
+        let mut hits = lanes & packet.t_min.lt(t) & t.lt(packet.t_max);
         if hits != 0 {
-            let x = self.origin(token, bundle, 0).add(self.direction(token, bundle, 0).mul(exact));
-            let y = self.origin(token, bundle, 1).add(self.direction(token, bundle, 1).mul(exact));
+            let x = self.origin(token, packet, 0).add(self.direction(token, packet, 0).mul(exact));
+            let y = self.origin(token, packet, 1).add(self.direction(token, packet, 1).mul(exact));
             hits &= !match outline {
                 Outline::Rectangle { half_size } => {
                     D::splat(token, half_size.x).lt(x.abs())
@@ -63,7 +63,7 @@ impl ListShape {
     fn meet_sphere<D: Doubles16>(
         &self,
         token: D::Token,
-        bundle: &Bundle<D>,
+        packet: &ListPacket<D>,
         lanes: u32,
         radius: f64,
     ) -> D::Singles {
@@ -73,14 +73,14 @@ impl ListShape {
             D::Singles::splat(token, f32::INFINITY),
         );
         let o = [
-            self.origin(token, bundle, 0),
-            self.origin(token, bundle, 1),
-            self.origin(token, bundle, 2),
+            self.origin(token, packet, 0),
+            self.origin(token, packet, 1),
+            self.origin(token, packet, 2),
         ];
         let d = [
-            self.direction(token, bundle, 0),
-            self.direction(token, bundle, 1),
-            self.direction(token, bundle, 2),
+            self.direction(token, packet, 0),
+            self.direction(token, packet, 1),
+            self.direction(token, packet, 2),
         ];
         let a = dot(d, d);
         let moment = cross(o, d, zero);
@@ -96,22 +96,22 @@ impl ListShape {
         let q = zero.sub(b.add(root)).replace(b.rounded().signs(), root.sub(b));
         // If that is zero they are zero or not numbers, and lie in no interval.
         let (t0, t1) = (q.div(a).rounded(), c.div(q).rounded());
-        let first = meets & bundle.t_min.lt(t0) & t0.lt(bundle.t_max);
-        let second = meets & bundle.t_min.lt(t1) & t1.lt(bundle.t_max);
+        let first = meets & packet.t_min.lt(t0) & t0.lt(packet.t_max);
+        let second = meets & packet.t_min.lt(t1) & t1.lt(packet.t_max);
         infinity.replace(first, t0).min(infinity.replace(second, t1))
     }
 
     /// A coordinate of where the rays start, as the shape sees it.
     #[inline(always)]
-    fn origin<D: Doubles16>(&self, token: D::Token, bundle: &Bundle<D>, axis: usize) -> D {
-        self.product(token, bundle.exact_origin, axis)
+    fn origin<D: Doubles16>(&self, token: D::Token, packet: &ListPacket<D>, axis: usize) -> D {
+        self.product(token, packet.exact_origin, axis)
             .add(D::splat(token, self.shape_from_group.translation[axis]))
     }
 
     /// A coordinate of their directions.
     #[inline(always)]
-    fn direction<D: Doubles16>(&self, token: D::Token, bundle: &Bundle<D>, axis: usize) -> D {
-        let [x, y, z] = bundle.direction;
+    fn direction<D: Doubles16>(&self, token: D::Token, packet: &ListPacket<D>, axis: usize) -> D {
+        let [x, y, z] = packet.direction;
         self.product(token, [D::of(x), D::of(y), D::of(z)], axis)
     }
 
@@ -148,7 +148,7 @@ fn minor<D: Doubles16>(a: D, b: D, c: D, d: D, zero: D) -> D {
 mod tests {
     use super::*;
     use crate::hit::Hit;
-    use crate::kernel::list::bundle::{PerRay, RAYS};
+    use crate::kernel::list::packet::{PerRay, RAYS};
     use crate::kernel::list::tests::{list_of, quads};
     use crate::search::AcceptAll;
     use crate::shape::AnyShape;
@@ -180,8 +180,8 @@ mod tests {
         let (mut all, mut ordinary) = (Vec::new(), Vec::new());
         for sixteen in rays.as_chunks::<RAYS>().0 {
             let (t, lanes) = {
-                let bundle = Bundle::<D>::new(token, list, sixteen, RAYS);
-                (shape.meet(token, &bundle, 0xffff), bundle.ordinary)
+                let packet = ListPacket::<D>::new(token, list, sixteen, RAYS);
+                (shape.meet(token, &packet, 0xffff), packet.ordinary)
             };
             let mut stored: PerRay<f32> = [0.0; RAYS];
             t.store(&mut stored);

@@ -1,5 +1,5 @@
 use super::Hits;
-use super::bundle::{Bundle, RAYS};
+use super::packet::{ListPacket, RAYS};
 use crate::hit::Hit;
 use crate::lecture::box_ray::BoxRay;
 use crate::mesh::TriangleMesh;
@@ -226,16 +226,16 @@ fn nearly_all_rays_in_a_room_are_certain() {
     let world = world_of(room(), AcceleratorKind::Bvh, Level::Scalar);
     let list = list_of(&world).expect("a list");
     let rays = rays_in_room(&world, 5000);
-    let mut unsure = 0;
+    let mut uncertain = 0;
     for rays in rays.as_chunks::<RAYS>().0 {
         let hits = Hits::of(
             Portable,
             list,
-            &Bundle::<PairDoubles<Portable8>>::new(Portable, list, rays, RAYS),
+            &ListPacket::<PairDoubles<Portable8>>::new(Portable, list, rays, RAYS),
         );
-        unsure += hits.unsure.count_ones() as usize;
+        uncertain += hits.uncertain.count_ones() as usize;
     }
-    assert!(unsure * 100 < rays.len(), "{unsure} of {}", rays.len());
+    assert!(uncertain * 100 < rays.len(), "{uncertain} of {}", rays.len());
 }
 
 #[test]
@@ -432,7 +432,7 @@ fn batches_that_hit_little_are_answered_too() {
 /// The rays that may meet a box, one by one.
 fn near(list: &List, rays: &[Ray], bounds: &Bounds3) -> Vec<bool> {
     let of_sixteen = |rays: &[Ray; RAYS]| {
-        Bundle::<PairDoubles<Portable8>>::new(Portable, list, rays, RAYS)
+        ListPacket::<PairDoubles<Portable8>>::new(Portable, list, rays, RAYS)
             .may_meet(Portable, list, bounds)
     };
     let (sixteens, rest) = rays.as_chunks();

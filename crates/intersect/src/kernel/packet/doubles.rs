@@ -4,9 +4,9 @@
 //! the same bits. What is rare there (edges that are met, rays in the plane of the triangle,
 //! numbers out of range) is not decided here but handed back.
 
-use super::bundle::Bundle;
 use super::exact::{Found, Pairs, cross, dot, minus};
-use crate::exact::double::plane::{LARGE, ROUGH, SURE, TINY, determinants};
+use super::frustum::Packet;
+use crate::exact::double::plane::{CERTAIN, LARGE, ROUGH, TINY, determinants};
 use crate::precision::DoubleData;
 use crate::tree::GroupTree;
 use snell_math::DVec3;
@@ -19,7 +19,7 @@ pub(crate) fn exact_hits<D: Lanes4>(
     token: D::Token,
     data: &DoubleData,
     tree: &GroupTree,
-    bundle: &Bundle,
+    packet: &Packet,
     pairs: &Pairs,
     found: &mut Found<f64>,
 ) {
@@ -31,7 +31,7 @@ pub(crate) fn exact_hits<D: Lanes4>(
             corners(data, tree, pairs, from + 2),
             corners(data, tree, pairs, from + 3),
         ];
-        test::<D>(token, corners, bundle, pairs, from, found);
+        test::<D>(token, corners, packet, pairs, from, found);
         from += 4;
     }
 }
@@ -71,7 +71,7 @@ fn columns<D: Lanes4>(token: D::Token, corners: &[&[DVec3; 3]; 4], first: usize)
 fn test<D: Lanes4>(
     token: D::Token,
     corners: [&[DVec3; 3]; 4],
-    bundle: &Bundle,
+    packet: &Packet,
     pairs: &Pairs,
     from: usize,
     found: &mut Found<f64>,
@@ -83,7 +83,7 @@ fn test<D: Lanes4>(
         r[from + 2] as usize & 15,
         r[from + 3] as usize & 15,
     ];
-    let (o, d) = (&bundle.rays.origin, &bundle.rays.direction);
+    let (o, d) = (&packet.rays.origin, &packet.rays.direction);
     let [ox, oy, oz, t_min] =
         D::load_columns(token, [&o[rows[0]], &o[rows[1]], &o[rows[2]], &o[rows[3]]]);
     let [dx, dy, dz, _] =
@@ -120,42 +120,42 @@ fn test<D: Lanes4>(
     if behind == 0xf {
         return;
     }
-    // The drawing.
-    let [x, y, z] = bundle.axes.of(&direction);
+    // The projection.
+    let [x, y, z] = packet.axes.of(&direction);
     let per_z = D::splat(token, 1.0).div(*z);
     let shear = [x.mul(per_z), y.mul(per_z)];
-    let drawn = [
-        draw(&relative[0], bundle, shear),
-        draw(&relative[1], bundle, shear),
-        draw(&relative[2], bundle, shear),
+    let projected = [
+        project(&relative[0], packet, shear),
+        project(&relative[1], packet, shear),
+        project(&relative[2], packet, shear),
     ];
-    let (w0, up0, down0) = edge(token, drawn[1], drawn[2]);
-    let (w1, up1, down1) = edge(token, drawn[2], drawn[0]);
-    let (w2, up2, down2) = edge(token, drawn[0], drawn[1]);
+    let (w0, up0, down0) = edge(token, projected[1], projected[2]);
+    let (w1, up1, down1) = edge(token, projected[2], projected[0]);
+    let (w2, up2, down2) = edge(token, projected[0], projected[1]);
     let inside = (up0 & up1 & up2) | (down0 & down1 & down2);
     let outside = (up0 | up1 | up2) & (down0 | down1 | down2);
     let hopeful = inside & !behind;
-    let mut unsure = !(inside | outside | behind) & 0xf;
+    let mut uncertain = !(inside | outside | behind) & 0xf;
     if hopeful != 0 {
         let [w0, w1, w2] = [w0.abs(), w1.abs(), w2.abs()];
         let scale = D::splat(token, 1.0).div(w0.add(w1).add(w2));
         let (height, speed) = determinants(&corners, &origin, &direction);
         let t = height.divided_by(speed);
         let infinite = D::splat(token, f64::INFINITY);
-        let mut sure = in_range & heights.mul(D::splat(token, SURE)).lt(height.high.abs());
-        sure &= speeds.mul(D::splat(token, SURE)).lt(speed.high.abs());
-        sure &= zero.lt(scale)
+        let mut certain = in_range & heights.mul(D::splat(token, CERTAIN)).lt(height.high.abs());
+        certain &= speeds.mul(D::splat(token, CERTAIN)).lt(speed.high.abs());
+        certain &= zero.lt(scale)
             & scale.lt(infinite)
             & t.abs().lt(infinite)
             & in_box(token, &relative, &direction, t);
-        unsure |= hopeful & !sure;
-        found.hits |= (hopeful & sure & t_min.lt(t)) << from;
+        uncertain |= hopeful & !certain;
+        found.hits |= (hopeful & certain & t_min.lt(t)) << from;
         // Never minus zero.
         t.add(zero).store(&mut found.t.as_chunks_mut::<4>().0[usize::from(from >= 4)]);
         w1.mul(scale).store(&mut found.b1.as_chunks_mut::<4>().0[usize::from(from >= 4)]);
         w2.mul(scale).store(&mut found.b2.as_chunks_mut::<4>().0[usize::from(from >= 4)]);
     }
-    found.unsure |= unsure << from;
+    found.uncertain |= uncertain << from;
 }
 
 /// Where the point at `t` is in the box of the corners: as in
@@ -178,15 +178,15 @@ fn in_box<D: Lanes4>(token: D::Token, [r0, r1, r2]: &[[D; 3]; 3], direction: &[D
     inside
 }
 
-/// A vertex as the exact test draws it.
+/// A vertex as the exact test projects it.
 #[inline(always)]
-fn draw<D: Lanes4>(relative: &[D; 3], bundle: &Bundle, shear: [D; 2]) -> [D; 2] {
-    let [x, y, z] = bundle.axes.of(relative);
+fn project<D: Lanes4>(relative: &[D; 3], packet: &Packet, shear: [D; 2]) -> [D; 2] {
+    let [x, y, z] = packet.axes.of(relative);
     [x.sub(shear[0].mul(*z)), y.sub(shear[1].mul(*z))]
 }
 
-/// As the function of the same name of the exact test: the area, and where it is surely positive
-/// and surely negative.
+/// As the function of the same name of the exact test: the area, and where it is certainly positive
+/// and certainly negative.
 #[inline(always)]
 fn edge<D: Lanes4>(token: D::Token, p: [D; 2], q: [D; 2]) -> (D, u32, u32) {
     let (a, b) = (p[0].mul(q[1]), p[1].mul(q[0]));

@@ -4,18 +4,19 @@
 //! bits. What is rare there (ties, rays in the plane of the triangle, points outside of its box by
 //! rounding) is not decided here but handed back.
 
-use super::bundle::{Bundle, PerRay};
+use super::frustum::{Packet, PerRay};
 use crate::exact::ray::Axes;
-use crate::exact::triangle::{PLACE_TOLERANCE, TriangleBlock};
+use crate::exact::triangle::PLACE_TOLERANCE;
 use crate::precision::Real;
 use crate::tree::Blocks;
+use crate::tree::block::TriangleBlock;
 use snell_math::simd::{DoubleLanes, DoublesOf, Lanes16, WideLanes};
 use std::mem::MaybeUninit;
 
 /// Pairs that are tested together.
 pub(super) const PAIRS: usize = 8;
 
-/// Rays of a bundle, by their lanes, and triangles, by their places: eight times the number of the
+/// Rays of a packet, by their lanes, and triangles, by their places: eight times the number of the
 /// block and the lane there.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
@@ -24,11 +25,11 @@ pub(crate) struct Pairs {
     pub rays: [u32; PAIRS],
     pub count: usize,
     /// The rays, a bit for each.
-    pub waiting: u32,
+    pub mask: u32,
 }
 
 impl Pairs {
-    pub const NONE: Self = Self { triangles: [0; PAIRS], rays: [0; PAIRS], count: 0, waiting: 0 };
+    pub const NONE: Self = Self { triangles: [0; PAIRS], rays: [0; PAIRS], count: 0, mask: 0 };
 
     /// Adds a pair. There must be room.
     #[inline(always)]
@@ -42,13 +43,13 @@ impl Pairs {
         self.rays[self.count & (PAIRS - 1)] = ray;
         self.triangles[self.count & (PAIRS - 1)] = triangle;
         self.count += usize::from(is_one);
-        self.waiting |= u32::from(is_one) << ray;
+        self.mask |= u32::from(is_one) << ray;
     }
 
     /// Forgets all.
     #[inline(always)]
     pub fn clear(&mut self) {
-        (self.count, self.waiting) = (0, 0);
+        (self.count, self.mask) = (0, 0);
     }
 
     #[inline(always)]
@@ -73,7 +74,7 @@ pub(crate) struct Found<R> {
     /// One bit per pair that is a hit.
     pub hits: u32,
     /// One bit per pair that is not decided.
-    pub unsure: u32,
+    pub uncertain: u32,
 }
 
 impl<R: Real> Found<R> {
@@ -82,7 +83,7 @@ impl<R: Real> Found<R> {
         b1: [R::ZERO; PAIRS],
         b2: [R::ZERO; PAIRS],
         hits: 0,
-        unsure: 0,
+        uncertain: 0,
     };
 }
 
@@ -91,17 +92,26 @@ impl<R: Real> Found<R> {
 pub(crate) fn exact_hits<W: Lanes16>(
     token: W::Token,
     blocks: &Blocks,
-    bundle: &Bundle,
+    packet: &Packet,
     pairs: &Pairs,
     found: &mut Found<f32>,
 ) {
     let half = W::half_token(token);
     let corners = corners::<W::Half>(half, blocks, pairs);
-    let frame = Frame::<W::Half>::new::<W>(token, bundle, pairs);
-    let drawn = [frame.draw(&corners[0]), frame.draw(&corners[1]), frame.draw(&corners[2])];
+    let frame = Frame::<W::Half>::new::<W>(token, packet, pairs);
+    let projected =
+        [frame.project(&corners[0]), frame.project(&corners[1]), frame.project(&corners[2])];
     let mut first = 0;
     while first < pairs.count {
-        test::<W>(token, [&drawn[0], &drawn[1], &drawn[2]], &corners, bundle, pairs, first, found);
+        test::<W>(
+            token,
+            [&projected[0], &projected[1], &projected[2]],
+            &corners,
+            packet,
+            pairs,
+            first,
+            found,
+        );
         first += W::HalfDoubles::LANES;
     }
 }
@@ -156,7 +166,7 @@ fn rows<L: WideLanes>(token: L::Token, block: &TriangleBlock, lanes: &[u32; PAIR
     ]
 }
 
-/// The planes that the rays of the pairs draw on: [`crate::exact::ray::LocalRay::draw`].
+/// The planes that the rays of the pairs project on: [`crate::exact::ray::LocalRay::project`].
 struct Frame<L> {
     axes: Axes,
     origin: [L; 3],
@@ -165,30 +175,30 @@ struct Frame<L> {
 
 impl<L: WideLanes> Frame<L> {
     #[inline(always)]
-    fn new<W: Lanes16<Half = L>>(token: W::Token, bundle: &Bundle, pairs: &Pairs) -> Self {
+    fn new<W: Lanes16<Half = L>>(token: W::Token, packet: &Packet, pairs: &Pairs) -> Self {
         let half = W::half_token(token);
-        let sign = L::splat(half, bundle.sign);
+        let sign = L::splat(half, packet.sign);
         let rays = &pairs.rays;
         let shear = [
-            W::gather(token, &bundle.slope[0], rays).mul(sign),
-            W::gather(token, &bundle.slope[1], rays).mul(sign),
+            W::gather(token, &packet.slope[0], rays).mul(sign),
+            W::gather(token, &packet.slope[1], rays).mul(sign),
         ];
-        let origin = if bundle.kind.common {
-            let [x, y, z] = bundle.axes.of(&bundle.kind.apex);
+        let origin = if packet.kind.common {
+            let [x, y, z] = packet.axes.of(&packet.kind.apex);
             [L::splat(half, *x), L::splat(half, *y), L::splat(half, *z)]
         } else {
-            let origin = &bundle.drawn_origin;
+            let origin = &packet.projected_origin;
             [
                 W::gather(token, &origin[0], rays),
                 W::gather(token, &origin[1], rays),
                 W::gather(token, &origin[2], rays),
             ]
         };
-        Self { axes: bundle.axes, origin, shear }
+        Self { axes: packet.axes, origin, shear }
     }
 
     #[inline(always)]
-    fn draw(&self, v: &[L; 3]) -> [L; 2] {
+    fn project(&self, v: &[L; 3]) -> [L; 2] {
         let [x, y, z] = self.axes.of(v);
         let x = x.sub(self.origin[0]);
         let y = y.sub(self.origin[1]);
@@ -201,25 +211,25 @@ impl<L: WideLanes> Frame<L> {
 #[inline(always)]
 fn rays_of<W: Lanes16>(
     token: W::Token,
-    bundle: &Bundle,
+    packet: &Packet,
     pairs: &Pairs,
     first: usize,
 ) -> [[W::HalfDoubles; 3]; 2] {
-    let (exact, rays) = (&bundle.exact, &pairs.rays);
-    if bundle.kind.rounded {
+    let (exact, rays) = (&packet.exact, &pairs.rays);
+    if packet.kind.rounded {
         return [
             picked3::<W>(token, &exact[0], rays, first),
             picked3::<W>(token, &exact[1], rays, first),
         ];
     }
-    let [dx, dy, dz] = &bundle.direction;
+    let [dx, dy, dz] = &packet.direction;
     let direction = [
         W::HalfDoubles::of(token, W::gather(token, dx, rays), first),
         W::HalfDoubles::of(token, W::gather(token, dy, rays), first),
         W::HalfDoubles::of(token, W::gather(token, dz, rays), first),
     ];
-    if bundle.kind.common {
-        let [x, y, z] = bundle.kind.apex;
+    if packet.kind.common {
+        let [x, y, z] = packet.kind.apex;
         let origin = [
             W::HalfDoubles::splat(token, x.into()),
             W::HalfDoubles::splat(token, y.into()),
@@ -227,8 +237,8 @@ fn rays_of<W: Lanes16>(
         ];
         return [origin, direction];
     }
-    let [x, y, z] = &bundle.drawn_origin;
-    let origin = bundle.axes.back([
+    let [x, y, z] = &packet.projected_origin;
+    let origin = packet.axes.back([
         W::HalfDoubles::of(token, W::gather(token, x, rays), first),
         W::HalfDoubles::of(token, W::gather(token, y, rays), first),
         W::HalfDoubles::of(token, W::gather(token, z, rays), first),
@@ -257,7 +267,7 @@ fn test<W: Lanes16>(
     token: W::Token,
     [a, b, c]: [&[W::Half; 2]; 3],
     corners: &[[W::Half; 3]; 3],
-    bundle: &Bundle,
+    packet: &Packet,
     pairs: &Pairs,
     first: usize,
     found: &mut Found<f32>,
@@ -270,8 +280,8 @@ fn test<W: Lanes16>(
     let (w2, s2) = edge(p0, p1);
     let inside = (s0[0] & s1[0] & s2[0]) | (s0[1] & s1[1] & s2[1]);
     // Ties, and what is not a number.
-    let mut unsure = !((s0[0] | s0[1]) & (s1[0] | s1[1]) & (s2[0] | s2[1])) & all;
-    if inside | unsure == 0 {
+    let mut uncertain = !((s0[0] | s0[1]) & (s1[0] | s1[1]) & (s2[0] | s2[1])) & all;
+    if inside | uncertain == 0 {
         return;
     }
     let [c0, c1, c2] = [
@@ -279,14 +289,14 @@ fn test<W: Lanes16>(
         exact3::<W>(token, &corners[1], first),
         exact3::<W>(token, &corners[2], first),
     ];
-    let [origin, direction] = rays_of::<W>(token, bundle, pairs, first);
-    let t_min = W::HalfDoubles::of(token, W::gather(token, &bundle.t_min, &pairs.rays), first);
+    let [origin, direction] = rays_of::<W>(token, packet, pairs, first);
+    let t_min = W::HalfDoubles::of(token, W::gather(token, &packet.t_min, &pairs.rays), first);
     let relative = [minus(c0, origin), minus(c1, origin), minus(c2, origin)];
     let normal = cross(minus(c1, c0), minus(c2, c0));
     let t = dot(normal, relative[0]).div(dot(normal, direction));
-    unsure |= !t.abs().lt(W::HalfDoubles::splat(token, f64::INFINITY)) & all;
+    uncertain |= !t.abs().lt(W::HalfDoubles::splat(token, f64::INFINITY)) & all;
     let beyond = t_min.lt(t);
-    if inside & beyond | unsure == 0 {
+    if inside & beyond | uncertain == 0 {
         return;
     }
     let scale = W::HalfDoubles::splat(token, 1.0).div(w0.add(w1).add(w2));
@@ -297,14 +307,14 @@ fn test<W: Lanes16>(
     let high =
         [r0[0].max(r1[0]).max(r2[0]), r0[1].max(r1[1]).max(r2[1]), r0[2].max(r1[2]).max(r2[2])];
     let size = high[0].sub(low[0]).max(high[1].sub(low[1])).max(high[2].sub(low[2]));
-    // Surely near the drawn place: without divisions, so a little stricter.
+    // Certainly near the projected place: without divisions, so a little stricter.
     let [[.., z0], [.., z1], [.., z2]] =
-        [bundle.axes.of(&r0), bundle.axes.of(&r1), bundle.axes.of(&r2)];
+        [packet.axes.of(&r0), packet.axes.of(&r1), packet.axes.of(&r2)];
     let b0 = W::HalfDoubles::splat(token, 1.0).sub(b1).sub(b2);
     let place = z0.mul(b0).add(z1.mul(b1)).add(z2.mul(b2));
     let reach =
         place.abs().add(size).mul(W::HalfDoubles::splat(token, PLACE_TOLERANCE * (1.0 - 1e-9)));
-    let mut in_place = place.sub(t.mul(*bundle.axes.of(&direction)[2])).abs().le(reach);
+    let mut in_place = place.sub(t.mul(*packet.axes.of(&direction)[2])).abs().le(reach);
     let padding = size.mul(W::HalfDoubles::splat(token, 0.8e-6));
     for axis in 0..3 {
         let point = direction[axis].mul(t);
@@ -312,9 +322,9 @@ fn test<W: Lanes16>(
         in_place &= low[axis].sub(padding).le(point.add(margin))
             & point.sub(margin).le(high[axis].add(padding));
     }
-    unsure |= inside & beyond & !in_place;
-    found.hits |= (inside & beyond & !unsure) << first;
-    found.unsure |= unsure << first;
+    uncertain |= inside & beyond & !in_place;
+    found.hits |= (inside & beyond & !uncertain) << first;
+    found.uncertain |= uncertain << first;
     t.store_rounded_from(&mut found.t, first);
     b1.store_rounded_from(&mut found.b1, first);
     b2.store_rounded_from(&mut found.b2, first);
@@ -340,7 +350,7 @@ pub(super) fn exact3<W: Lanes16>(
     ]
 }
 
-/// As the function of the same name of the exact test: the area, and where it is surely positive
+/// As the function of the same name of the exact test: the area, and where it is certainly positive
 /// and negative.
 #[inline(always)]
 fn edge<D: DoubleLanes>(p: [D; 2], q: [D; 2]) -> (D, [u32; 2]) {

@@ -1,7 +1,7 @@
-//! The rays of a bundle exactly: row by row, and in lanes of doubles.
+//! The rays of a packet exactly: row by row, and in lanes of doubles.
 
-use super::bundle::{PerRay, RAYS};
-use crate::exact::meeting::dot;
+use super::frustum::{PerRay, RAYS};
+use crate::exact::plane_hit::dot;
 use crate::kernel::packet::PacketTests;
 use snell_math::simd::{Doubles16, Lanes16};
 use snell_math::{DAffine3, DRay, DVec3, Vec3};
@@ -9,7 +9,7 @@ use snell_math::{DAffine3, DRay, DVec3, Vec3};
 /// Origins and directions of rays in `f64`, by axis.
 pub(super) type ExactColumns = [[PerRay<f64>; 3]; 2];
 
-/// The rays of a bundle in the coordinates of a group, a row per ray.
+/// The rays of a packet in the coordinates of a group, a row per ray.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct ExactRays {

@@ -1,19 +1,21 @@
-//! Which triangles of a block the rays of a bundle may hit, and which they surely hit, and where.
+//! Which triangles of a block the rays of a packet may hit, and which they certainly hit, and
+//! where.
 //!
 //! Seen from about where the rays start, the signed area of a ray and an edge is the product of the
 //! ray's direction with a vector that belongs to the edge alone (Plücker coordinates; for a shared
 //! origin as in Benthin, Realtime Ray Tracing on Current CPU Architectures, 2006). So the vectors
 //! of the edges of eight triangles are worked out at once, and then each triangle meets all rays at
-//! once. Nothing that the exact test takes is dropped, and nothing is sure that it does not take.
+//! once. Nothing that the exact test takes is dropped, and nothing is certain that it does not
+//! take.
 
-use super::bundle::Bundle;
-use super::facing::{Areas, LineLanes, PlaneLanes, TriangleLanes, of};
-use super::lines::Lines;
+use super::edges::{Areas, LineLanes, PlaneLanes, TriangleLanes, of};
+use super::frustum::Packet;
 use super::planes::{Planes, SeenCorners};
+use super::rays::PacketRays;
 use crate::exact::ray::Axes;
-use crate::exact::triangle::TriangleBlock;
 use crate::kernel::packet::PacketTests;
 use crate::tree::GroupTree;
+use crate::tree::block::TriangleBlock;
 use crate::tree::node::ChildRef;
 use snell_math::simd::{Lanes8, Lanes16};
 use std::mem::MaybeUninit;
@@ -23,18 +25,18 @@ pub(super) const ROUNDING: f32 = f32::EPSILON / 2.0;
 
 /// Bound of the errors of signed areas, relative to the distance of the triangle (from where it is
 /// seen and from where rays start) and the length of the longer of two of its edges, against the
-/// true ones and against those that the exact test draws.
+/// true ones and against those that the exact test projects.
 ///
 /// With unit `2^-24`, distances up to `R` and edges up to `L`: coordinates of `r` and `e` are off
 /// by 1 of `R` and `L`, so those of a product of both by 8 `RL`; slopes are 1.25 at most and off by
 /// 1, so the area is off by 50 `RL`, and by 60 for what the place of the ray adds; the third area,
-/// from the sum of all (off by 50 `LL`), by 160. The exact test draws vertices to 4.75 `R`. A drawn
-/// triangle around the ray has its corners, and edges, within 4.5 `L`, in both coordinates: its
-/// areas are off by 4.75 times 4 times 4.5, some 86 `RL`.
+/// from the sum of all (off by 50 `LL`), by 160. The exact test projects vertices to 4.75 `R`. A
+/// projected triangle around the ray has its corners, and edges, within 4.5 `L`, in both
+/// coordinates: its areas are off by 4.75 times 4 times 4.5, some 86 `RL`.
 const AREA_ERROR: f32 = 320.0 * ROUNDING;
 
-/// The same for what vertices and rays may be off by ([`Lines::margin`]), by way of drawing and
-/// seeing.
+/// The same for what vertices and rays may be off by ([`PacketRays::margin`]), by way of projection
+/// and seeing.
 const MARGIN_ERROR: f32 = 16.0;
 
 /// Areas of all edges are off by a bound each. Where their sum is ten times that, `z`, the mean of
@@ -53,10 +55,10 @@ pub(super) struct Wanted {
     pub depths: bool,
 }
 
-/// A block of triangles seen from where the rays of a bundle start: numbers by triangle.
+/// A block of triangles seen from where the rays of a packet start: numbers by triangle.
 #[repr(C, align(64))]
 pub(super) struct SeenBlock {
-    /// Of two edges, by axis of the bundle.
+    /// Of two edges, by axis of the packet.
     pub(super) areas: [[[f32; 8]; 3]; 2],
     pub(super) edges: [[[f32; 8]; 3]; 2],
     /// Its product with a direction is the sum of all three areas.
@@ -72,7 +74,7 @@ pub(super) struct SeenBlock {
     wanted: Wanted,
 }
 
-/// Where the triangles of a block are along the axis of a bundle.
+/// Where the triangles of a block are along the axis of a packet.
 #[repr(C, align(32))]
 struct Depths {
     /// The first corner, and how much farther the other two are.
@@ -83,12 +85,12 @@ struct Depths {
     other_error: [f32; 8],
 }
 
-/// A block of triangles seen from where all rays of a bundle start. Each ray costs two products an
+/// A block of triangles seen from where all rays of a packet start. Each ray costs two products an
 /// edge, so nothing is worth being shared by rays; and with nothing else to know, all of it stays
 /// in registers.
 #[derive(Clone, Copy)]
 pub(super) struct SharedOrigin<L> {
-    /// Of all edges, by axis of the bundle.
+    /// Of all edges, by axis of the packet.
     areas: [[L; 3]; 3],
     /// Of the errors of areas.
     bound: L,
@@ -101,14 +103,15 @@ impl<L: Lanes8> SharedOrigin<L> {
     pub fn new<P: PacketTests>(
         token: L::Token,
         block: &TriangleBlock,
-        lines: &Lines,
+        packet_rays: &PacketRays,
         axes: Axes,
     ) -> Self {
-        let (forward, corners) = (L::splat(token, lines.forward), corners(token, block, axes));
+        let (forward, corners) =
+            (L::splat(token, packet_rays.forward), corners(token, block, axes));
         let point = [
-            L::splat(token, lines.point[0]),
-            L::splat(token, lines.point[1]),
-            L::splat(token, lines.point[2]),
+            L::splat(token, packet_rays.point[0]),
+            L::splat(token, packet_rays.point[1]),
+            L::splat(token, packet_rays.point[2]),
         ];
         let [v0, v1, v2] = corners;
         let (r0, r1, r2) =
@@ -117,33 +120,37 @@ impl<L: Lanes8> SharedOrigin<L> {
         let length = size(e1).max(size(e2));
         // The first edge may be as long as both others.
         let length = length.add(length);
-        let far = size(r0).add(length).add(L::splat(token, lines.spread));
-        let bound = bound::<L, P>(token, far, length, lines.margin);
-        let nearest =
-            nearest(token, r0[2].min(r1[2]).min(r2[2]), far, other_error(token, far, lines.margin));
+        let far = size(r0).add(length).add(L::splat(token, packet_rays.spread));
+        let bound = bound::<L, P>(token, far, length, packet_rays.margin);
+        let nearest = nearest(
+            token,
+            r0[2].min(r1[2]).min(r2[2]),
+            far,
+            other_error(token, far, packet_rays.margin),
+        );
         Self { areas: [cross(r1, e0), cross(r2, e1), cross(r0, e2)], bound, nearest }
     }
 
-    /// The triangles that a ray may meet, and that are not surely beyond where it ends.
+    /// The triangles that a ray may meet, and that are not certainly beyond where it ends.
     #[inline(always)]
-    pub fn candidates(&self, token: L::Token, lines: &Lines, ray: usize) -> u32 {
+    pub fn candidates(&self, token: L::Token, packet_rays: &PacketRays, ray: usize) -> u32 {
         let (sx, sy, zero) = (
-            L::splat(token, lines.slope[0][ray]),
-            L::splat(token, lines.slope[1][ray]),
+            L::splat(token, packet_rays.slope[0][ray]),
+            L::splat(token, packet_rays.slope[1][ray]),
             L::splat(token, 0.0),
         );
-        let end = L::splat(token, lines.end[ray]);
+        let end = L::splat(token, packet_rays.end[ray]);
         let [[ux, uy, uz], [vx, vy, vz], [wx, wy, wz]] = self.areas;
         let u = ux.mul_add(sx, uy.mul_add(sy, uz));
         let v = vx.mul_add(sx, vy.mul_add(sy, vz));
         let w = wx.mul_add(sx, wy.mul_add(sy, wz));
-        // Surely outside: two edges whose signs are certain and differ. NaN is never sure.
+        // Certainly outside: two edges whose signs are certain and differ. NaN is never certain.
         let inside = u.min(v).min(w).max(zero.sub(u.max(v).max(w)));
         !(inside.add(self.bound).lt(zero) | end.lt(self.nearest)) & 0xff
     }
 }
 
-/// A leaf on the way of bundles that are seen from one point: what is known of its triangles is
+/// A leaf on the way of packets that are seen from one point: what is known of its triangles is
 /// worked out once for all.
 pub(super) struct Leaf<'t, W: Lanes16> {
     pub block: &'t TriangleBlock,
@@ -171,13 +178,13 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
         Self { block, place, used, seen: MaybeUninit::uninit(), is_seen: false, of_origin: None }
     }
 
-    /// Its triangles as all bundles see them that are seen from the same point as this one. The
+    /// Its triangles as all packets see them that are seen from the same point as this one. The
     /// same must be wanted whenever this is called: nothing else is known.
     #[inline(always)]
     pub fn seen<P: PacketTests>(
         &mut self,
         token: W::Token,
-        bundle: &Bundle,
+        packet: &Packet,
         wanted: Wanted,
     ) -> &SeenBlock {
         if !self.is_seen {
@@ -185,8 +192,8 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
             self.seen.write(SeenBlock::new::<W, P>(
                 token,
                 self.block,
-                &bundle.lines,
-                bundle.axes,
+                &packet.packet_rays,
+                packet.axes,
                 wanted,
             ));
         }
@@ -194,24 +201,28 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
         unsafe { self.seen.assume_init_ref() }
     }
 
-    /// The same for bundles whose rays share their origin.
+    /// The same for packets whose rays share their origin.
     #[inline(always)]
     pub fn of_origin<P: PacketTests>(
         &mut self,
         token: W::Token,
-        bundle: &Bundle,
+        packet: &Packet,
     ) -> SharedOrigin<W::Half> {
         if let Some(seen) = self.of_origin {
             return seen;
         }
-        let seen =
-            SharedOrigin::new::<P>(W::half_token(token), self.block, &bundle.lines, bundle.axes);
+        let seen = SharedOrigin::new::<P>(
+            W::half_token(token),
+            self.block,
+            &packet.packet_rays,
+            packet.axes,
+        );
         self.of_origin = Some(seen);
         seen
     }
 }
 
-/// The corners of a block, by axis of a bundle.
+/// The corners of a block, by axis of a packet.
 #[inline(always)]
 fn corners<L: Lanes8>(token: L::Token, block: &TriangleBlock, axes: Axes) -> [[L; 3]; 3] {
     let [v0, v1, v2] = &block.vertices;
@@ -249,12 +260,12 @@ fn nearest<L: Lanes8>(token: L::Token, low: L, far: L, other_error: L) -> L {
 }
 
 /// What is known of the rays that may meet a triangle: a bit for each.
-pub(super) struct Meeting<W> {
+pub(super) struct TriangleHits<W> {
     /// They may hit it, and that may matter.
     pub possible: u32,
-    /// They surely hit it within their intervals, nearer than anything before.
-    pub sure: u32,
-    /// The same for those that hit it, if that is where they meet its plane or its drawing.
+    /// They certainly hit it within their intervals, nearer than anything before.
+    pub certain: u32,
+    /// The same for those that hit it, if that is where they meet its plane or its projection.
     pub nearer: u32,
     /// Where those do, at least and at most.
     pub low: W,
@@ -266,17 +277,17 @@ impl SeenBlock {
     pub fn new<W: Lanes16, P: PacketTests>(
         token: W::Token,
         block: &TriangleBlock,
-        lines: &Lines,
+        packet_rays: &PacketRays,
         axes: Axes,
         wanted: Wanted,
     ) -> Self {
         let half = W::half_token(token);
         // SAFETY: all is written but for the planes and depths that are not wanted.
         unsafe {
-            let [px, py, pz] = lines.point;
+            let [px, py, pz] = packet_rays.point;
             let (point, forward) = (
                 [W::Half::splat(half, px), W::Half::splat(half, py), W::Half::splat(half, pz)],
-                W::Half::splat(half, lines.forward),
+                W::Half::splat(half, packet_rays.forward),
             );
             let [v0, v1, v2] = corners::<W::Half>(half, block, axes);
             let (r0, r1, r2) =
@@ -285,9 +296,9 @@ impl SeenBlock {
             let (low, high) = (r0[2].min(r1[2]).min(r2[2]), r0[2].max(r1[2]).max(r2[2]));
             let sizes = [size(e1), size(e2)];
             let length = sizes[0].max(sizes[1]);
-            let far = size(r0).add(length).add(W::Half::splat(half, lines.spread));
-            let bound = bound::<W::Half, P>(half, far, length, lines.margin);
-            let other = other_error(half, far, lines.margin);
+            let far = size(r0).add(length).add(W::Half::splat(half, packet_rays.spread));
+            let bound = bound::<W::Half, P>(half, far, length, packet_rays.margin);
+            let other = other_error(half, far, packet_rays.margin);
             let nearest = nearest(half, low, far, other);
             let mut seen = MaybeUninit::<Self>::uninit();
             let to = &mut *seen.as_mut_ptr();
@@ -308,7 +319,12 @@ impl SeenBlock {
                     normal,
                     sizes,
                 };
-                seen.write::<W, P>(token, lines, &mut to.normal, &mut *to.planes.as_mut_ptr());
+                seen.write::<W, P>(
+                    token,
+                    packet_rays,
+                    &mut to.normal,
+                    &mut *to.planes.as_mut_ptr(),
+                );
             }
             if wanted.depths {
                 let to = &mut *to.depths.as_mut_ptr();
@@ -344,25 +360,30 @@ impl SeenBlock {
     }
 
     /// Takes two of the rays, or the last one, and tells which triangles they may meet where that
-    /// may matter, a bit for each, eight for the first ray, then eight for the last: a quick look,
-    /// worth it for few rays.
+    /// may matter, a bit for each, eight for the first ray, then eight for the last: a prepared
+    /// look, worth it for few rays.
     #[inline(always)]
-    pub fn near_two<W: Lanes16>(&self, token: W::Token, lines: &Lines, rays: &mut u32) -> u32 {
+    pub fn near_two<W: Lanes16>(
+        &self,
+        token: W::Token,
+        packet_rays: &PacketRays,
+        rays: &mut u32,
+    ) -> u32 {
         let (a, b) = (rays.trailing_zeros(), 31 - rays.leading_zeros());
         *rays &= !(1 << a | 1 << b);
         let mask = if a == b { 0xff } else { 0xffff };
         !TriangleLanes::<W>::all(token, self).missed(
             token,
             &PlaneLanes::all(token, self),
-            &LineLanes::two(token, lines, a as usize, b as usize),
+            &LineLanes::two(token, packet_rays, a as usize, b as usize),
         ) & mask
     }
 
-    /// The triangles that the rays of a bundle may be near, by the range of their slopes and
+    /// The triangles that the rays of a packet may be near, by the range of their slopes and
     /// places.
     #[inline(always)]
-    pub fn near_bundle<L: Lanes8>(&self, token: L::Token, bundle: &Bundle) -> u32 {
-        let [[x, y], [half_x, half_y]] = bundle.slopes();
+    pub fn near_packet<L: Lanes8>(&self, token: L::Token, packet: &Packet) -> u32 {
+        let [[x, y], [half_x, half_y]] = packet.slopes();
         let (middle, half) = (
             [L::splat(token, x), L::splat(token, y)],
             [L::splat(token, half_x), L::splat(token, half_y)],
@@ -379,10 +400,10 @@ impl SeenBlock {
         ];
         let (mut a0, mut a1, mut a2) =
             (range(n0, middle, half), range(n1, middle, half), range(n2, middle, half));
-        if bundle.lines.apart {
+        if packet.packet_rays.separate {
             let [middle, half] = [
-                splat3::<L>(token, &bundle.lines.moments[0]),
-                splat3::<L>(token, &bundle.lines.moments[1]),
+                splat3::<L>(token, &packet.packet_rays.moments[0]),
+                splat3::<L>(token, &packet.packet_rays.moments[1]),
             ];
             let (e1, e2): ([L; 3], [L; 3]) =
                 (load3(token, &self.edges[0]), load3(token, &self.edges[1]));
@@ -400,27 +421,27 @@ impl SeenBlock {
 
     /// How some of the rays meet a triangle.
     #[inline(always)]
-    pub fn meeting<W: Lanes16>(
+    pub fn hits<W: Lanes16>(
         &self,
         token: W::Token,
-        lines: &Lines,
+        packet_rays: &PacketRays,
         triangle: usize,
         rays: u32,
-    ) -> Meeting<W> {
+    ) -> TriangleHits<W> {
         let (i, zero) = (triangle, W::splat(token, 0.0));
         let depths = self.depths();
         let (of_triangle, of_rays) =
-            (TriangleLanes::<W>::one(token, self, triangle), LineLanes::all(token, lines));
+            (TriangleLanes::<W>::one(token, self, triangle), LineLanes::all(token, packet_rays));
         let bound = of_triangle.bound;
         let areas = of_triangle.areas(&of_rays, zero);
         let too_far = of_rays.end.lt(of_triangle.nearest);
         let mut possible = rays & !of_triangle.outside(token, &areas) & !too_far;
-        if lines.apart {
+        if packet_rays.separate {
             let planes = PlaneLanes::one(token, self, triangle);
             possible &= !planes.behind(token, &of_triangle, &areas, &of_rays);
         }
         if possible == 0 {
-            return Meeting { possible, sure: 0, nearer: 0, low: zero, high: zero };
+            return TriangleHits { possible, certain: 0, nearer: 0, low: zero, high: zero };
         }
         let Areas { sum, a1, a2, inside } = areas;
         let size = sum.abs();
@@ -433,14 +454,20 @@ impl SeenBlock {
             .mul_add(inverse.abs(), of(token, &depths.other_error, i));
         let (low, high) = (z.sub(error), z.add(error));
         let clear = of::<W>(token, &depths.clear, i).lt(size);
-        let behind = high.lt(W::load(token, &lines.begin)) & clear;
-        let surely_inside = bound.add(bound).lt(inside);
-        let beyond = W::load(token, &lines.end).lt(low) & surely_inside;
+        let behind = high.lt(W::load(token, &packet_rays.begin)) & clear;
+        let certainly_inside = bound.add(bound).lt(inside);
+        let beyond = W::load(token, &packet_rays.end).lt(low) & certainly_inside;
         let possible = possible & !behind & !beyond;
         let nearer = possible
-            & W::load(token, &lines.sure_begin).lt(low)
-            & high.lt(W::load(token, &lines.sure_end));
-        Meeting { possible, sure: nearer & surely_inside, nearer: nearer & clear, low, high }
+            & W::load(token, &packet_rays.certain_begin).lt(low)
+            & high.lt(W::load(token, &packet_rays.certain_end));
+        TriangleHits {
+            possible,
+            certain: nearer & certainly_inside,
+            nearer: nearer & clear,
+            low,
+            high,
+        }
     }
 }
 

@@ -1,9 +1,10 @@
-//! What bundles do with shapes and instances: one ray after the other, but in instances they go on
-//! as bundles if they can.
+//! What packets do with shapes and instances: one ray after the other, but in instances they go on
+//! as packets if they can.
 
-use super::bundle::{Bundle, PerRay, RAYS};
+use super::frustum::{Packet, PerRay, RAYS};
 use super::walk::{
-    Group, Luggage, Members, Position, ROWS, Row, Rows, Stacks, Walker, enter, next,
+    Cursor, Group, MAX_PACKETS, Members, PacketGroup, PacketState, PacketStates, Stacks, Walker,
+    enter, next,
 };
 use super::{MIN_RAYS, fits};
 use crate::group::{Object, ObjectRef, Placement};
@@ -23,7 +24,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         token: W::Token,
         group: Group,
         object: usize,
-        bundle: &mut Bundle,
+        packet: &mut Packet,
         rays: u32,
         stack: &mut Stack,
     ) {
@@ -32,14 +33,14 @@ impl<G: Goal> Walker<'_, '_, G> {
             W::half_token(token),
             group,
             object,
-            bundle,
+            packet,
             rays,
             &mut culls,
             stack,
         );
         self.alive &= !over;
-        bundle.narrow::<W>(token, rays, over, &culls);
-        bundle.update_limits::<W>(token);
+        packet.narrow::<W>(token, rays, over, &culls);
+        packet.update_limits::<W>(token);
     }
 
     /// Tests a shape or instance for some of the rays, one by one; notes their new padded limits,
@@ -50,18 +51,18 @@ impl<G: Goal> Walker<'_, '_, G> {
         token: L::Token,
         group: Group,
         object: usize,
-        bundle: &mut Bundle,
+        packet: &mut Packet,
         mut rays: u32,
         culls: &mut PerRay<f32>,
         stack: &mut Stack,
     ) -> u32 {
-        self.want_rays(bundle);
+        self.want_rays(packet);
         let mut over = 0;
         while rays != 0 {
             let lane = rays.trailing_zeros() as usize & (RAYS - 1);
             rays &= rays - 1;
             self.search(lane);
-            let (Some(search), ray) = (&mut self.searches[lane], bundle.rays.get(lane)) else {
+            let (Some(search), ray) = (&mut self.searches[lane], packet.rays.get(lane)) else {
                 continue;
             };
             let (forest, tree, instance) = (self.forest, group.tree, group.instance);
@@ -86,26 +87,26 @@ impl<G: Goal> Walker<'_, '_, G> {
         rays
     }
 
-    /// Makes a bundle of some of the rays in the coordinates of an instanced group; false if it is
+    /// Makes a packet of some of the rays in the coordinates of an instanced group; false if it is
     /// none.
     #[inline(always)]
     fn set_up_in_child<W: Lanes16>(
         &self,
         token: W::Token,
-        below: &mut Bundle,
-        bundle: &Bundle,
+        below: &mut Packet,
+        packet: &Packet,
         mask: u32,
         (group, child): (usize, usize),
         child_from_group: &DAffine3,
     ) -> bool {
-        let rays = bundle.lane_rays::<W>(token).mapped(token, child_from_group);
-        let cull = W::splat(token, -1.0).replace(mask, W::load(token, &bundle.cull));
-        let mut points = [Vec3::from_array(bundle.kind.apex).as_dvec3(), bundle.point().as_dvec3()];
+        let rays = packet.lane_rays::<W>(token).mapped(token, child_from_group);
+        let cull = W::splat(token, -1.0).replace(mask, W::load(token, &packet.cull));
+        let mut points = [Vec3::from_array(packet.kind.apex).as_dvec3(), packet.point().as_dvec3()];
         for point in &mut points {
             *point = child_from_group
                 .transform_point3(G::Precision::point_in_group(self.data, group, *point));
         }
-        let limits = [W::load(token, &bundle.t_min), cull];
+        let limits = [W::load(token, &packet.t_min), cull];
         below.set_up_exactly::<W, G::Precision>(
             token,
             rays,
@@ -113,25 +114,25 @@ impl<G: Goal> Walker<'_, '_, G> {
             self.data,
             child,
             points,
-            &bundle.kind,
+            &packet.kind,
         )
     }
 }
 
-/// Tests a shape or instance for some of the rays of some of the bundles: in an instance they go on
-/// as bundles if they can, together if they are alike there.
+/// Tests a shape or instance for some of the rays of some of the packets: in an instance they go on
+/// as packets if they can, together if they are coherent there.
 #[inline(always)]
 pub(super) fn enter_object<W: Lanes16, G: Goal>(
     token: W::Token,
     group: Group,
     object: ChildRef,
-    rows: &mut Rows<'_, '_, '_, G>,
+    states: &mut PacketStates<'_, '_, '_, G>,
     mut members: Members,
-    rays: &[u32; ROWS],
-    position: &Position,
+    rays: &[u32; MAX_PACKETS],
+    cursor: &Cursor,
     stacks: &mut Stacks,
 ) {
-    if rows[0].walker.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed)) {
+    if states[0].walker.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed)) {
         return;
     }
     if let ObjectRef::Placed(Object::Instance {
@@ -140,19 +141,19 @@ pub(super) fn enter_object<W: Lanes16, G: Goal>(
         child_from_group: Placement::Still(child_from_group),
         mask: visible,
     }) = group.tree.objects.get(object.index())
-        && fits::<W::Half>(W::half_token(token), &rows[0].walker.forest.trees[*child])
+        && fits::<W::Half>(W::half_token(token), &states[0].walker.forest.trees[*child])
     {
-        let mut luggage = stacks.spare.pop().unwrap_or_else(Luggage::new);
-        let (mut rest, mut inside, mut wanted) = (members, 0, [0; ROWS]);
+        let mut packet_group = stacks.spare.pop().unwrap_or_else(PacketGroup::new);
+        let (mut rest, mut inside, mut wanted) = (members, 0, [0; MAX_PACKETS]);
         while let Some(number) = next(&mut rest) {
-            let Row { walker, bundle, .. } = &mut rows[number];
+            let PacketState { walker, packet, .. } = &mut states[number];
             wanted[number] = walker.visible(rays[number], *visible);
-            let (below, groups) = (&mut luggage.bundles[number], (position.group, *child));
+            let (below, groups) = (&mut packet_group.packets[number], (cursor.group, *child));
             if wanted[number].count_ones() as usize >= MIN_RAYS
                 && walker.set_up_in_child::<W>(
                     token,
                     below,
-                    bundle,
+                    packet,
                     wanted[number],
                     groups,
                     child_from_group,
@@ -162,47 +163,55 @@ pub(super) fn enter_object<W: Lanes16, G: Goal>(
             }
         }
         members &= !inside;
-        let position = Position { group: *child, instance: group.instance + offset, ..*position };
+        let cursor = Cursor { group: *child, instance: group.instance + offset, ..*cursor };
         while inside != 0 {
-            let alike = luggage.alike(inside);
-            inside &= !alike;
-            walk_inside::<W, G>(token, rows, alike, &wanted, &mut luggage, stacks, position);
+            let coherent = packet_group.coherent(inside);
+            inside &= !coherent;
+            walk_inside::<W, G>(
+                token,
+                states,
+                coherent,
+                &wanted,
+                &mut packet_group,
+                stacks,
+                cursor,
+            );
         }
-        stacks.spare.push(luggage);
+        stacks.spare.push(packet_group);
     }
     while let Some(number) = next(&mut members) {
-        let Row { walker, bundle, .. } = &mut rows[number];
+        let PacketState { walker, packet, .. } = &mut states[number];
         let (object, single) = (object.index(), &mut stacks.single);
-        walker.test_objects::<W>(token, group, object, bundle, rays[number], single);
+        walker.test_objects::<W>(token, group, object, packet, rays[number], single);
     }
 }
 
-/// Walks an instanced group with bundles that are alike there.
+/// Walks an instanced group with packets that are coherent there.
 #[inline(always)]
 fn walk_inside<W: Lanes16, G: Goal>(
     token: W::Token,
-    rows: &mut Rows<'_, '_, '_, G>,
+    states: &mut PacketStates<'_, '_, '_, G>,
     members: Members,
-    wanted: &[u32; ROWS],
-    luggage: &mut Luggage,
+    wanted: &[u32; MAX_PACKETS],
+    packet_group: &mut PacketGroup,
     stacks: &mut Stacks,
-    position: Position,
+    cursor: Cursor,
 ) {
-    let mut outside = [0; ROWS];
-    let [a, b, c, d] = &mut *rows;
-    let mut below = luggage.rows([a.walker, b.walker, c.walker, d.walker]);
+    let mut outside = [0; MAX_PACKETS];
+    let [a, b, c, d] = &mut *states;
+    let mut below = packet_group.states([a.walker, b.walker, c.walker, d.walker]);
     let mut rest = members;
     while let Some(number) = next(&mut rest) {
-        below[number].memory.clear();
+        below[number].scratch.clear();
         outside[number] = std::mem::replace(&mut below[number].walker.alive, wanted[number]);
     }
-    enter::<W, G>(token, &mut below, members, stacks, position);
+    enter::<W, G>(token, &mut below, members, stacks, cursor);
     let mut rest = members;
     while let Some(number) = next(&mut rest) {
-        let Row { walker, bundle, .. } = &mut rows[number];
+        let PacketState { walker, packet, .. } = &mut states[number];
         let over = wanted[number] & !walker.alive;
         walker.alive = outside[number] & !over;
-        bundle.narrow::<W>(token, wanted[number], over, &luggage.bundles[number].cull);
-        bundle.update_limits::<W>(token);
+        packet.narrow::<W>(token, wanted[number], over, &packet_group.packets[number].cull);
+        packet.update_limits::<W>(token);
     }
 }

@@ -1,4 +1,4 @@
-//! The planes of the triangles of a block, as a bundle sees them: whether a ray begins before or
+//! The planes of the triangles of a block, as a packet sees them: whether a ray begins before or
 //! behind them.
 //!
 //! Areas say badly where a ray meets a sliver, since it is hardly wider than what they may be off
@@ -7,7 +7,7 @@
 
 use super::exact::{cross, dot, exact3};
 use super::leaf::{ROUNDING, size};
-use super::lines::Lines;
+use super::rays::PacketRays;
 use crate::kernel::packet::PacketTests;
 use snell_math::simd::{DoubleLanes, DoublesOf, Lanes8, Lanes16};
 
@@ -21,10 +21,10 @@ const SLIVER: f32 = 8.0;
 pub(super) struct Planes {
     /// The product of the normal with a corner.
     pub height: [f32; 8],
-    /// What [heights of rays](super::facing::TriangleLanes) may be off by, each times the normal.
+    /// What [heights of rays](super::edges::TriangleLanes) may be off by, each times the normal.
     ///
     /// With unit `u = 2^-24`, normals off by `dn`, rays that begin up to `s` from the point and `b`
-    /// from where their lines cross it, and corners up to `r` from there: the height of a corner is
+    /// from where their rays cross it, and corners up to `r` from there: the height of a corner is
     /// off by `3 r dn + 15 u r n`; the place of a line (`3 s` away at most) by `8 u s` on each
     /// axis, so its height by `6 s dn + 16 u s n`; the product with a direction (of slopes up to
     /// 1.25) by `4 dn + 10 u n`, times `b`; the sums by `u` of what they come to. Together that is
@@ -55,14 +55,16 @@ impl<L: Lanes8> SeenCorners<L> {
     pub fn write<W: Lanes16<Half = L>, P: PacketTests>(
         &self,
         token: W::Token,
-        lines: &Lines,
+        packet_rays: &PacketRays,
         normals: &mut [[f32; 8]; 3],
         to: &mut Planes,
     ) {
         let half = self.forward.token();
         let product = self.sizes[0].mul(self.sizes[1]);
-        let (near, tiny) =
-            (L::splat(half, lines.spread + lines.latest), L::splat(half, f32::MIN_POSITIVE));
+        let (near, tiny) = (
+            L::splat(half, packet_rays.spread + packet_rays.latest),
+            L::splat(half, f32::MIN_POSITIVE),
+        );
         let reach = size(self.first).add(near);
         let mut length = size(self.normal);
         let (mut error, mut upright);
@@ -86,8 +88,8 @@ impl<L: Lanes8> SeenCorners<L> {
                 .mul_add(L::splat(half, 64.0 * ROUNDING), rest.mul_add(reach, of_height));
             upright = length.mul_add(L::splat(half, 16.0 * ROUNDING), rest);
         }
-        if lines.margin > 0.0 {
-            let margin = L::splat(half, lines.margin);
+        if packet_rays.margin > 0.0 {
+            let margin = L::splat(half, packet_rays.margin);
             error = length.mul(margin).mul_add(L::splat(half, 8.0), error);
             if P::TRIANGLES_ELSEWHERE {
                 // Corners are elsewhere, too, and edges: triangles that are met have them no

@@ -1,10 +1,10 @@
 //! What packets of rays do differently in single and in double precision.
 
-use super::bundle::{Bundle, PerRay};
+use super::certain::{CertainHits, Decided};
 use super::exact::{Found, Pairs};
 use super::exact_rays::LaneRays;
-use super::sure::{Decided, Sure};
-use super::{doubles, exact, runs, sure};
+use super::frustum::{Packet, PerRay};
+use super::{certain, doubles, exact, runs};
 use crate::kernel::single::filter::BlockFilter;
 use crate::precision::frame::Frame;
 use crate::precision::{Double, DoubleData, Single};
@@ -23,39 +23,39 @@ pub(crate) trait PacketTests: BlockFilter {
         rays: LaneRays<W>,
     ) -> LaneRays<W>;
 
-    /// Makes a bundle of a run of rays in the root group, if possible described from where `anchor`
+    /// Makes a packet of a run of rays in the root group, if possible described from where `anchor`
     /// starts or ends; false if it is none. Lanes without a ray repeat the first one and want
     /// nothing.
-    fn set_up_bundle<W: Lanes16>(
+    fn set_up_packet<W: Lanes16>(
         token: W::Token,
         data: &Self::Data,
-        bundle: &mut Bundle,
+        packet: &mut Packet,
         rays: &[Self::Ray],
         anchor: &Self::Ray,
         backward: bool,
     ) -> bool;
 
-    /// The exact test for up to eight pairs of a ray of the bundle and a triangle of the tree
+    /// The exact test for up to eight pairs of a ray of the packet and a triangle of the tree
     /// ([`exact::exact_hits`]); rows of rays must have been written if
     /// [triangles are elsewhere](Self::TRIANGLES_ELSEWHERE).
     fn exact_hits<W: Lanes16>(
         token: W::Token,
         data: &Self::Data,
         tree: &GroupTree,
-        bundle: &Bundle,
+        packet: &Packet,
         pairs: &Pairs,
         found: &mut Found<Self::Real>,
     );
 
-    /// The exact test for the triangle of the tree that each of some rays of the bundle surely
-    /// hits, or the drawing of which ([`sure::test`]).
-    fn sure_hits<W: Lanes16>(
+    /// The exact test for the triangle of the tree that each of some rays of the packet certainly
+    /// hits, or the projection of which ([`certain::test`]).
+    fn certain_hits<W: Lanes16>(
         token: W::Token,
         tree: &GroupTree,
-        bundle: &Bundle,
+        packet: &Packet,
         rays: [u32; 2],
         places: &PerRay<u32>,
-        sure: &mut Sure<Self::Real>,
+        certain: &mut CertainHits<Self::Real>,
     ) -> Decided;
 }
 
@@ -71,15 +71,15 @@ impl PacketTests for Single {
     }
 
     #[inline(always)]
-    fn set_up_bundle<W: Lanes16>(
+    fn set_up_packet<W: Lanes16>(
         token: W::Token,
         _: &(),
-        bundle: &mut Bundle,
+        packet: &mut Packet,
         rays: &[Ray],
         anchor: &Ray,
         backward: bool,
     ) -> bool {
-        runs::set_up::<W>(token, bundle, rays, anchor, backward)
+        runs::set_up::<W>(token, packet, rays, anchor, backward)
     }
 
     #[inline(always)]
@@ -87,23 +87,23 @@ impl PacketTests for Single {
         token: W::Token,
         _: &(),
         tree: &GroupTree,
-        bundle: &Bundle,
+        packet: &Packet,
         pairs: &Pairs,
         found: &mut Found<f32>,
     ) {
-        exact::exact_hits::<W>(token, &tree.blocks, bundle, pairs, found)
+        exact::exact_hits::<W>(token, &tree.blocks, packet, pairs, found)
     }
 
     #[inline(always)]
-    fn sure_hits<W: Lanes16>(
+    fn certain_hits<W: Lanes16>(
         token: W::Token,
         tree: &GroupTree,
-        bundle: &Bundle,
+        packet: &Packet,
         rays: [u32; 2],
         places: &PerRay<u32>,
-        sure: &mut Sure<f32>,
+        certain: &mut CertainHits<f32>,
     ) -> Decided {
-        sure::test::<W>(token, &tree.blocks, bundle, rays, places, sure)
+        certain::test::<W>(token, &tree.blocks, packet, rays, places, certain)
     }
 }
 
@@ -120,15 +120,15 @@ impl PacketTests for Double {
     }
 
     #[inline(always)]
-    fn set_up_bundle<W: Lanes16>(
+    fn set_up_packet<W: Lanes16>(
         token: W::Token,
         data: &DoubleData,
-        bundle: &mut Bundle,
+        packet: &mut Packet,
         rays: &[DRay],
         _: &DRay,
         backward: bool,
     ) -> bool {
-        runs::set_up_doubles::<W>(token, data, bundle, rays, backward)
+        runs::set_up_doubles::<W>(token, data, packet, rays, backward)
     }
 
     #[inline(always)]
@@ -136,7 +136,7 @@ impl PacketTests for Double {
         token: W::Token,
         data: &DoubleData,
         tree: &GroupTree,
-        bundle: &Bundle,
+        packet: &Packet,
         pairs: &Pairs,
         found: &mut Found<f64>,
     ) {
@@ -144,20 +144,20 @@ impl PacketTests for Double {
             W::half_token(token),
             data,
             tree,
-            bundle,
+            packet,
             pairs,
             found,
         )
     }
 
     #[inline(always)]
-    fn sure_hits<W: Lanes16>(
+    fn certain_hits<W: Lanes16>(
         _: W::Token,
         _: &GroupTree,
-        _: &Bundle,
+        _: &Packet,
         _: [u32; 2],
         _: &PerRay<u32>,
-        _: &mut Sure<f64>,
+        _: &mut CertainHits<f64>,
     ) -> Decided {
         Decided { hits: 0, moved: 0 }
     }

@@ -1,8 +1,8 @@
-//! Bundles from runs of rays as they come.
+//! Packets from runs of rays as they come.
 
 use super::MIN_RAYS;
-use super::bundle::{Bundle, Columns, Kind, RAYS};
 use super::exact_rays::LaneRays;
+use super::frustum::{Columns, Kind, Packet, RAYS};
 use crate::kernel::columns::ray_columns;
 use crate::kernel::packet::PacketTests;
 use crate::precision::DoubleData;
@@ -31,12 +31,12 @@ pub(super) fn anchor<'a, P: PacketTests>(before: &'a P::Ray, rays: &'a [P::Ray])
     if is_near && b.origin != c.origin { before } else { &rays[0] }
 }
 
-/// Makes a bundle of a run, described from where `anchor` starts or ends, and seen from where that
+/// Makes a packet of a run, described from where `anchor` starts or ends, and seen from where that
 /// starts; false if it is none. Lanes without a ray repeat the first one and want nothing.
 #[inline(always)]
 pub(crate) fn set_up<W: Lanes16>(
     token: W::Token,
-    bundle: &mut Bundle,
+    packet: &mut Packet,
     rays: &[Ray],
     anchor: &Ray,
     backward: bool,
@@ -53,7 +53,7 @@ pub(crate) fn set_up<W: Lanes16>(
             &repeated
         }
     };
-    bundle.has_rays = false;
+    packet.has_rays = false;
     // (In registers of one size: what was written in halves cannot be read as a whole for long.)
     let [ox, oy, oz, t_min, dx, dy, dz, t_max] = ray_columns::<W>(token, all);
     let zero = W::splat(token, 0.0);
@@ -80,13 +80,13 @@ pub(crate) fn set_up<W: Lanes16>(
     let kind =
         Kind { apex, reversed, common, backward: reversed && backward, rounded: false, slack: 0.0 };
     if !common {
-        ox.store(&mut bundle.drawn_origin[0]);
-        oy.store(&mut bundle.drawn_origin[1]);
-        oz.store(&mut bundle.drawn_origin[2]);
+        ox.store(&mut packet.projected_origin[0]);
+        oy.store(&mut packet.projected_origin[1]);
+        oz.store(&mut packet.projected_origin[2]);
     }
-    dx.store(&mut bundle.direction[0]);
-    dy.store(&mut bundle.direction[1]);
-    dz.store(&mut bundle.direction[2]);
+    dx.store(&mut packet.direction[0]);
+    dy.store(&mut packet.direction[1]);
+    dz.store(&mut packet.direction[2]);
     let from_apex = [
         ox.sub(W::splat(token, apex[0])),
         oy.sub(W::splat(token, apex[1])),
@@ -98,7 +98,7 @@ pub(crate) fn set_up<W: Lanes16>(
         .replace(unused, W::splat(token, -1.0));
     let direction = [dx, dy, dz];
     let columns = Columns { from_apex, from_point, direction, point, t_min, cull };
-    bundle.set_up::<W, Single>(token, &columns, first.direction.to_array(), kind)
+    packet.set_up::<W, Single>(token, &columns, first.direction.to_array(), kind)
 }
 
 /// [`set_up`] in double precision.
@@ -106,7 +106,7 @@ pub(crate) fn set_up<W: Lanes16>(
 pub(crate) fn set_up_doubles<W: Lanes16>(
     token: W::Token,
     data: &DoubleData,
-    bundle: &mut Bundle,
+    packet: &mut Packet,
     rays: &[DRay],
     backward: bool,
 ) -> bool {
@@ -145,7 +145,7 @@ pub(crate) fn set_up_doubles<W: Lanes16>(
     is_fine && {
         let (limits, points) =
             ([W::load(token, &t_min), W::load(token, &cull)], [apex, first.origin]);
-        bundle.set_up_exactly::<W, Double>(
+        packet.set_up_exactly::<W, Double>(
             token,
             LaneRays::load(token, &exact),
             limits,

@@ -1,14 +1,14 @@
-use super::bundle::{Bundle, RAYS};
-use super::drawing::sides;
+use super::certain;
+use super::certain::CertainHits;
 use super::exact::{Found, Pairs, exact_hits};
 use super::exact_rays::{ExactColumns, LaneRays};
+use super::frustum::{Packet, RAYS};
 use super::leaf::{SeenBlock, SharedOrigin, Wanted};
+use super::projection::sides;
 use super::runs::set_up;
-use super::sure;
-use super::sure::Sure;
 use super::triangles::Locals;
 use crate::exact::ray::LocalRay;
-use crate::exact::triangle::{TriangleBlock, exact_hit, plane_distance};
+use crate::exact::triangle::{exact_hit, plane_distance};
 use crate::group::mapped;
 use crate::hit::{DHit, Hit};
 use crate::mesh::{DTriangleMesh, TriangleMesh};
@@ -17,6 +17,7 @@ use crate::precision::frame::Frame;
 use crate::search::rays::Rays;
 use crate::search::{AcceptAll, Grouping, HitFilter};
 use crate::tree::Blocks;
+use crate::tree::block::TriangleBlock;
 use crate::tree::node::{ChildRef, WideNode};
 use crate::world::AcceleratorKind;
 use crate::world::double::DWorldBuilder;
@@ -38,9 +39,9 @@ fn vector(seed: u32, i: u32) -> Vec3 {
     Vec3::new(unit(seed, 3 * i), unit(seed, 3 * i + 1), unit(seed, 3 * i + 2)) * 2.0 - 1.0
 }
 
-fn is_bundle(bundle: &mut Bundle, rays: &[Ray]) -> bool {
-    let is_one = set_up::<Pair<Portable8>>(Portable, bundle, rays, &rays[0], false);
-    bundle.rays.write::<Single>(rays);
+fn is_packet(packet: &mut Packet, rays: &[Ray]) -> bool {
+    let is_one = set_up::<Pair<Portable8>>(Portable, packet, rays, &rays[0], false);
+    packet.rays.write::<Single>(rays);
     is_one
 }
 
@@ -88,7 +89,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
 
     #[test]
-    fn bundles_hit_lattices_and_instances_of_them_as_the_oracle_does(
+    fn packets_hit_lattices_and_instances_of_them_as_the_oracle_does(
         positions in proptest::collection::vec(lattice_point(), 3..20),
         corners in proptest::collection::vec(proptest::array::uniform3(0u32..1000), 10..60),
         (kind, seed, size) in (kinds(), 0u32..1_000_000, sizes()),
@@ -123,7 +124,7 @@ proptest! {
     }
 
     #[test]
-    fn bundles_in_double_precision_hit_lattices_and_instances_as_the_oracle_does(
+    fn packets_in_double_precision_hit_lattices_and_instances_as_the_oracle_does(
         positions in proptest::collection::vec(lattice_point(), 3..20),
         corners in proptest::collection::vec(proptest::array::uniform3(0u32..1000), 10..60),
         (kind, seed, size) in (kinds(), 0u32..1_000_000, sizes()),
@@ -191,8 +192,8 @@ proptest! {
         for ray in &mut rays {
             (ray.origin, ray.direction) = ((ray.origin + far) * scale, ray.direction * scale);
         }
-        let mut bundle = Bundle::NONE;
-        if set_up::<Pair<Portable8>>(Portable, &mut bundle, &rays, &rays[0], backward) {
+        let mut packet = Packet::NONE;
+        if set_up::<Pair<Portable8>>(Portable, &mut packet, &rays, &rays[0], backward) {
             let mut node = WideNode::EMPTY;
             for (lane, ray) in rays.iter().enumerate() {
                 // A corner, an edge or the inside of the box is on the ray.
@@ -209,7 +210,7 @@ proptest! {
                     max: high + high.abs() * f32::EPSILON,
                 };
                 node.set(lane & 7, &bounds, ChildRef::node(0));
-                let met = bundle.rays_meeting(Portable, &bundle.one_box::<Pair<Portable8>>(Portable, &node, lane & 7));
+                let met = packet.rays_hitting(Portable, &packet.one_box::<Pair<Portable8>>(Portable, &node, lane & 7));
                 prop_assert!(met >> lane & 1 == 1, "{ray:?} {low} {high}");
             }
         }
@@ -250,21 +251,21 @@ proptest! {
             };
             block.set(lane, &[corner(0), corner(1), corner(2)], 0);
         }
-        let mut bundle = Bundle::NONE;
-        if is_bundle(&mut bundle, &rays) {
-            check_block::<Pair<Portable8>>(Portable, &bundle, &block, &rays)?;
+        let mut packet = Packet::NONE;
+        if is_packet(&mut packet, &rays) {
+            check_block::<Pair<Portable8>>(Portable, &packet, &block, &rays)?;
             #[cfg(target_arch = "x86_64")]
             if let Some(token) = Avx2::new() {
                 token.run(
                     #[inline(always)]
-                    || check_block::<Pair<Avx8>>(token, &bundle, &block, &rays),
+                    || check_block::<Pair<Avx8>>(token, &packet, &block, &rays),
                 )?;
             }
             #[cfg(target_arch = "x86_64")]
             if let Some(token) = Avx512::new() {
                 token.run(
                     #[inline(always)]
-                    || check_block::<Avx16>(token, &bundle, &block, &rays),
+                    || check_block::<Avx16>(token, &packet, &block, &rays),
                 )?;
             }
         }
@@ -274,56 +275,58 @@ proptest! {
 #[inline(always)]
 fn check_block<W: Lanes16>(
     token: W::Token,
-    bundle: &Bundle,
+    packet: &Packet,
     block: &TriangleBlock,
     rays: &[Ray],
 ) -> Result<(), TestCaseError> {
     let seen = SeenBlock::new::<W, Single>(
         token,
         block,
-        &bundle.lines,
-        bundle.axes,
+        &packet.packet_rays,
+        packet.axes,
         Wanted { planes: true, depths: true },
     );
-    let axis = bundle.axes.z();
-    let near_bundle = seen.near_bundle::<W::Half>(W::half_token(token), bundle);
+    let axis = packet.axes.z();
+    let near_packet = seen.near_packet::<W::Half>(W::half_token(token), packet);
     for triangle in 0..8 {
-        let meeting = seen.meeting::<W>(token, &bundle.lines, triangle, 0xffff);
+        let hitting = seen.hits::<W>(token, &packet.packet_rays, triangle, 0xffff);
         let (mut low, mut high) = ([0.0; RAYS], [0.0; RAYS]);
-        meeting.low.store(&mut low);
-        meeting.high.store(&mut high);
-        let (mut inside, mut outside, mut found, mut drawn) = (0, 0, None, Sure::NONE);
-        if bundle.is_aligned {
-            [inside, outside] = sides::<W>(token, block, triangle, bundle);
+        hitting.low.store(&mut low);
+        hitting.high.store(&mut high);
+        let (mut inside, mut outside, mut found, mut projected) = (0, 0, None, CertainHits::NONE);
+        if packet.is_aligned {
+            [inside, outside] = sides::<W>(token, block, triangle, packet);
             let places = [triangle as u32; RAYS];
-            found = Some(sure::test::<W>(
+            found = Some(certain::test::<W>(
                 token,
                 &Blocks::of(&[*block]),
-                bundle,
+                packet,
                 [inside; 2],
                 &places,
-                &mut drawn,
+                &mut projected,
             ));
         }
         for (lane, ray) in rays.iter().enumerate() {
             let corners = block.corners(triangle);
             let expected = exact_hit(&LocalRay::new(&DRay::from(ray)), &corners, ray.t_min.into());
             let wanted = expected.filter(|(t, _)| *t as f32 > ray.t_min && (*t as f32) < ray.t_max);
-            let (possible, sure) =
-                (meeting.possible >> lane & 1 == 1, meeting.sure >> lane & 1 == 1);
+            let (possible, certain) =
+                (hitting.possible >> lane & 1 == 1, hitting.certain >> lane & 1 == 1);
             prop_assert!(possible || wanted.is_none(), "{ray:?} {corners:?}");
-            prop_assert!(wanted.is_some() || !sure, "{ray:?} {corners:?}");
+            prop_assert!(wanted.is_some() || !certain, "{ray:?} {corners:?}");
             prop_assert!(
-                near_bundle >> triangle & 1 == 1 || wanted.is_none(),
+                near_packet >> triangle & 1 == 1 || wanted.is_none(),
                 "{ray:?} {corners:?}"
             );
-            let near = seen.near_two::<W>(token, &bundle.lines, &mut (1 << lane | 1 << (lane / 2)));
-            let facing = seen.facing::<W>(token, &bundle.lines, 1 << lane, 1 << triangle);
-            prop_assert!(facing.near != 0 || wanted.is_none(), "{ray:?} {corners:?}");
-            prop_assert!(facing.sure == 0 || wanted.is_some(), "{ray:?} {corners:?}");
+            let near =
+                seen.near_two::<W>(token, &packet.packet_rays, &mut (1 << lane | 1 << (lane / 2)));
+            let edge_tests =
+                seen.edge_tests::<W>(token, &packet.packet_rays, 1 << lane, 1 << triangle);
+            prop_assert!(edge_tests.near != 0 || wanted.is_none(), "{ray:?} {corners:?}");
+            prop_assert!(edge_tests.certain == 0 || wanted.is_some(), "{ray:?} {corners:?}");
             prop_assert_eq!(
-                facing.rays[triangle],
-                [facing.near, facing.sure].map(|of| of >> triangle << lane)
+                edge_tests.rays[triangle],
+                [edge_tests.near, edge_tests.certain].map(|of| of >> triangle << lane)
             );
             // It is the last of the two, or both.
             let half = u32::from(lane > 0);
@@ -331,52 +334,55 @@ fn check_block<W: Lanes16>(
                 near >> (8 * half) >> triangle & 1 == 1 || wanted.is_none(),
                 "{ray:?} {corners:?}"
             );
-            if !bundle.lines.apart {
+            if !packet.packet_rays.separate {
                 let near = SharedOrigin::<W::Half>::new::<Single>(
                     W::half_token(token),
                     block,
-                    &bundle.lines,
-                    bundle.axes,
+                    &packet.packet_rays,
+                    packet.axes,
                 )
-                .candidates(W::half_token(token), &bundle.lines, lane);
+                .candidates(W::half_token(token), &packet.packet_rays, lane);
                 prop_assert!(near >> triangle & 1 == 1 || wanted.is_none(), "{ray:?} {corners:?}");
             }
             let line = exact_hit(&LocalRay::new(&DRay::from(ray)), &corners, f64::NEG_INFINITY);
             prop_assert!(inside >> lane & 1 == 0 || line.is_some(), "{ray:?} {corners:?}");
             prop_assert!(outside >> lane & 1 == 0 || line.is_none(), "{ray:?} {corners:?}");
-            let mut is_drawn = false;
+            let mut is_projected = false;
             if let Some((t, uv)) = line.filter(|_| inside >> lane & 1 == 1) {
                 let found = found.as_ref().expect("tested");
                 let is_moved = t
                     != plane_distance(&ray.origin.as_dvec3(), &ray.direction.as_dvec3(), &corners);
                 prop_assert!(!is_moved || found.hits >> lane & 1 == 0, "{ray:?} {corners:?}");
                 if found.hits >> lane & 1 == 1 {
-                    let bits = [drawn.t[lane], drawn.b1[lane], drawn.b2[lane]].map(f32::to_bits);
+                    let bits = [projected.t[lane], projected.b1[lane], projected.b2[lane]]
+                        .map(f32::to_bits);
                     prop_assert_eq!(bits, [t as f32, uv.x, uv.y].map(f32::to_bits));
                 }
-                is_drawn = meeting.nearer >> lane & 1 == 1 && found.moved >> lane & 1 == 0;
-                prop_assert!(wanted.is_some() || !is_drawn, "{ray:?} {corners:?}");
+                is_projected = hitting.nearer >> lane & 1 == 1 && found.moved >> lane & 1 == 0;
+                prop_assert!(wanted.is_some() || !is_projected, "{ray:?} {corners:?}");
             }
-            if let (Some((t, _)), true) = (expected, sure || is_drawn) {
+            if let (Some((t, _)), true) = (expected, certain || is_projected) {
                 let along = f64::from(ray.origin[axis]) + t * f64::from(ray.direction[axis]);
-                let z =
-                    (along - f64::from(bundle.lines.point[2])) * f64::from(bundle.lines.forward);
+                let z = (along - f64::from(packet.packet_rays.point[2]))
+                    * f64::from(packet.packet_rays.forward);
                 prop_assert!(
                     f64::from(low[lane]) <= z && z <= f64::from(high[lane]),
                     "{z} {low:?} {high:?} {ray:?}"
                 );
             }
-            if bundle.is_aligned {
+            if packet.is_aligned {
                 let pairs = Pairs {
                     triangles: [triangle as u32; 8],
                     rays: [lane as u32; 8],
                     count: 8,
-                    waiting: 0,
+                    mask: 0,
                 };
                 let mut found = Found::NONE;
-                exact_hits::<W>(token, &Blocks::of(&[*block]), bundle, &pairs, &mut found);
-                prop_assert!([0, 0xff].contains(&found.unsure) && [0, 0xff].contains(&found.hits));
-                if found.unsure == 0 {
+                exact_hits::<W>(token, &Blocks::of(&[*block]), packet, &pairs, &mut found);
+                prop_assert!(
+                    [0, 0xff].contains(&found.uncertain) && [0, 0xff].contains(&found.hits)
+                );
+                if found.uncertain == 0 {
                     prop_assert_eq!(found.hits != 0, expected.is_some(), "{:?} {:?}", ray, corners);
                     if let Some((t, uv)) = expected {
                         let bits = [found.t[7], found.b1[7], found.b2[7]].map(f32::to_bits);
@@ -386,8 +392,8 @@ fn check_block<W: Lanes16>(
             }
         }
     }
-    if bundle.is_aligned {
-        check_pairs::<W>(token, bundle, block, rays.len())?;
+    if packet.is_aligned {
+        check_pairs::<W>(token, packet, block, rays.len())?;
     }
     Ok(())
 }
@@ -396,11 +402,11 @@ fn check_block<W: Lanes16>(
 fn tested<W: Lanes16>(
     token: W::Token,
     blocks: &[TriangleBlock],
-    bundle: &Bundle,
+    packet: &Packet,
     pairs: &Pairs,
 ) -> Found<f32> {
     let mut found = Found::NONE;
-    exact_hits::<W>(token, &Blocks::of(blocks), bundle, pairs, &mut found);
+    exact_hits::<W>(token, &Blocks::of(blocks), packet, pairs, &mut found);
     found
 }
 
@@ -408,7 +414,7 @@ fn tested<W: Lanes16>(
 #[inline(always)]
 fn check_pairs<W: Lanes16>(
     token: W::Token,
-    bundle: &Bundle,
+    packet: &Packet,
     block: &TriangleBlock,
     rays: usize,
 ) -> Result<(), TestCaseError> {
@@ -422,14 +428,14 @@ fn check_pairs<W: Lanes16>(
             let (block, lane, ray) = (i * (count - 1) % 3, (5 * i + count) % 8, 3 * i % rays);
             pairs.push(ray as u32, (8 * block + lane) as u32);
         }
-        let together = tested::<W>(token, &blocks, bundle, &pairs);
+        let together = tested::<W>(token, &blocks, packet, &pairs);
         for i in 0..count {
             let mut one = Pairs::NONE;
             one.push(pairs.rays[i], pairs.triangles[i]);
-            let alone = tested::<W>(token, &blocks, bundle, &one);
+            let alone = tested::<W>(token, &blocks, packet, &one);
             prop_assert_eq!(
-                [together.hits >> i & 1, together.unsure >> i & 1],
-                [alone.hits & 1, alone.unsure & 1]
+                [together.hits >> i & 1, together.uncertain >> i & 1],
+                [alone.hits & 1, alone.uncertain & 1]
             );
             if alone.hits & 1 == 1 {
                 let bits = |found: &Found<f32>, i: usize| {
@@ -445,10 +451,10 @@ fn check_pairs<W: Lanes16>(
 #[test]
 fn long_boxes_beside_rays_are_not_met() {
     // Seen from the sides it seems that rays pass through, but not from above.
-    let mut bundle = Bundle::NONE;
+    let mut packet = Packet::NONE;
     let (from, to) = (Vec3::new(0.0, 0.0, -10.0), Vec3::new(5.0, 5.0, 10.0));
     for kind in [Kind::FromPoint, Kind::ToPoint, Kind::Parallel] {
-        assert!(is_bundle(&mut bundle, &rays(kind, 1, RAYS, from, to, 0.1)));
+        assert!(is_packet(&mut packet, &rays(kind, 1, RAYS, from, to, 0.1)));
         let mut node = WideNode::EMPTY;
         let column = |x: f32, y: f32| Bounds3 {
             min: Vec3::new(x, y, -10.0),
@@ -456,19 +462,19 @@ fn long_boxes_beside_rays_are_not_met() {
         };
         for (slot, (x, y)) in [(1.0, 3.5), (3.5, 1.0), (2.25, 2.25)].into_iter().enumerate() {
             node.set(slot, &column(x, y), ChildRef::node(0));
-            let met = bundle
-                .rays_meeting(Portable, &bundle.one_box::<Pair<Portable8>>(Portable, &node, slot));
+            let met = packet
+                .rays_hitting(Portable, &packet.one_box::<Pair<Portable8>>(Portable, &node, slot));
             assert_eq!(met, if x == y { 0xffff } else { 0 }, "{kind:?} {x} {y}");
         }
     }
 }
 
 #[test]
-fn runs_with_a_common_point_are_bundles_and_others_are_not() {
-    let mut bundle = Bundle::NONE;
+fn runs_with_a_common_point_are_packets_and_others_are_not() {
+    let mut packet = Packet::NONE;
     let (from, to) = (Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.5, -1.0, -2.0));
     let mut kind_of = |rays: &[Ray]| {
-        is_bundle(&mut bundle, rays).then_some((bundle.kind.common, bundle.kind.reversed))
+        is_packet(&mut packet, rays).then_some((packet.kind.common, packet.kind.reversed))
     };
     assert_eq!(kind_of(&rays(Kind::FromPoint, 1, 16, from, to, 0.1)), Some((true, false)));
     assert_eq!(kind_of(&rays(Kind::ToPoint, 1, 16, from, to, 0.1)), Some((false, true)));
@@ -487,7 +493,7 @@ fn runs_with_a_common_point_are_bundles_and_others_are_not() {
 }
 
 #[test]
-fn bundles_agree_with_the_oracle_on_nested_instances_with_masks_and_rejections() {
+fn packets_agree_with_the_oracle_on_nested_instances_with_masks_and_rejections() {
     struct Sieve;
     impl HitFilter for Sieve {
         fn accept(&self, _: &Ray, hit: &Hit) -> bool {
@@ -570,9 +576,9 @@ fn instances_of_large_groups_leave_nothing_behind_for_small_ones() {
     }
 }
 
-/// Far away, what is drawn is off by more than the padding of the box of a small triangle.
+/// Far away, what is projected is off by more than the padding of the box of a small triangle.
 #[test]
-fn rays_that_hit_the_drawing_of_a_triangle_beside_its_box_are_left_to_others() {
+fn rays_that_hit_the_projection_of_a_triangle_beside_its_box_are_left_to_others() {
     let (apex, size) = (Vec3::new(1017.88086, 600.2, 2022.0814), 0.9);
     let corners = [apex, apex + Vec3::X * size, apex + Vec3::Y * size];
     let mut block = TriangleBlock::EMPTY;
@@ -593,7 +599,7 @@ fn rays_that_hit_the_drawing_of_a_triangle_beside_its_box_are_left_to_others() {
     };
     let oracle = make(AcceleratorKind::None, Level::Scalar);
     let worlds: Vec<_> = levels().map(|level| make(AcceleratorKind::Bvh, level)).collect();
-    let (mut moved, mut sure) = (0, Sure::NONE);
+    let (mut moved, mut certain) = (0, CertainHits::NONE);
     for seed in 0..40 {
         // Along the edge on the left, in directions that are rounded.
         let direction = |i: u32| {
@@ -603,18 +609,18 @@ fn rays_that_hit_the_drawing_of_a_triangle_beside_its_box_are_left_to_others() {
             (point * (0.0005 + 0.0005 * f64::from(unit(seed, 3 * i + 2)))).as_vec3()
         };
         let rays: Vec<Ray> = (0..16).map(|i| Ray::new(Vec3::ZERO, direction(i))).collect();
-        let mut bundle = Bundle::NONE;
-        assert!(is_bundle(&mut bundle, &rays) && bundle.is_aligned);
+        let mut packet = Packet::NONE;
+        assert!(is_packet(&mut packet, &rays) && packet.is_aligned);
         moved |= {
-            let [inside, _] = sides::<Pair<Portable8>>(Portable, &block, 0, &bundle);
+            let [inside, _] = sides::<Pair<Portable8>>(Portable, &block, 0, &packet);
             let blocks = Blocks::of(&[block]);
-            sure::test::<Pair<Portable8>>(
+            certain::test::<Pair<Portable8>>(
                 Portable,
                 &blocks,
-                &bundle,
+                &packet,
                 [inside; 2],
                 &[0; RAYS],
-                &mut sure,
+                &mut certain,
             )
             .moved
         };
@@ -628,11 +634,11 @@ fn rays_that_hit_the_drawing_of_a_triangle_beside_its_box_are_left_to_others() {
 #[test]
 fn locals_are_built_once_and_are_those_of_the_rays() {
     let rays = rays(Kind::FromPoint, 3, 16, Vec3::ZERO, Vec3::Z, 0.1);
-    let mut bundle = Bundle::NONE;
-    assert!(is_bundle(&mut bundle, &rays));
+    let mut packet = Packet::NONE;
+    assert!(is_packet(&mut packet, &rays));
     let mut locals = Locals::new();
     for lane in [3, 3, 0] {
-        assert_eq!(locals.get(&bundle, lane).exact.direction, rays[lane].direction.as_dvec3());
+        assert_eq!(locals.get(&packet, lane).exact.direction, rays[lane].direction.as_dvec3());
     }
     assert_eq!(locals.built, 0b1001);
 }
@@ -655,11 +661,11 @@ fn in_lanes<W: Lanes16>(
 fn rays_in_lanes_are_mapped_to_the_bits_of_rays_one_by_one() {
     let third = |v: Vec3| v.as_dvec3() / 3.0;
     for seed in 0..50 {
-        let row = |i: u32| third(vector(seed, i));
-        let map = DAffine3::from_cols(row(100), row(101), row(102), row(103) * 1e3);
-        let frame = Frame::of(&Bounds3d { min: row(104) - 5.0, max: row(105) + 7.0 });
+        let state = |i: u32| third(vector(seed, i));
+        let map = DAffine3::from_cols(state(100), state(101), state(102), state(103) * 1e3);
+        let frame = Frame::of(&Bounds3d { min: state(104) - 5.0, max: state(105) + 7.0 });
         let rays: Vec<DRay> =
-            (0..16).map(|i| DRay::new(row(2 * i) * 1e4, row(2 * i + 1))).collect();
+            (0..16).map(|i| DRay::new(state(2 * i) * 1e4, state(2 * i + 1))).collect();
         let columns = |rays: &[DRay]| -> ExactColumns {
             let column = |of: &dyn Fn(&DRay) -> f64| std::array::from_fn(|i| of(&rays[i]));
             [

@@ -2,7 +2,7 @@
 
 use crate::kernel::Goal;
 
-/// Which way bundles to one point go, where any hit will do: from their starts (in a closed room
+/// Which way packets to one point go, where any hit will do: from their starts (in a closed room
 /// the next wall is near) or from the point (towards the light, a rough surface is all that is in
 /// the way)? Now and then a few go each way, and the others as those that had less work. The way
 /// changes no answer.
@@ -13,9 +13,9 @@ pub(super) struct Trial {
 }
 
 impl Trial {
-    /// Bundles that try each way.
+    /// Packets that try each way.
     const TRIALS: u32 = 4;
-    /// Bundles after which it is tried again.
+    /// Packets after which it is tried again.
     const PERIOD: u32 = 128;
 
     pub fn is_backward(&self) -> bool {
@@ -26,7 +26,7 @@ impl Trial {
         }
     }
 
-    /// Counts the work of a bundle that went the way it should.
+    /// Counts the work of a packet that went the way it should.
     pub fn count(&mut self, work: u32) {
         if self.turn < 2 * Self::TRIALS {
             self.work[usize::from(self.is_backward())] += work;
@@ -38,13 +38,13 @@ impl Trial {
     }
 }
 
-/// Whether triangles are small beside the bundles: then each ray meets another one, and it is
+/// Whether triangles are small beside the packets: then each ray meets another one, and it is
 /// better to take rays one by one than triangles. Now and then a few walks count how many triangles
-/// of a leaf a bundle is near, and the others follow them. It changes no answer.
+/// of a leaf a packet is near, and the others follow them. It changes no answer.
 #[derive(Default)]
 pub(super) struct Detail {
     turn: u32,
-    /// Leaves that bundles came to, and triangles that these were near.
+    /// Leaves that packets came to, and triangles that these were near.
     counted: [u32; 2],
 }
 
@@ -86,7 +86,7 @@ mod tests {
     use crate::search::Closest;
 
     #[test]
-    fn triangles_are_small_where_bundles_are_near_many() {
+    fn triangles_are_small_where_packets_are_near_many() {
         for (near, expected) in [(4, false), (6, true)] {
             let mut detail = Detail::default();
             for turn in 0..2 * Detail::PERIOD {

@@ -1,13 +1,13 @@
-//! What bundles do with the triangles of leaves: some are surely missed, some surely hit, and the
-//! rest is tested exactly.
+//! What packets do with the triangles of leaves: some are certainly missed, some certainly hit, and
+//! the rest is tested exactly.
 
-use super::bundle::{Bundle, PerRay, RAYS};
-use super::drawing;
+use super::certain::Decided;
+use super::edges::EdgeTests;
 use super::exact::{PAIRS, Pairs};
-use super::facing::Facing;
-use super::leaf::{Leaf, Meeting, SeenBlock, Wanted};
-use super::sure::Decided;
-use super::walk::{Group, Memory, Walker};
+use super::frustum::{Packet, PerRay, RAYS};
+use super::leaf::{Leaf, SeenBlock, TriangleHits, Wanted};
+use super::projection;
+use super::walk::{Group, Scratch, Walker};
 use crate::exact::TriangleTest;
 use crate::exact::ray::LocalRay;
 use crate::group::test_triangle;
@@ -26,46 +26,46 @@ const FEW_RAYS: u32 = 6;
 const FEW_RAYS_OF_ANY: u32 = 4;
 
 /// So many pairs may wait where the nearest hit is wanted.
-const WAITING_PAIRS: usize = 6;
+const DEFERRED_PAIRS: usize = 6;
 
 impl<G: Goal> Walker<'_, '_, G> {
     /// Only the nearest hit counts: if it is certain which that is, the exact test of others is
     /// saved.
-    const PUTS_OFF: bool = G::NARROWS && G::WANTS_ONE;
+    const DEFERS: bool = G::NARROWS && G::WANTS_ONE;
 
     /// Tests the triangles of a block for some of the rays. Where any hit will do, pairs may be
-    /// left for later: most rays hit nothing, or surely hit something else.
+    /// left for later: most rays hit nothing, or certainly hit something else.
     #[inline(always)]
     pub(super) fn test_triangles<W: Lanes16>(
         &mut self,
         token: W::Token,
         group: Group,
         leaf: &mut Leaf<W>,
-        bundle: &mut Bundle,
+        packet: &mut Packet,
         rays: u32,
-        memory: &mut Memory,
+        scratch: &mut Scratch,
     ) {
         let few = self.few_rays::<W>();
-        let is_quick = !bundle.lines.apart && (!Self::PUTS_OFF || rays.count_ones() <= few);
+        let by_ray = !packet.packet_rays.separate && (!Self::DEFERS || rays.count_ones() <= few);
         let mut found = if G::ANY {
-            self.find_any::<W>(token, group, leaf, bundle, rays, memory)
-        } else if is_quick {
-            self.find_pairs_of_origin::<W>(token, group, leaf, bundle, rays, memory)
+            self.find_any::<W>(token, group, leaf, packet, rays, scratch)
+        } else if by_ray {
+            self.find_pairs_of_origin::<W>(token, group, leaf, packet, rays, scratch)
         } else {
-            self.find_pairs::<W>(token, group, leaf, bundle, rays, memory)
+            self.find_pairs::<W>(token, group, leaf, packet, rays, scratch)
         };
-        if memory.pairs.count != 0 && self.is_urgent::<W>(token, bundle, &memory.pairs) {
+        if scratch.pairs.count != 0 && self.is_urgent::<W>(token, packet, &scratch.pairs) {
             found |= self.test_pairs::<W>(
                 token,
                 group,
-                bundle,
-                &mut memory.pairs,
-                &mut memory.locals,
+                packet,
+                &mut scratch.pairs,
+                &mut scratch.locals,
                 false,
             );
         }
         if found {
-            bundle.update_limits::<W>(token);
+            packet.update_limits::<W>(token);
         }
     }
 
@@ -83,15 +83,15 @@ impl<G: Goal> Walker<'_, '_, G> {
 
     /// True if pairs are not to be left for later.
     #[inline(always)]
-    fn is_urgent<W: Lanes16>(&self, token: W::Token, bundle: &Bundle, pairs: &Pairs) -> bool {
+    fn is_urgent<W: Lanes16>(&self, token: W::Token, packet: &Packet, pairs: &Pairs) -> bool {
         if G::ANY {
             // Where most rays have ended, the others are not worth going on.
             return 2 * pairs.count >= self.alive.count_ones() as usize;
         }
-        // As long as any other ray has hit nothing, the bundle goes on as before.
-        !Self::PUTS_OFF
-            || pairs.count > WAITING_PAIRS
-            || bundle.endless::<W>(token) & !pairs.waiting == 0
+        // As long as any other ray has hit nothing, the packet goes on as before.
+        !Self::DEFERS
+            || pairs.count > DEFERRED_PAIRS
+            || packet.endless::<W>(token) & !pairs.mask == 0
     }
 
     /// Finds what rays that share their origin may hit of a block. True if anything was tested,
@@ -102,29 +102,35 @@ impl<G: Goal> Walker<'_, '_, G> {
         token: W::Token,
         group: Group,
         leaf: &mut Leaf<W>,
-        bundle: &mut Bundle,
+        packet: &mut Packet,
         mut rays: u32,
-        memory: &mut Memory,
+        scratch: &mut Scratch,
     ) -> bool {
         let mut found = false;
         let (place, used) = (leaf.place, leaf.used);
-        let seen = leaf.of_origin::<G::Precision>(token, bundle);
+        let seen = leaf.of_origin::<G::Precision>(token, packet);
         while rays != 0 {
             let ray = rays.trailing_zeros();
             rays &= rays - 1;
-            let mut triangles =
-                seen.candidates(W::half_token(token), &bundle.lines, ray as usize & (RAYS - 1))
-                    & used;
+            let mut triangles = seen.candidates(
+                W::half_token(token),
+                &packet.packet_rays,
+                ray as usize & (RAYS - 1),
+            ) & used;
             // Mostly there is one.
             loop {
-                memory.pairs.push_if(ray, place + (triangles.trailing_zeros() & 7), triangles != 0);
-                if memory.pairs.is_full() {
+                scratch.pairs.push_if(
+                    ray,
+                    place + (triangles.trailing_zeros() & 7),
+                    triangles != 0,
+                );
+                if scratch.pairs.is_full() {
                     found |= self.test_pairs::<W>(
                         token,
                         group,
-                        bundle,
-                        &mut memory.pairs,
-                        &mut memory.locals,
+                        packet,
+                        &mut scratch.pairs,
+                        &mut scratch.locals,
                         false,
                     );
                 }
@@ -137,7 +143,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         found
     }
 
-    /// Finds what rays may hit of a block, and what they surely hit. True if anything counted
+    /// Finds what rays may hit of a block, and what they certainly hit. True if anything counted
     /// already.
     #[inline(always)]
     fn find_pairs<W: Lanes16>(
@@ -145,109 +151,113 @@ impl<G: Goal> Walker<'_, '_, G> {
         token: W::Token,
         group: Group,
         leaf: &mut Leaf<W>,
-        bundle: &mut Bundle,
+        packet: &mut Packet,
         mut rays: u32,
-        memory: &mut Memory,
+        scratch: &mut Scratch,
     ) -> bool {
         let mut found = false;
         let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
         let seen = leaf.seen::<G::Precision>(
             token,
-            bundle,
-            Wanted { planes: bundle.lines.apart, depths: true },
+            packet,
+            Wanted { planes: packet.packet_rays.separate, depths: true },
         );
         if rays.count_ones() <= self.few_rays::<W>() {
-            triangles &= near_few::<W>(token, seen, bundle, rays);
+            triangles &= near_few::<W>(token, seen, packet, rays);
         } else {
-            triangles &= seen.near_bundle::<W::Half>(W::half_token(token), bundle);
+            triangles &= seen.near_packet::<W::Half>(W::half_token(token), packet);
             self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
         }
         while triangles != 0 {
             let triangle = triangles.trailing_zeros();
             triangles &= triangles - 1;
-            let Meeting { mut possible, sure, nearer, low, high } =
-                seen.meeting::<W>(token, &bundle.lines, triangle as usize, rays);
+            let TriangleHits { mut possible, certain, nearer, low, high } =
+                seen.hits::<W>(token, &packet.packet_rays, triangle as usize, rays);
             if possible == 0 {
                 continue;
             }
-            let (id, mut drawn) = (block.ids[triangle as usize & 7], 0);
-            if Self::PUTS_OFF && possible & !sure != 0 {
-                possible &= !(self.waiting & W::places_of(token, id, &self.put_off_ids));
-                if !G::Precision::TRIANGLES_ELSEWHERE && possible & !sure != 0 && bundle.is_aligned
+            let (id, mut projected) = (block.ids[triangle as usize & 7], 0);
+            if Self::DEFERS && possible & !certain != 0 {
+                possible &= !(self.deferred.rays & W::places_of(token, id, &self.deferred.ids));
+                if !G::Precision::TRIANGLES_ELSEWHERE
+                    && possible & !certain != 0
+                    && packet.is_aligned
                 {
                     let [inside, outside] =
-                        drawing::sides::<W>(token, block, triangle as usize, bundle);
+                        projection::sides::<W>(token, block, triangle as usize, packet);
                     possible &= !outside;
-                    drawn = nearer & possible & inside & !sure;
+                    projected = nearer & possible & inside & !certain;
                 }
             }
-            let hit = sure | drawn;
+            let hit = certain | projected;
             if hit != 0
-                && Self::PUTS_OFF
-                && !bundle.kind.reversed
+                && Self::DEFERS
+                && !packet.kind.reversed
                 && self.is_plain(group.tree.triangle(id).0)
             {
-                W::write_where(token, hit, place + triangle, &mut self.put_off);
-                W::write_where(token, hit, id, &mut self.put_off_ids);
-                self.waiting |= hit;
-                self.drawn = self.drawn & !hit | drawn;
-                bundle.tighten_to(token, hit, low, high);
+                W::write_where(token, hit, place + triangle, &mut self.deferred.triangles);
+                W::write_where(token, hit, id, &mut self.deferred.ids);
+                self.deferred.rays |= hit;
+                self.deferred.projected = self.deferred.projected & !hit | projected;
+                packet.tighten_to(token, hit, low, high);
                 possible &= !hit;
                 found = true;
             }
-            found |= self.push_pairs::<W>(token, group, bundle, possible, place + triangle, memory);
+            found |=
+                self.push_pairs::<W>(token, group, packet, possible, place + triangle, scratch);
             rays &= self.alive;
         }
         found
     }
 
-    /// Where any hit will do: ends the searches of rays that surely hit something of a block, and
-    /// finds what others may hit. True if anything counted already.
+    /// Where any hit will do: ends the searches of rays that certainly hit something of a block,
+    /// and finds what others may hit. True if anything counted already.
     #[inline(always)]
     fn find_any<W: Lanes16>(
         &mut self,
         token: W::Token,
         group: Group,
         leaf: &mut Leaf<W>,
-        bundle: &mut Bundle,
+        packet: &mut Packet,
         mut rays: u32,
-        memory: &mut Memory,
+        scratch: &mut Scratch,
     ) -> bool {
         let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
-        let seen = leaf.seen::<G::Precision>(token, bundle, Wanted { planes: true, depths: false });
+        let seen = leaf.seen::<G::Precision>(token, packet, Wanted { planes: true, depths: false });
         if rays.count_ones() <= self.few_rays::<W>() {
-            triangles &= near_few::<W>(token, seen, bundle, rays);
+            triangles &= near_few::<W>(token, seen, packet, rays);
         } else {
             if !self.is_small || W::REGISTERS > 1 {
-                triangles &= seen.near_bundle::<W::Half>(W::half_token(token), bundle);
+                triangles &= seen.near_packet::<W::Half>(W::half_token(token), packet);
                 self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
             }
             // Most rays meet only what they start on, behind their start.
-            triangles = seen.near_any::<W>(token, &bundle.lines, rays, triangles);
+            triangles = seen.near_any::<W>(token, &packet.packet_rays, rays, triangles);
         }
         if triangles == 0 {
             return false;
         }
-        let Facing { mut near, mut sure, rays: facing } =
-            seen.facing::<W>(token, &bundle.lines, rays, triangles);
+        let EdgeTests { mut near, mut certain, rays: edge_tests } =
+            seen.edge_tests::<W>(token, &packet.packet_rays, rays, triangles);
         let mut hit = 0;
-        while sure != 0 {
-            let triangle = sure.trailing_zeros() as usize & 7;
-            sure &= sure - 1;
+        while certain != 0 {
+            let triangle = certain.trailing_zeros() as usize & 7;
+            certain &= certain - 1;
             if self.is_plain(group.tree.triangle(block.ids[triangle]).0) {
-                hit |= facing[triangle][1];
+                hit |= edge_tests[triangle][1];
             }
         }
         let mut found = hit != 0;
         if found {
-            self.take_any::<W>(token, hit, bundle);
+            self.take_any::<W>(token, hit, packet);
             rays &= !hit;
         }
         while near != 0 {
             let triangle = near.trailing_zeros();
             near &= near - 1;
-            let possible = facing[triangle as usize & 7][0] & rays;
-            found |= self.push_pairs::<W>(token, group, bundle, possible, place + triangle, memory);
+            let possible = edge_tests[triangle as usize & 7][0] & rays;
+            found |=
+                self.push_pairs::<W>(token, group, packet, possible, place + triangle, scratch);
             rays &= self.alive;
         }
         found
@@ -260,22 +270,22 @@ impl<G: Goal> Walker<'_, '_, G> {
         &mut self,
         token: W::Token,
         group: Group,
-        bundle: &mut Bundle,
+        packet: &mut Packet,
         mut rays: u32,
         triangle: u32,
-        memory: &mut Memory,
+        scratch: &mut Scratch,
     ) -> bool {
         let mut found = false;
         while rays != 0 {
-            memory.pairs.push(rays.trailing_zeros(), triangle);
+            scratch.pairs.push(rays.trailing_zeros(), triangle);
             rays &= rays - 1;
-            if memory.pairs.is_full() {
+            if scratch.pairs.is_full() {
                 found |= self.test_pairs::<W>(
                     token,
                     group,
-                    bundle,
-                    &mut memory.pairs,
-                    &mut memory.locals,
+                    packet,
+                    &mut scratch.pairs,
+                    &mut scratch.locals,
                     false,
                 );
                 rays &= self.alive;
@@ -291,95 +301,98 @@ impl<G: Goal> Walker<'_, '_, G> {
         options.mask & self.masks != 0 && !options.filtered
     }
 
-    /// Ends the searches of rays that surely hit something that counts.
+    /// Ends the searches of rays that certainly hit something that counts.
     #[inline(always)]
-    fn take_any<W: Lanes16>(&mut self, token: W::Token, rays: u32, bundle: &mut Bundle) {
+    fn take_any<W: Lanes16>(&mut self, token: W::Token, rays: u32, packet: &mut Packet) {
         self.alive &= !rays;
-        self.met |= rays;
-        bundle.finish::<W>(token, rays);
+        self.hit |= rays;
+        packet.finish::<W>(token, rays);
     }
 
-    /// Tests what was put off. If nothing comes after the `last` ones of the root group, what rays
-    /// without a search hit is only noted; else [`Bundle::update_limits`] must follow.
+    /// Tests the deferred hits. If nothing comes after the `last` ones of the root group, what rays
+    /// without a search hit is only noted; else [`Packet::update_limits`] must follow.
     #[inline(always)]
-    pub(super) fn test_put_off<W: Lanes16>(
+    pub(super) fn test_deferred<W: Lanes16>(
         &mut self,
         token: W::Token,
         group: Group,
-        bundle: &mut Bundle,
+        packet: &mut Packet,
         locals: &mut Locals,
         last: bool,
     ) {
-        if !Self::PUTS_OFF {
+        if !Self::DEFERS {
             return;
         }
-        let mut rays = std::mem::take(&mut self.waiting);
-        if rays != 0 && bundle.is_aligned {
+        let mut rays = std::mem::take(&mut self.deferred.rays);
+        if rays != 0 && packet.is_aligned {
             let mut outcome = Outcome::NONE;
-            let Decided { mut hits, moved } = G::Precision::sure_hits::<W>(
+            let Decided { mut hits, moved } = G::Precision::certain_hits::<W>(
                 token,
                 group.tree,
-                bundle,
-                [rays, self.drawn],
-                &self.put_off,
-                &mut self.sure,
+                packet,
+                [rays, self.deferred.projected],
+                &self.deferred.triangles,
+                &mut self.certain_hits,
             );
             rays &= !hits & !moved;
-            self.given_up |= moved;
+            self.unresolved |= moved;
             outcome.over |= moved;
             if last {
-                self.known = hits & !self.begun & !self.met;
-                hits &= !self.known;
+                self.certain = hits & !self.searched & !self.hit;
+                hits &= !self.certain;
             }
             while hits != 0 {
                 let ray = hits.trailing_zeros() as usize & (RAYS - 1);
                 hits &= hits - 1;
-                let (t, b) = (self.sure.t[ray], [self.sure.b1[ray], self.sure.b2[ray]]);
-                self.offer(group, ray, self.put_off[ray], t, b, &mut outcome);
+                let (t, b) = (
+                    self.certain_hits.t[ray],
+                    [self.certain_hits.b1[ray], self.certain_hits.b2[ray]],
+                );
+                self.offer(group, ray, self.deferred.triangles[ray], t, b, &mut outcome);
             }
-            self.conclude::<W>(token, bundle, &outcome, last);
+            self.conclude::<W>(token, packet, &outcome, last);
         }
         while rays != 0 {
             let mut pairs = Pairs::NONE;
             while rays != 0 && !pairs.is_full() {
                 let ray = rays.trailing_zeros();
                 rays &= rays - 1;
-                pairs.push(ray, self.put_off[ray as usize & (RAYS - 1)]);
+                pairs.push(ray, self.deferred.triangles[ray as usize & (RAYS - 1)]);
             }
-            self.test_pairs::<W>(token, group, bundle, &mut pairs, locals, last);
+            self.test_pairs::<W>(token, group, packet, &mut pairs, locals, last);
         }
     }
 
     /// Offers the hits of pairs of rays and triangles, and forgets the pairs. True if there are any
-    /// that count. If nothing comes after the `last` ones, the bundle is left as it is.
+    /// that count. If nothing comes after the `last` ones, the packet is left as it is.
     #[inline(always)]
     pub(super) fn test_pairs<W: Lanes16>(
         &mut self,
         token: W::Token,
         group: Group,
-        bundle: &mut Bundle,
+        packet: &mut Packet,
         pairs: &mut Pairs,
         locals: &mut Locals,
         last: bool,
     ) -> bool {
         let all = u32::MAX >> (32 - pairs.count);
         let mut outcome = Outcome::NONE;
-        (self.found.hits, self.found.unsure) = (0, all);
-        if bundle.is_aligned {
-            self.found.unsure = 0;
+        (self.found.hits, self.found.uncertain) = (0, all);
+        if packet.is_aligned {
+            self.found.uncertain = 0;
             if G::Precision::TRIANGLES_ELSEWHERE {
-                self.want_rays(bundle);
+                self.want_rays(packet);
             }
             G::Precision::exact_hits::<W>(
                 token,
                 self.data,
                 group.tree,
-                bundle,
+                packet,
                 pairs,
                 &mut self.found,
             );
         }
-        let (mut hits, mut unsure) = (self.found.hits & all, self.found.unsure & all);
+        let (mut hits, mut uncertain) = (self.found.hits & all, self.found.uncertain & all);
         while hits != 0 {
             let pair = hits.trailing_zeros() as usize & (PAIRS - 1);
             hits &= hits - 1;
@@ -387,12 +400,12 @@ impl<G: Goal> Walker<'_, '_, G> {
             let (t, b) = (self.found.t[pair], [self.found.b1[pair], self.found.b2[pair]]);
             self.offer(group, ray, pairs.triangles[pair], t, b, &mut outcome);
         }
-        if unsure != 0 {
-            self.want_rays(bundle);
+        if uncertain != 0 {
+            self.want_rays(packet);
         }
-        while unsure != 0 {
-            let pair = unsure.trailing_zeros() as usize & (PAIRS - 1);
-            unsure &= unsure - 1;
+        while uncertain != 0 {
+            let pair = uncertain.trailing_zeros() as usize & (PAIRS - 1);
+            uncertain &= uncertain - 1;
             let ray = pairs.rays[pair] as usize & (RAYS - 1);
             if (self.alive & !outcome.over) >> ray & 1 == 0 {
                 continue;
@@ -403,12 +416,12 @@ impl<G: Goal> Walker<'_, '_, G> {
                 let (geometry, primitive) = group.tree.triangle(blocks.id(block, triangle));
                 [group.instance, geometry, primitive]
             };
-            let (local, search) = (locals.get(bundle, ray), self.search(ray));
+            let (local, search) = (locals.get(packet, ray), self.search(ray));
             let is_over = test_triangle(search, local, &blocks.corners(block, triangle), ids);
             outcome.note(ray, search.cull(), is_over);
         }
         pairs.clear();
-        self.conclude::<W>(token, bundle, &outcome, last)
+        self.conclude::<W>(token, packet, &outcome, last)
     }
 
     /// Offers a hit of the triangle at a place.
@@ -426,7 +439,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             return;
         }
         let (geometry, primitive) = group.tree.triangle_at(place);
-        if !G::WANTS_ONE || self.begun >> ray & 1 == 1 || !self.is_plain(geometry) {
+        if !G::WANTS_ONE || self.searched >> ray & 1 == 1 || !self.is_plain(geometry) {
             let search = self.search(ray);
             if t <= search.goal.limit() {
                 let verdict =
@@ -437,7 +450,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
         // As searches do, without one.
         let [start, end] = G::Precision::interval(&self.rays[ray]);
-        let (nearest, is_met) = (&mut self.nearest[ray], self.met >> ray & 1 == 1);
+        let (nearest, is_met) = (&mut self.nearest[ray], self.hit >> ray & 1 == 1);
         let limit = if is_met { G::Precision::t(nearest) } else { end };
         if t > limit || t <= start {
             return;
@@ -447,18 +460,18 @@ impl<G: Goal> Walker<'_, '_, G> {
             if self.options[geometry as usize].quads { G::Precision::quad_hit(&hit) } else { hit };
         if t < limit || (is_met && G::Precision::is_before(&hit, nearest)) {
             *nearest = hit;
-            self.met |= 1 << ray;
+            self.hit |= 1 << ray;
             outcome.note(ray, padded(t.above()), G::ANY);
         }
     }
 
-    /// What follows from tests for the bundle. True if it does; if nothing comes after the `last`
-    /// ones, the bundle is left as it is.
+    /// What follows from tests for the packet. True if it does; if nothing comes after the `last`
+    /// ones, the packet is left as it is.
     #[inline(always)]
     fn conclude<W: Lanes16>(
         &mut self,
         token: W::Token,
-        bundle: &mut Bundle,
+        packet: &mut Packet,
         outcome: &Outcome,
         last: bool,
     ) -> bool {
@@ -466,7 +479,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         self.alive &= !over;
         let is_narrowed = !last && (*over != 0 || (G::NARROWS && *nearer != 0));
         if is_narrowed {
-            bundle.narrow::<W>(token, *nearer, *over, culls);
+            packet.narrow::<W>(token, *nearer, *over, culls);
         }
         is_narrowed
     }
@@ -474,10 +487,10 @@ impl<G: Goal> Walker<'_, '_, G> {
 
 /// The triangles of a block that any of a few rays may meet.
 #[inline(always)]
-fn near_few<W: Lanes16>(token: W::Token, seen: &SeenBlock, bundle: &Bundle, mut rays: u32) -> u32 {
+fn near_few<W: Lanes16>(token: W::Token, seen: &SeenBlock, packet: &Packet, mut rays: u32) -> u32 {
     let mut near = 0;
     while rays != 0 {
-        near |= seen.near_two::<W>(token, &bundle.lines, &mut rays);
+        near |= seen.near_two::<W>(token, &packet.packet_rays, &mut rays);
     }
     near | near >> 8
 }
@@ -509,7 +522,7 @@ pub(super) struct Locals {
 }
 
 impl Locals {
-    /// None yet. (As a constant, all of it would be cleared for each bundle.)
+    /// None yet. (As a constant, all of it would be cleared for each packet.)
     #[inline(always)]
     pub(super) fn new() -> Self {
         Self { built: 0, rays: [const { MaybeUninit::uninit() }; RAYS] }
@@ -522,10 +535,10 @@ impl Locals {
     }
 
     #[inline(always)]
-    pub(super) fn get(&mut self, bundle: &Bundle, lane: usize) -> &LocalRay {
+    pub(super) fn get(&mut self, packet: &Packet, lane: usize) -> &LocalRay {
         if self.built >> lane & 1 == 0 {
             self.built |= 1 << lane;
-            self.rays[lane].write(LocalRay::new(&bundle.rays.get(lane)));
+            self.rays[lane].write(LocalRay::new(&packet.rays.get(lane)));
         }
         // SAFETY: written now or before.
         unsafe { self.rays[lane].assume_init_ref() }

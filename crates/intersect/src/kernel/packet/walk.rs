@@ -1,10 +1,10 @@
-//! The walk of a bundle through the tree of a group.
+//! The walk of a packet through the tree of a group.
 
-use super::bundle::{Bundle, PerRay};
+use super::certain::CertainHits;
 use super::exact::{Found, Pairs};
+use super::frustum::{Packet, PerRay, RAYS};
 use super::leaf::Leaf;
 use super::objects::enter_object;
-use super::sure::Sure;
 use super::triangles::Locals;
 use crate::kernel::Goal;
 use crate::kernel::single::traverse::Entry;
@@ -21,23 +21,23 @@ use std::sync::atomic::AtomicBool;
 const PREFETCH_BYTES: usize = 2 << 20;
 
 /// In trees larger than this all leaves below a node are fetched with it, whether they are met or
-/// not: the bundles that come next will meet them.
+/// not: the packets that come next will meet them.
 const LEAVES_BYTES: usize = 32 << 20;
 
-/// Bundles that walk together at most.
-pub(super) const ROWS: usize = 4;
+/// Packets that walk together at most.
+pub(super) const MAX_PACKETS: usize = 4;
 
-/// Memory of the walks: what bundles put off, by distance, place (node times eight plus slot) and
-/// which bundles meet the node, and the stack of single rays.
+/// Memory of the walks: what packets visit later, by distance, place (node times eight plus slot)
+/// and which packets hit the node, and the stack of single rays.
 pub(super) struct Stacks {
     pub(super) distances: Vec<f32>,
     pub(super) places: Vec<u32>,
-    /// Of all slots of the node: eight bits a bundle.
-    pub(super) meetings: Vec<u32>,
+    /// Of all slots of the node: eight bits a packet.
+    pub(super) hit_masks: Vec<u32>,
     pub(super) single: Vec<MaybeUninit<Entry>>,
-    /// Of bundles in instances.
+    /// Of packets in instances.
     #[allow(clippy::vec_box, reason = "they are large, and come and go")]
-    pub(super) spare: Vec<Box<Luggage>>,
+    pub(super) spare: Vec<Box<PacketGroup>>,
     /// About what walks took: a box tested is one.
     pub(super) work: u32,
 }
@@ -46,14 +46,14 @@ impl Stacks {
     /// Of how many entries.
     #[inline(always)]
     fn room(&self) -> usize {
-        self.distances.len().min(self.places.len()).min(self.meetings.len())
+        self.distances.len().min(self.places.len()).min(self.hit_masks.len())
     }
 }
 
-/// Some of the rows: the first bit of a byte for each.
+/// Some of the states: the first bit of a byte for each.
 pub(super) type Members = u32;
 
-/// The group that bundles are in.
+/// The group that packets are in.
 #[derive(Clone, Copy)]
 pub(super) struct Group<'t> {
     pub(super) tree: &'t GroupTree,
@@ -61,9 +61,9 @@ pub(super) struct Group<'t> {
     pub(super) instance: u32,
 }
 
-/// Where bundles are.
+/// Where packets are.
 #[derive(Clone, Copy)]
-pub(super) struct Position {
+pub(super) struct Cursor {
     pub(super) group: usize,
     /// The occurrence number of the group.
     pub(super) instance: u32,
@@ -75,14 +75,14 @@ pub(super) struct Position {
 #[inline(always)]
 pub(super) fn enter<W: Lanes16, G: Goal>(
     token: W::Token,
-    rows: &mut Rows<'_, '_, '_, G>,
+    states: &mut PacketStates<'_, '_, '_, G>,
     members: Members,
     stacks: &mut Stacks,
-    position: Position,
+    cursor: Cursor,
 ) {
     token.run(
         #[inline(always)]
-        move || walk::<W, G>(token, rows, members, stacks, position),
+        move || walk::<W, G>(token, states, members, stacks, cursor),
     );
 }
 
@@ -98,13 +98,13 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     /// The rays of the run, and the number of the first.
     pub(super) rays: &'w [RayOf<G>],
     pub(super) first: usize,
-    /// Begun when something was found that must be asked about: rays that meet nothing, or plain
-    /// triangles only, need none.
+    /// The searches of rays that found something that must be asked about: rays that hit nothing,
+    /// or plain triangles only, need none. And which rays have one.
     pub(super) searches: PerRay<Option<Search<'s, G>>>,
-    pub(super) begun: u32,
-    /// Rays without a search that met something that counts, and the nearest of that (anything
+    pub(super) searched: u32,
+    /// Rays without a search that hit something that counts, and the nearest of that (anything
     /// where any hit will do).
-    pub(super) met: u32,
+    pub(super) hit: u32,
     pub(super) nearest: PerRay<HitOf<G>>,
     /// Begins the search of a ray, given by its number. (In place: what is returned would be copied
     /// as a whole after it was written in pieces.)
@@ -113,43 +113,53 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     pub(super) found: Found<RealOf<G>>,
     /// The rays whose search is not over.
     pub(super) alive: u32,
-    /// The rays of the group that surely hit something, and the place of the nearest of that
-    /// ([`Pairs`]): tested exactly in the end.
-    pub(super) waiting: u32,
-    pub(super) put_off: PerRay<u32>,
-    /// Which triangles these are (pieces of one may be in several leaves), and of which it is only
-    /// known that their drawing is hit.
-    pub(super) put_off_ids: PerRay<u32>,
-    pub(super) drawn: u32,
-    /// The rays that are left to others: something was put off that does not count where it seemed
-    /// to.
-    pub(super) given_up: u32,
-    /// Rays without a search whose nearest hit is known: in `sure`, of what was put off.
-    pub(super) known: u32,
-    pub(super) sure: Sure<RealOf<G>>,
+    /// Hits in the group that are certain, but for their distance.
+    pub(super) deferred: Deferred,
+    /// Rays that are left to others: a deferred hit was not where it seemed to be.
+    pub(super) unresolved: u32,
+    /// Rays without a search whose nearest hit was deferred and is certain: in `certain_hits`.
+    pub(super) certain: u32,
+    pub(super) certain_hits: CertainHits<RealOf<G>>,
     /// As [`super::trial::Detail`] has it: triangles are small; and what was counted.
     pub(super) is_small: bool,
     pub(super) counted: [u32; 2],
 }
 
-/// A bundle on its walk through a group.
-pub(super) struct Row<'r, 'w, 's, G: Goal> {
+/// The nearest certain hit of each ray so far, to be tested exactly in the end.
+pub(super) struct Deferred {
+    /// The rays that have one.
+    pub(super) rays: u32,
+    /// Those of them of which it is only known that they hit the projection of the triangle.
+    pub(super) projected: u32,
+    /// The places of the triangles ([`Pairs`]).
+    pub(super) triangles: PerRay<u32>,
+    /// Which triangles these are: pieces of one may be in several leaves.
+    pub(super) ids: PerRay<u32>,
+}
+
+impl Deferred {
+    pub(super) const NONE: Self =
+        Self { rays: 0, projected: 0, triangles: [0; RAYS], ids: [0; RAYS] };
+}
+
+/// A packet on its walk through a group.
+pub(super) struct PacketState<'r, 'w, 's, G: Goal> {
     pub(super) walker: &'r mut Walker<'w, 's, G>,
-    pub(super) bundle: &'r mut Bundle,
-    pub(super) memory: &'r mut Memory,
+    pub(super) packet: &'r mut Packet,
+    pub(super) scratch: &'r mut Scratch,
 }
 
 /// All that may walk together.
-pub(super) type Rows<'r, 'w, 's, G> = [Row<'r, 'w, 's, G>; ROWS];
+pub(super) type PacketStates<'r, 'w, 's, G> = [PacketState<'r, 'w, 's, G>; MAX_PACKETS];
 
-/// What a bundle keeps on its way through a group.
-pub(super) struct Memory {
+/// What a packet keeps on its way through a group.
+pub(super) struct Scratch {
     pub(super) pairs: Pairs,
     pub(super) locals: Locals,
 }
 
-impl Memory {
-    /// Prepares it for another bundle, perhaps in another group: places of triangles must not stay,
+impl Scratch {
+    /// Prepares it for another packet, perhaps in another group: places of triangles must not stay,
     /// since in double precision what is not used is read, too.
     #[inline(always)]
     pub(super) fn clear(&mut self) {
@@ -158,133 +168,134 @@ impl Memory {
     }
 }
 
-/// What belongs to rows in a group. (Never moved: it is large, and most of it is not written.)
-pub(super) struct Luggage {
-    pub(super) bundles: [Bundle; ROWS],
-    memories: [Memory; ROWS],
+/// What belongs to states in a group. (Never moved: it is large, and most of it is not written.)
+pub(super) struct PacketGroup {
+    pub(super) packets: [Packet; MAX_PACKETS],
+    scratches: [Scratch; MAX_PACKETS],
 }
 
-impl Luggage {
+impl PacketGroup {
     pub(super) fn new() -> Box<Self> {
-        let memory = || Memory { pairs: Pairs::NONE, locals: Locals::new() };
+        let scratch = || Scratch { pairs: Pairs::NONE, locals: Locals::new() };
         Box::new(Self {
-            bundles: [const { Bundle::NONE }; ROWS],
-            memories: [memory(), memory(), memory(), memory()],
+            packets: [const { Packet::NONE }; MAX_PACKETS],
+            scratches: [scratch(), scratch(), scratch(), scratch()],
         })
     }
 
     /// The first of some members, and those that may walk with it.
     #[inline(always)]
-    pub(super) fn alike(&mut self, members: Members) -> Members {
-        let (first, mut rest, mut alike) =
+    pub(super) fn coherent(&mut self, members: Members) -> Members {
+        let (first, mut rest, mut coherent) =
             (first(members), members & (members - 1), members & members.wrapping_neg());
         while let Some(number) = next(&mut rest) {
-            if let Ok([one, other]) = self.bundles.get_disjoint_mut([first, number])
-                && one.is_like(other)
+            if let Ok([one, other]) = self.packets.get_disjoint_mut([first, number])
+                && one.is_coherent_with(other)
             {
                 one.widen(other);
-                alike |= 1 << (8 * number);
+                coherent |= 1 << (8 * number);
             }
         }
         // All see boxes and triangles as the first one does.
-        let mut rest = alike & (alike - 1);
+        let mut rest = coherent & (coherent - 1);
         while let Some(number) = next(&mut rest) {
-            if let Ok([one, other]) = self.bundles.get_disjoint_mut([first, number]) {
+            if let Ok([one, other]) = self.packets.get_disjoint_mut([first, number]) {
                 other.widen(one);
             }
         }
-        alike
+        coherent
     }
 
-    /// Rows for some walkers.
+    /// PacketStates for some walkers.
     #[inline(always)]
-    pub(super) fn rows<'r, 'w, 's, G: Goal>(
+    pub(super) fn states<'r, 'w, 's, G: Goal>(
         &'r mut self,
-        [i, j, k, l]: [&'r mut Walker<'w, 's, G>; ROWS],
-    ) -> Rows<'r, 'w, 's, G> {
-        let ([a, b, c, d], [e, f, g, h]) = (&mut self.bundles, &mut self.memories);
+        [i, j, k, l]: [&'r mut Walker<'w, 's, G>; MAX_PACKETS],
+    ) -> PacketStates<'r, 'w, 's, G> {
+        let ([a, b, c, d], [e, f, g, h]) = (&mut self.packets, &mut self.scratches);
         [
-            Row { walker: i, bundle: a, memory: e },
-            Row { walker: j, bundle: b, memory: f },
-            Row { walker: k, bundle: c, memory: g },
-            Row { walker: l, bundle: d, memory: h },
+            PacketState { walker: i, packet: a, scratch: e },
+            PacketState { walker: j, packet: b, scratch: f },
+            PacketState { walker: k, packet: c, scratch: g },
+            PacketState { walker: l, packet: d, scratch: h },
         ]
     }
 }
 
-/// Walks one group with some of the bundles, which must be [alike](Bundle::is_like): each meets
-/// what it would meet alone, in the same order.
+/// Walks one group with some of the packets, which must be [coherent](Packet::is_coherent_with):
+/// each meets what it would meet alone, in the same order.
 ///
 /// # Panics
 /// If the stacks have no room for the group and all below it.
 #[inline(always)]
 fn walk<W: Lanes16, G: Goal>(
     token: W::Token,
-    rows: &mut Rows<'_, '_, '_, G>,
+    states: &mut PacketStates<'_, '_, '_, G>,
     members: Members,
     stacks: &mut Stacks,
-    position: Position,
+    cursor: Cursor,
 ) {
-    let forest = rows[first(members)].walker.forest;
+    let forest = states[first(members)].walker.forest;
     assert!(
-        stacks.room() >= position.top + forest.stack_sizes[position.group],
+        stacks.room() >= cursor.top + forest.stack_sizes[cursor.group],
         "room for the way down"
     );
-    let tree = &forest.trees[position.group];
-    let group = Group { tree, instance: position.instance };
+    let tree = &forest.trees[cursor.group];
+    let group = Group { tree, instance: cursor.instance };
     for &object in &tree.unbounded {
         let mut rest = members;
         while let Some(number) = next(&mut rest) {
-            let Row { walker, bundle, .. } = &mut rows[number];
+            let PacketState { walker, packet, .. } = &mut states[number];
             let alive = walker.alive;
             walker.test_objects::<W>(
                 token,
                 group,
                 object as usize,
-                bundle,
+                packet,
                 alive,
                 &mut stacks.single,
             );
         }
     }
-    descend::<W, G>(token, group, rows, members, stacks, position);
+    descend::<W, G>(token, group, states, members, stacks, cursor);
     // (From an instance, the limits of the rays are taken back.)
-    let last = position.group == 0;
+    let last = cursor.group == 0;
     let mut rest = members;
     while let Some(number) = next(&mut rest) {
-        let Row { walker, bundle, memory: Memory { pairs, locals } } = &mut rows[number];
+        let PacketState { walker, packet, scratch: Scratch { pairs, locals } } =
+            &mut states[number];
         if pairs.count != 0 && walker.alive != 0 {
-            walker.test_pairs::<W>(token, group, bundle, pairs, locals, last);
+            walker.test_pairs::<W>(token, group, packet, pairs, locals, last);
         }
-        walker.test_put_off::<W>(token, group, bundle, locals, last);
+        walker.test_deferred::<W>(token, group, packet, locals, last);
     }
 }
 
-/// Walks the tree of the group at the position.
+/// Walks the tree of the group at the cursor.
 #[inline(always)]
 fn descend<W: Lanes16, G: Goal>(
     token: W::Token,
     group: Group,
-    rows: &mut Rows<'_, '_, '_, G>,
+    states: &mut PacketStates<'_, '_, '_, G>,
     members: Members,
     stacks: &mut Stacks,
-    position: Position,
+    cursor: Cursor,
 ) {
-    let (base, tree) = (position.top, group.tree);
+    let (base, tree) = (cursor.top, group.tree);
     let bytes = tree.memory_bytes();
     let (prefetch, fetches_leaves) = (bytes > PREFETCH_BYTES, bytes > LEAVES_BYTES);
     let first = first(members);
-    let common = rows[first].bundle.kind.common;
+    let common = states[first].packet.kind.common;
     let mut top = base;
-    let (mut far, mut fars) = limits(rows, members);
-    let (mut node, mut meeting) = (tree.root.index(), members);
+    let (mut far, mut fars) = limits(states, members);
+    let (mut node, mut hitting) = (tree.root.index(), members);
     while far > f32::NEG_INFINITY {
         // SAFETY: nodes are the root and those that nodes refer to, which exist; a walk holds at
         // most 7 entries per level, and `walk` has seen that there is room for 8 at the bottom.
         let (parent, pushed) = unsafe {
             let parent = tree.nodes.get_unchecked(node);
-            let meeting = [first as u32, meeting];
-            (parent, push_children::<W, G>(token, parent, node, rows, meeting, far, stacks, top))
+            let hitting = [first as u32, hitting];
+            (parent, push_children::<W, G>(token, parent, node, states, hitting, far, stacks, top))
         };
         if fetches_leaves {
             let leaves = parent.children.into_iter().filter(|child| child.is_triangles());
@@ -303,21 +314,21 @@ fn descend<W: Lanes16, G: Goal>(
             }
             top -= 1;
             // SAFETY: `top` was within the stacks.
-            let (distance, place, meetings) = unsafe {
+            let (distance, place, hit_masks) = unsafe {
                 (
                     *stacks.distances.get_unchecked(top),
                     *stacks.places.get_unchecked(top),
-                    *stacks.meetings.get_unchecked(top),
+                    *stacks.hit_masks.get_unchecked(top),
                 )
             };
             if distance > far {
                 continue;
             }
             stacks.work += 1;
-            meeting = meetings >> (place & 7) & within(distance, &fars);
+            hitting = hit_masks >> (place & 7) & within(distance, &fars);
             // SAFETY: places are those of nodes that exist.
             let (parent, child) = unsafe { child_at(tree, place) };
-            if meeting == 0 {
+            if hitting == 0 {
                 continue;
             }
             if common && child.is_node() {
@@ -325,19 +336,19 @@ fn descend<W: Lanes16, G: Goal>(
                 node = child.index();
                 break;
             }
-            let mut rays = [0; ROWS];
-            let mut rest = meeting;
-            let one = rows[first].bundle.one_box::<W>(token, parent, place as usize & 7);
+            let mut rays = [0; MAX_PACKETS];
+            let mut rest = hitting;
+            let one = states[first].packet.one_box::<W>(token, parent, place as usize & 7);
             while rest != 0 {
                 let bit = rest.trailing_zeros();
                 rest &= rest - 1;
-                let number = (bit >> 3) as usize & (ROWS - 1);
-                let row = &rows[number];
-                let those = row.bundle.rays_meeting::<W>(token, &one) & row.walker.alive;
+                let number = (bit >> 3) as usize & (MAX_PACKETS - 1);
+                let state = &states[number];
+                let those = state.packet.rays_hitting::<W>(token, &one) & state.walker.alive;
                 rays[number] = those;
-                meeting &= !(u32::from(those == 0) << bit);
+                hitting &= !(u32::from(those == 0) << bit);
             }
-            if meeting == 0 {
+            if hitting == 0 {
                 continue;
             }
             if child.is_node() {
@@ -348,27 +359,27 @@ fn descend<W: Lanes16, G: Goal>(
             if child.is_triangles() {
                 let mut room = MaybeUninit::uninit();
                 let mut leaf = Leaf::<W>::new(token, tree, child, &mut room);
-                while let Some(number) = next(&mut meeting) {
-                    let Row { walker, bundle, memory } = &mut rows[number];
+                while let Some(number) = next(&mut hitting) {
+                    let PacketState { walker, packet, scratch } = &mut states[number];
                     walker.test_triangles::<W>(
                         token,
                         group,
                         &mut leaf,
-                        bundle,
+                        packet,
                         rays[number],
-                        memory,
+                        scratch,
                     );
                 }
             } else {
-                let mut rest = meeting;
+                let mut rest = hitting;
                 while let Some(number) = next(&mut rest) {
-                    let Row { walker, bundle, memory } = &mut rows[number];
-                    walker.test_put_off::<W>(token, group, bundle, &mut memory.locals, false);
+                    let PacketState { walker, packet, scratch } = &mut states[number];
+                    walker.test_deferred::<W>(token, group, packet, &mut scratch.locals, false);
                 }
-                let inside = Position { top, ..position };
-                enter_object::<W, G>(token, group, child, rows, meeting, &rays, &inside, stacks);
+                let inside = Cursor { top, ..cursor };
+                enter_object::<W, G>(token, group, child, states, hitting, &rays, &inside, stacks);
             }
-            (far, fars) = limits(rows, members);
+            (far, fars) = limits(states, members);
         }
     }
 }
@@ -376,7 +387,7 @@ fn descend<W: Lanes16, G: Goal>(
 /// The number of the first of some members.
 #[inline(always)]
 pub(super) fn first(members: Members) -> usize {
-    members.trailing_zeros() as usize >> 3 & (ROWS - 1)
+    members.trailing_zeros() as usize >> 3 & (MAX_PACKETS - 1)
 }
 
 /// Takes the first of some members.
@@ -390,28 +401,32 @@ pub(super) fn next(members: &mut Members) -> Option<usize> {
     Some(number)
 }
 
-/// Beyond which nothing is of interest to any bundle, and to each.
+/// Beyond which nothing is of interest to any packet, and to each.
 #[inline(always)]
-fn limits<G: Goal>(rows: &Rows<'_, '_, '_, G>, members: Members) -> (f32, [f32; ROWS]) {
-    let (mut farthest, mut fars) = (f32::NEG_INFINITY, [f32::NEG_INFINITY; ROWS]);
-    for (i, (row, far)) in rows.iter().zip(&mut fars).enumerate() {
-        *far = if members >> (8 * i) & 1 == 1 { row.bundle.bundle_far } else { f32::NEG_INFINITY };
+fn limits<G: Goal>(
+    states: &PacketStates<'_, '_, '_, G>,
+    members: Members,
+) -> (f32, [f32; MAX_PACKETS]) {
+    let (mut farthest, mut fars) = (f32::NEG_INFINITY, [f32::NEG_INFINITY; MAX_PACKETS]);
+    for (i, (state, far)) in states.iter().zip(&mut fars).enumerate() {
+        *far =
+            if members >> (8 * i) & 1 == 1 { state.packet.packet_far } else { f32::NEG_INFINITY };
         farthest = max(farthest, *far);
     }
     (farthest, fars)
 }
 
-/// The bundles whose limits are not nearer than a distance: the first bit of a byte for each.
+/// The packets whose limits are not nearer than a distance: the first bit of a byte for each.
 #[inline(always)]
-fn within(distance: f32, fars: &[f32; ROWS]) -> u32 {
-    let mut bundles = 0;
+fn within(distance: f32, fars: &[f32; MAX_PACKETS]) -> u32 {
+    let mut packets = 0;
     for (i, &far) in fars.iter().enumerate() {
-        bundles |= u32::from(distance <= far) << (8 * i);
+        packets |= u32::from(distance <= far) << (8 * i);
     }
-    bundles
+    packets
 }
 
-/// Puts the children of a node, given with its number, that some of the bundles meet on the stack,
+/// Puts the children of a node, given with its number, that some of the packets meet on the stack,
 /// the nearest on top, and returns how many they are.
 ///
 /// # Safety
@@ -421,34 +436,34 @@ unsafe fn push_children<W: Lanes16, G: Goal>(
     token: W::Token,
     node: &WideNode,
     number: usize,
-    rows: &Rows<'_, '_, '_, G>,
-    [first, mut meeting]: [u32; 2],
+    states: &PacketStates<'_, '_, '_, G>,
+    [first, mut hitting]: [u32; 2],
     far: f32,
     stacks: &mut Stacks,
     top: usize,
 ) -> usize {
     let half = W::half_token(token);
     let all: [u32; 8] = std::array::from_fn(|slot| (number * 8 + slot) as u32);
-    let first = &rows[first as usize & (ROWS - 1)].bundle;
+    let first = &states[first as usize & (MAX_PACKETS - 1)].packet;
     let boxes = first.boxes::<W::Half>(half, node);
     let (mut nearest, mut met) = (W::Half::splat(half, f32::INFINITY), 0);
-    while meeting != 0 {
-        let bit = meeting.trailing_zeros();
-        meeting &= meeting - 1;
-        let bundle = &rows[(bit >> 3) as usize & (ROWS - 1)].bundle;
-        let enter = bundle.box_distances(half, &boxes);
-        met |= enter.le(W::Half::splat(half, bundle.bundle_far)) << bit;
+    while hitting != 0 {
+        let bit = hitting.trailing_zeros();
+        hitting &= hitting - 1;
+        let packet = &states[(bit >> 3) as usize & (MAX_PACKETS - 1)].packet;
+        let enter = packet.box_distances(half, &boxes);
+        met |= enter.le(W::Half::splat(half, packet.packet_far)) << bit;
         nearest = nearest.min(enter);
     }
     // SAFETY: by the caller's promise there are eight entries of each.
-    let (distances, places, meetings) = unsafe {
+    let (distances, places, hit_masks) = unsafe {
         (
             &mut *stacks.distances.as_mut_ptr().add(top).cast::<[f32; 8]>(),
             &mut *stacks.places.as_mut_ptr().add(top).cast::<[u32; 8]>(),
-            &mut *stacks.meetings.as_mut_ptr().add(top).cast::<[u32; 8]>(),
+            &mut *stacks.hit_masks.as_mut_ptr().add(top).cast::<[u32; 8]>(),
         )
     };
-    *meetings = [met; 8];
+    *hit_masks = [met; 8];
     let order = node.order[first.octant & 7];
     nearest.compress_le(W::Half::splat(half, far), order, &all, distances, places)
 }
@@ -458,29 +473,29 @@ impl<'s, G: Goal> Walker<'_, 's, G> {
     #[inline(always)]
     pub(super) fn search(&mut self, ray: usize) -> &mut Search<'s, G> {
         let search = &mut self.searches[ray];
-        if self.begun >> ray & 1 == 0 {
-            self.begun |= 1 << ray;
+        if self.searched >> ray & 1 == 0 {
+            self.searched |= 1 << ray;
             (self.begin)(self.first + ray, search);
             if let Some(search) = search
-                && self.met >> ray & 1 == 1
+                && self.hit >> ray & 1 == 1
             {
-                self.met &= !(1 << ray);
+                self.hit &= !(1 << ray);
                 search.goal.take(self.nearest[ray]);
             }
         }
-        search.as_mut().expect("it has begun")
+        search.as_mut().expect("it has a search")
     }
 
-    /// Writes the rays of the bundle exactly, if that has not been done.
+    /// Writes the rays of the packet exactly, if that has not been done.
     #[inline(always)]
-    pub(super) fn want_rays(&self, bundle: &mut Bundle) {
-        if !bundle.has_rays {
-            if bundle.kind.rounded {
-                bundle.rays.write_columns::<G::Precision>(self.rays, &bundle.exact);
+    pub(super) fn want_rays(&self, packet: &mut Packet) {
+        if !packet.has_rays {
+            if packet.kind.rounded {
+                packet.rays.write_columns::<G::Precision>(self.rays, &packet.exact);
             } else {
-                bundle.rays.write::<G::Precision>(self.rays);
+                packet.rays.write::<G::Precision>(self.rays);
             }
-            bundle.has_rays = true;
+            packet.has_rays = true;
         }
     }
 }
@@ -496,13 +511,13 @@ unsafe fn child_at(tree: &GroupTree, place: u32) -> (&WideNode, ChildRef) {
     (node, node.children[place as usize & 7])
 }
 
-/// Asks for the memory of a node or block.
+/// Asks for the scratch of a node or block.
 #[inline(always)]
 fn fetch_ahead(tree: &GroupTree, child: ChildRef) {
-    let (start, lines) = if child.is_node() {
+    let (start, packet_rays) = if child.is_node() {
         (tree.nodes.as_ptr().wrapping_add(child.index()).cast::<u8>(), 4)
     } else {
         (tree.blocks.at().address(child.block()), 5)
     };
-    fetch_lines(start, lines);
+    fetch_lines(start, packet_rays);
 }

@@ -1,17 +1,18 @@
 //! The walk of one ray through the tree of a group and, through instances, the groups below it.
 
-use super::careful;
 use super::filter::BlockFilter;
+use super::general;
 use crate::exact::TriangleTest;
-use crate::exact::quick::QuickRay;
+use crate::exact::prepared::PreparedRay;
 use crate::group;
 use crate::group::{Object, Placement, offer_triangle};
 use crate::kernel::Goal;
+use crate::kernel::single::boxes::PreparedBoxes;
 use crate::precision::Facts;
 use crate::search::Search;
 use crate::search::region::Region;
 use crate::tree::SMALL_STACK;
-use crate::tree::node::{ChildRef, QuickBoxes};
+use crate::tree::node::ChildRef;
 use crate::tree::{Forest, GroupTree};
 #[cfg(target_arch = "x86_64")]
 use snell_math::simd::{Avx2, Avx8};
@@ -87,15 +88,15 @@ pub(super) fn enter<L: Lanes8, G: Goal>(
 
 #[inline(always)]
 fn search_root<L: Lanes8, G: Goal>(token: L::Token, forest: &Forest, search: &mut Search<'_, G>) {
-    let mut quick = QuickRay::UNSET;
+    let mut prepared = PreparedRay::UNSET;
     if !forest.simple
-        || !G::Precision::prepare_root::<L>(search.context.data, &mut quick, search.ray)
+        || !G::Precision::prepare_root::<L>(search.context.data, &mut prepared, search.ray)
     {
         return search_with_care::<L, G>(token, forest, search);
     }
     let ray = G::Precision::exact(search.ray);
     let mut stack = [const { MaybeUninit::uninit() }; SMALL_STACK];
-    Place::<L>::new(token, forest, 0, &ray, 0).walk(&quick, search, &mut stack);
+    Place::<L>::new(token, forest, 0, &ray, 0).walk(&prepared, search, &mut stack);
 }
 
 /// Searches a forest that is not simple, or with a ray that is not ordinary.
@@ -149,12 +150,12 @@ impl<'a, L: Lanes8> Place<'a, L> {
     #[inline(always)]
     fn search<G: Goal>(self, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
         let Self { token, forest, tree, group, ray, instance } = self;
-        let mut quick = QuickRay::UNSET;
-        let is_quick = forest.ordinary
+        let mut prepared = PreparedRay::UNSET;
+        let is_prepared = forest.ordinary
             && search.start >= 0.0
-            && G::Precision::prepare::<L>(search.context.data, group, &mut quick, ray);
+            && G::Precision::prepare::<L>(search.context.data, group, &mut prepared, ray);
         // A ray that has overflowed on its way here hits nothing.
-        if !(is_quick || (ray.origin.is_finite() && ray.direction.is_finite())) {
+        if !(is_prepared || (ray.origin.is_finite() && ray.direction.is_finite())) {
             return false;
         }
         for &object in &tree.unbounded {
@@ -163,24 +164,24 @@ impl<'a, L: Lanes8> Place<'a, L> {
                 return true;
             }
         }
-        if is_quick {
-            self.enter_quickly(&quick, search, stack)
+        if is_prepared {
+            self.enter_prepared(&prepared, search, stack)
         } else {
-            careful::enter::<L, G>(token, forest, group, ray, instance, search, stack)
+            general::enter::<L, G>(token, forest, group, ray, instance, search, stack)
         }
     }
 
     /// [`Self::walk`], not inlined.
     #[inline(always)]
-    fn enter_quickly<G: Goal>(
+    fn enter_prepared<G: Goal>(
         self,
-        quick: &QuickRay,
+        prepared: &PreparedRay,
         search: &mut Search<'_, G>,
         stack: &mut Stack,
     ) -> bool {
         self.token.run(
             #[inline(always)]
-            move || self.walk(quick, search, stack),
+            move || self.walk(prepared, search, stack),
         )
     }
 
@@ -192,12 +193,12 @@ impl<'a, L: Lanes8> Place<'a, L> {
     #[inline(always)]
     fn walk<G: Goal>(
         &self,
-        quick: &QuickRay,
+        prepared: &PreparedRay,
         search: &mut Search<'_, G>,
         stack: &mut Stack,
     ) -> bool {
         let token = self.token;
-        let boxes = QuickBoxes::<L>::new(token, quick, self.forest.extents[self.group]);
+        let boxes = PreparedBoxes::<L>::new(token, prepared, self.forest.extents[self.group]);
         // (The sum makes zero positive.)
         let t_min = L::splat(token, search.start + 0.0);
         assert!(stack.len() >= self.forest.stack_sizes[self.group], "room for the way down");
@@ -269,7 +270,7 @@ impl<'a, L: Lanes8> Place<'a, L> {
                 // SAFETY: the references of a tree are to blocks that exist.
                 let block =
                     unsafe { self.tree.blocks.at().block::<L>(token, current.block(), &mut room) };
-                let mut lanes = G::Precision::lines_through::<L>(token, block, quick)
+                let mut lanes = G::Precision::lines_through::<L>(token, block, prepared)
                     & ((2 << (current.count() - 1)) - 1);
                 search.goal.visit(true, || Region::of_bounds(&block.bounds(current.count())));
                 search.goal.count_primitives(current.count());
@@ -282,8 +283,9 @@ impl<'a, L: Lanes8> Place<'a, L> {
                     };
                     let corners = block.corners(lane);
                     let (origin, direction) = (&self.ray.origin, &self.ray.direction);
-                    let found =
-                        G::Precision::hit_on_line(search, quick, origin, direction, &corners, ids);
+                    let found = G::Precision::hit_on_line(
+                        search, prepared, origin, direction, &corners, ids,
+                    );
                     if found.is_some() {
                         if offer_triangle(search, found) {
                             return true;
@@ -326,12 +328,12 @@ impl<'a, L: Lanes8> Place<'a, L> {
     ) -> bool {
         self.token.run(
             #[inline(always)]
-            move || self.test_object_quickly(object, search, stack),
+            move || self.test_object_prepared(object, search, stack),
         )
     }
 
     #[inline(always)]
-    fn test_object_quickly<G: Goal>(
+    fn test_object_prepared<G: Goal>(
         self,
         object: usize,
         search: &mut Search<'_, G>,
@@ -349,13 +351,13 @@ impl<'a, L: Lanes8> Place<'a, L> {
                 return false;
             }
             let ray = group::mapped(map, ray);
-            let mut quick = QuickRay::UNSET;
+            let mut prepared = PreparedRay::UNSET;
             if forest.trees[*child].unbounded.is_empty()
-                && G::Precision::prepare::<L>(search.context.data, *child, &mut quick, &ray)
+                && G::Precision::prepare::<L>(search.context.data, *child, &mut prepared, &ray)
             {
                 search.goal.enter(map);
                 let below = Place::<L>::new(token, forest, *child, &ray, instance + offset);
-                let is_over = below.enter_quickly(&quick, search, stack);
+                let is_over = below.enter_prepared(&prepared, search, stack);
                 search.goal.leave();
                 return is_over;
             }

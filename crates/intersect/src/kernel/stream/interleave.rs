@@ -1,12 +1,12 @@
 //! Many single rays at once in one thread: dozens of walks take turns, one step each, so that the
 //! processor always has another ray to work on while one waits for memory or for a long chain of
 //! operations. Rays do not influence each other, but those that start one after another may take
-//! their first steps together ([`super::together`]).
+//! their first steps together ([`super::shared_start`]).
 
+use super::shared_start::{SHARED_RAYS, Trial, shared_start};
 use super::slot::{Enters, Slot, Slots};
-use super::together::{PARTY, Trial, set_off};
 use crate::kernel::Goal;
-use crate::kernel::list::Begun;
+use crate::kernel::list::Unresolved;
 use crate::kernel::single::traverse::{Entry, search_forest};
 use crate::precision::Facts;
 use crate::prefetch::fetch;
@@ -22,8 +22,8 @@ use snell_math::simd::{Avx2, Avx8, Token};
 use snell_math::simd::{Lanes8, Level, Portable, Portable8, Wide};
 use std::mem::MaybeUninit;
 
-/// How many rays are in flight at most. When [`PARTY`] of them have come to their ends, others
-/// start.
+/// How many rays are in flight at most. When [`SHARED_RAYS`] of them have come to their ends,
+/// others start.
 const SLOTS: usize = 48;
 
 /// Batches of fewer rays are not worth it.
@@ -33,7 +33,7 @@ const MIN_RAYS: usize = 16;
 /// little in smaller ones.)
 const FETCHED_BYTES: usize = 8 << 20;
 
-/// See [`pays_to_sort`]: rays that set off together in one register are worth more if neighbours
+/// See [`pays_to_sort`]: rays that start together in one register are worth more if neighbours
 /// start near each other.
 const SORTED_BYTES: usize = 32 << 20;
 const SORTED_BYTES_AVX512: usize = 128 << 10;
@@ -42,38 +42,43 @@ const SORTED_BYTES_AVX512: usize = 128 << 10;
 pub(crate) struct Batch<'a, P: Facts> {
     pub rays: Rays<'a, P>,
     pub context: &'a Context<'a, P>,
-    /// In which order to search for them: their numbers, or places in `begun`; if empty, as they
-    /// are.
+    /// In which order to search for them: their numbers, or places in `unresolved`; if empty, as
+    /// they are.
     pub order: &'a [u32],
     /// The rays to search for, if these are not all from the beginning.
-    pub begun: Option<&'a [Begun<P::Hit>]>,
+    pub unresolved: Option<&'a [Unresolved<P::Hit>]>,
 }
 
 impl<'a, P: Facts> Batch<'a, P> {
     /// All of these rays, from the beginning.
     pub fn new(rays: Rays<'a, P>, context: &'a Context<'a, P>) -> Self {
-        Self { rays, context, order: &[], begun: None }
+        Self { rays, context, order: &[], unresolved: None }
     }
 
     /// How many searches there are.
     fn len(&self) -> usize {
-        self.begun.map_or(self.rays.len(), <[_]>::len)
+        self.unresolved.map_or(self.rays.len(), <[_]>::len)
     }
 
     /// What is searched for as the `i`-th: the number of the ray, and what is known of it; asks for
     /// the memory of a later ray and of its answer.
     #[inline(always)]
-    fn get<G>(&self, i: usize, answers: &impl Answers<G>) -> (usize, Option<&'a Begun<P::Hit>>) {
+    fn get<G>(
+        &self,
+        i: usize,
+        answers: &impl Answers<G>,
+    ) -> (usize, Option<&'a Unresolved<P::Hit>>) {
         if !self.order.is_empty()
-            && let Some(&later) = self.order.get(i + PARTY)
+            && let Some(&later) = self.order.get(i + SHARED_RAYS)
         {
-            let later = self.begun.map_or(later, |begun| begun[later as usize].number);
+            let later =
+                self.unresolved.map_or(later, |unresolved| unresolved[later as usize].number);
             fetch(self.rays.rays().as_ptr().wrapping_add(later as usize));
             answers.fetch(later as usize);
         }
         let place = if self.order.is_empty() { i } else { self.order[i] as usize };
-        match self.begun {
-            Some(begun) => (begun[place].number as usize, Some(&begun[place])),
+        match self.unresolved {
+            Some(unresolved) => (unresolved[place].number as usize, Some(&unresolved[place])),
             None => (place, None),
         }
     }
@@ -103,7 +108,7 @@ pub(crate) fn search_batch<G: Goal>(
     start: impl Fn(&RayOf<G>) -> G,
     answers: impl Answers<G>,
 ) {
-    debug_assert!(is_suitable(forest, batch.rays.len()) || batch.begun.is_some());
+    debug_assert!(is_suitable(forest, batch.rays.len()) || batch.unresolved.is_some());
     match wide {
         #[cfg(target_arch = "x86_64")]
         Some(wide) => {
@@ -149,21 +154,22 @@ fn run<L: Lanes8, G: Goal>(
         // SAFETY: there are no more slots than items.
         unsafe { idle.put(slots.get(i), true) };
     }
-    let from = if batch.begun.is_some() { tree.rest } else { tree.root };
+    let from = if batch.unresolved.is_some() { tree.rest } else { tree.root };
     let (mut number, mut trial) = (0, Trial::default());
     loop {
         // Rays that start, some at a time.
-        while number < batch.len() && idle.count >= PARTY.min(batch.len() - number).min(slots.len())
+        while number < batch.len()
+            && idle.count >= SHARED_RAYS.min(batch.len() - number).min(slots.len())
         {
-            let mut started: [*mut Slot<G>; PARTY] = [std::ptr::null_mut(); PARTY];
+            let mut started: [*mut Slot<G>; SHARED_RAYS] = [std::ptr::null_mut(); SHARED_RAYS];
             let mut count = 0;
-            while count < PARTY && number < batch.len() && idle.count > 0 {
-                let (ray, begun) = batch.get(number, &answers);
+            while count < SHARED_RAYS && number < batch.len() && idle.count > 0 {
+                let (ray, unresolved) = batch.get(number, &answers);
                 number += 1;
                 let query = batch.rays.get(ray);
                 let search = || {
                     let mut goal = start(query.ray);
-                    if let Some(hit) = begun.and_then(|begun| begun.hit) {
+                    if let Some(hit) = unresolved.and_then(|unresolved| unresolved.hit) {
                         goal.take(hit);
                     }
                     Search::new(query, batch.context, goal)
@@ -187,7 +193,7 @@ fn run<L: Lanes8, G: Goal>(
                 && trial.is_on()
             {
                 // SAFETY: they have just started.
-                trial.count(count, unsafe { set_off(wide, started) });
+                trial.count(count, unsafe { shared_start(wide, started) });
             }
             for &slot in started {
                 // SAFETY: slots that have started are in no queue.

@@ -1,18 +1,19 @@
 //! One walk of the interleaved kernel: a ray in flight, with the memory of its way.
 
 use crate::exact::TriangleTest;
-use crate::exact::quick::QuickRay;
-use crate::exact::triangle::TriangleBlock;
+use crate::exact::prepared::PreparedRay;
 use crate::group::{Object, ObjectRef, offer_triangle};
 use crate::kernel::Goal;
+use crate::kernel::single::boxes::prepared_distances;
 use crate::kernel::single::filter::BlockFilter;
 use crate::kernel::single::traverse::{Stack, test_object};
 use crate::precision::Facts;
 use crate::prefetch::fetch_lines;
 use crate::search::{DataOf, RayOf, Search};
+use crate::tree::block::TriangleBlock;
 use crate::tree::compact::BlocksAt;
+use crate::tree::node::ChildRef;
 use crate::tree::node::WideNode;
-use crate::tree::node::{ChildRef, quick_distances};
 use crate::tree::{Forest, GroupTree};
 use snell_math::simd::{Lanes8, WideLanes};
 use snell_math::{DRay, DVec3};
@@ -25,7 +26,7 @@ use std::mem::{MaybeUninit, offset_of};
 #[repr(C)]
 pub(super) struct Place {
     nodes: *const WideNode,
-    ray: QuickRay,
+    ray: PreparedRay,
     /// The group, and the occurrence number of it.
     group: u32,
     instance: u32,
@@ -38,7 +39,7 @@ pub(super) struct Place {
 
 impl Place {
     const UNSET: Self = Self {
-        ray: QuickRay::UNSET,
+        ray: PreparedRay::UNSET,
         nodes: std::ptr::null(),
         stride: 0,
         blocks: std::ptr::null(),
@@ -49,7 +50,7 @@ impl Place {
     };
 
     #[cfg(test)]
-    pub fn ray(&self) -> &QuickRay {
+    pub fn ray(&self) -> &PreparedRay {
         &self.ray
     }
 
@@ -109,7 +110,7 @@ struct Line(#[expect(dead_code, reason = "slots lie in it")] UnsafeCell<MaybeUni
 /// Slots, each with its stack behind it.
 pub(super) struct Slots<'a, G: Goal> {
     memory: Box<[Line]>,
-    /// Lines of each.
+    /// PacketRays of each.
     lines: usize,
     slots: PhantomData<Slot<'a, G>>,
 }
@@ -269,7 +270,7 @@ impl<'a, G: Goal> Slot<'a, G> {
         const {
             assert!(offset_of!(Slot<'static, G>, place) == 16);
             assert!(offset_of!(Place, ray) == 8);
-            assert!(offset_of!(QuickRay, near) == 12 && offset_of!(QuickRay, far) == 24);
+            assert!(offset_of!(PreparedRay, near) == 12 && offset_of!(PreparedRay, far) == 24);
         }
         let first: *const Self = self;
         // SAFETY: these are the first 64 bytes, all of plain numbers and a pointer, and any bits
@@ -282,8 +283,8 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// last of them at once. Their boxes begin at these distances or farther.
     ///
     /// # Safety
-    /// It must be a slot of [`Slots`]. The children must be of the same group, and no more than what
-    /// the root would have left on the stack.
+    /// It must be a slot of [`Slots`]. The children must be of the same group, and no more than
+    /// what the root would have left on the stack.
     #[inline(always)]
     pub unsafe fn go_on_with<L: WideLanes>(
         this: *mut Self,
@@ -320,7 +321,7 @@ impl<'a, G: Goal> Slot<'a, G> {
             self.search().goal.count_node();
             let node = &*self.place.nodes.add(self.current.node_index());
             let (enter, limit) =
-                quick_distances::<L>(token, node, &self.place.ray, self.t_min, self.cull);
+                prepared_distances::<L>(token, node, &self.place.ray, self.t_min, self.cull);
             if G::NARROWS {
                 enter.store(&mut enters.0);
             }

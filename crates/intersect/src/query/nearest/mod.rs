@@ -9,7 +9,6 @@ mod place;
 #[cfg(test)]
 mod tests;
 
-use crate::exact::triangle::TriangleBlock;
 use crate::group::{Bulk, BulkContents, GroupList, Object, ObjectRef, Objects};
 use crate::hit::{DHit, DNearestPoint, Hit, NearestPoint};
 use crate::mesh::are_degenerate;
@@ -18,6 +17,7 @@ use crate::search::GeometryOptions;
 use crate::search::points::Points;
 use crate::shape::Shape;
 use crate::shape::nearest::on_triangle;
+use crate::tree::block::TriangleBlock;
 use crate::tree::node::ChildRef;
 use crate::tree::{Forest, GroupTree};
 use crate::world::double::DWorld;

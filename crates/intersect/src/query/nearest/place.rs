@@ -1,8 +1,8 @@
 //! A point as seen from a group, and how far boxes of the group are from it in the world.
 
-use crate::exact::triangle::TriangleBlock;
 use crate::precision::frame::Frame;
 use crate::shape::Metric;
+use crate::tree::block::TriangleBlock;
 use crate::tree::node::WideNode;
 use snell_math::{DAffine3, DMat3, DVec3};
 

@@ -71,8 +71,8 @@ pub(crate) struct ListObject {
     pub shape: Option<ListShape>,
 }
 
-/// Inverse of the least slope at which [`Triangle`] promises that. The drawing is off by 8.5 units
-/// of `2^-24`, relative to the farthest vertex; so hits are within
+/// Inverse of the least slope at which [`Triangle`] promises that. The projection is off by 8.5
+/// units of `2^-24`, relative to the farthest vertex; so hits are within
 /// [`crate::exact::triangle::PLACE_TOLERANCE`] at up to 98.
 const STEEPEST: f64 = 64.0;
 

@@ -238,7 +238,7 @@ fn single_precision_sees_the_same_triangles_as_far_as_it_can_see() {
             double.closest_one(&DRay::from(&ray), &AcceptAll),
         );
         if (a.geometry, a.primitive) != (b.geometry, b.primitive) {
-            // On an edge as drawn in `f32`.
+            // On an edge as projected in `f32`.
             differ += 1;
         } else if a.is_hit() {
             hits += 1;
@@ -408,7 +408,7 @@ fn points_around_a_ball_of_a_millimetre_in_a_city_know_how_far_it_is_and_which_s
 }
 
 #[test]
-fn bundles_of_rays_hold_a_closed_mesh_in_a_city() {
+fn packets_of_rays_hold_a_closed_mesh_in_a_city() {
     for (radius, rings, segments) in [(1.0, 100, 200), (0.05, 150, 300)] {
         let mesh = Arc::new(double_sphere(CITY, radius, rings, segments));
         let mut builder = DWorldBuilder::default();

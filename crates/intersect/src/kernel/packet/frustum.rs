@@ -1,19 +1,19 @@
-//! Sixteen rays as one bundle: what they have in common, and each of them in lanes.
+//! Sixteen rays as one packet: what they have in common, and each of them in lanes.
 //!
-//! The bundle is described from a point, its *apex*: where the rays start if they share an origin,
+//! The packet is described from a point, its *apex*: where the rays start if they share an origin,
 //! about where they end if they go to one point, and any point near their origins else. Along the
 //! axis on which the first ray is fastest, `z` counts the distance from the apex, growing away from
 //! it, and a ray is the line `x = slope z + offset` in each of the other two axes. With a shared
 //! origin all offsets are 0. No inverse direction appears, so rays that are parallel to an axis, or
 //! go both ways along it, are nothing special.
 //!
-//! A box is missed by all if it lies outside of the four planes around the bundle (Reshetov,
+//! A box is missed by all if it lies outside of the four planes around the packet (Reshetov,
 //! Soupikov and Hurley, Multi-Level Ray Tracing Algorithm, 2005, go down with the same kind of
 //! frustum). Everything here is conservative.
 
 use super::exact_rays::{ExactColumns, ExactRays, LaneRays, rounded3};
-use super::lines::Lines;
-use crate::exact::meeting::doubles;
+use super::rays::PacketRays;
+use crate::exact::plane_hit::doubles;
 use crate::exact::ray::Axes;
 use crate::kernel::packet::PacketTests;
 use crate::search::CULL_PADDING;
@@ -21,14 +21,15 @@ use crate::tree::node::WideNode;
 use snell_math::simd::{Doubles16, Lanes8, Lanes16};
 use snell_math::{DVec3, Vec3};
 
-/// Rays in a bundle.
+/// Rays in a packet.
 pub(super) const RAYS: usize = 16;
 
 /// One number per ray.
 pub(crate) type PerRay<T> = [T; RAYS];
 
-/// Relative padding of everything that follows from rounded coordinates, as [`crate::exact::quick::BOX_PADDING`]:
-/// roundings of `f32` here, and of the drawing of triangles, come to less than half of it.
+/// Relative padding of everything that follows from rounded coordinates, as
+/// [`crate::exact::prepared::BOX_PADDING`]: roundings of `f32` here, and of the projection of
+/// triangles, come to less than half of it.
 const PADDING: f32 = 1.0e-6;
 
 /// Coordinates and directions beyond this are left to the other kernels: here nothing may overflow.
@@ -37,13 +38,13 @@ const LARGEST: f32 = 1.0e15;
 /// No box is as far. (So that boxes that are missed, and empty ones, begin beyond it.)
 const FARTHEST: f32 = 1.0e16;
 
-/// Bundles that spread more than this, per unit of depth, are not worth it.
+/// Packets that spread more than this, per unit of depth, are not worth it.
 const MAX_SPREAD: f32 = 0.25;
 
-/// What is known of a bundle besides its rays.
+/// What is known of a packet besides its rays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Kind {
-    /// The point that the bundle is described from.
+    /// The point that the packet is described from.
     pub apex: [f32; 3],
     /// The rays end near the apex instead of starting there.
     pub reversed: bool,
@@ -57,10 +58,10 @@ pub(crate) struct Kind {
     pub slack: f32,
 }
 
-/// A bundle in the coordinates of a group.
+/// A packet in the coordinates of a group.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub(crate) struct Bundle {
+pub(crate) struct Packet {
     /// Not written before they [are wanted](Self::has_rays).
     pub rays: ExactRays,
     /// Origins and directions in `f64` by axis of the group, where anything is rounded.
@@ -82,34 +83,34 @@ pub(crate) struct Bundle {
     /// As [`Columns`] say, the limits as they are now.
     pub t_min: PerRay<f32>,
     pub cull: PerRay<f32>,
-    /// The origins as triangles see them, by axis of the bundle; not used with a shared origin.
-    pub drawn_origin: [PerRay<f32>; 3],
+    /// The origins as triangles see them, by axis of the packet; not used with a shared origin.
+    pub projected_origin: [PerRay<f32>; 3],
     /// The rays as triangles see them. (Up to here all rows are aligned.)
-    pub lines: Lines,
+    pub packet_rays: PacketRays,
     pub has_rays: bool,
     pub kind: Kind,
-    /// Axes x, y and z of the bundle: z is the one along which it goes.
+    /// Axes x, y and z of the packet: z is the one along which it goes.
     pub axes: Axes,
     /// 1 if `z` grows along its axis, -1 if it falls.
     pub sign: f32,
     /// For the order in which children are visited: as [`crate::tree::node::WideNode::order`]
     /// counts them.
     pub octant: usize,
-    /// All rays are drawn along the z axis of the bundle.
+    /// All rays are projected along the z axis of the packet.
     pub is_aligned: bool,
     /// Bound of all absolute errors of positions; 0 for a shared origin at which nothing was
     /// rounded.
     margin: f32,
     /// Least and greatest of all rays.
-    bundle_near: f32,
-    pub bundle_far: f32,
+    packet_near: f32,
+    pub packet_far: f32,
     low_slope: [f32; 2],
     high_slope: [f32; 2],
     low_offset: [f32; 2],
     high_offset: [f32; 2],
 }
 
-/// The axes of a bundle, by the sizes of a direction: the last is the largest, as in
+/// The axes of a packet, by the sizes of a direction: the last is the largest, as in
 /// [`crate::exact::ray::LocalRay`].
 #[inline(always)]
 fn axes(d: [f32; 3]) -> Axes {
@@ -117,7 +118,7 @@ fn axes(d: [f32; 3]) -> Axes {
     Axes::BY_Z[z]
 }
 
-/// What a bundle is made of, by axis of the group and ray, rounded to nearest.
+/// What a packet is made of, by axis of the group and ray, rounded to nearest.
 pub(crate) struct Columns<W> {
     /// Origins, seen from the apex and from a point among them; not used with a shared origin.
     pub from_apex: [W; 3],
@@ -132,8 +133,8 @@ pub(crate) struct Columns<W> {
     pub cull: W,
 }
 
-impl Bundle {
-    /// No bundle yet.
+impl Packet {
+    /// No packet yet.
     pub const NONE: Self = Self {
         rays: ExactRays { origin: [[0.0; 4]; RAYS], direction: [[0.0; 4]; RAYS] },
         exact: [[[0.0; RAYS]; 3]; 2],
@@ -147,8 +148,8 @@ impl Bundle {
         along: [0.0; RAYS],
         t_min: [0.0; RAYS],
         cull: [0.0; RAYS],
-        drawn_origin: [[0.0; RAYS]; 3],
-        lines: Lines::NONE,
+        projected_origin: [[0.0; RAYS]; 3],
+        packet_rays: PacketRays::NONE,
         has_rays: false,
         kind: Kind {
             apex: [0.0; 3],
@@ -163,8 +164,8 @@ impl Bundle {
         octant: 0,
         is_aligned: false,
         margin: 0.0,
-        bundle_near: 0.0,
-        bundle_far: 0.0,
+        packet_near: 0.0,
+        packet_far: 0.0,
         low_slope: [0.0; 2],
         high_slope: [0.0; 2],
         low_offset: [0.0; 2],
@@ -174,7 +175,7 @@ impl Bundle {
     /// Works out the kind, the columns and everything else from rays in `f64` by axis, the least
     /// `t_min` and the padded limits of the searches, and the apex and a point that triangles are
     /// seen from (neither is used with a shared origin), all in the coordinates of a group. False
-    /// if these rays do not make a bundle.
+    /// if these rays do not make a packet.
     #[inline(always)]
     pub fn set_up_exactly<W: Lanes16, P: PacketTests>(
         &mut self,
@@ -190,9 +191,9 @@ impl Bundle {
         rays.store(&mut self.exact);
         let rays = P::rays_in_structure(token, data, group, rays);
         let ([ox, oy, oz], direction) = (rounded3::<W>(rays.origin), rounded3::<W>(rays.direction));
-        ox.store(&mut self.drawn_origin[0]);
-        oy.store(&mut self.drawn_origin[1]);
-        oz.store(&mut self.drawn_origin[2]);
+        ox.store(&mut self.projected_origin[0]);
+        oy.store(&mut self.projected_origin[1]);
+        oz.store(&mut self.projected_origin[2]);
         // Zero if everything is finite.
         let zero = W::splat(token, 0.0);
         let mut sum = zero;
@@ -208,9 +209,9 @@ impl Bundle {
         );
         if kind.common {
             apex = Vec3::new(
-                self.drawn_origin[0][0],
-                self.drawn_origin[1][0],
-                self.drawn_origin[2][0],
+                self.projected_origin[0][0],
+                self.projected_origin[1][0],
+                self.projected_origin[2][0],
             );
             point = apex;
         }
@@ -233,8 +234,8 @@ impl Bundle {
     }
 
     /// Works out everything else from the kind, `columns`, the direction of the first ray,
-    /// `drawn_origin` by axis of the group if the rays do not share their origin or anything was
-    /// rounded, and `exact` if that was. False if these rays do not make a bundle.
+    /// `projected_origin` by axis of the group if the rays do not share their origin or anything
+    /// was rounded, and `exact` if that was. False if these rays do not make a packet.
     #[inline(always)]
     pub fn set_up<W: Lanes16, P: PacketTests>(
         &mut self,
@@ -253,11 +254,11 @@ impl Bundle {
         let sign = if kind.reversed { -forward } else { forward };
         self.sign = sign;
         // Quotients as in [`crate::exact::ray::LocalRay`], whose shears these are if triangles are
-        // drawn in `f32`.
-        let is_drawn = kind.rounded && !P::TRIANGLES_ELSEWHERE;
+        // projected in `f32`.
+        let is_projected = kind.rounded && !P::TRIANGLES_ELSEWHERE;
         let [x, y, speed] = axes.of(directions);
         let along = speed.mul(W::splat(token, forward));
-        let [shear_x, shear_y] = if is_drawn {
+        let [shear_x, shear_y] = if is_projected {
             let [x, y, z] = axes.of(&self.exact[1]);
             let exact_speed = W::Doubles::load(token, z);
             [
@@ -286,7 +287,7 @@ impl Bundle {
         // the slope.
         self.is_aligned = (0..2).all(|i| low[i] > -1.0 && high[i] < 1.0);
         self.margin = 0.0;
-        self.lines.margin = 0.0;
+        self.packet_rays.margin = 0.0;
         if kind.common {
             // (Not as arrays: what is written in halves cannot be read as a whole for long.)
             let zero = W::splat(token, 0.0);
@@ -294,26 +295,26 @@ impl Bundle {
             zero.store(&mut self.offset[0]);
             zero.store(&mut self.offset[1]);
             zero.store(&mut self.across);
-            self.lines.point = axes.of(&kind.apex).map(|x| *x);
+            self.packet_rays.point = axes.of(&kind.apex).map(|x| *x);
         } else {
             self.place::<W>(token, columns);
         }
         if kind.rounded {
-            let [x, y, z] = &self.drawn_origin;
+            let [x, y, z] = &self.projected_origin;
             let size = W::load(token, x)
                 .abs()
                 .max(W::load(token, y).abs())
                 .max(W::load(token, z).abs())
                 .reduce_max();
-            self.lines.margin = size * (12.0 * f32::EPSILON) + f32::MIN_POSITIVE + kind.slack;
-            self.margin += self.lines.margin;
+            self.packet_rays.margin = size * (12.0 * f32::EPSILON) + f32::MIN_POSITIVE + kind.slack;
+            self.margin += self.packet_rays.margin;
         }
         if self.margin.is_nan() || self.margin >= LARGEST {
             return false;
         }
-        self.lines.forward = forward;
+        self.packet_rays.forward = forward;
         let slopes = [shear_x.mul(W::splat(token, forward)), shear_y.mul(W::splat(token, forward))];
-        self.lines.set_up(token, columns, &kind, axes, slopes, along);
+        self.packet_rays.set_up(token, columns, &kind, axes, slopes, along);
         self.octant = (0..3).fold(0, |octant, axis| {
             let down = (first[axis] < 0.0) != kind.backward;
             octant | usize::from(down) << axis
@@ -338,9 +339,9 @@ impl Bundle {
         let far = far.replace(over, W::splat(token, f32::NEG_INFINITY));
         near.store(&mut self.near);
         far.store(&mut self.far);
-        (self.bundle_near, self.bundle_far) = (near.reduce_min(), far.reduce_max());
-        // Before the apex the slopes change places; the bundle is hardly wider there.
-        let before = (-self.bundle_near).max(0.0);
+        (self.packet_near, self.packet_far) = (near.reduce_min(), far.reduce_max());
+        // Before the apex the slopes change places; the packet is hardly wider there.
+        let before = (-self.packet_near).max(0.0);
         for i in 0..2 {
             self.low_slope[i] = low[i] - 2.0 * PADDING;
             self.high_slope[i] = high[i] + 2.0 * PADDING;
@@ -361,16 +362,16 @@ impl Bundle {
         if self.kind.rounded {
             return LaneRays::load(token, &self.exact);
         }
-        let drawn = self.drawn::<W>(token);
-        let origin = self.axes.back(drawn);
+        let projected = self.projected::<W>(token);
+        let origin = self.axes.back(projected);
         LaneRays { origin: doubles(origin), direction: doubles(load3(token, &self.direction)) }
     }
 
-    /// The origins as triangles see them, by axis of the bundle.
+    /// The origins as triangles see them, by axis of the packet.
     #[inline(always)]
-    pub fn drawn<W: Lanes16>(&self, token: W::Token) -> [W; 3] {
+    pub fn projected<W: Lanes16>(&self, token: W::Token) -> [W; 3] {
         if !self.kind.common {
-            return load3(token, &self.drawn_origin);
+            return load3(token, &self.projected_origin);
         }
         let [x, y, z] = self.axes.of(&self.kind.apex);
         [W::splat(token, *x), W::splat(token, *y), W::splat(token, *z)]
@@ -379,18 +380,18 @@ impl Bundle {
     /// The point that triangles are seen from, by axis of the group.
     #[inline(always)]
     pub fn point(&self) -> Vec3 {
-        Vec3::from_array(self.axes.back(self.lines.point))
+        Vec3::from_array(self.axes.back(self.packet_rays.point))
     }
 
     /// True if both go the same way, described from and seen from the same points: then they may
     /// walk together.
     #[inline(always)]
-    pub fn is_like(&self, other: &Self) -> bool {
+    pub fn is_coherent_with(&self, other: &Self) -> bool {
         let (a, b) = (&self.kind, &other.kind);
         (a.apex, a.reversed, a.common, a.backward, a.rounded)
             == (b.apex, b.reversed, b.common, b.backward, b.rounded)
             && (self.axes, self.sign, self.octant) == (other.axes, other.sign, other.octant)
-            && self.lines.point == other.lines.point
+            && self.packet_rays.point == other.packet_rays.point
     }
 
     /// Takes the bounds of errors of another one if they are larger, so that both may be shown the
@@ -398,16 +399,16 @@ impl Bundle {
     #[inline(always)]
     pub fn widen(&mut self, other: &Self) {
         self.margin = self.margin.max(other.margin);
-        self.lines.spread = self.lines.spread.max(other.lines.spread);
-        self.lines.latest = self.lines.latest.max(other.lines.latest);
-        self.lines.margin = self.lines.margin.max(other.lines.margin);
+        self.packet_rays.spread = self.packet_rays.spread.max(other.packet_rays.spread);
+        self.packet_rays.latest = self.packet_rays.latest.max(other.packet_rays.latest);
+        self.packet_rays.margin = self.packet_rays.margin.max(other.packet_rays.margin);
     }
 
     /// Works out where rays that do not share their origin begin.
     #[inline(always)]
     fn place<W: Lanes16>(&mut self, token: W::Token, columns: &Columns<W>) {
-        self.lines.point = self.axes.of(&columns.point).map(|x| *x);
-        self.drawn_origin = self.axes.of(&self.drawn_origin).map(|row| *row);
+        self.packet_rays.point = self.axes.of(&columns.point).map(|x| *x);
+        self.projected_origin = self.axes.of(&self.projected_origin).map(|row| *row);
         let distance = {
             let [from_x, from_y, from_z] = self.axes.of(&columns.from_apex);
             let start = from_z.mul(W::splat(token, self.sign));
@@ -467,7 +468,7 @@ impl Bundle {
             let far = end.min(W::load(token, &self.far));
             far.store_where(rays, &mut self.far);
         }
-        self.lines.tighten(token, rays, cull.mul(along));
+        self.packet_rays.tighten(token, rays, cull.mul(along));
     }
 
     /// Nothing more is wanted of some rays. [`Self::update_limits`] must follow.
@@ -478,14 +479,15 @@ impl Bundle {
         W::splat(token, -1.0).store_where(rays, &mut self.cull);
     }
 
-    /// After sure hits of some rays that are not reversed, between two places of their [`Lines`]
-    /// each. [`Self::update_limits`] must follow.
+    /// After certain hits of some rays that are not reversed, between two places of their
+    /// [`PacketRays`] each. [`Self::update_limits`] must follow.
     #[inline(always)]
     pub fn tighten_to<W: Lanes16>(&mut self, token: W::Token, rays: u32, low: W, high: W) {
-        low.store_where(rays, &mut self.lines.sure_end);
-        high.store_where(rays, &mut self.lines.end);
-        let length =
-            high.sub(W::load(token, &self.lines.start)).mul(W::splat(token, 1.0 + CULL_PADDING));
+        low.store_where(rays, &mut self.packet_rays.certain_end);
+        high.store_where(rays, &mut self.packet_rays.end);
+        let length = high
+            .sub(W::load(token, &self.packet_rays.start))
+            .mul(W::splat(token, 1.0 + CULL_PADDING));
         let far = W::load(token, &self.start)
             .add(length)
             .mul(W::splat(token, 1.0 + PADDING))
@@ -497,8 +499,8 @@ impl Bundle {
     /// After hits: what is of interest to any of the rays.
     #[inline(always)]
     pub fn update_limits<W: Lanes16>(&mut self, token: W::Token) {
-        self.bundle_near = W::load(token, &self.near).reduce_min();
-        self.bundle_far = W::load(token, &self.far).reduce_max();
+        self.packet_near = W::load(token, &self.near).reduce_min();
+        self.packet_far = W::load(token, &self.far).reduce_max();
     }
 
     /// The rays that go on without an end, since nothing was hit.
@@ -507,10 +509,10 @@ impl Bundle {
         W::splat(token, FARTHEST).le(W::load(token, &self.far))
     }
 
-    /// The middle and half of the width of the slopes of all rays, of [`Lines`].
+    /// The middle and half of the width of the slopes of all rays, of [`PacketRays`].
     #[inline(always)]
     pub fn slopes(&self) -> [[f32; 2]; 2] {
-        let turn = self.sign * self.lines.forward * 0.5;
+        let turn = self.sign * self.packet_rays.forward * 0.5;
         let [low, high] = [self.low_slope, self.high_slope];
         [
             [(low[0] + high[0]) * turn, (low[1] + high[1]) * turn],
@@ -542,11 +544,11 @@ impl Bundle {
         }
     }
 
-    /// Where the bundle enters each of eight boxes (at or beyond `bundle_far` if it is missed).
+    /// Where the packet enters each of eight boxes (at or beyond `packet_far` if it is missed).
     #[inline(always)]
     pub fn box_distances<L: Lanes8>(&self, token: L::Token, boxes: &Boxes<L>) -> L {
-        let near = boxes.near.max(L::splat(token, self.bundle_near));
-        let far = boxes.far.min(L::splat(token, self.bundle_far));
+        let near = boxes.near.max(L::splat(token, self.packet_near));
+        let far = boxes.far.min(L::splat(token, self.packet_far));
         // The last one is always a number.
         let gap = self
             .gap(token, boxes, 0, near, far)
@@ -554,7 +556,7 @@ impl Bundle {
         gap.mul(L::splat(token, f32::MAX)).max(near)
     }
 
-    /// Positive where boxes, from `near` to `far`, lie beside the bundle on an axis.
+    /// Positive where boxes, from `near` to `far`, lie beside the packet on an axis.
     #[inline(always)]
     fn gap<L: Lanes8>(&self, token: L::Token, boxes: &Boxes<L>, i: usize, near: L, far: L) -> L {
         let (low, high) = (L::splat(token, self.low_slope[i]), L::splat(token, self.high_slope[i]));
@@ -598,10 +600,10 @@ impl Bundle {
 
     /// Which rays meet [a box](Self::one_box).
     #[inline(always)]
-    pub fn rays_meeting<W: Lanes16>(&self, token: W::Token, one: &OneBox<W>) -> u32 {
+    pub fn rays_hitting<W: Lanes16>(&self, token: W::Token, one: &OneBox<W>) -> u32 {
         let near = one.near.max(W::load(token, &self.near));
         let far = one.far.min(W::load(token, &self.far));
-        // Seen along the axis of the bundle: how far the line is from the middle of the box
+        // Seen along the axis of the packet: how far the line is from the middle of the box
         // (times the length of both slopes).
         let (slope_x, slope_y) = (W::load(token, &self.slope[0]), W::load(token, &self.slope[1]));
         let from_middle = W::load(token, &self.across)
@@ -631,8 +633,8 @@ impl Bundle {
     }
 }
 
-/// Boxes as bundles that are [alike](Bundle::is_like) see them from their apex: where they begin
-/// and end along the axis of the bundle, and on the other two axes.
+/// Boxes as packets that are [coherent](Packet::is_coherent_with) see them from their apex: where
+/// they begin and end along the axis of the packet, and on the other two axes.
 pub(crate) struct Boxes<L> {
     near: L,
     far: L,
@@ -661,7 +663,7 @@ fn load3<W: Lanes16>(token: W::Token, [x, y, z]: &[PerRay<f32>; 3]) -> [W; 3] {
     [W::load(token, x), W::load(token, y), W::load(token, z)]
 }
 
-/// True if the boxes of a node are where the tests of bundles cannot overflow.
+/// True if the boxes of a node are where the tests of packets cannot overflow.
 #[inline(always)]
 pub(super) fn is_in_range<L: Lanes8>(token: L::Token, node: &WideNode) -> bool {
     let [lows, highs] = &node.bounds;

@@ -1,15 +1,18 @@
 //! Which triangles of a block a ray may hit, in either precision.
 
-use crate::exact::quick::QuickRay;
+pub(crate) mod double;
+pub(crate) mod single;
+
+use crate::exact::TriangleTest;
+use crate::exact::prepared::PreparedRay;
 use crate::exact::ray::LocalRay;
-use crate::exact::triangle::TriangleBlock;
-use crate::exact::{TriangleTest, double};
 use crate::precision::{Double, Single};
+use crate::tree::block::TriangleBlock;
 use snell_math::simd::Lanes8;
 
 /// How a precision filters the triangles of blocks: conservatively, in `f32`.
 pub(crate) trait BlockFilter: TriangleTest {
-    /// Which triangles of the block the ray may hit ([`crate::exact::triangle::candidates`]).
+    /// Which triangles of the block the ray may hit ([`single::candidates`]).
     fn candidates<L: Lanes8>(
         token: L::Token,
         block: &TriangleBlock,
@@ -19,8 +22,8 @@ pub(crate) trait BlockFilter: TriangleTest {
     ) -> u32;
 
     /// Which triangles of the block the line of an ordinary ray may pass through
-    /// ([`crate::exact::triangle::lines_through`]).
-    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &QuickRay) -> u32;
+    /// ([`single::lines_through`]).
+    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &PreparedRay) -> u32;
 }
 
 impl BlockFilter for Single {
@@ -32,12 +35,12 @@ impl BlockFilter for Single {
         t_min: f32,
         cull: f32,
     ) -> u32 {
-        crate::exact::triangle::candidates::<L>(token, block, ray, t_min, cull)
+        single::candidates::<L>(token, block, ray, t_min, cull)
     }
 
     #[inline(always)]
-    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &QuickRay) -> u32 {
-        crate::exact::triangle::lines_through::<L>(token, block, ray)
+    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &PreparedRay) -> u32 {
+        single::lines_through::<L>(token, block, ray)
     }
 }
 
@@ -50,11 +53,11 @@ impl BlockFilter for Double {
         t_min: f32,
         cull: f32,
     ) -> u32 {
-        double::triangle::candidates::<L>(token, block, ray, t_min, cull)
+        double::candidates::<L>(token, block, ray, t_min, cull)
     }
 
     #[inline(always)]
-    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &QuickRay) -> u32 {
-        double::triangle::lines_through::<L>(token, block, ray)
+    fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &PreparedRay) -> u32 {
+        double::lines_through::<L>(token, block, ray)
     }
 }

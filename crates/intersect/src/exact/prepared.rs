@@ -1,19 +1,19 @@
 //! A ray of ordinary size, prepared for the fast kernels.
 //!
-//! Nearly all rays are ordinary: [`QuickRay`] says which. For them nothing overflows or cancels, so
-//! boxes can be tested by one fused multiplication and addition per plane, and rays that come in
+//! Nearly all rays are ordinary: [`PreparedRay`] says which. For them nothing overflows or cancels,
+//! so boxes can be tested by one fused multiplication and addition per plane, and rays that come in
 //! `f32` can be prepared in `f32`. All others, and all in trees of extraordinary size, are walked
-//! with the careful [`super::ray::LocalRay`]. Which triangles are hit, and where, is the same for
+//! with the general [`super::ray::LocalRay`]. Which triangles are hit, and where, is the same for
 //! both: origin, axes and shear have the same bits, and boxes and filters are conservative.
 
 use super::ray::Axes;
-use super::triangle::{Drawing, ExactRay};
+use super::triangle::{ExactRay, Projection};
 use snell_math::glam::Vec4Swizzles;
 use snell_math::simd::Lanes8;
 use snell_math::{DVec3, Ray, Vec3, Vec4};
 
 /// Relative padding of box distances. Ize (Robust BVH Ray Traversal, JCGT 2013) needs `2 gamma(3)`,
-/// some `4e-7`, for the slabs alone; the drawing of triangles may be off by as much again.
+/// some `4e-7`, for the slabs alone; the projection of triangles may be off by as much again.
 pub(crate) const BOX_PADDING: f32 = 1.0e-6;
 
 /// Coordinates of boxes and origins may be as large as this.
@@ -37,7 +37,7 @@ const PARALLEL: f32 = 1e37;
 /// counts.)
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
-pub(crate) struct QuickRay {
+pub(crate) struct PreparedRay {
     /// Inverse direction, `x y z`; a large number where the ray does not move along the axis.
     pub inverse: [f32; 3],
     /// Per axis, for distances to near planes. If operations are fused, what to add to the product
@@ -48,7 +48,7 @@ pub(crate) struct QuickRay {
     pub far: [f32; 3],
     /// The octant of the direction, as [`crate::tree::node::WideNode::order`] counts them.
     octant: u32,
-    /// The origin rounded to nearest: all vertices are drawn relative to it.
+    /// The origin rounded to nearest: all vertices are projected relative to it.
     pub origin: [f32; 3],
     /// As in [`super::ray::LocalRay`].
     pub shear: [f32; 2],
@@ -94,7 +94,7 @@ pub(crate) fn is_ordinary(extent: f32) -> bool {
     extent <= MAX_COORDINATE
 }
 
-impl QuickRay {
+impl PreparedRay {
     /// Nothing yet.
     pub const UNSET: Self = Self {
         inverse: [0.0; 3],
@@ -124,8 +124,8 @@ impl QuickRay {
     /// from.
     #[inline(always)]
     pub fn exact(&self, origin: DVec3, direction: DVec3) -> ExactRay {
-        let drawing = Drawing { origin: self.origin, axes: self.axes, shear: self.shear };
-        ExactRay { origin, direction, drawing }
+        let projection = Projection { origin: self.origin, axes: self.axes, shear: self.shear };
+        ExactRay { origin, direction, projection }
     }
 
     /// Prepares a ray that comes through transforms; false if it is not ordinary.
@@ -237,7 +237,7 @@ fn halves(ray: &Ray) -> [Vec4; 2] {
     [o.with_w(1.0), d.with_w(1.0)]
 }
 
-/// The axes of the drawing and its shear, by a direction and its sizes.
+/// The axes of the projection and its shear, by a direction and its sizes.
 #[inline(always)]
 fn axes_and_shear(direction: &Vec3, sizes: Vec4) -> (Axes, [f32; 2]) {
     let axes = AXES[(sizes.xxyw().cmpge(sizes.yzzw()).bitmask() & 7) as usize];
@@ -266,8 +266,8 @@ fn is_too_slow(direction: &DVec3) -> bool {
     (direction.abs().cmplt(DVec3::splat(f64::from(MIN_SLOPE))) & direction.cmpne(DVec3::ZERO)).any()
 }
 
-/// The axes of the drawing by comparisons of the sizes of the direction, in bits: x at least y, x
-/// at least z, y at least z.
+/// The axes of the projection by comparisons of the sizes of the direction, in bits: x at least y,
+/// x at least z, y at least z.
 static AXES: [Axes; 8] = {
     const FIRST: [Axes; 3] = Axes::BY_Z;
     [FIRST[2], FIRST[2], FIRST[2], FIRST[0], FIRST[1], FIRST[1], FIRST[1], FIRST[0]]
@@ -280,9 +280,10 @@ pub(crate) const FAR_FACTOR: f32 = 1.0 + BOX_PADDING;
 mod tests {
     use super::*;
     use crate::exact::ray::LocalRay;
+    use crate::kernel::single::boxes::{PreparedBoxes, prepared_distances};
     use crate::search::padded;
     use crate::tree::node::ChildRef;
-    use crate::tree::node::{QuickBoxes, WideNode, quick_distances};
+    use crate::tree::node::WideNode;
     use proptest::prelude::*;
     use snell_math::simd::{Portable, Portable8};
     use snell_math::{Bounds3, DRay, Vec3};
@@ -304,16 +305,16 @@ mod tests {
 
     /// Whether a box is met, by the arithmetic of a level.
     fn is_met<L: Lanes8>(token: L::Token, ray: &Ray, bounds: &Bounds3, cull: f32) -> Option<bool> {
-        let mut quick = QuickRay::UNSET;
-        if !quick.set_from_ray::<L>(ray) {
+        let mut prepared = PreparedRay::UNSET;
+        if !prepared.set_from_ray::<L>(ray) {
             return None;
         }
         let mut node = WideNode::EMPTY;
         node.set(5, bounds, ChildRef::node(1));
-        let (enter, limit) = quick_distances::<L>(token, &node, &quick, ray.t_min, cull);
+        let (enter, limit) = prepared_distances::<L>(token, &node, &prepared, ray.t_min, cull);
         let met = enter.le(limit);
         let extent = bounds.min.abs().max(bounds.max.abs()).max_element();
-        let boxes = QuickBoxes::<L>::new(token, &quick, extent);
+        let boxes = PreparedBoxes::<L>::new(token, &prepared, extent);
         let [start, end] = [ray.t_min, cull].map(|t| L::splat(token, t));
         let (enter, limit) = boxes.distances(&node, start, end);
         let again = enter.le(limit);
@@ -346,17 +347,17 @@ mod tests {
         }
 
         #[test]
-        fn rays_prepared_in_f32_and_in_f64_are_drawn_alike(o in vector(), d in vector()) {
+        fn rays_prepared_in_f32_and_in_f64_are_projected_alike(o in vector(), d in vector()) {
             let ray = Ray::new(o, d);
-            let (mut quick, mut exact) = (QuickRay::UNSET, QuickRay::UNSET);
+            let (mut prepared, mut exact) = (PreparedRay::UNSET, PreparedRay::UNSET);
             let (o, d) = (o.as_dvec3(), d.as_dvec3());
-            if quick.set_from_ray::<Portable8>(&ray) {
+            if prepared.set_from_ray::<Portable8>(&ray) {
                 prop_assert!(exact.set_from_exact::<Portable8>(&o, &d));
-                let careful = LocalRay::new(&DRay::new(o, d));
-                prop_assert_eq!([quick.axes, exact.axes], [careful.axes; 2]);
-                prop_assert_eq!(quick.shear.map(f32::to_bits), careful.shear.map(f32::to_bits));
-                prop_assert_eq!(exact.shear.map(f32::to_bits), careful.shear.map(f32::to_bits));
-                prop_assert_eq!(quick.origin, careful.origin);
+                let general = LocalRay::new(&DRay::new(o, d));
+                prop_assert_eq!([prepared.axes, exact.axes], [general.axes; 2]);
+                prop_assert_eq!(prepared.shear.map(f32::to_bits), general.shear.map(f32::to_bits));
+                prop_assert_eq!(exact.shear.map(f32::to_bits), general.shear.map(f32::to_bits));
+                prop_assert_eq!(prepared.origin, general.origin);
             }
         }
     }
@@ -377,8 +378,8 @@ mod tests {
 
     #[test]
     fn extraordinary_rays_are_refused() {
-        let mut quick = QuickRay::UNSET;
-        let mut accepts = |ray: Ray| quick.set_from_ray::<Portable8>(&ray);
+        let mut prepared = PreparedRay::UNSET;
+        let mut accepts = |ray: Ray| prepared.set_from_ray::<Portable8>(&ray);
         assert!(accepts(Ray::new(Vec3::ZERO, Vec3::new(1.0, 0.0, -1e-20))));
         assert!(!accepts(Ray::new(Vec3::ZERO, Vec3::new(1.0, 0.0, 1e-30))));
         assert!(!accepts(Ray::new(Vec3::ZERO, Vec3::splat(1e-20))));

@@ -1,13 +1,13 @@
 use super::*;
-use crate::exact::quick::QuickRay;
+use crate::exact::prepared::PreparedRay;
 use crate::hit::Hit;
+use crate::kernel::single::boxes::prepared_distances;
 use crate::kernel::stream::slot::Slots;
 use crate::mesh::TriangleMesh;
 use crate::precision::Single;
 use crate::search::{AcceptAll, Grouping};
 use crate::search::{Closest, Context, Search};
 use crate::tree::GroupTree;
-use crate::tree::node::quick_distances;
 use crate::world::AcceleratorKind;
 use crate::world::tests::{Random, build, check, dust, levels, nested_scene, soup};
 use crate::world::{Structure, World, WorldBuilder};
@@ -23,7 +23,7 @@ fn world_of(mesh: TriangleMesh, level: Level) -> World {
 }
 
 /// Rays from places near each other, in all directions; some along axes, some with ends.
-fn party(random: &mut Random, count: usize, width: f32) -> Vec<Ray> {
+fn packet(random: &mut Random, count: usize, width: f32) -> Vec<Ray> {
     let middle = random.point(1.0);
     (0..count)
         .map(|i| {
@@ -47,7 +47,7 @@ fn leaves<L: Lanes8>(
     token: L::Token,
     tree: &GroupTree,
     child: ChildRef,
-    ray: &QuickRay,
+    ray: &PreparedRay,
     [t_min, cull]: [f32; 2],
 ) -> Vec<(f32, ChildRef)> {
     let mut found = Vec::new();
@@ -59,7 +59,7 @@ fn leaves<L: Lanes8>(
         }
         let node = &tree.nodes[child.node_index()];
         let mut enters = [0.0; 8];
-        let (enter, limit) = quick_distances::<L>(token, node, ray, t_min, cull);
+        let (enter, limit) = prepared_distances::<L>(token, node, ray, t_min, cull);
         enter.store(&mut enters);
         let met = enter.le(limit);
         open.extend((0..8).filter(|i| met >> i & 1 == 1).map(|i| (enters[i], node.children[i])));
@@ -67,7 +67,7 @@ fn leaves<L: Lanes8>(
     found
 }
 
-/// Lets rays set off, and looks at what is left to each. Returns how many are not at the root any
+/// Lets rays start, and looks at what is left to each. Returns how many are not at the root any
 /// more.
 fn look<W: Lanes16>(token: W::Token, world: &World, rays: &[Ray]) -> usize {
     looked_at::<W, W::Half>(token, W::half_token(token), world, rays)
@@ -95,7 +95,7 @@ fn looked_at<W: Lanes16, L: Lanes8>(
         }
     }
     // SAFETY: they have just started.
-    unsafe { set_off_with::<W, _>(wide_token, &slots) };
+    unsafe { shared_start_with::<W, _>(wide_token, &slots) };
     let mut moved = 0;
     for at in slots {
         // SAFETY: it is still there.
@@ -134,8 +134,8 @@ fn every_ray_keeps_all_that_it_meets() {
     let (mut moved, mut count) = (0, 0);
     for round in 0..60 {
         let mesh = if round % 3 == 0 { soup(&mut random, 300) } else { dust(&mut random, 3000) };
-        let size = [1, 7, 8, 15, 16, 17, 25, PARTY][round % 8];
-        let rays = party(&mut random, size, [0.0, 0.01, 0.3][round % 3]);
+        let size = [1, 7, 8, 15, 16, 17, 25, SHARED_RAYS][round % 8];
+        let rays = packet(&mut random, size, [0.0, 0.01, 0.3][round % 3]);
         let world = world_of(mesh, Level::Scalar);
         moved += look::<Pair<Portable8>>(Portable, &world, &rays);
         count += rays.len();
@@ -155,9 +155,9 @@ fn every_ray_keeps_all_that_it_meets() {
 fn rays_along_an_axis_stay_at_the_root_and_few_rays_too() {
     let mut random = Random(6);
     let world = world_of(dust(&mut random, 2000), Level::Scalar);
-    let along: Vec<Ray> = (0..PARTY).map(|_| Ray::new(random.point(0.1), Vec3::X)).collect();
+    let along: Vec<Ray> = (0..SHARED_RAYS).map(|_| Ray::new(random.point(0.1), Vec3::X)).collect();
     assert_eq!(look::<Pair<Portable8>>(Portable, &world, &along), 0);
-    let few = party(&mut random, MIN_INSIDE as usize - 1, 0.01);
+    let few = packet(&mut random, MIN_INSIDE as usize - 1, 0.01);
     assert_eq!(look::<Pair<Portable8>>(Portable, &world, &few), 0);
 }
 
@@ -169,7 +169,7 @@ fn parties_find_what_single_rays_find() {
         let mut rays: Vec<Ray> = Vec::new();
         for i in 0..40 {
             let mut random = Random(100 + i);
-            rays.extend(party(&mut random, 5 + 7 * i as usize % 64, 0.02));
+            rays.extend(packet(&mut random, 5 + 7 * i as usize % 64, 0.02));
         }
         let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
         for count in [16, 17, 31, 33, 100, rays.len()] {
@@ -190,7 +190,7 @@ proptest! {
         let mut random = Random(seed ^ 99);
         let mut rays = Vec::new();
         for _ in 0..3 {
-            rays.extend(party(&mut random, 40, size));
+            rays.extend(packet(&mut random, 40, size));
         }
         for level in levels() {
             let world = build(nested_scene(seed), AcceleratorKind::Bvh, level);

@@ -1,31 +1,32 @@
-//! Where all rays of a bundle are in the drawing of one triangle, which decides what they hit.
+//! Where all rays of a packet are in the projection of one triangle, which decides what they hit.
 //!
 //! Areas of what is seen from one point ([`super::leaf`]) are off by the distance of a triangle
-//! times its length: too much for slivers. What a ray draws is small near that ray, and so are the
-//! errors.
+//! times its length: too much for slivers. What a ray projects is small near that ray, and so are
+//! the errors.
 
-use super::bundle::Bundle;
+use super::frustum::Packet;
 use crate::exact::ray::Axes;
-use crate::exact::triangle::{TriangleBlock, edge_error};
+use crate::kernel::single::filter::single::edge_error;
+use crate::tree::block::TriangleBlock;
 use snell_math::simd::{Lanes8, Lanes16};
 
-/// The rays that are inside and outside of the drawing of a triangle, a bit for each; neither where
-/// single precision does not tell.
+/// The rays that are inside and outside of the projection of a triangle, a bit for each; neither
+/// where single precision does not tell.
 #[inline(always)]
 pub(super) fn sides<W: Lanes16>(
     token: W::Token,
     block: &TriangleBlock,
     triangle: usize,
-    bundle: &Bundle,
+    packet: &Packet,
 ) -> [u32; 2] {
-    let sign = W::splat(token, bundle.sign);
+    let sign = W::splat(token, packet.sign);
     let shear =
-        [W::load(token, &bundle.slope[0]).mul(sign), W::load(token, &bundle.slope[1]).mul(sign)];
-    let origin = bundle.drawn::<W>(token);
+        [W::load(token, &packet.slope[0]).mul(sign), W::load(token, &packet.slope[1]).mul(sign)];
+    let origin = packet.projected::<W>(token);
     let ([x0, y0], [x1, y1], [x2, y2]) = (
-        draw(token, &block.vertices[0], triangle, bundle.axes, origin, shear),
-        draw(token, &block.vertices[1], triangle, bundle.axes, origin, shear),
-        draw(token, &block.vertices[2], triangle, bundle.axes, origin, shear),
+        project(token, &block.vertices[0], triangle, packet.axes, origin, shear),
+        project(token, &block.vertices[1], triangle, packet.axes, origin, shear),
+        project(token, &block.vertices[2], triangle, packet.axes, origin, shear),
     );
     let (pu, pv, pw) = (y1.mul(x2), y2.mul(x0), y0.mul(x1));
     let (u, v, w) = (x1.mul_sub(y2, pu), x2.mul_sub(y0, pv), x0.mul_sub(y1, pw));
@@ -33,13 +34,13 @@ pub(super) fn sides<W: Lanes16>(
     let bound =
         pu.abs().max(pv.abs()).max(pw.abs()).mul_add(error, W::splat(token, f32::MIN_POSITIVE));
     let (low, high, other) = (u.min(v).min(w), u.max(v).max(w), W::splat(token, 0.0).sub(bound));
-    // (Nothing overflows: bundles have no coordinates for that.)
+    // (Nothing overflows: packets have no coordinates for that.)
     [bound.lt(low) | high.lt(other), low.lt(other) & bound.lt(high)]
 }
 
-/// A corner of a triangle as rays draw it: [`crate::exact::triangle::Drawing::draw`].
+/// A corner of a triangle as rays project it: [`crate::exact::triangle::Projection::project`].
 #[inline(always)]
-fn draw<W: Lanes16>(
+fn project<W: Lanes16>(
     token: W::Token,
     corner: &[[f32; 8]; 3],
     triangle: usize,

@@ -1,27 +1,28 @@
-//! The rays of a bundle as triangles see them: lines by the point where the first ray starts.
+//! The rays of a packet as triangles see them: lines, in coordinates around the start of the first
+//! ray.
 //!
-//! Triangles are seen from there, not from the apex of the bundle, because every hit is decided by
+//! Triangles are seen from there, not from the apex of the packet, because every hit is decided by
 //! the distance from the start of its ray: a light far away, as the apex is, would make all errors
 //! as large as its distance. `z` grows along the rays.
 
-use super::bundle::{Columns, Kind, PerRay, RAYS};
+use super::frustum::{Columns, Kind, PerRay, RAYS};
 use crate::exact::ray::Axes;
 use snell_math::simd::Lanes16;
 
 /// Roundings of a distance along the axis: a few.
 const ROUNDINGS: f32 = 8.0 * (f32::EPSILON / 2.0);
 
-/// How much nearer than its padded limit ([`crate::search::padded`]) a ray surely ends,
+/// How much nearer than its padded limit ([`crate::search::padded`]) a ray certainly ends,
 /// relative to its length: twice the padding.
 const END_PADDING: f32 = 2.0e-4;
 
-/// No length needs to be larger, and coordinates are not ([`super::bundle`]).
+/// No length needs to be larger, and coordinates are not ([`super::frustum`]).
 const LONGEST: f32 = 1.0e16;
 
-/// The lines, per ray, by axis of the bundle.
+/// By ray, and by axis of the packet.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub(crate) struct Lines {
+pub(crate) struct PacketRays {
     /// How `x` and `y` change with `z`.
     pub slope: [PerRay<f32>; 2],
     /// The vector product of the point at `z = 0` and the direction; not used with a shared origin.
@@ -30,10 +31,10 @@ pub(crate) struct Lines {
     pub moments: [[f32; 3]; 2],
     /// The interval begins between these.
     pub begin: PerRay<f32>,
-    pub sure_begin: PerRay<f32>,
-    /// What is nearer than `sure_end` is surely wanted, what is beyond `end` surely not: at first
-    /// about the end of the interval, then about the nearest hit.
-    pub sure_end: PerRay<f32>,
+    pub certain_begin: PerRay<f32>,
+    /// What is nearer than `certain_end` is certainly wanted, what is beyond `end` certainly not:
+    /// at first about the end of the interval, then about the nearest hit.
+    pub certain_end: PerRay<f32>,
     pub end: PerRay<f32>,
     /// Where rays start.
     pub start: PerRay<f32>,
@@ -51,18 +52,18 @@ pub(crate) struct Lines {
     /// are relative to the distance.
     pub margin: f32,
     /// The rays do not share their origin.
-    pub apart: bool,
+    pub separate: bool,
 }
 
-impl Lines {
+impl PacketRays {
     /// None yet.
     pub const NONE: Self = Self {
         slope: [[0.0; RAYS]; 2],
         moment: [[0.0; RAYS]; 3],
         moments: [[0.0; 3]; 2],
         begin: [0.0; RAYS],
-        sure_begin: [0.0; RAYS],
-        sure_end: [0.0; RAYS],
+        certain_begin: [0.0; RAYS],
+        certain_end: [0.0; RAYS],
         end: [0.0; RAYS],
         start: [0.0; RAYS],
         along: [0.0; RAYS],
@@ -71,10 +72,10 @@ impl Lines {
         spread: 0.0,
         latest: 0.0,
         margin: 0.0,
-        apart: false,
+        separate: false,
     };
 
-    /// Works out everything from what bundles are made of, and the slopes and speeds of the bundle.
+    /// Works out everything from what packets are made of, and the slopes and speeds of the packet.
     #[inline(always)]
     pub fn set_up<W: Lanes16>(
         &mut self,
@@ -85,14 +86,14 @@ impl Lines {
         slopes: [W; 2],
         along: W,
     ) {
-        self.apart = !kind.common;
+        self.separate = !kind.common;
         let [slope_x, slope_y] = slopes;
         slope_x.store(&mut self.slope[0]);
         slope_y.store(&mut self.slope[1]);
         along.store(&mut self.along);
         let mut start = W::splat(token, 0.0);
         self.spread = 0.0;
-        if self.apart {
+        if self.separate {
             let [from_x, from_y, from_z] = axes.of(&columns.from_point);
             self.spread = from_x.abs().add(from_y.abs()).add(from_z.abs()).reduce_max();
             start = from_z.mul(W::splat(token, self.forward));
@@ -111,11 +112,11 @@ impl Lines {
         let begin = start.add(early);
         let error = self.error(token, start, early);
         begin.sub(error).store(&mut self.begin);
-        begin.add(error).store(&mut self.sure_begin);
+        begin.add(error).store(&mut self.certain_begin);
         self.latest = begin.abs().add(error).reduce_max();
         // (Of rays that want nothing this is unspecified.)
-        let [sure_end, end] = self.ends(token, columns.cull.mul(along));
-        sure_end.store(&mut self.sure_end);
+        let [certain_end, end] = self.ends(token, columns.cull.mul(along));
+        certain_end.store(&mut self.certain_end);
         end.store(&mut self.end);
     }
 
@@ -141,10 +142,12 @@ impl Lines {
     /// After hits of some rays: their new padded lengths.
     #[inline(always)]
     pub fn tighten<W: Lanes16>(&mut self, token: W::Token, rays: u32, length: W) {
-        let [sure_end, end] = self.ends(token, length);
-        let (sure_end, end) =
-            (sure_end.min(W::load(token, &self.sure_end)), end.min(W::load(token, &self.end)));
-        sure_end.store_where(rays, &mut self.sure_end);
+        let [certain_end, end] = self.ends(token, length);
+        let (certain_end, end) = (
+            certain_end.min(W::load(token, &self.certain_end)),
+            end.min(W::load(token, &self.end)),
+        );
+        certain_end.store_where(rays, &mut self.certain_end);
         end.store_where(rays, &mut self.end);
     }
 }

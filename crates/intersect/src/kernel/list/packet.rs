@@ -12,10 +12,10 @@
 //!   an edge, a product of two of these and numbers that are rounded too, by 57.3 u.
 //! - Edges of parallelograms are off by up to 8 u, since opposite ones are taken for parallel
 //!   ([`Outline`]).
-//! - The drawing of the exact test moves corners by `8.5 u D`. So what is drawn on one side of an
-//!   edge is, by distance in the plane, on the other by less than 14.8 u; seen along an axis,
+//! - The projection of the exact test moves corners by `8.5 u D`. So what is projected on one side
+//!   of an edge is, by distance in the plane, on the other by less than 14.8 u; seen along an axis,
 //!   distances are only shorter. It sums up to less than [`EDGE_ERROR`].
-//! - Hits are where the ray meets the plane, or nearer to the place that was drawn: within
+//! - Hits are where the ray meets the plane, or nearer to the place that was projected: within
 //!   `8.5 u D / s`, and so within [`DISTANCE_ERROR`] of `t`, unless the ray is as near to an edge
 //!   as that.
 
@@ -51,7 +51,7 @@ const LARGEST: f32 = 1e12;
 
 /// Sixteen rays.
 #[derive(Clone, Copy)]
-pub(super) struct Bundle<D: Doubles16> {
+pub(super) struct ListPacket<D: Doubles16> {
     pub origin: [D::Singles; 3],
     pub direction: [D::Singles; 3],
     pub t_min: D::Singles,
@@ -72,7 +72,7 @@ pub(super) struct Bundle<D: Doubles16> {
     distance_error: D::Singles,
 }
 
-/// See [`Bundle::may_meet`].
+/// See [`ListPacket::may_meet`].
 const BOX_PADDING: f32 = 33.0 / 16_777_216.0;
 
 /// What is certain about the nearest faces that sixteen rays meet.
@@ -83,19 +83,19 @@ pub(super) struct Nearest<W> {
     pub second: W,
     /// The number of the triangle, as bits.
     pub triangle: W,
-    /// More than zero if the nearest face is surely met, and not only perhaps.
-    sure: W,
+    /// More than zero if the nearest face is certainly met, and not only perhaps.
+    certain: W,
     /// The rays for which all this is not certain.
     pub doubtful: u32,
 }
 
 /// What is certain where any face will do.
 pub(super) struct Blocked {
-    /// The rays that surely meet one in their interval.
+    /// The rays that certainly meet one in their interval.
     pub blocked: u32,
     /// Those that may.
     pub doubtful: u32,
-    /// Those that surely meet one somewhere ahead.
+    /// Those that certainly meet one somewhere ahead.
     pub met: u32,
 }
 
@@ -113,7 +113,7 @@ struct Slope<W> {
 }
 
 /// How sixteen rays meet a face.
-struct Meeting<W> {
+struct FaceHits<W> {
     /// The distance to the plane, and how far that may be off.
     t: W,
     error: W,
@@ -127,7 +127,7 @@ struct Meeting<W> {
     doubtful: u32,
 }
 
-impl<D: Doubles16> Bundle<D> {
+impl<D: Doubles16> ListPacket<D> {
     /// The rays that may meet a box, or come within the width of
     /// [`crate::lecture::box_ray::BoxRay`] of it; only ordinary ones count.
     ///
@@ -150,13 +150,13 @@ impl<D: Doubles16> Bundle<D> {
         let (ax, ay, az) = (dx.abs(), dy.abs(), dz.abs());
         // What is too small for `f32` is not told apart.
         let least = splat(f32::MIN_POSITIVE);
-        let apart = hy.mul(az).add(hz.mul(ay)).add(least).lt(dy.mul(mz).sub(dz.mul(my)).abs())
+        let separated = hy.mul(az).add(hz.mul(ay)).add(least).lt(dy.mul(mz).sub(dz.mul(my)).abs())
             | hz.mul(ax).add(hx.mul(az)).add(least).lt(dz.mul(mx).sub(dx.mul(mz)).abs())
             | hx.mul(ay).add(hy.mul(ax)).add(least).lt(dx.mul(my).sub(dy.mul(mx)).abs());
         let behind = hx.mul(ax).add(least).lt(dx.mul(mx))
             | hy.mul(ay).add(least).lt(dy.mul(my))
             | hz.mul(az).add(least).lt(dz.mul(mz));
-        !(apart | behind) & 0xffff
+        !(separated | behind) & 0xffff
     }
 
     /// Takes in sixteen rays, of which the first so many count: at least one.
@@ -203,8 +203,13 @@ impl<D: Doubles16> Bundle<D> {
     pub fn nearest(&self, token: D::Token, list: &List) -> Nearest<D::Singles> {
         let (zero, infinity) =
             (D::Singles::splat(token, 0.0), D::Singles::splat(token, f32::INFINITY));
-        let mut nearest =
-            Nearest { first: infinity, second: infinity, triangle: zero, sure: zero, doubtful: 0 };
+        let mut nearest = Nearest {
+            first: infinity,
+            second: infinity,
+            triangle: zero,
+            certain: zero,
+            doubtful: 0,
+        };
         let mut number = 0;
         for (axis, faces) in list.faces.iter().enumerate() {
             let across = self.slope(token, self.direction[axis]);
@@ -224,7 +229,7 @@ impl<D: Doubles16> Bundle<D> {
             }
         }
         let ahead = nearest.first.lt(infinity);
-        nearest.doubtful |= ahead & nearest.sure.le(zero);
+        nearest.doubtful |= ahead & nearest.certain.le(zero);
         nearest
     }
 
@@ -233,7 +238,7 @@ impl<D: Doubles16> Bundle<D> {
     pub fn blocked(&self, token: D::Token, list: &List) -> Blocked {
         let (zero, none) =
             (D::Singles::splat(token, 0.0), D::Singles::splat(token, f32::NEG_INFINITY));
-        let mut all = AnyFace { surely: none, maybe: none, ahead: none, doubtful: 0 };
+        let mut all = AnyFace { certainly: none, maybe: none, ahead: none, doubtful: 0 };
         let (mut blocked, mut doubtful) = (0, 0);
         for (axis, faces) in list.faces.iter().enumerate() {
             let across = self.slope(token, self.direction[axis]);
@@ -243,7 +248,7 @@ impl<D: Doubles16> Bundle<D> {
             for face in &faces.tilted {
                 all.note([self.t_min, self.t_max], self.meet_tilted(token, face, axis));
             }
-            blocked = zero.lt(all.surely);
+            blocked = zero.lt(all.certainly);
             doubtful = all.doubtful | zero.lt(all.maybe);
             if blocked & self.ordinary == self.ordinary {
                 break;
@@ -273,40 +278,40 @@ impl<D: Doubles16> Bundle<D> {
         face: &Face,
         axis: usize,
         slope: Slope<D::Singles>,
-    ) -> Meeting<D::Singles> {
+    ) -> FaceHits<D::Singles> {
         let height = D::Singles::splat(token, face.level).sub(self.origin[axis]);
-        let mut meeting = self.meet(token, face, axis, height, slope);
+        let mut hits = self.meet(token, face, axis, height, slope);
         if slope.along != 0 {
             let is_beside = height.abs().le(self.far.mul(D::Singles::splat(token, BESIDE)));
-            meeting.give_up(token, slope.along, slope.along & is_beside);
+            hits.mark_doubtful(token, slope.along, slope.along & is_beside);
         }
-        meeting
+        hits
     }
 
     /// How the rays meet a face that is not across its axis.
     #[inline(always)]
-    fn meet_tilted(&self, token: D::Token, face: &Face, axis: usize) -> Meeting<D::Singles> {
+    fn meet_tilted(&self, token: D::Token, face: &Face, axis: usize) -> FaceHits<D::Singles> {
         let ([x, y, z], [a, b, c]) = (self.exact_origin, face.down);
         let height = z.mul_add(D::splat(token, c), D::splat(token, face.offset));
         let height = x.mul_add(D::splat(token, a), y.mul_add(D::splat(token, b), height)).rounded();
         let ([x, y, z], [a, b, c]) = (self.direction, face.normal);
         let slope = y.mul_add(D::Singles::splat(token, b), x.mul(D::Singles::splat(token, a)));
         let slope = self.slope(token, z.mul_add(D::Singles::splat(token, c), slope));
-        let mut meeting = self.meet(token, face, axis, height, slope);
+        let mut hits = self.meet(token, face, axis, height, slope);
         let ([x, y, z], [a, b, c, d]) =
             (self.origin, face.near.map(|x| D::Singles::splat(token, x)));
         let least = y.abs().mul_add(b, x.abs().mul_add(a, d));
         let near = height.abs().le(z.abs().mul_add(c, least));
         if slope.along | near != 0 {
             let is_beside = height.abs().le(self.far.mul(D::Singles::splat(token, BESIDE)));
-            let outside = meeting.inside.add(meeting.margin).lt(D::Singles::splat(token, 0.0));
-            meeting.give_up(
+            let outside = hits.inside.add(hits.margin).lt(D::Singles::splat(token, 0.0));
+            hits.mark_doubtful(
                 token,
                 slope.along | near,
                 (slope.along & is_beside) | (near & !slope.along & !outside),
             );
         }
-        meeting
+        hits
     }
 
     /// How the rays meet a face whose plane is this far above where they start.
@@ -318,7 +323,7 @@ impl<D: Doubles16> Bundle<D> {
         axis: usize,
         height: D::Singles,
         slope: Slope<D::Singles>,
-    ) -> Meeting<D::Singles> {
+    ) -> FaceHits<D::Singles> {
         let t = height.mul(slope.inverse);
         let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
         let place = [
@@ -334,14 +339,21 @@ impl<D: Doubles16> Bundle<D> {
                 .min(distance(token, b, place))
                 .min(distance(token, c, place).min(distance(token, d, place))),
         };
-        Meeting { t, error: slope.distance_error, place, inside, margin: slope.margin, doubtful: 0 }
+        FaceHits {
+            t,
+            error: slope.distance_error,
+            place,
+            inside,
+            margin: slope.margin,
+            doubtful: 0,
+        }
     }
 }
 
-impl<W: Lanes16> Meeting<W> {
-    /// Says that some rays do not surely meet the face, of which some may meet it.
+impl<W: Lanes16> FaceHits<W> {
+    /// Says that some rays do not certainly meet the face, of which some may meet it.
     #[inline(always)]
-    fn give_up(&mut self, token: W::Token, lanes: u32, doubtful: u32) {
+    fn mark_doubtful(&mut self, token: W::Token, lanes: u32, doubtful: u32) {
         self.inside = self.inside.replace(lanes, W::splat(token, f32::NEG_INFINITY));
         self.doubtful = doubtful;
     }
@@ -355,8 +367,8 @@ impl<W: Lanes16> Meeting<W> {
 
 /// What is certain where any face will do: all are more than zero if it is so.
 struct AnyFace<W> {
-    /// A face is surely met within the interval.
-    surely: W,
+    /// A face is certainly met within the interval.
+    certainly: W,
     /// One may be.
     maybe: W,
     /// One may be met ahead.
@@ -368,12 +380,12 @@ impl<W: Lanes16> AnyFace<W> {
     /// Notes how rays of these intervals meet a face. (What is not a number counts as less than
     /// anything: it is the first operand of `max`.)
     #[inline(always)]
-    fn note(&mut self, [t_min, t_max]: [W; 2], meeting: Meeting<W>) {
-        let ahead = meeting.ahead(t_min);
-        let (low, high) = (meeting.t.sub(meeting.error), meeting.t.add(meeting.error));
-        let surely = low.sub(t_min).min(t_max.sub(high)).min(meeting.inside.sub(meeting.margin));
-        self.doubtful |= meeting.doubtful;
-        self.surely = surely.max(self.surely);
+    fn note(&mut self, [t_min, t_max]: [W; 2], hits: FaceHits<W>) {
+        let ahead = hits.ahead(t_min);
+        let (low, high) = (hits.t.sub(hits.error), hits.t.add(hits.error));
+        let certainly = low.sub(t_min).min(t_max.sub(high)).min(hits.inside.sub(hits.margin));
+        self.doubtful |= hits.doubtful;
+        self.certainly = certainly.max(self.certainly);
         self.maybe = t_max.sub(low).min(ahead).max(self.maybe);
         self.ahead = ahead.max(self.ahead);
     }
@@ -382,16 +394,16 @@ impl<W: Lanes16> AnyFace<W> {
 impl<W: Lanes16> Nearest<W> {
     /// Notes how rays that begin here meet a face, whose first triangle has this number.
     #[inline(always)]
-    fn note(&mut self, token: W::Token, t_min: W, meeting: Meeting<W>, face: &Face, number: u32) {
+    fn note(&mut self, token: W::Token, t_min: W, hits: FaceHits<W>, face: &Face, number: u32) {
         let zero = W::splat(token, 0.0);
         let (one, other) =
             (W::splat(token, f32::from_bits(number)), W::splat(token, f32::from_bits(number + 1)));
-        self.doubtful |= meeting.doubtful;
-        let low = meeting.t.sub(meeting.error);
-        let low = W::splat(token, f32::INFINITY).where_less(zero, meeting.ahead(t_min), low);
-        let of_side = one.where_less(distance(token, &face.diagonal, meeting.place), zero, other);
+        self.doubtful |= hits.doubtful;
+        let low = hits.t.sub(hits.error);
+        let low = W::splat(token, f32::INFINITY).where_less(zero, hits.ahead(t_min), low);
+        let of_side = one.where_less(distance(token, &face.diagonal, hits.place), zero, other);
         self.triangle = self.triangle.where_less(low, self.first, of_side);
-        self.sure = self.sure.where_less(low, self.first, meeting.inside.sub(meeting.margin));
+        self.certain = self.certain.where_less(low, self.first, hits.inside.sub(hits.margin));
         self.second = self.second.min(self.first.max(low));
         self.first = self.first.min(low);
     }

@@ -1,29 +1,29 @@
-//! The exact test for the triangle that each ray surely hits.
+//! The exact test for the triangle that each ray certainly hits.
 
-use super::bundle::{Bundle, PerRay, RAYS};
 use super::exact_rays::LaneRays;
-use crate::exact::meeting::{Corners, InDrawing, InPlane, dot};
+use super::frustum::{Packet, PerRay, RAYS};
+use crate::exact::plane_hit::{Corners, PlaneHit, ProjectedHit, dot};
 use crate::exact::triangle::PLACE_TOLERANCE;
 use crate::precision::Real;
 use crate::tree::Blocks;
 use snell_math::simd::{Doubles16, Lanes16};
 
 /// Where rays hit, and with which parameters.
-pub(crate) struct Sure<R> {
+pub(crate) struct CertainHits<R> {
     pub t: PerRay<R>,
     pub b1: PerRay<R>,
     pub b2: PerRay<R>,
 }
 
-impl<R: Real> Sure<R> {
+impl<R: Real> CertainHits<R> {
     pub const NONE: Self = Self { t: [R::ZERO; RAYS], b1: [R::ZERO; RAYS], b2: [R::ZERO; RAYS] };
 }
 
 /// Square of the inverse of the least slope, by the normal, of rays that are decided here. The
-/// drawing is off by 8.5 units of `2^-24`, relative to the farthest vertex; so hits are within
+/// projection is off by 8.5 units of `2^-24`, relative to the farthest vertex; so hits are within
 /// [`crate::exact::triangle::PLACE_TOLERANCE`] at up to 98. (They are in the box of the triangle,
-/// since the ray surely passes through it, not only through what is drawn. Rounding of the origin
-/// is in the bound of that, so a triangle that is surely hit is large beside it.)
+/// since the ray certainly passes through it, not only through what is projected. Rounding of the
+/// origin is in the bound of that, so a triangle that is certainly hit is large beside it.)
 const STEEPEST_SQUARE: f64 = 64.0 * 64.0;
 
 /// What became of rays: a bit for each.
@@ -35,35 +35,40 @@ pub(crate) struct Decided {
     pub moved: u32,
 }
 
-/// Tests the triangles that some of the rays surely hit, given by their places. Of `drawn` rays it
-/// is only known that they hit what is drawn, and not that they are in the box of the triangle.
+/// Tests the triangles that some of the rays certainly hit, given by their places. Of `projected`
+/// rays it is only known that they hit what is projected, and not that they are in the box of the
+/// triangle.
 #[inline(always)]
 pub(crate) fn test<W: Lanes16>(
     token: W::Token,
     blocks: &Blocks,
-    bundle: &Bundle,
-    [rays, drawn]: [u32; 2],
+    packet: &Packet,
+    [rays, projected]: [u32; 2],
     places: &PerRay<u32>,
-    sure: &mut Sure<f32>,
+    certain: &mut CertainHits<f32>,
 ) -> Decided {
     let corners = corners::<W>(token, blocks, rays, places);
-    let LaneRays { origin, direction } = bundle.lane_rays::<W>(token);
-    let InPlane { normal: [nx, ny, nz], slope, t } =
-        InPlane::<W::Doubles>::new(&corners, origin, direction);
+    let LaneRays { origin, direction } = packet.lane_rays::<W>(token);
+    let PlaneHit { normal: [nx, ny, nz], slope, t } =
+        PlaneHit::<W::Doubles>::new(&corners, origin, direction);
     let [first, second, third] =
-        [turned(corners[0], bundle), turned(corners[1], bundle), turned(corners[2], bundle)];
-    let speed = *bundle.axes.of(&direction)[2];
+        [turned(corners[0], packet), turned(corners[1], packet), turned(corners[2], packet)];
+    let speed = *packet.axes.of(&direction)[2];
     let square = nx.mul(nx).add(ny.mul(ny)).add(nz.mul(nz)).mul(speed.mul(speed));
     let is_steep = square.lt(slope.mul(slope).mul(W::Doubles::splat(token, STEEPEST_SQUARE)));
-    let sign = W::splat(token, bundle.sign);
+    let sign = W::splat(token, packet.sign);
     let shear =
-        [W::load(token, &bundle.slope[0]).mul(sign), W::load(token, &bundle.slope[1]).mul(sign)];
-    let InDrawing { inside, b1, b2 } =
-        InDrawing::<W::Doubles>::new(token, [first, second, third], bundle.drawn(token), shear);
+        [W::load(token, &packet.slope[0]).mul(sign), W::load(token, &packet.slope[1]).mul(sign)];
+    let ProjectedHit { inside, b1, b2 } = ProjectedHit::<W::Doubles>::new(
+        token,
+        [first, second, third],
+        packet.projected(token),
+        shear,
+    );
     let mut decided = rays & is_steep & inside;
-    if bundle.kind.rounded {
-        // What is drawn is off by the rounding of the origin, too.
-        let (start, one) = (*bundle.axes.of(&origin)[2], W::Doubles::splat(token, 1.0));
+    if packet.kind.rounded {
+        // What is projected is off by the rounding of the origin, too.
+        let (start, one) = (*packet.axes.of(&origin)[2], W::Doubles::splat(token, 1.0));
         let [z0, z1, z2] = [
             W::Doubles::of(first[2]).sub(start),
             W::Doubles::of(second[2]).sub(start),
@@ -73,12 +78,15 @@ pub(crate) fn test<W: Lanes16>(
         let reach = place.abs().mul(W::Doubles::splat(token, PLACE_TOLERANCE * (1.0 - 1e-9)));
         decided &= place.sub(t.mul(speed)).abs().lt(reach);
     }
-    t.rounded().store(&mut sure.t);
-    b1.rounded().store(&mut sure.b1);
-    b2.rounded().store(&mut sure.b2);
-    let drawn = rays & drawn;
-    let moved =
-        if drawn == 0 { 0 } else { drawn & !in_box::<W>(token, &corners, &origin, &direction, t) };
+    t.rounded().store(&mut certain.t);
+    b1.rounded().store(&mut certain.b1);
+    b2.rounded().store(&mut certain.b2);
+    let projected = rays & projected;
+    let moved = if projected == 0 {
+        0
+    } else {
+        projected & !in_box::<W>(token, &corners, &origin, &direction, t)
+    };
     Decided { hits: decided & !moved, moved }
 }
 
@@ -113,10 +121,10 @@ fn in_box<W: Lanes16>(
     inside
 }
 
-/// The coordinates in the order of the axes of a bundle.
+/// The coordinates in the order of the axes of a packet.
 #[inline(always)]
-fn turned<W: Lanes16>(v: [W; 3], bundle: &Bundle) -> [W; 3] {
-    let [x, y, z] = bundle.axes.of(&v);
+fn turned<W: Lanes16>(v: [W; 3], packet: &Packet) -> [W; 3] {
+    let [x, y, z] = packet.axes.of(&v);
     [*x, *y, *z]
 }
 

@@ -1,14 +1,15 @@
-//! The walk of any ray through one group: of rays and trees that are not ordinary
-//! ([`crate::exact::quick`]).
+//! The general traversal of one group: the textbook's loop, for any ray and any tree. Rays and
+//! trees that are not ordinary fall back to it ([`crate::exact::prepared`]).
 
 use super::filter::BlockFilter;
 use super::traverse::{Entry, Stack, entry, test_object};
 use crate::exact::TriangleTest;
 use crate::group::test_triangle;
 use crate::kernel::Goal;
+use crate::kernel::single::boxes::box_distances;
 use crate::search::Search;
 use crate::search::region::Region;
-use crate::tree::node::{ChildRef, box_distances};
+use crate::tree::node::ChildRef;
 use crate::tree::{Forest, GroupTree};
 use snell_math::DRay;
 use snell_math::simd::{Lanes8, Token};

@@ -10,14 +10,14 @@ use snell_math::simd::{Doubles16, Lanes16};
 pub(crate) type Corners<W> = [[W; 3]; 3];
 
 /// Where rays meet the planes of triangles.
-pub(crate) struct InPlane<D: Doubles16> {
+pub(crate) struct PlaneHit<D: Doubles16> {
     pub normal: [D; 3],
     /// How fast the ray goes along the normal.
     pub slope: D,
     pub t: D,
 }
 
-impl<D: Doubles16> InPlane<D> {
+impl<D: Doubles16> PlaneHit<D> {
     #[inline(always)]
     pub fn new([a, b, c]: &Corners<D::Singles>, origin: [D; 3], direction: [D; 3]) -> Self {
         let exact_a = doubles::<D>(*a);
@@ -31,17 +31,17 @@ impl<D: Doubles16> InPlane<D> {
     }
 }
 
-/// Where rays are in the drawings of triangles.
-pub(crate) struct InDrawing<D> {
-    /// The rays that are surely inside.
+/// Where rays are in the projections of triangles.
+pub(crate) struct ProjectedHit<D> {
+    /// The rays that are certainly inside.
     pub inside: u32,
     /// Barycentrics, where they are.
     pub b1: D,
     pub b2: D,
 }
 
-impl<D: Doubles16> InDrawing<D> {
-    /// From corners and origins in the order of the axes that the rays draw on.
+impl<D: Doubles16> ProjectedHit<D> {
+    /// From corners and origins in the order of the axes that the rays project on.
     #[inline(always)]
     pub fn new(
         token: D::Token,
@@ -49,7 +49,8 @@ impl<D: Doubles16> InDrawing<D> {
         origin: [D::Singles; 3],
         shear: [D::Singles; 2],
     ) -> Self {
-        let (p0, p1, p2) = (draw(a, origin, shear), draw(b, origin, shear), draw(c, origin, shear));
+        let (p0, p1, p2) =
+            (project(a, origin, shear), project(b, origin, shear), project(c, origin, shear));
         let (w0, w1, w2): (D, D, D) = (edge(p1, p2), edge(p2, p0), edge(p0, p1));
         let (zero, one) = (D::splat(token, 0.0), D::splat(token, 1.0));
         let inside =
@@ -75,9 +76,9 @@ fn minus<D: Doubles16>(a: [D; 3], b: [D; 3]) -> [D; 3] {
     [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2])]
 }
 
-/// As [`super::triangle::Drawing::draw`].
+/// As [`super::triangle::Projection::project`].
 #[inline(always)]
-fn draw<D: Doubles16>(v: [D::Singles; 3], o: [D::Singles; 3], shear: [D::Singles; 2]) -> [D; 2] {
+fn project<D: Doubles16>(v: [D::Singles; 3], o: [D::Singles; 3], shear: [D::Singles; 2]) -> [D; 2] {
     let (x, y, z) = (v[0].sub(o[0]), v[1].sub(o[1]), v[2].sub(o[2]));
     [D::of(x.sub(shear[0].mul(z))), D::of(y.sub(shear[1].mul(z)))]
 }

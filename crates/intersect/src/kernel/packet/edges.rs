@@ -1,12 +1,12 @@
 //! Rays and triangles in lanes: a triangle for all rays, or all triangles for two rays.
 
-use super::bundle::{PerRay, RAYS};
+use super::frustum::{PerRay, RAYS};
 use super::leaf::SeenBlock;
-use super::lines::Lines;
 use super::planes::Planes;
+use super::rays::PacketRays;
 use snell_math::simd::{Lanes8, Lanes16};
 
-/// [`Lines`] in lanes: of all rays, for a triangle; or of two rays, for all triangles.
+/// [`PacketRays`] in lanes: of all rays, for a triangle; or of two rays, for all triangles.
 pub(super) struct LineLanes<W> {
     slope: [W; 2],
     moment: Option<[W; 3]>,
@@ -16,32 +16,32 @@ pub(super) struct LineLanes<W> {
 
 impl<W: Lanes16> LineLanes<W> {
     #[inline(always)]
-    pub fn all(token: W::Token, lines: &Lines) -> Self {
-        let ([sx, sy], [mx, my, mz]) = (&lines.slope, &lines.moment);
+    pub fn all(token: W::Token, packet_rays: &PacketRays) -> Self {
+        let ([sx, sy], [mx, my, mz]) = (&packet_rays.slope, &packet_rays.moment);
         Self {
             slope: [W::load(token, sx), W::load(token, sy)],
-            moment: if lines.apart {
+            moment: if packet_rays.separate {
                 Some([W::load(token, mx), W::load(token, my), W::load(token, mz)])
             } else {
                 None
             },
-            begin: W::load(token, &lines.begin),
-            end: W::load(token, &lines.end),
+            begin: W::load(token, &packet_rays.begin),
+            end: W::load(token, &packet_rays.end),
         }
     }
 
     #[inline(always)]
-    pub fn two(token: W::Token, lines: &Lines, a: usize, b: usize) -> Self {
-        let ([sx, sy], [mx, my, mz]) = (&lines.slope, &lines.moment);
+    pub fn two(token: W::Token, packet_rays: &PacketRays, a: usize, b: usize) -> Self {
+        let ([sx, sy], [mx, my, mz]) = (&packet_rays.slope, &packet_rays.moment);
         Self {
             slope: [both(token, sx, a, b), both(token, sy, a, b)],
-            moment: if lines.apart {
+            moment: if packet_rays.separate {
                 Some([both(token, mx, a, b), both(token, my, a, b), both(token, mz, a, b)])
             } else {
                 None
             },
-            begin: both(token, &lines.begin, a, b),
-            end: both(token, &lines.end, a, b),
+            begin: both(token, &packet_rays.begin, a, b),
+            end: both(token, &packet_rays.end, a, b),
         }
     }
 }
@@ -92,11 +92,11 @@ impl<W: Lanes16> TriangleLanes<W> {
     }
 
     #[inline(always)]
-    pub fn areas(&self, lines: &LineLanes<W>, zero: W) -> Areas<W> {
-        let sum = along(self.normal, lines.slope);
+    pub fn areas(&self, packet_rays: &LineLanes<W>, zero: W) -> Areas<W> {
+        let sum = along(self.normal, packet_rays.slope);
         let (mut a1, mut a2) =
-            (along(self.areas[0], lines.slope), along(self.areas[1], lines.slope));
-        if let Some(moment) = lines.moment {
+            (along(self.areas[0], packet_rays.slope), along(self.areas[1], packet_rays.slope));
+        if let Some(moment) = packet_rays.moment {
             // What the places of rays add.
             (a1, a2) = (a1.add(dot(self.edges[0], moment)), a2.add(dot(self.edges[1], moment)));
         }
@@ -105,10 +105,15 @@ impl<W: Lanes16> TriangleLanes<W> {
         Areas { sum, a1, a2, inside }
     }
 
-    /// Where rays surely do not meet triangles, or before they begin, or beyond where they end.
+    /// Where rays certainly do not meet triangles, or before they begin, or beyond where they end.
     #[inline(always)]
-    pub fn missed(&self, token: W::Token, planes: &PlaneLanes<W>, lines: &LineLanes<W>) -> u32 {
-        self.missed_by(token, &self.areas(lines, W::splat(token, 0.0)), planes, lines)
+    pub fn missed(
+        &self,
+        token: W::Token,
+        planes: &PlaneLanes<W>,
+        packet_rays: &LineLanes<W>,
+    ) -> u32 {
+        self.missed_by(token, &self.areas(packet_rays, W::splat(token, 0.0)), planes, packet_rays)
     }
 
     /// The same by the areas.
@@ -118,37 +123,37 @@ impl<W: Lanes16> TriangleLanes<W> {
         token: W::Token,
         areas: &Areas<W>,
         planes: &PlaneLanes<W>,
-        lines: &LineLanes<W>,
+        packet_rays: &LineLanes<W>,
     ) -> u32 {
         self.outside(token, areas)
-            | lines.end.lt(self.nearest)
-            | planes.behind(token, self, areas, lines)
+            | packet_rays.end.lt(self.nearest)
+            | planes.behind(token, self, areas, packet_rays)
     }
 
-    /// Where lines surely pass by.
+    /// Where rays certainly pass by.
     #[inline(always)]
     pub fn outside(&self, token: W::Token, areas: &Areas<W>) -> u32 {
-        // (NaN is never sure.)
+        // (NaN is never certain.)
         areas.inside.add(self.bound).lt(W::splat(token, 0.0))
     }
 
-    /// The rays that may hit a triangle where that may matter, and those that surely do within
+    /// The rays that may hit a triangle where that may matter, and those that certainly do within
     /// their intervals.
     #[inline(always)]
-    fn facing(
+    fn edge_tests(
         &self,
         token: W::Token,
         planes: &PlaneLanes<W>,
-        lines: &LineLanes<W>,
-        [sure_begin, sure_end]: [W; 2],
+        packet_rays: &LineLanes<W>,
+        [certain_begin, certain_end]: [W; 2],
     ) -> [u32; 2] {
-        let areas = self.areas(lines, W::splat(token, 0.0));
-        let (size, missed) = (areas.sum.abs(), self.missed_by(token, &areas, planes, lines));
-        let ahead = planes.distance(token, self, &areas, lines).sub(sure_begin.mul(size));
+        let areas = self.areas(packet_rays, W::splat(token, 0.0));
+        let (size, missed) = (areas.sum.abs(), self.missed_by(token, &areas, planes, packet_rays));
+        let ahead = planes.distance(token, self, &areas, packet_rays).sub(certain_begin.mul(size));
         let ahead = planes.error.lt(ahead) & planes.upright.lt(size);
         // Rays through the inside of a triangle hit it between its corners.
         let inside = self.bound.add(self.bound).lt(areas.inside);
-        [!missed & 0xffff, inside & ahead & self.farthest.lt(sure_end) & !missed]
+        [!missed & 0xffff, inside & ahead & self.farthest.lt(certain_end) & !missed]
     }
 }
 
@@ -175,21 +180,22 @@ impl<W: Lanes16> PlaneLanes<W> {
         }
     }
 
-    /// Where rays surely begin behind planes: without a quotient.
+    /// Where rays certainly begin behind planes: without a quotient.
     #[inline(always)]
     pub fn behind(
         &self,
         token: W::Token,
         of_triangle: &TriangleLanes<W>,
         areas: &Areas<W>,
-        lines: &LineLanes<W>,
+        packet_rays: &LineLanes<W>,
     ) -> u32 {
         let size = areas.sum.abs();
-        let ahead = self.distance(token, of_triangle, areas, lines).sub(lines.begin.mul(size));
+        let ahead =
+            self.distance(token, of_triangle, areas, packet_rays).sub(packet_rays.begin.mul(size));
         ahead.add(self.error).lt(W::splat(token, 0.0)) & self.upright.lt(size)
     }
 
-    /// Where lines meet planes along the axis, times the product of the normal and the direction,
+    /// Where rays meet planes along the axis, times the product of the normal and the direction,
     /// without its sign.
     #[inline(always)]
     fn distance(
@@ -197,10 +203,10 @@ impl<W: Lanes16> PlaneLanes<W> {
         token: W::Token,
         of_triangle: &TriangleLanes<W>,
         areas: &Areas<W>,
-        lines: &LineLanes<W>,
+        packet_rays: &LineLanes<W>,
     ) -> W {
         let (mut height, [x, y, _]) = (self.height, of_triangle.normal);
-        if let Some([mx, my, _]) = lines.moment {
+        if let Some([mx, my, _]) = packet_rays.moment {
             height = x.mul_add(my, height).sub(y.mul(mx));
         }
         let zero = W::splat(token, 0.0);
@@ -209,11 +215,11 @@ impl<W: Lanes16> PlaneLanes<W> {
 }
 
 /// What rays may hit of a block where any hit will do.
-pub(super) struct Facing {
-    /// Triangles that any may hit, and that any surely hit.
+pub(super) struct EdgeTests {
+    /// Triangles that any may hit, and that any certainly hit.
     pub near: u32,
-    pub sure: u32,
-    /// By triangle, of those that were asked about: rays that may hit it, and that surely do.
+    pub certain: u32,
+    /// By triangle, of those that were asked about: rays that may hit it, and that certainly do.
     pub rays: [[u32; 2]; 8],
 }
 
@@ -224,12 +230,12 @@ impl SeenBlock {
     pub fn near_any<W: Lanes16>(
         &self,
         token: W::Token,
-        lines: &Lines,
+        packet_rays: &PacketRays,
         rays: u32,
         mut triangles: u32,
     ) -> u32 {
         let mut near = 0;
-        let lines = LineLanes::<W>::all(token, lines);
+        let packet_rays = LineLanes::<W>::all(token, packet_rays);
         while triangles != 0 {
             let triangle = triangles.trailing_zeros();
             triangles &= triangles - 1;
@@ -237,7 +243,7 @@ impl SeenBlock {
             let missed = TriangleLanes::one(token, self, i).missed(
                 token,
                 &PlaneLanes::one(token, self, i),
-                &lines,
+                &packet_rays,
             );
             near |= u32::from(rays & !missed != 0) << triangle;
         }
@@ -246,31 +252,32 @@ impl SeenBlock {
 
     /// What some rays may hit of some triangles, without a branch on it.
     #[inline(always)]
-    pub fn facing<W: Lanes16>(
+    pub fn edge_tests<W: Lanes16>(
         &self,
         token: W::Token,
-        lines: &Lines,
+        packet_rays: &PacketRays,
         rays: u32,
         mut triangles: u32,
-    ) -> Facing {
-        let mut facing = Facing { near: 0, sure: 0, rays: [[0; 2]; 8] };
-        let of_rays = LineLanes::<W>::all(token, lines);
-        let limits = [W::load(token, &lines.sure_begin), W::load(token, &lines.sure_end)];
+    ) -> EdgeTests {
+        let mut edge_tests = EdgeTests { near: 0, certain: 0, rays: [[0; 2]; 8] };
+        let of_rays = LineLanes::<W>::all(token, packet_rays);
+        let limits =
+            [W::load(token, &packet_rays.certain_begin), W::load(token, &packet_rays.certain_end)];
         while triangles != 0 {
             let triangle = triangles.trailing_zeros();
             triangles &= triangles - 1;
             let i = triangle as usize & 7;
-            let [possible, sure] = TriangleLanes::one(token, self, i).facing(
+            let [possible, certain] = TriangleLanes::one(token, self, i).edge_tests(
                 token,
                 &PlaneLanes::one(token, self, i),
                 &of_rays,
                 limits,
             );
-            facing.rays[i] = [possible & rays, sure & rays];
-            facing.near |= u32::from(possible & rays != 0) << triangle;
-            facing.sure |= u32::from(sure & rays != 0) << triangle;
+            edge_tests.rays[i] = [possible & rays, certain & rays];
+            edge_tests.near |= u32::from(possible & rays != 0) << triangle;
+            edge_tests.certain |= u32::from(certain & rays != 0) << triangle;
         }
-        facing
+        edge_tests
     }
 }
 

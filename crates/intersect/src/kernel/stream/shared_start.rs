@@ -1,11 +1,12 @@
-//! The first steps of rays that start near each other, for a party of up to [`PARTY`] at once.
+//! The first steps of rays that start near each other, for a packet of up to [`SHARED_RAYS`] at
+//! once.
 //!
 //! Wherever unrelated rays go, most nodes that they visit are those around the points where they
 //! start, and neighbours have these in common. So boxes of such a node are tested for sixteen rays
 //! in lanes, not for one ray after the other. What is then left to each ray, a few leaves and
 //! nodes, is handed to its slot in the order of its own distances, and the walk goes on from there,
 //! alone. Nodes in which a ray starts are never visited in vain, since its limit cannot come nearer
-//! than that; nodes that half of a party meets seldom are.
+//! than that; nodes that half of a packet meets seldom are.
 //!
 //! (Packets of rays that part when few are left are known: Benthin, Wald, Woop, Ernst and Mark,
 //! Combining Single and Packet-Ray Tracing for Arbitrary Ray Distributions on the Intel MIC
@@ -16,7 +17,7 @@
 mod tests;
 
 use super::slot::Slot;
-use crate::exact::quick::FAR_FACTOR;
+use crate::exact::prepared::FAR_FACTOR;
 use crate::kernel::Goal;
 use crate::kernel::columns::columns;
 use crate::tree::node::{ChildRef, WideNode};
@@ -26,8 +27,8 @@ use snell_math::simd::{Lanes8, Lanes16, Token, Wide, WideLanes};
 use std::array::from_fn;
 use std::mem::MaybeUninit;
 
-/// Rays that set off together at most.
-pub(super) const PARTY: usize = 2 * ROW;
+/// Rays that start together at most.
+pub(super) const SHARED_RAYS: usize = 2 * ROW;
 
 /// Rays that are tested with a box at once.
 const ROW: usize = 16;
@@ -36,10 +37,10 @@ const ROW: usize = 16;
 const MIN_INSIDE: u32 = 8;
 const MIN_MET: u32 = 16;
 
-/// Nodes and leaves that are left to the rays of a party; as many as tags can tell.
+/// Nodes and leaves that are left to the rays of a packet; as many as tags can tell.
 const MAX_LEFT: usize = 32;
 
-/// Nodes and leaves that are left to one ray at most. (A ray that has more sets off alone.)
+/// Nodes and leaves that are left to one ray at most. (A ray that has more starts alone.)
 const MAX_OWN: usize = 8;
 
 /// Distances are not below this, so that tags never make numbers that are not normal.
@@ -49,57 +50,60 @@ const LEAST: f32 = 1.0e-30;
 /// the last place, the rest is for the rounding here.
 const TAG_PADDING: f32 = 8.0e-6;
 
-/// Rays whose distances are less certain than this set off alone: those that run along an axis.
+/// Rays whose distances are less certain than this start alone: those that run along an axis.
 const MAX_MARGIN: f32 = 1.0e20;
 
-/// Lets rays set off: they must be in slots at the root of the same walk, and are left somewhere
+/// Lets rays start: they must be in slots at the root of the same walk, and are left somewhere
 /// below. Returns how many visits of nodes were made together, of all rays. Slots that it cannot
 /// help stay at the root.
 ///
 /// # Safety
-/// There must be one to [`PARTY`] slots, each with a search that [was started](Slot::start) at the
-/// same node and has not gone on.
+/// There must be one to [`SHARED_RAYS`] slots, each with a search that [was started](Slot::start)
+/// at the same node and has not gone on.
 #[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
 #[inline(always)]
-pub(super) unsafe fn set_off<G: Goal>(wide: Wide, slots: &[*mut Slot<'_, G>]) -> u32 {
+pub(super) unsafe fn shared_start<G: Goal>(wide: Wide, slots: &[*mut Slot<'_, G>]) -> u32 {
     match wide {
         #[cfg(target_arch = "x86_64")]
         Wide::Avx2(token) => token.run(
             #[inline(always)]
             // SAFETY: as promised by the caller.
-            move || unsafe { set_off_with::<Pair<Avx8>, G>(token, slots) },
+            move || unsafe { shared_start_with::<Pair<Avx8>, G>(token, slots) },
         ),
         #[cfg(target_arch = "x86_64")]
         Wide::Avx512(token) => token.run(
             #[inline(always)]
             // SAFETY: as promised by the caller.
-            move || unsafe { set_off_with::<Avx16, G>(token, slots) },
+            move || unsafe { shared_start_with::<Avx16, G>(token, slots) },
         ),
     }
 }
 
-/// [`set_off`] with rays that are prepared for [`Lanes8::FUSED`] of these lanes.
+/// [`shared_start`] with rays that are prepared for [`Lanes8::FUSED`] of these lanes.
 ///
 /// # Safety
-/// As [`set_off`].
+/// As [`shared_start`].
 #[inline(always)]
-unsafe fn set_off_with<W: Lanes16, G: Goal>(token: W::Token, slots: &[*mut Slot<'_, G>]) -> u32 {
-    debug_assert!((1..=PARTY).contains(&slots.len()));
+unsafe fn shared_start_with<W: Lanes16, G: Goal>(
+    token: W::Token,
+    slots: &[*mut Slot<'_, G>],
+) -> u32 {
+    debug_assert!((1..=SHARED_RAYS).contains(&slots.len()));
     // SAFETY: as promised by the caller.
     unsafe {
         if slots.len() > ROW {
             let (first, second) = slots.split_at_unchecked(ROW);
-            set_off_rows(token, slots, [Row::<W>::new(token, first), Row::new(token, second)])
+            start_rows(token, slots, [Row::<W>::new(token, first), Row::new(token, second)])
         } else {
-            set_off_rows(token, slots, [Row::<W>::new(token, slots)])
+            start_rows(token, slots, [Row::<W>::new(token, slots)])
         }
     }
 }
 
 /// # Safety
-/// As [`set_off`]; the rows must be those of the slots.
+/// As [`shared_start`]; the rows must be those of the slots.
 #[inline(always)]
-unsafe fn set_off_rows<W: Lanes16, G: Goal, const N: usize>(
+unsafe fn start_rows<W: Lanes16, G: Goal, const N: usize>(
     token: W::Token,
     slots: &[*mut Slot<'_, G>],
     rows: [Row<W>; N],
@@ -125,20 +129,20 @@ struct PerLane([f32; ROW]);
 /// Sixteen rays and what it takes to test boxes.
 struct Row<W> {
     inverse: [W; 3],
-    /// As [`crate::exact::quick::QuickRay::near`] and `far`, but rounded to neither side.
+    /// As [`crate::exact::prepared::PreparedRay::near`] and `far`, but rounded to neither side.
     offset: [W; 3],
     t_min: W,
     /// The padded limits, and `margin`.
     cull: W,
     /// By how much distances may be wrong for not being rounded.
     margin: W,
-    /// Which lanes are rays that can set off together.
+    /// Which lanes are rays that can start together.
     rays: u32,
 }
 
 impl<W: Lanes16> Row<W> {
     /// # Safety
-    /// As [`set_off`], of up to sixteen slots.
+    /// As [`shared_start`], of up to sixteen slots.
     #[inline(always)]
     unsafe fn new<G: Goal>(token: W::Token, slots: &[*mut Slot<'_, G>]) -> Self {
         let mut slabs = [[&[0.0; 8]; 2]; ROW];
@@ -226,7 +230,7 @@ impl<const N: usize> Left<N> {
 /// what is left. Returns how many visits these are, of all rays.
 ///
 /// # Safety
-/// As [`set_off`], of the first slot.
+/// As [`shared_start`], of the first slot.
 #[inline(always)]
 unsafe fn visit<W: Lanes16, G: Goal, const N: usize>(
     slot: &Slot<'_, G>,
@@ -282,7 +286,8 @@ unsafe fn visit<W: Lanes16, G: Goal, const N: usize>(
 /// Gives each ray of a row what is left to it, the nearest last.
 ///
 /// # Safety
-/// As [`set_off`]; the slots from the first on must be those of the row, which is the `number`-th.
+/// As [`shared_start`]; the slots from the first on must be those of the row, which is the
+/// `number`-th.
 #[inline(always)]
 unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
     token: W::Token,
@@ -336,21 +341,21 @@ unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
 }
 
 /// Whether setting off together pays: it does if rays have many visits in common, and neighbouring
-/// parties are alike.
+/// packets are alike.
 #[derive(Default)]
 pub(super) struct Trial {
-    /// Parties that are to set off alone before it is tried again.
+    /// Parties that are to start alone before it is tried again.
     rest: u32,
 }
 
 impl Trial {
-    /// So many parties after one for which it did not pay.
+    /// So many packets after one for which it did not pay.
     const REST: u32 = 3;
 
     /// Visits that a ray must have together: they take as long as two or three visits alone.
     const MIN_VISITS: u32 = 3;
 
-    /// True if the next party should set off together.
+    /// True if the next packet should start together.
     #[inline(always)]
     pub fn is_on(&mut self) -> bool {
         if self.rest == 0 {
@@ -360,7 +365,7 @@ impl Trial {
         false
     }
 
-    /// Told of a party.
+    /// Told of a packet.
     #[inline(always)]
     pub fn count(&mut self, rays: usize, visits: u32) {
         if visits < Self::MIN_VISITS * rays as u32 {
