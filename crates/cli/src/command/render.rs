@@ -6,6 +6,7 @@ mod layers;
 mod memory;
 mod options;
 mod output;
+mod request;
 mod rescue;
 mod stage;
 mod summary;
@@ -45,7 +46,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let simd = Level::from_env().map_err(Failure::Usage)?;
     // Fail before the work, not after it.
     let output = output::Output::plan(options)?;
-    let denoiser = options.denoise.as_deref().map(denoise::load).transpose()?.map(Arc::new);
+    let denoiser = options.request.denoise.as_ref().map(denoise::load).transpose()?.map(Arc::new);
     let start = Instant::now();
     let scene = load(options)?;
     let mut stage = Stage::new(scene, options)?;
@@ -290,9 +291,13 @@ fn warnings(
 /// in any format.
 fn loses_layers(options: &Options, settings: &Settings) -> bool {
     let extension = options.output.as_ref().and_then(|path| path.extension());
+    fn count<T>(items: &Option<Vec<T>>) -> usize {
+        items.as_ref().map_or(0, Vec::len)
+    }
     let shown = usize::from(settings.integrator == IntegratorKind::Aov);
-    let asked =
-        options.aov.len().max(shown) > shown || !options.light_group.is_empty() || options.variance;
+    let asked = count(&options.request.aovs) > shown
+        || count(&options.request.light_groups) > 0
+        || options.variance;
     asked && !extension.is_some_and(|e| e.eq_ignore_ascii_case("exr"))
 }
 
@@ -305,7 +310,7 @@ pub(super) fn prepare_scene(scene: Scene, options: &Options) -> Result<Scene, Fa
 /// poses.
 fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &Options) -> Result<(), Failure> {
     options.apply_environment(scene)?;
-    let size = options.size.unwrap_or(Request::DEFAULT_SIZE);
+    let size = options.request.size.unwrap_or(Request::DEFAULT_SIZE);
     let framing = snell_scene::framing::FramingOptions { size, ..Default::default() };
     let prepared = snell_scene::framing::prepare_for(scene, poses, &framing);
     let failed =
@@ -352,7 +357,7 @@ fn render(
     name: &str,
 ) -> (snell_render::Film, Statistics) {
     let reporter = Reporter::new(options.progress, options.quiet, name);
-    let limit: Option<Duration> = options.time;
+    let limit: Option<Duration> = options.request.time;
     let start = Instant::now();
     let result = job.run(threads, &|progress| {
         if let Some(training) = progress.training {
@@ -360,7 +365,7 @@ fn render(
             // A pass takes as long as all before it. If a number of passes was requested, the clock
             // is ignored so that results are reproducible.
             let share = limit
-                .filter(|_| options.guiding == Some(GuidingPasses::Auto))
+                .filter(|_| options.request.guiding == Some(GuidingPasses::Auto))
                 .map(|l| l.mul_f64(Guiding::SHARE));
             let late =
                 training.begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
